@@ -1,0 +1,141 @@
+"""Checks of input that every module shares, and the words they answer with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Put `where` in front of any ValueError or TypeError raised inside.
+
+    The functions below know a channel and a sample; only their caller knows
+    which recording it was.
+    """
+    try:
+        yield
+    except TypeError as error:
+        raise TypeError(f"{where}: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
+
+
+def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
+    """Return `values` as a float array (float32 stays), or say why it is not numeric.
+
+    Raises
+    ------
+    TypeError
+        If the values are text, objects, dates or complex numbers.
+    ValueError
+        If they are ragged.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} must be a rectangular array of numbers: {error}.") from error
+    if array.dtype.kind == "c":
+        raise TypeError(
+            f"{name} must be real, got complex numbers ({array.dtype}). "
+            f"Pass the real and the imaginary part as two channels."
+        )
+    if array.dtype.kind not in "biuf":
+        raise TypeError(
+            f"{name} must be numeric, got {array.dtype} values such as {_first(array)!r}."
+        )
+    if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
+        return array.astype(np.float64)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def check_finite(array: NDArray[np.floating], name: str) -> None:
+    """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
+    for start in range(0, len(array), _BLOCK):
+        bad = ~np.isfinite(array[start : start + _BLOCK])
+        if bad.any():
+            index = start + int(np.argmax(bad))
+            raise ValueError(
+                f"{name} must be finite, got {array[index]} at sample {index}. "
+                f"Cut the recording before it, or repair the gap."
+            )
+
+
+def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArray[np.floating]:
+    """Return `values` as a finite 1-D float array of at least `min_length` samples."""
+    array = check_real_array(values, name)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}.")
+    if len(array) < min_length:
+        raise ValueError(
+            f"{name} must hold at least {min_length} sample{'s' if min_length > 1 else ''}, "
+            f"got {len(array)}."
+        )
+    check_finite(array, name)
+    return array
+
+
+def check_number(
+    value: Any,
+    name: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    unit: str = "",
+) -> float:
+    """Return `value` as a finite float within the stated limits."""
+    limits = [
+        f"{word} {limit:.6g}"
+        for word, limit in (
+            ("above", above),
+            ("at least", at_least),
+            ("below", below),
+            ("at most", at_most),
+        )
+        if limit is not None
+    ]
+    expected = " ".join(
+        filter(None, [f"{name} must be a number", unit and f"of {unit},", " and ".join(limits)])
+    )
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        raise TypeError(f"{expected}, got {value!r}.")
+    number = float(value)
+    if (
+        not np.isfinite(number)
+        or (above is not None and not number > above)
+        or (at_least is not None and not number >= at_least)
+        or (below is not None and not number < below)
+        or (at_most is not None and not number <= at_most)
+    ):
+        raise ValueError(f"{expected}, got {value!r}.")
+    return number
+
+
+def check_count(value: Any, name: str, *, at_least: int = 1) -> int:
+    """Return `value` as an int of at least `at_least`."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+        raise TypeError(f"{name} must be a whole number of at least {at_least}, got {value!r}.")
+    if value < at_least:
+        raise ValueError(f"{name} must be a whole number of at least {at_least}, got {value!r}.")
+    return int(value)
+
+
+def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
+    """Return `value` if it is one of `choices`."""
+    if not any(value is choice or (value == choice) is True for choice in choices):
+        listed = ", ".join(repr(choice) for choice in choices)
+        raise ValueError(f"{name} must be one of {listed}; got {value!r}.")
+    return value
+
+
+def _first(array: NDArray[Any]) -> Any:
+    return array.reshape(-1)[0] if array.size else None
