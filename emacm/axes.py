@@ -1,0 +1,199 @@
+"""The order axis and how it travels: column names, and an array that carries them.
+
+A column of an order spectrum is named ``channel@order``, a column of bins
+``channel@low-high`` or ``channel@name``. The names are exact: a number in them
+reads back as the very float it was written from. So one thing carries the axis
+through arrays, DataFrames and files, and nobody states an order step twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+
+
+class OrderBlock(NamedTuple):
+    """The columns that belong to one channel."""
+
+    channel: str
+    orders: NDArray[np.floating]
+    columns: slice
+
+
+class OrderTable(np.ndarray):
+    """A table, one recording a row, whose columns know their names.
+
+    It is a plain float array in all but one respect: its `columns` attribute
+    (a tuple of names) goes with pickle, copies and the choice of rows. It is
+    gone after anything else (a choice of columns, arithmetic), because then
+    the names may no longer be true.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_recordings, n_columns)
+        The table.
+    columns : sequence of str
+        One name for each column.
+
+    Attributes
+    ----------
+    columns : tuple of str or None
+        Names of the columns, or None where they are no longer known.
+    """
+
+    columns: tuple[str, ...] | None
+
+    def __new__(cls, values: Any, columns: Sequence[str]) -> OrderTable:
+        """Make a table of `values`, without copying them twice."""
+        columns = tuple(columns)
+        # joblib hashes an array by its class, dtype and bytes, and so would take two tables
+        # with equal numbers and different axes for one; metadata of the dtype it does hash.
+        dtype = np.dtype(np.float64, metadata={"columns": joblib.hash(columns)})
+        table = np.array(values, dtype=dtype).view(cls)
+        if table.ndim != 2 or table.shape[1] != len(columns):
+            raise ValueError(f"{len(columns)} names do not fit values of shape {table.shape}.")
+        table.columns = columns
+        return table
+
+    def __array_finalize__(self, obj: Any) -> None:
+        """Forget the names, unless a method below knows better."""
+        self.columns = None
+
+    def __getitem__(self, key: Any) -> Any:
+        """Index as an array does; a choice of rows keeps the names."""
+        chosen = super().__getitem__(key)
+        if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
+            chosen.columns = self.columns
+        return chosen
+
+    def copy(self, order: Any = "C") -> OrderTable:
+        """Return a copy with the names."""
+        copied = super().copy(order)
+        copied.columns = self.columns
+        return copied
+
+    def __copy__(self) -> OrderTable:
+        """Return a copy with the names."""
+        return self.copy()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> OrderTable:
+        """Return a copy with the names."""
+        return self.copy()
+
+    def __reduce__(self) -> Any:
+        """Add the names to what ndarray pickles."""
+        pickled: Any = super().__reduce__()
+        function, arguments, state = pickled
+        return function, arguments, (state, self.columns)
+
+    def __setstate__(self, state: Any) -> None:
+        """Restore numbers and names."""
+        numbers, columns = state
+        super().__setstate__(numbers)
+        self.columns = columns
+
+
+def number_name(number: float) -> str:
+    """Write a number in the shortest way that reads back as the same float.
+
+    Examples
+    --------
+    >>> number_name(5.0), number_name(0.1), number_name(1 / 3)
+    ('5', '0.1', '0.3333333333333333')
+    """
+    return repr(float(number)).removesuffix(".0")
+
+
+def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str, ...]:
+    """Name the columns of an order spectrum, channel by channel.
+
+    Examples
+    --------
+    >>> order_columns(["current"], [0, 0.5, 1])
+    ('current@0', 'current@0.5', 'current@1')
+    """
+    names = [number_name(order) for order in orders]
+    return tuple(f"{channel}@{name}" for channel in channels for name in names)
+
+
+def column_names(X: Any) -> tuple[Any, ...] | None:
+    """Return the names of a table's columns, or None if it has none."""
+    columns = getattr(X, "columns", None)
+    return None if columns is None else tuple(columns)
+
+
+def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None:
+    """Read the order axis back from column names.
+
+    Parameters
+    ----------
+    columns : sequence
+        Column names, those of one channel side by side.
+
+    Returns
+    -------
+    tuple of OrderBlock or None
+        One block a channel; None if no name has the form ``channel@order``.
+
+    Raises
+    ------
+    ValueError
+        If only some names have that form, if a channel comes in two places, or
+        if its orders do not increase.
+    """
+    parsed = [_parse(name) for name in columns]
+    known = [entry for entry in parsed if entry is not None]
+    if not known:
+        return None
+    if len(known) < len(parsed):
+        stranger = columns[parsed.index(None)]
+        raise ValueError(
+            f"all columns or none must be named 'channel@order': {columns[0]!r} and the like stand "
+            f"beside {stranger!r}. Choose the order columns first (with a ColumnTransformer, say)."
+        )
+    starts = [i for i in range(len(known)) if i == 0 or known[i][0] != known[i - 1][0]]
+    blocks = []
+    for start, stop in zip(starts, [*starts[1:], len(known)], strict=True):
+        channel = known[start][0]
+        orders = np.array([order for _, order in known[start:stop]])
+        if np.any(np.diff(orders) <= 0):
+            place = start + 1 + int(np.argmax(np.diff(orders) <= 0))
+            raise ValueError(
+                f"the orders of a channel must increase, but column {columns[place]!r} follows "
+                f"{columns[place - 1]!r}. Restore the order of the columns."
+            )
+        blocks.append(OrderBlock(channel, orders, slice(start, stop)))
+    names = [block.channel for block in blocks]
+    if len(set(names)) < len(names):
+        raise ValueError(
+            f"the columns of a channel must stand side by side; they come in the order {names}."
+        )
+    return tuple(blocks)
+
+
+def _parse(name: Any) -> tuple[str, float] | None:
+    if not isinstance(name, str) or "@" not in name:
+        return None
+    channel, _, order = name.rpartition("@")
+    try:
+        number = float(order)
+    except ValueError:
+        return None
+    return (channel, number) if np.isfinite(number) and number >= 0 else None
+
+
+def _chooses_rows(key: Any) -> bool:
+    """Tell whether an index leaves the columns as they are."""
+    if isinstance(key, tuple):
+        if not key:
+            return True
+        rows, *rest = key
+        full = all(k is Ellipsis or (isinstance(k, slice) and k == slice(None)) for k in rest)
+        return full and _chooses_rows(rows)
+    if key is Ellipsis or isinstance(key, slice):
+        return True
+    return key is not None and np.ndim(key) == 1

@@ -1,0 +1,222 @@
+"""The third step of a pipeline: order spectra, gathered into bins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from emacm._checks import check_number
+from emacm.axes import OrderBlock, OrderTable, column_names, number_name, parse_order_columns
+from emacm.bins import (
+    Band,
+    bin_edges,
+    bin_operator,
+    check_edges,
+    check_stop_bands,
+    kept_intervals,
+)
+
+_BARE = "signal"  # what a table without an axis calls its one channel
+
+
+class BinTransformer(TransformerMixin, BaseEstimator):
+    """Integrate order spectra over bins.
+
+    The PSD is taken as straight lines between its values and integrated between
+    the exact edges, so bins always add up to the integral of the PSD, whatever
+    their size: a search over `bin_size` compares like with like.
+
+    Parameters
+    ----------
+    bin_size : float
+        Width of a bin [orders], δb of Chirico.
+    max_order : float
+        Where the last bin ends [orders]; that bin may be narrower.
+    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
+        Bins of one's own in place of `bin_size` and `max_order`: edges of
+        adjoining bins, or bands by name, such as ``{"BPFI": (6.0, 6.25)}``.
+    stop_bands : sequence of (low, high)
+        Bands that are taken out [orders], exact at their edges: the ideal
+        band-stop filter. A bin that lies wholly inside gives no column.
+    order_step : float, optional
+        Distance of the lines [orders] of a table that carries no axis. Without
+        it such a table is taken evenly spaced over 0 to `max_order`.
+
+    Attributes
+    ----------
+    bins_ : tuple of (low, high)
+        Edges of the bins [orders].
+    operator_ : sparse array of shape (n_bins_of_all_channels, n_features_in_)
+        What is applied to each row.
+    n_features_in_ : int
+        Number of columns seen in `fit`.
+    feature_names_in_ : ndarray of str
+        Their names, where they have names.
+
+    Notes
+    -----
+    Columns named ``channel@order`` carry the axis; `OrderPSD` makes such. The
+    bins are named ``channel@low-high``, or ``channel@name``.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from emacm import BinTransformer
+    >>> psd = pd.DataFrame([[0.0, 4.0, 0.0, 0.0, 2.0]], columns=[f"current@{k}" for k in range(5)])
+    >>> bins = BinTransformer(2, max_order=4).set_output(transform="pandas")
+    >>> bins.fit_transform(psd)
+       current@0-2  current@2-4
+    0          4.0          1.0
+    """
+
+    def __init__(
+        self,
+        bin_size: float = 1.0,
+        *,
+        max_order: float = 50.0,
+        edges: ArrayLike | Mapping[str, Band] | None = None,
+        stop_bands: Sequence[Band] = (),
+        order_step: float | None = None,
+    ) -> None:
+        self.bin_size = bin_size
+        self.max_order = max_order
+        self.edges = edges
+        self.stop_bands = stop_bands
+        self.order_step = order_step
+
+    def fit(self, X: Any, y: Any = None) -> BinTransformer:
+        """Read the axis off the columns and make the bins.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_columns)
+            Power spectral densities [U²/order].
+        y : ignored
+
+        Returns
+        -------
+        BinTransformer
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter is not what it should be, or if bins reach beyond
+            the orders that the spectra hold.
+        """
+        names = column_names(X)
+        self._validated(X, reset=True)
+        blocks = self._blocks(names)
+        stops = check_stop_bands(self.stop_bands)
+        bins, labels = self._bins()
+        kept = [i for i, band in enumerate(bins) if kept_intervals(band, stops)]
+        if not kept:
+            raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
+        self.bins_ = tuple(bins[i] for i in kept)
+        operators = [bin_operator(b.orders, self.bins_, stop_bands=stops) for b in blocks]
+        self.operator_ = sparse.block_diag([sparse.csr_array(o) for o in operators], format="csr")
+        self._columns_out = [f"{block.channel}@{labels[i]}" for block in blocks for i in kept]
+        return self
+
+    def transform(self, X: Any) -> NDArray[np.floating]:
+        """Integrate over the bins.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_columns)
+            Power spectral densities [U²/order] over the orders seen in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_bins_of_all_channels)
+            Mean square within each bin [U²], channel by channel.
+
+        Raises
+        ------
+        ValueError
+            If the columns are not those of `fit`.
+        """
+        check_is_fitted(self)
+        self._check_axis(X)
+        return np.ascontiguousarray((self.operator_ @ self._validated(X, reset=False).T).T)
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the bins, ``channel@low-high`` or ``channel@name``.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of the columns; if given, they must be those of `fit`.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        if input_features is not None:
+            seen = getattr(self, "feature_names_in_", None)
+            if seen is not None and not np.array_equal(seen, input_features):
+                raise ValueError("input_features is not equal to feature_names_in_.")
+            if len(input_features) != self.n_features_in_:
+                raise ValueError(
+                    f"input_features should have length equal to the number of columns seen in "
+                    f"fit ({self.n_features_in_}), got {len(input_features)}."
+                )
+        return np.array(self._columns_out, dtype=object)
+
+    def _validated(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
+        if isinstance(X, OrderTable) and X.columns is not None:
+            X = pd.DataFrame(np.asarray(X), columns=list(X.columns), copy=False)
+        return validate_data(self, X, reset=reset, dtype=np.float64, ensure_min_features=2)
+
+    def _check_axis(self, X: Any) -> None:
+        names, seen = column_names(X), getattr(self, "feature_names_in_", None)
+        if names is None or seen is None or "@" not in str(seen[0]) or names == tuple(seen):
+            return
+        if set(names) == set(seen):
+            came = "these columns in another order"
+        else:
+            came = f"{len(names)} columns {names[0]!r} to {names[-1]!r}"
+        raise ValueError(
+            f"X has another order axis than the one BinTransformer was fitted on: expected "
+            f"{len(seen)} columns {seen[0]!r} to {seen[-1]!r}, got {came}. Use the same theta_s, "
+            f"revolutions and channels, or fit again."
+        )
+
+    def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
+        """Return the order axis of each channel."""
+        blocks = None if names is None else parse_order_columns(names)
+        step = self.order_step
+        if step is not None:
+            step = check_number(step, "order_step", above=0, unit="orders")
+        if blocks is None:
+            if step is None:
+                top = check_number(self.max_order, "max_order", above=0, unit="orders")
+                step = top / (self.n_features_in_ - 1)
+            orders = step * np.arange(self.n_features_in_, dtype=np.float64)
+            return (OrderBlock(_BARE, orders, slice(0, self.n_features_in_)),)
+        for block in blocks:
+            if step is not None and not np.allclose(np.diff(block.orders), step, rtol=1e-9):
+                raise ValueError(
+                    f"order_step = {step:g} contradicts the columns of {block.channel!r}, whose "
+                    f"orders lie {np.diff(block.orders)[0]:g} apart. Leave order_step out."
+                )
+        return blocks
+
+    def _bins(self) -> tuple[list[Band], list[str]]:
+        """Return the bins and what follows the @ in their names."""
+        if self.edges is None:
+            bins = bin_edges(self.bin_size, self.max_order)
+        else:
+            own = check_edges(self.edges)
+            if isinstance(own, dict):
+                return list(own.values()), list(own)
+            bins = own
+        return bins, [f"{number_name(low)}-{number_name(high)}" for low, high in bins]

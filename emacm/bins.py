@@ -1,0 +1,223 @@
+"""Gathering an order spectrum into bins: one exact linear operator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_number, check_real_array
+
+Band = tuple[float, float]
+
+_SLACK = 1e-9  # orders; an edge this near to the end of the axis lies on it
+_MOST_BINS = 1_000_000
+
+
+def bin_edges(bin_size: float, max_order: float) -> list[Band]:
+    """Cut the orders from 0 to `max_order` into bins; the last may be narrower.
+
+    Parameters
+    ----------
+    bin_size : float
+        Width of a bin [orders].
+    max_order : float
+        Where the last bin ends [orders].
+
+    Returns
+    -------
+    list of (low, high)
+        Edges of each bin [orders], rounded to 12 digits.
+
+    Raises
+    ------
+    ValueError
+        If either is not positive.
+
+    Examples
+    --------
+    >>> bin_edges(0.4, 1.0)
+    [(0.0, 0.4), (0.4, 0.8), (0.8, 1.0)]
+    """
+    bin_size = check_number(bin_size, "bin_size", above=0, unit="orders")
+    max_order = check_number(max_order, "max_order", above=0, unit="orders")
+    if max_order / bin_size > _MOST_BINS:
+        raise ValueError(
+            f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
+            f"{max_order:g}. It is the width of a bin in orders, such as 1."
+        )
+    n_bins = max(1, int(np.ceil(max_order / bin_size - _SLACK)))
+    edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
+    return list(pairwise(edges))
+
+
+def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list[Band]:
+    """Check bins of one's own: increasing edges, or named bands.
+
+    Parameters
+    ----------
+    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high)
+        Edges of adjoining bins, or bands by name; both in orders. Bands may
+        overlap.
+
+    Returns
+    -------
+    list of (low, high), or dict of str to (low, high)
+        The bins, named if names were given.
+
+    Raises
+    ------
+    TypeError
+        If an edge is not a number or a name not a string.
+    ValueError
+        If edges do not increase, are negative or not finite.
+    """
+    if isinstance(edges, Mapping):
+        if not edges:
+            raise ValueError("edges holds no band.")
+        for name in edges:
+            if not isinstance(name, str) or not name:
+                raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
+        return {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
+    values = check_real_array(edges, "edges")
+    if values.ndim != 1 or len(values) < 2:
+        raise ValueError(f"edges must be at least two increasing orders, got {edges!r}.")
+    if not np.all(np.isfinite(values)) or values[0] < 0:
+        raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
+    if np.any(np.diff(values) <= 0):
+        place = int(np.argmax(np.diff(values) <= 0))
+        raise ValueError(
+            f"edges must increase, but {values[place]:g} is followed by {values[place + 1]:g} "
+            f"(at position {place + 1}). Sort them, or name overlapping bands in a mapping."
+        )
+    rounded = [round_edge(value) for value in values]
+    return list(pairwise(rounded))
+
+
+def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
+    """Check stop bands and join those that overlap, in rising order.
+
+    Raises
+    ------
+    TypeError
+        If it is no sequence of pairs.
+    ValueError
+        If a band does not run from a lower to a higher order.
+    """
+    if isinstance(stop_bands, str | Mapping) or not np.iterable(stop_bands):
+        raise TypeError(f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}.")
+    if any(not np.iterable(band) for band in stop_bands):
+        raise TypeError(
+            f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}. "
+            f"Write one band as ((low, high),)."
+        )
+    bands = sorted(_check_band(b, f"stop band {i}") for i, b in enumerate(stop_bands))
+    joined: list[Band] = []
+    for low, high in bands:
+        if joined and low <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+        else:
+            joined.append((low, high))
+    return joined
+
+
+def kept_intervals(band: Band, stop_bands: Sequence[Band]) -> list[Band]:
+    """Return what of a band lies outside the stop bands (sorted and disjoint).
+
+    Examples
+    --------
+    >>> kept_intervals((5.0, 7.0), [(5.6, 6.4)])
+    [(5.0, 5.6), (6.4, 7.0)]
+    """
+    kept, low = [], band[0]
+    for stop_low, stop_high in stop_bands:
+        if stop_low > low:
+            kept.append((low, min(stop_low, band[1])))
+        low = max(low, stop_high)
+        if low >= band[1]:
+            break
+    else:
+        kept.append((low, band[1]))
+    return [(a, b) for a, b in kept if b > a]
+
+
+def bin_operator(
+    orders: ArrayLike, bins: Sequence[Band], *, stop_bands: Sequence[Band] = ()
+) -> NDArray[np.floating]:
+    """Make the matrix that integrates a piecewise-linear spectrum over bins.
+
+    The spectrum is taken as the straight lines between its values, and each bin
+    as the integral of these between its exact edges. So bins that adjoin add
+    up to the whole integral, wherever their edges lie between the lines.
+
+    Parameters
+    ----------
+    orders : array-like of shape (n_orders,)
+        Increasing orders of the spectral lines.
+    bins : sequence of (low, high)
+        Bins [orders], within the range of `orders` to 1e-9.
+    stop_bands : sequence of (low, high)
+        Bands that count as zero [orders], exact at their edges.
+
+    Returns
+    -------
+    operator : ndarray of shape (n_bins, n_orders)
+        ``psd @ operator.T`` holds the bins: U² where the PSD is in U²/order.
+
+    Raises
+    ------
+    ValueError
+        If a bin reaches beyond the orders there are.
+
+    Examples
+    --------
+    >>> bin_operator([0, 1, 2], [(0, 2), (0.5, 1)])
+    array([[0.5  , 1.   , 0.5  ],
+           [0.125, 0.375, 0.   ]])
+    """
+    orders = np.asarray(orders, dtype=np.float64)
+    stops = check_stop_bands(stop_bands)
+    _check_range(orders, bins)
+    rows = np.zeros((len(bins), len(orders)))
+    for row, band in zip(rows, bins, strict=True):
+        for low, high in kept_intervals(band, stops):
+            row += _weights_below(orders, high) - _weights_below(orders, low)
+    return rows
+
+
+def round_edge(order: float) -> float:
+    """Round an edge to 12 digits, so that 3 * 0.1 reads 0.3."""
+    return float(f"{order:.12g}")
+
+
+def _weights_below(orders: NDArray[np.floating], limit: float) -> NDArray[np.floating]:
+    """Weights of the lines in the integral from the first order to `limit`."""
+    limit = min(max(limit, orders[0]), orders[-1])
+    steps = np.diff(orders)
+    share = np.clip((limit - orders[:-1]) / steps, 0.0, 1.0)  # of each gap between two lines
+    weights = np.zeros(len(orders))
+    weights[:-1] += steps * (share - share**2 / 2)  # falling half of a line's triangle
+    weights[1:] += steps * share**2 / 2  # rising half
+    return weights
+
+
+def _check_band(band: Any, name: str) -> Band:
+    if isinstance(band, str) or not np.iterable(band) or len(list(band)) != 2:
+        raise TypeError(f"{name} must be a pair (low, high) of orders, got {band!r}.")
+    low, high = (check_number(edge, f"{name}", at_least=0, unit="orders") for edge in band)
+    if not low < high:
+        raise ValueError(f"{name} must run from a lower to a higher order, got {band!r}.")
+    return round_edge(low), round_edge(high)
+
+
+def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:
+    for low, high in bins:
+        if high > orders[-1] + _SLACK or low < orders[0] - _SLACK:
+            raise ValueError(
+                f"the bin {low:g}-{high:g} reaches beyond the spectrum, which holds orders "
+                f"{orders[0]:g} to {orders[-1]:g}. Lower max_order (or edges) of the bins, or "
+                f"resample with a smaller theta_s: orders up to pi/theta_s exist."
+            )

@@ -1,0 +1,402 @@
+"""The second step of a pipeline: the power spectral density over orders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted, check_memory, validate_data
+
+from emacm._checks import check_choice, check_number, check_signal, located
+from emacm.angle_recordings import AngleRecording, AngleStroke
+from emacm.axes import OrderTable, order_columns
+from emacm.recordings import Recording, described
+from emacm.spectrum import SHORTS, SegmentPlan, segment_plan
+
+_BARE = "signal"  # what bare rows call their one channel
+
+
+class OrderPSD(TransformerMixin, BaseEstimator):
+    """Estimate the power spectral density over orders, by Welch's method.
+
+    Parameters
+    ----------
+    revolutions : float
+        Length of a segment, so lines lie 1/revolutions orders apart, whatever
+        theta_s is (to the nearest whole number of samples).
+    n_per_segment : int, optional
+        Length of a segment in samples (the thesis' L), in place of `revolutions`.
+    window : str, tuple or array-like of shape (n_per_segment,)
+        As for `scipy.signal.get_window`.
+    overlap : float
+        Share that adjoining segments have in common, in [0, 1).
+    detrend : {"constant", "linear", None, False}
+        What is taken out of each segment.
+    scaling : {"density", "spectrum"}
+        "density" [U²/order] integrates to the mean square, as bins need it. In
+        "spectrum" [U²] a tone of amplitude A reads A²/2.
+    average : {"mean", "median"}
+        How the segments of a recording are joined.
+    by_direction : bool
+        Give forward and reverse strokes columns of their own, ``channel+@…``
+        and ``channel-@…``.
+    short : {"raise", "pad"}
+        What becomes of a recording without a stroke as long as a segment: an
+        error, or an estimate padded with zeros.
+    max_order : float, optional
+        Highest order that gets a column.
+    theta_s : float, optional
+        Angle between samples [rad] of bare rows. Recordings know theirs.
+    memory : None, str or joblib.Memory
+        Where spectra are kept between calls. A spectrum is found again by the
+        content of its recording and all settings, of the resampling too.
+    verbose : int
+        Progress as printed by joblib: the higher, the more often.
+    n_jobs : int, optional
+        Recordings in work at the same time, under joblib's active backend
+        (by default, threads).
+
+    Attributes
+    ----------
+    orders_ : ndarray of shape (n_orders,)
+        Orders of the lines; in cycles per sample for bare rows without `theta_s`.
+    order_step_ : float
+        True distance of two lines [orders].
+    n_per_segment_ : int
+        Samples of a segment.
+    channels_ : tuple of str
+        Channels of the recordings.
+    theta_s_ : float or None
+        Angle between samples [rad].
+    n_features_in_ : int
+        Samples of a row, where X is a 2-D table.
+
+    Notes
+    -----
+    `X` is what `OrderResampler` returns. It may also be a 2-D array whose rows
+    are equally long signals over the angle, or a list of 1-D arrays of any
+    lengths. With ``theta_s=None`` such rows have no axis: a sample counts as a
+    revolution, and a segment is at most the row, as in `scipy.signal.welch`.
+
+    Source: Chirico, Eqs. (2.14) to (2.22).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import OrderPSD
+    >>> angle = 2 * np.pi / 64 * np.arange(64 * 40)
+    >>> rows = [np.sin(5 * angle), np.sin(9 * angle)]
+    >>> psd = OrderPSD(8, theta_s=2 * np.pi / 64)
+    >>> power = psd.fit_transform(rows)
+    >>> psd.orders_[power.argmax(axis=1)]
+    array([5., 9.])
+    """
+
+    def __init__(
+        self,
+        revolutions: float = 16,
+        *,
+        n_per_segment: int | None = None,
+        window: Any = "hann",
+        overlap: float = 0.5,
+        detrend: Any = "constant",
+        scaling: str = "density",
+        average: str = "mean",
+        by_direction: bool = False,
+        short: str = "raise",
+        max_order: float | None = None,
+        theta_s: float | None = None,
+        memory: Any = None,
+        verbose: int = 0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.revolutions = revolutions
+        self.n_per_segment = n_per_segment
+        self.window = window
+        self.overlap = overlap
+        self.detrend = detrend
+        self.scaling = scaling
+        self.average = average
+        self.by_direction = by_direction
+        self.short = short
+        self.max_order = max_order
+        self.theta_s = theta_s
+        self.memory = memory
+        self.verbose = verbose
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Any, y: Any = None) -> OrderPSD:
+        """Learn the axis; no spectrum is estimated.
+
+        Parameters
+        ----------
+        X : list of AngleRecording, 2-D array or list of 1-D arrays
+            Signals over the shaft angle.
+        y : ignored
+
+        Returns
+        -------
+        OrderPSD
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or X is not what it should be.
+        """
+        rows = self._checked(X, reset=True)
+        self.theta_s_ = self._stated_theta_s(rows[0])
+        if isinstance(rows[0], AngleRecording):
+            self.channels_ = rows[0].channels
+            self._check_recordings(rows)
+        else:
+            self.channels_ = (_BARE,)
+        self._plan = self._segment_plan(rows)
+        self.orders_ = self._plan.orders
+        self.order_step_ = self._plan.order_step
+        self.n_per_segment_ = self._plan.n_per_segment
+        self._columns_out = self._column_names()
+        return self
+
+    def transform(self, X: Any) -> NDArray[np.floating]:
+        """Estimate the spectra, one recording at a time.
+
+        Parameters
+        ----------
+        X : list of AngleRecording, 2-D array or list of 1-D arrays
+            Signals over the shaft angle, at the theta_s seen in `fit`.
+
+        Returns
+        -------
+        OrderTable of shape (n_recordings, n_columns)
+            Power spectral densities [U²/order], channel by channel; an array
+            whose ``columns`` are named ``channel@order``. Without an axis, a
+            plain array.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If theta_s or channels are not those of `fit`, or a recording holds
+            no segment (the message names it and its revolutions).
+        """
+        check_is_fitted(self)
+        rows = self._checked(X, reset=False)
+        if isinstance(rows[0], AngleRecording):
+            self._check_recordings(rows)
+        estimate = partial(
+            check_memory(self.memory).cache(_spectra),
+            plan=self._plan,
+            by_direction=self.by_direction,
+            short=self.short,
+        )
+        spectra = Parallel(n_jobs=self.n_jobs, verbose=self.verbose, prefer="threads")(
+            delayed(_located_call)(estimate, row, index) for index, row in enumerate(rows)
+        )
+        table = np.stack(spectra).reshape(len(rows), -1)
+        return table if self.theta_s_ is None else OrderTable(table, self._columns_out)
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the columns, ``channel@order``.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of what went in: channels, or the samples of a row.
+
+        Returns
+        -------
+        ndarray of str
+            For bare rows without an axis, "line0", "line1" and so on.
+        """
+        check_is_fitted(self)
+        if input_features is not None:
+            self._check_feature_names(list(input_features))
+        return np.array(self._columns_out, dtype=object)
+
+    def _check_feature_names(self, names: list[Any]) -> None:
+        seen = getattr(self, "feature_names_in_", None)
+        if seen is not None and names != list(seen):
+            raise ValueError("input_features is not equal to feature_names_in_.")
+        expected = getattr(self, "n_features_in_", None)
+        if expected is None and self.channels_ != (_BARE,):
+            expected = len(self.channels_)
+        if expected is not None and len(names) != expected:
+            raise ValueError(
+                f"input_features should have length equal to what fit saw ({expected}), "
+                f"got {len(names)}."
+            )
+
+    def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
+        """Return the rows of X: recordings over the angle, or 1-D arrays."""
+        check_choice(self.by_direction, "by_direction", (True, False))
+        check_choice(self.short, "short", SHORTS)
+        if isinstance(X, AngleRecording | Recording):
+            raise TypeError("X must be a list of recordings, got a single one; write [recording].")
+        if isinstance(X, list | tuple) or _object_vector(X):
+            rows = list(X)
+            if any(isinstance(row, AngleRecording | Recording) for row in rows):
+                return _checked_recordings(rows)
+            if self.theta_s is not None or _ragged(rows):
+                return self._checked_rows(rows)
+        self._refuse_direction()
+        return validate_data(
+            self, X, reset=reset, dtype=[np.float64, np.float32], ensure_min_features=2
+        )
+
+    def _checked_rows(self, rows: list[Any]) -> list[NDArray[np.floating]]:
+        self._refuse_direction()
+        if not rows:
+            raise ValueError("X holds no row; at least one is needed.")
+        return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
+
+    def _refuse_direction(self) -> None:
+        if self.by_direction:
+            raise ValueError(
+                "by_direction needs recordings over the angle, as OrderResampler makes them; "
+                "bare rows have no direction."
+            )
+
+    def _check_recordings(self, rows: Sequence[AngleRecording]) -> None:
+        """Compare recordings with the axis and the channels of `fit`."""
+        for index, row in enumerate(rows):
+            where = described(row, index)
+            if row.channels != self.channels_:
+                raise ValueError(
+                    f"{where} has channels {list(row.channels)}, expected were "
+                    f"{list(self.channels_)}."
+                )
+            if self.theta_s_ is None or not np.isclose(row.theta_s, self.theta_s_, rtol=1e-12):
+                raise ValueError(
+                    f"{where} was resampled with theta_s = {row.theta_s!r}, but OrderPSD was "
+                    f"fitted on {self.theta_s_!r}. Resample it alike, or fit again."
+                )
+            if self.by_direction and row.direction == "travel":
+                raise ValueError(
+                    "by_direction needs strokes, but direction='travel' of OrderResampler joins "
+                    "both directions. Use direction='strokes'."
+                )
+
+    def _stated_theta_s(self, first: Any) -> float | None:
+        stated = self.theta_s
+        if stated is not None:
+            stated = check_number(stated, "theta_s", above=0, unit="rad per sample")
+        if not isinstance(first, AngleRecording):
+            return stated
+        if stated is not None and not np.isclose(stated, first.theta_s, rtol=1e-12):
+            raise ValueError(
+                f"theta_s = {stated!r} contradicts the recordings, which were resampled with "
+                f"{first.theta_s!r}. Leave theta_s of OrderPSD out; recordings know theirs."
+            )
+        return first.theta_s
+
+    def _segment_plan(self, rows: Sequence[Any]) -> SegmentPlan:
+        plan = partial(
+            segment_plan,
+            window=self.window,
+            overlap=self.overlap,
+            detrend=self.detrend,
+            scaling=self.scaling,
+            average=self.average,
+            max_order=self.max_order,
+        )
+        if self.theta_s_ is not None:
+            return plan(
+                2 * np.pi / self.theta_s_,
+                revolutions=self.revolutions,
+                n_per_segment=self.n_per_segment,
+            )
+        wanted = self.n_per_segment
+        if wanted is None:
+            wanted = round(check_number(self.revolutions, "revolutions", above=0))
+        elif not isinstance(wanted, int | np.integer):
+            return plan(1.0, n_per_segment=wanted)  # which says what is wrong with it
+        return plan(1.0, n_per_segment=min(wanted, min(len(row) for row in rows)))
+
+    def _column_names(self) -> tuple[str, ...]:
+        if self.theta_s_ is None:
+            return tuple(f"line{k}" for k in range(len(self.orders_)))
+        channels = self.channels_
+        if self.by_direction:
+            channels = tuple(channel + sign for channel in channels for sign in "+-")
+        return order_columns(channels, self.orders_)
+
+
+def _object_vector(X: Any) -> bool:
+    return isinstance(X, np.ndarray) and X.ndim == 1 and X.dtype.hasobject
+
+
+def _checked_recordings(rows: list[Any]) -> list[AngleRecording]:
+    for index, row in enumerate(rows):
+        if isinstance(row, Recording):
+            raise TypeError(
+                f"{described(row, index)} is over time; put an OrderResampler before OrderPSD."
+            )
+        if not isinstance(row, AngleRecording):
+            raise TypeError(
+                f"X mixes recordings with other things: entry {index} is a {type(row).__name__}."
+            )
+    return rows
+
+
+def _ragged(rows: list[Any]) -> bool:
+    """Tell whether these are one-dimensional rows of unequal length."""
+    try:
+        shapes = {np.shape(row) for row in rows}
+    except ValueError:
+        return False
+    return len(shapes) > 1 and all(len(shape) == 1 for shape in shapes)
+
+
+class _Row(NamedTuple):
+    """A bare row, in the place of a stroke."""
+
+    signals: NDArray[np.floating]
+
+    @property
+    def n_angles(self) -> int:
+        return self.signals.shape[-1]
+
+
+def _spectra(
+    row: AngleRecording | NDArray[np.floating], plan: SegmentPlan, by_direction: bool, short: str
+) -> NDArray[np.floating]:
+    """Estimate the spectra of one recording, shape (n_channels, [2,] n_orders)."""
+    if isinstance(row, np.ndarray):
+        return _estimate([_Row(row[np.newaxis])], plan, short, "row")
+    strokes = row.strokes
+    if not by_direction:
+        return _estimate(strokes, plan, short, "stroke")
+    ways = ((1, "forward stroke"), (-1, "reverse stroke"))
+    both = [
+        _estimate([stroke for stroke in strokes if stroke.direction == sign], plan, short, kind)
+        for sign, kind in ways
+    ]
+    return np.stack(both, axis=1)
+
+
+def _estimate(
+    strokes: Sequence[AngleStroke | _Row], plan: SegmentPlan, short: str, kind: str
+) -> NDArray[np.floating]:
+    """Average over the strokes that hold a segment, resampling one at a time."""
+    whole = [stroke for stroke in strokes if stroke.n_angles >= plan.n_per_segment]
+    if whole:
+        return plan.average_of(stroke.signals for stroke in whole)
+    longest = max((stroke.n_angles for stroke in strokes), default=0)
+    if short == "pad" and longest > 1:
+        return plan.padded(stroke.signals for stroke in strokes)
+    came = f"its longest {kind} holds {longest / plan.samples_per_rev:.4g}" if strokes else "none"
+    raise ValueError(
+        f"no {kind} holds a segment of {plan.revolutions:g} revolutions "
+        f"({plan.n_per_segment} samples): {came}. Lower revolutions (or n_per_segment) of "
+        f"OrderPSD, set short='pad', or leave it out."
+    )
+
+
+def _located_call(estimate: Callable[..., Any], row: Any, index: int) -> NDArray[np.floating]:
+    with located(described(row, index) if isinstance(row, AngleRecording) else f"row {index}"):
+        return estimate(row)

@@ -1,0 +1,344 @@
+"""Power spectral density over orders, by Welch's method over the shaft angle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+from scipy import signal as filters
+
+from emacm._checks import check_choice, check_count, check_number, check_real_array
+
+DETRENDS = ("constant", "linear", None, False)
+SCALINGS = ("density", "spectrum")
+AVERAGES = ("mean", "median")
+SHORTS = ("raise", "pad")
+
+_BLOCK_BYTES = 1 << 20  # of segments in work at once: they should stay in cache
+
+
+@dataclass(frozen=True)
+class SegmentPlan:
+    """How signals over the angle are cut, windowed, transformed and averaged.
+
+    `segment_plan` makes one from what a user states; it answers for its own axis.
+
+    Attributes
+    ----------
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    n_per_segment : int
+        Samples of a segment, L in Chirico, Eqs. (2.14) to (2.22).
+    step : int
+        Samples from one segment to the next.
+    window : str, tuple or array
+        As for `scipy.signal.get_window`, or the window itself.
+    detrend : {"constant", "linear", None, False}
+        What is taken out of each segment.
+    scaling : {"density", "spectrum"}
+        Unit² per order, or unit².
+    average : {"mean", "median"}
+        How segments are joined.
+    n_orders : int
+        Lines that are kept, from order 0 upwards.
+    """
+
+    samples_per_rev: float
+    n_per_segment: int
+    step: int
+    window: Any
+    detrend: Any
+    scaling: str
+    average: str
+    n_orders: int
+
+    @property
+    def order_step(self) -> float:
+        """Distance of two spectral lines [orders]."""
+        return self.samples_per_rev / self.n_per_segment
+
+    @property
+    def orders(self) -> NDArray[np.floating]:
+        """Orders of the spectral lines, shape (n_orders,)."""
+        return np.arange(self.n_orders) * self.order_step
+
+    @property
+    def revolutions(self) -> float:
+        """True length of a segment [revolutions]."""
+        return self.n_per_segment / self.samples_per_rev
+
+    def average_of(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
+        """Average the spectra of all segments of all signals.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles)
+            Signals over uniform angles, such as the strokes of a recording.
+            No segment spans two of them; what is shorter than a segment is
+            passed over. They are looked at one at a time.
+
+        Returns
+        -------
+        psd : ndarray of shape (n_channels, n_orders)
+
+        Raises
+        ------
+        ValueError
+            If no signal holds a segment.
+        """
+        blocks = (block for signal in signals for block in self._segment_powers(signal))
+        if self.average == "median":
+            kept = list(blocks)
+            if not kept:
+                raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
+            joined = np.concatenate(kept, axis=1)
+            return np.median(joined, axis=1) / _median_bias(joined.shape[1])
+        total, count = None, 0
+        for powers in blocks:
+            part = powers.sum(axis=1)
+            total = part if total is None else total + part
+            count += powers.shape[1]
+        if total is None:
+            raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
+        return total / count
+
+    def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
+        """Estimate from signals that are shorter than a segment.
+
+        Each is windowed over its own length and padded with zeros; powers and
+        window factors are summed before they are divided, so that a signal
+        counts by its length.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles)
+            Signals of at most `n_per_segment` samples.
+
+        Returns
+        -------
+        psd : ndarray of shape (n_channels, n_orders)
+
+        Raises
+        ------
+        ValueError
+            If none has two samples, or the window is an array (which has no
+            shorter form).
+        """
+        power, factor = None, 0.0
+        for signal in signals:
+            n_angles = signal.shape[-1]
+            if n_angles < 2:
+                continue
+            if not isinstance(self.window, str | tuple):
+                raise ValueError(
+                    "short='pad' needs a window by name, as an array cannot be shortened."
+                )
+            window = filters.get_window(self.window, n_angles)
+            lines = fft.rfft(_detrended(signal, self.detrend) * window, self.n_per_segment)
+            part = np.abs(lines[..., : self.n_orders]) ** 2
+            power = part if power is None else power + part
+            factor += self._window_factor(window)
+        if power is None:
+            raise ValueError("no stroke has two samples.")
+        return power * (self._sides() / factor)
+
+    def _segment_powers(self, signal: NDArray[np.floating]) -> Iterator[NDArray[np.floating]]:
+        """Yield one-sided powers (n_channels, n_segments, n_orders) of a few segments at a time."""
+        if signal.shape[-1] < self.n_per_segment:
+            return
+        window = _window_values(self.window, self.n_per_segment)
+        scale = self._sides() / self._window_factor(window)
+        windows = np.lib.stride_tricks.sliding_window_view(signal, self.n_per_segment, axis=-1)
+        segments = windows[:, :: self.step]
+        at_once = max(1, _BLOCK_BYTES // (8 * self.n_per_segment * len(signal)))
+        for start in range(0, segments.shape[1], at_once):
+            part = _detrended(segments[:, start : start + at_once], self.detrend)
+            lines = fft.rfft(part * window)[..., : self.n_orders]
+            yield (lines.real**2 + lines.imag**2) * scale
+
+    def _window_factor(self, window: NDArray[np.floating]) -> float:
+        # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.
+        if self.scaling == "density":
+            return float(self.samples_per_rev * np.sum(window**2))
+        return float(np.sum(window) ** 2)
+
+    def _sides(self) -> NDArray[np.floating]:
+        """Weights that fold the two-sided spectrum over, Eqs. (2.20) and (2.21) of Chirico."""
+        sides = np.full(self.n_orders, 2.0)
+        sides[0] = 1.0
+        if 2 * (self.n_orders - 1) == self.n_per_segment:
+            sides[-1] = 1.0  # the line at half the sampling rate has no twin
+        return sides
+
+
+def segment_plan(
+    samples_per_rev: float,
+    *,
+    revolutions: float = 16,
+    n_per_segment: int | None = None,
+    window: Any = "hann",
+    overlap: float = 0.5,
+    detrend: Any = "constant",
+    scaling: str = "density",
+    average: str = "mean",
+    max_order: float | None = None,
+) -> SegmentPlan:
+    """Check the options of Welch's method and work out its segments.
+
+    Parameters are those of `order_psd`.
+
+    Returns
+    -------
+    SegmentPlan
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is not what it should be.
+    """
+    samples_per_rev = check_number(samples_per_rev, "samples_per_rev", above=0)
+    length = _segment_length(samples_per_rev, revolutions, n_per_segment)
+    overlap = check_number(overlap, "overlap", at_least=0, below=1)
+    check_choice(detrend, "detrend", DETRENDS)
+    check_choice(scaling, "scaling", SCALINGS)
+    check_choice(average, "average", AVERAGES)
+    n_orders = length // 2 + 1
+    if max_order is not None:
+        top = check_number(max_order, "max_order", at_least=0, unit="orders")
+        n_orders = min(n_orders, int(top * length / samples_per_rev + 1e-9) + 1)
+    _window_values(window, length)
+    step = length - min(int(overlap * length), length - 1)
+    return SegmentPlan(samples_per_rev, length, step, window, detrend, scaling, average, n_orders)
+
+
+def order_psd(
+    signal: ArrayLike,
+    samples_per_rev: float,
+    *,
+    revolutions: float = 16,
+    n_per_segment: int | None = None,
+    window: Any = "hann",
+    overlap: float = 0.5,
+    detrend: Any = "constant",
+    scaling: str = "density",
+    average: str = "mean",
+    max_order: float | None = None,
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Estimate the order power spectral density by Welch's method [1]_.
+
+    Parameters
+    ----------
+    signal : array-like of shape (..., n_angles)
+        Signal at uniform shaft angles, in any unit U.
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    revolutions : float
+        Length of a segment; lines lie 1/revolutions apart (to the nearest
+        whole number of samples).
+    n_per_segment : int, optional
+        Length of a segment in samples, in place of `revolutions`.
+    window : str, tuple or array-like of shape (n_per_segment,)
+        As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
+    overlap : float
+        Share of a segment that the next one has in common with it, in [0, 1).
+    detrend : {"constant", "linear", None, False}
+        What is taken out of each segment. "constant" bends the first two
+        lines, so bins of interest should start above them.
+    scaling : {"density", "spectrum"}
+        "density" [U²/order] integrates to the mean square. In "spectrum" [U²]
+        a tone of amplitude A reads A²/2, and lines must not be summed.
+    average : {"mean", "median"}
+        "median" is less moved by single shocks (and corrected for its bias on
+        noise, as in `scipy.signal.welch`).
+    max_order : float, optional
+        Highest order that is returned.
+
+    Returns
+    -------
+    orders : ndarray of shape (n_orders,)
+        Orders, in cycles per revolution.
+    psd : ndarray of shape (..., n_orders)
+        Power spectral density [U²/order], or power spectrum [U²].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is not what it should be, or the signal holds no segment.
+
+    References
+    ----------
+    .. [1] P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 70-73, 1967;
+       Chirico, Eqs. (2.14) to (2.22).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = 2 * np.pi / 64 * np.arange(64 * 100)
+    >>> orders, psd = order_psd(3 * np.sin(7 * angle), 64)
+    >>> print(orders[psd.argmax()], round(psd.sum() * orders[1], 6))
+    7.0 4.5
+    """
+    plan = segment_plan(
+        samples_per_rev,
+        revolutions=revolutions,
+        n_per_segment=n_per_segment,
+        window=window,
+        overlap=overlap,
+        detrend=detrend,
+        scaling=scaling,
+        average=average,
+        max_order=max_order,
+    )
+    signal = check_real_array(signal, "signal")
+    if signal.ndim == 0 or signal.shape[-1] < plan.n_per_segment:
+        raise ValueError(
+            f"signal of shape {signal.shape} holds no segment of {plan.n_per_segment} samples "
+            f"({plan.revolutions:g} revolutions). Lower revolutions or n_per_segment."
+        )
+    psd = plan.average_of([signal.reshape(-1, signal.shape[-1])])
+    return plan.orders, psd.reshape(*signal.shape[:-1], plan.n_orders)
+
+
+def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
+    if n_per_segment is not None:
+        return check_count(n_per_segment, "n_per_segment", at_least=2)
+    revolutions = check_number(revolutions, "revolutions", above=0)
+    length = round(revolutions * samples_per_rev)
+    if length < 2:
+        raise ValueError(
+            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
+            f"segments of {length} samples; at least 2 are needed. Raise revolutions."
+        )
+    return length
+
+
+def _window_values(window: Any, length: int) -> NDArray[np.floating]:
+    if isinstance(window, str | tuple):
+        return filters.get_window(window, length)
+    values = check_real_array(window, "window")
+    if values.shape != (length,):
+        raise ValueError(
+            f"a window given as an array must have the {length} samples of a segment, "
+            f"got shape {values.shape}. Name it instead, or set n_per_segment."
+        )
+    if not np.all(np.isfinite(values)) or np.sum(values) == 0:
+        raise ValueError("a window given as an array must be finite and must not add up to 0.")
+    return values
+
+
+def _detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floating]:
+    if not detrend:
+        return segments
+    if detrend == "constant":
+        return segments - segments.mean(axis=-1, keepdims=True)
+    return filters.detrend(segments, axis=-1, type=detrend)
+
+
+def _median_bias(n_segments: int) -> float:
+    """Median over mean of n exponential variables (Allen et al., arXiv gr-qc/0509116, App. B)."""
+    even = 2 * np.arange(1, (n_segments - 1) // 2 + 1)
+    return float(1 + np.sum(1 / (even + 1) - 1 / even))
