@@ -174,7 +174,8 @@ class BinTransformer(TransformerMixin, BaseEstimator):
     def _validated(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
         if isinstance(X, OrderTable) and X.columns is not None:
             X = pd.DataFrame(np.asarray(X), columns=list(X.columns), copy=False)
-        return validate_data(self, X, reset=reset, dtype=np.float64, ensure_min_features=2)
+        least = 2 if reset else 1  # later, a wrong number of columns has a better answer
+        return validate_data(self, X, reset=reset, dtype=np.float64, ensure_min_features=least)
 
     def _check_axis(self, X: Any) -> None:
         names, seen = column_names(X), getattr(self, "feature_names_in_", None)

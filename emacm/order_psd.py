@@ -244,8 +244,9 @@ class OrderPSD(TransformerMixin, BaseEstimator):
             if self.theta_s is not None or _ragged(rows):
                 return self._checked_rows(rows)
         self._refuse_direction()
+        least = 2 if reset else 1  # later, a wrong number of columns has a better answer
         return validate_data(
-            self, X, reset=reset, dtype=[np.float64, np.float32], ensure_min_features=2
+            self, X, reset=reset, dtype=[np.float64, np.float32], ensure_min_features=least
         )
 
     def _checked_rows(self, rows: list[Any]) -> list[NDArray[np.floating]]:

@@ -157,7 +157,7 @@ class Recording:
     def __repr__(self) -> str:
         """Channels, rates, length, revolutions and meta on one line."""
         channels = ", ".join(f"{name} {rate:g} Hz" for name, rate in self._fs.items())
-        turned = float(np.ptp(self.angle)) / (2 * np.pi)
+        turned = float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
         parts = [
             channels,
             f"{self.reference} {self.shaft_fs:g} Hz",

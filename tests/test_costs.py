@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from sklearn.dummy import DummyClassifier
 from sklearn.metrics import confusion_matrix, make_scorer
 
 from emacm.costs import (
@@ -78,7 +79,12 @@ def test_costs_may_be_negative():
 
 @pytest.mark.parametrize(
     ("classes", "extra", "kind"),
-    [([0, 1], "inspect", "O"), ([0, 1], -1, "i"), (["a", "b"], "inspect", "U"), ([False, True], 2, "O")],
+    [
+        ([0, 1], "inspect", "O"),
+        ([0, 1], -1, "i"),
+        (["a", "b"], "inspect", "U"),
+        ([False, True], 2, "O"),
+    ],
 )
 def test_decisions_keep_a_plain_dtype_where_one_holds_them_all(classes, extra, kind):
     decisions, _ = cost_table({(extra, k): 0.5 for k in classes}, classes)
@@ -99,22 +105,54 @@ def test_decisions_that_are_all_classes_have_the_dtype_of_the_classes():
         (np.ones(3), ValueError, r"got shape \(3,\)"),
         (3.0, ValueError, r"got shape \(\)"),
         ([[0, 1], [1]], ValueError, "rectangular"),
-        ([[0, 1, 1], [1, 0, np.nan], [1, 1, 0]], ValueError, r"cost\[1, 2\] \(deciding 'healthy' when 'screw' is true\).*nan"),
+        (
+            [[0, 1, 1], [1, 0, np.nan], [1, 1, 0]],
+            ValueError,
+            r"cost\[1, 2\] \(deciding 'healthy' when 'screw' is true\).*nan",
+        ),
         ([[0, 1, 1], [1, 0, np.inf], [1, 1, 0]], ValueError, r"cost\[1, 2\].*inf"),
         (np.full((3, 3), "1"), TypeError, r"cost\[0, 0\].*must be a number"),
         (np.ones((3, 3)) * 1j, TypeError, r"cost\[0, 0\].*must be a number"),
-        ({("healthy", "scew"): 1}, ValueError, r"class 'scew'.*unknown.*\['ball', 'healthy', 'screw'\]"),
-        ({("inspect", "ball"): 1}, ValueError, r"'inspect'.*price every class; missing: \['healthy', 'screw'\]"),
+        (
+            {("healthy", "scew"): 1},
+            ValueError,
+            r"class 'scew'.*unknown.*\['ball', 'healthy', 'screw'\]",
+        ),
+        (
+            {("inspect", "ball"): 1},
+            ValueError,
+            r"'inspect'.*price every class; missing: \['healthy', 'screw'\]",
+        ),
         ({"healthy": 1}, TypeError, r"keys \(decision, truth\), got the key 'healthy'"),
-        ({("healthy", "ball"): None}, TypeError, r"deciding 'healthy' when 'ball' is true.*got None"),
-        (pd.DataFrame(MATRIX, index=CLASSES, columns=["ball", "healthy", "x"]), ValueError, "class 'x'.*unknown"),
-        (pd.DataFrame(MATRIX[:, :2], index=CLASSES, columns=CLASSES[:2]), ValueError, r"missing: \['screw'\]"),
-        (pd.DataFrame(MATRIX, index=["a", "a", "b"], columns=CLASSES), ValueError, r"index.*more than one of \['a'\]"),
-        (pd.DataFrame(MATRIX, index=CLASSES, columns=["ball"] * 3), ValueError, r"columns.*more than one of \['ball'\]"),
+        (
+            {("healthy", "ball"): None},
+            TypeError,
+            r"deciding 'healthy' when 'ball' is true.*got None",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=CLASSES, columns=["ball", "healthy", "x"]),
+            ValueError,
+            "class 'x'.*unknown",
+        ),
+        (
+            pd.DataFrame(MATRIX[:, :2], index=CLASSES, columns=CLASSES[:2]),
+            ValueError,
+            r"missing: \['screw'\]",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=["a", "a", "b"], columns=CLASSES),
+            ValueError,
+            r"index.*more than one of \['a'\]",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=CLASSES, columns=["ball"] * 3),
+            ValueError,
+            r"columns.*more than one of \['ball'\]",
+        ),
         (pd.DataFrame(MATRIX[:0], columns=CLASSES), ValueError, "at least one decision"),
         (pd.DataFrame("low", index=CLASSES, columns=CLASSES), TypeError, "must be a number.*'low'"),
     ],
-)  # fmt: skip
+)
 def test_a_cost_that_makes_no_table_is_refused_with_its_place(cost, error, message):
     with pytest.raises(error, match=message):
         cost_table(cost, CLASSES)
@@ -199,7 +237,9 @@ def test_the_mean_cost_is_the_same_for_every_form_of_cost():
 
 def test_a_decision_that_is_no_class_has_its_price():
     inspect = {("inspect", 0): 0.2, ("inspect", 1): 0.4}
-    assert expected_cost([0, 1, 1], ["inspect", "inspect", 0], cost=inspect) == pytest.approx(1.6 / 3)
+    assert expected_cost([0, 1, 1], ["inspect", "inspect", 0], cost=inspect) == pytest.approx(
+        1.6 / 3
+    )
 
 
 def test_a_class_that_was_never_true_may_be_decided_without_a_price():
@@ -207,15 +247,9 @@ def test_a_class_that_was_never_true_may_be_decided_without_a_price():
 
 
 def test_the_mean_cost_serves_make_scorer():
-    class Constant:
-        def fit(self, X, y):
-            return self
-
-        def predict(self, X):
-            return np.zeros(len(X), dtype=int)
-
+    healthy = DummyClassifier(strategy="constant", constant=0).fit(np.zeros((2, 1)), [0, 1])
     scorer = make_scorer(expected_cost, greater_is_better=False, cost=[[0, 10], [1, 0]])
-    assert scorer(Constant(), np.zeros((4, 1)), [0, 1, 1, 0]) == -5
+    assert scorer(healthy, np.zeros((4, 1)), [0, 1, 1, 0]) == -5
 
 
 @pytest.mark.parametrize(
@@ -226,13 +260,18 @@ def test_the_mean_cost_serves_make_scorer():
         ([[0], [1]], [0, 1], {}, r"y_true must be one-dimensional, got shape \(2, 1\)"),
         ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur.*Give labels"),
         ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred holds 5 at position 1.*no known decision"),
-        ([0, 5], [0, 0], {"labels": [0, 1]}, r"y_true holds 5 at position 1.*class. Known: \[0, 1\]"),
+        (
+            [0, 5],
+            [0, 0],
+            {"labels": [0, 1]},
+            r"y_true holds 5 at position 1.*class. Known: \[0, 1\]",
+        ),
         ([0, "a"], [0, 0], {}, "different kinds.*Give labels"),
         ([0, 1], [0, 0], {"cost": 3.0}, r"got shape \(\)"),
         ([0, 1], [0, 0], {"sample_weight": [0, 0]}, "zero for every recording"),
         ([0, 1], ["x", 0], {"cost": {("x", 0): 1}}, r"'x'.*missing: \[1\]"),
     ],
-)  # fmt: skip
+)
 def test_labels_that_have_no_cost_are_refused(truth, decision, options, message):
     with pytest.raises(ValueError, match=message):
         expected_cost(truth, decision, **options)

@@ -1,0 +1,158 @@
+"""Recordings of real machines, read from files that the user has."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
+
+from emacm.recordings import Recording
+from emacm.shaft import angle_from_position
+
+_SIGNALS = ("set_point", "position_error", "current")
+_LABELS = ("state", "load_kgf", "run", "group")
+_CONSTANTS = ("fs", "lead_mm")
+_SAME = 1e-5  # A; sequences whose currents never differ by more are one measurement, filed twice
+
+
+class CranfieldRecordings(NamedTuple):
+    """What `load_cranfield` returns."""
+
+    recordings: list[Recording]
+    labels: NDArray[np.str_]
+    frame: pd.DataFrame
+
+
+def load_cranfield(path: str | Path) -> CranfieldRecordings:
+    """Read a file of the Cranfield linear actuator [1]_.
+
+    A ball screw (lead 5 mm) moves a load out and back by a trapezoidal profile.
+    The shaft angle is that of the screw, ``2 pi (set_point - position_error) / lead``.
+    At 25 Hz and 4.8 rev/s no order above 2.6 exists.
+
+    Parameters
+    ----------
+    path : str or Path
+        An .npz file with arrays `set_point` [mm], `position_error` [mm],
+        `current` [A] of shape (n_sequences, n_times), `state`, `load_kgf`,
+        `run`, `group` of shape (n_sequences,), and numbers `fs` [Hz] and
+        `lead_mm`.
+
+    Returns
+    -------
+    recordings : list of Recording
+        Channels "current" [A] and "position_error" [mm]; `meta` tells state,
+        load, run and group.
+    labels : ndarray of str, shape (n_recordings,)
+        State of health.
+    frame : DataFrame of n_recordings rows
+        Columns "load" [kgf], "run" and "group".
+
+    Warns
+    -----
+    UserWarning
+        If sequences are in the file twice; the copy of the later run is left out.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file has not this layout.
+
+    References
+    ----------
+    .. [1] C. Ruiz-Carcel and A. Starr, IEEE Trans. Instrum. Meas. 67(9),
+       2035-2043, 2018, doi:10.1109/TIM.2018.2814067; recordings:
+       doi:10.17862/cranfield.rd.5097649.
+    """
+    arrays = _read_arrays(Path(path))
+    kept = _without_copies(arrays)
+    labels = arrays["state"][kept].astype(str)
+    frame = pd.DataFrame(
+        {
+            "load": arrays["load_kgf"][kept],
+            "run": arrays["run"][kept],
+            "group": arrays["group"][kept],
+        }
+    )
+    recordings = [
+        _recording(arrays, index, {"state": str(label), **dict(zip(frame, row, strict=True))})
+        for index, label, row in zip(kept, labels, frame.to_numpy().tolist(), strict=True)
+    ]
+    return CranfieldRecordings(recordings, labels, frame)
+
+
+def _recording(arrays: dict[str, NDArray[Any]], index: int, meta: dict[str, Any]) -> Recording:
+    position = arrays["set_point"][index] - arrays["position_error"][index]
+    return Recording(
+        {name: arrays[name][index] for name in ("current", "position_error")},
+        float(arrays["fs"]),
+        angle=angle_from_position(position, float(arrays["lead_mm"])),
+        meta=meta,
+    )
+
+
+def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"there is no file {path}. The recordings are not part of emacm; see the "
+            f"documentation of load_cranfield for where they come from."
+        )
+    wanted = (*_SIGNALS, *_LABELS, *_CONSTANTS)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            missing = [name for name in wanted if name not in file]
+            if missing:
+                raise ValueError(
+                    f"{path.name} lacks {', '.join(missing)}; expected were the arrays "
+                    f"{', '.join(wanted)}."
+                )
+            arrays = {name: file[name] for name in wanted}
+    except (BadZipFile, EOFError, OSError, TypeError) as error:
+        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}.") from error
+    _check_shapes(path.name, arrays)
+    return arrays
+
+
+def _check_shapes(name: str, arrays: dict[str, NDArray[Any]]) -> None:
+    shape = arrays["current"].shape
+    for key in _SIGNALS:
+        if arrays[key].ndim != 2 or arrays[key].shape != shape:
+            raise ValueError(
+                f"{key} of {name} must have shape (n_sequences, n_times) as current has; "
+                f"got {arrays[key].shape} and {shape}."
+            )
+    for key in _LABELS:
+        if arrays[key].shape != shape[:1]:
+            raise ValueError(
+                f"{key} of {name} must have shape ({shape[0]},), got {arrays[key].shape}."
+            )
+
+
+def _without_copies(arrays: dict[str, NDArray[Any]]) -> NDArray[np.intp]:
+    """Return the sequences to keep; of two equal ones, that of the earlier run."""
+    current, run = arrays["current"], arrays["run"]
+    by_run = np.argsort(run, kind="stable")
+    close = np.flatnonzero(pdist(current[by_run], "chebyshev") <= _SAME)
+    if not len(close):
+        return np.arange(len(run))
+    first, later = (by_run[place[close]] for place in np.triu_indices(len(run), k=1))
+    copies = sorted(
+        {
+            f"{arrays['state'][j]} at {arrays['load_kgf'][j]} kgf, run {run[j]} = run {run[i]}"
+            for i, j in zip(first, later, strict=True)
+        }
+    )
+    warnings.warn(
+        f"{len(set(later))} sequences are in the file twice and were left out: "
+        f"{'; '.join(copies)}.",
+        stacklevel=3,
+    )
+    return np.setdiff1d(np.arange(len(run)), later)

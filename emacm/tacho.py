@@ -1,0 +1,402 @@
+"""Shaft angle from a tacho: its pulses, their repair, and the angle between them.
+
+The angle that leaves here is cumulative, in radians and float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+
+from emacm._checks import check_choice, check_count, check_number, check_signal
+
+Angle = NDArray[np.float64]
+
+_REACH = 3  # intervals on either side that tell how long an interval should be
+_MOST_PARTS = 10  # a gap of more intervals is a standstill or a lost sensor, not a lost pulse
+
+
+def pulse_times(
+    tacho: ArrayLike,
+    fs: float,
+    *,
+    threshold: float | None = None,
+    hysteresis: float | None = None,
+    edge: str = "rising",
+) -> NDArray[np.float64]:
+    """Find the pulses of a raw tacho channel, by a Schmitt trigger.
+
+    A pulse counts once the signal has gone from below ``threshold - hysteresis / 2`` to above
+    ``threshold + hysteresis / 2``; its time is the last crossing of the threshold in between,
+    by linear interpolation. On slopes that are sampled this errs by far less than a sample, on
+    square pulses by up to half a sample, which is ``speed / (2 fs)`` rad of shaft angle.
+
+    Parameters
+    ----------
+    tacho : array_like of shape (n_times,)
+        Raw tacho channel, in any unit.
+    fs : float
+        Sampling rate [Hz].
+    threshold : float, optional
+        Level that makes a pulse. Default: halfway between the 0.1 and 99.9 % percentiles.
+    hysteresis : float, optional
+        Width of the band around it; noise inside makes no pulse. Default: a quarter of the
+        distance of the two percentiles.
+    edge : {"rising", "falling"}
+        Flank to take: the steeper one is the better one.
+
+    Returns
+    -------
+    ndarray of shape (n_pulses,)
+        Times [s], the first sample at 0.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the channel is not a finite numeric signal, is flat, has no pulse, or (without
+        `threshold` and `hysteresis`) has peaks so rare that its levels are a guess.
+
+    Examples
+    --------
+    >>> pulse_times([0, 0, 1, 1, 0, 0, 1, 1, 0], fs=1)
+    array([1.5, 5.5])
+    """
+    signal = check_signal(tacho, "tacho").astype(np.float64)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    check_choice(edge, "edge", ("rising", "falling"))
+    if threshold is None or hysteresis is None:
+        low, high = _tacho_levels(signal)
+        threshold = (low + high) / 2 if threshold is None else threshold
+        hysteresis = (high - low) / 4 if hysteresis is None else hysteresis
+    level = check_number(threshold, "threshold")
+    half = check_number(hysteresis, "hysteresis", at_least=0) / 2
+    sign = 1.0 if edge == "rising" else -1.0
+    height = sign * (signal - level)
+
+    decided = np.flatnonzero((height >= half) | (height <= -half))
+    above = height[decided] >= half
+    fired = decided[1:][above[1:] & ~above[:-1]]
+    if not len(fired):
+        raise ValueError(
+            f"tacho must hold at least one {edge} edge through {level:.6g} ± {half:.6g}, got none "
+            f"in values from {signal.min():.6g} to {signal.max():.6g}. "
+            f"Set threshold and hysteresis, or check the sensor."
+        )
+    crossing = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
+    last = crossing[np.searchsorted(crossing, fired) - 1]
+    return (last + height[last] / (height[last] - height[last + 1])) / fs
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TachoAngle:
+    """Shaft angle from tacho pulses, and what had to be repaired for it.
+
+    Attributes
+    ----------
+    angle : ndarray of shape (n_times,)
+        Angle [rad], 0 at the first pulse.
+    missing : ndarray of shape (n_missing,)
+        Times [s] where a pulse was put in.
+    double : ndarray of shape (n_double,)
+        Times [s] of the pulses taken out.
+    """
+
+    angle: Angle
+    missing: NDArray[np.float64]
+    double: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        turns = (self.angle[-1] - self.angle[0]) / (2 * np.pi)
+        return (
+            f"TachoAngle({len(self.angle)} samples, {turns:.4g} revolutions, "
+            f"{_listed(self.missing)} missing, {_listed(self.double)} double)"
+        )
+
+
+def angle_from_pulses(
+    times: ArrayLike,
+    fs: float,
+    n_times: int,
+    *,
+    pulses_per_rev: float = 1,
+    repair: bool = True,
+) -> TachoAngle:
+    """Interpolate the shaft angle between tacho pulses, after repair of missing and double ones.
+
+    An interval under 0.6 times what the three on either side let expect holds a double pulse:
+    of its two ends the one goes whose absence leaves the smoother rest. One that is longer than
+    expected is tried against a speed that runs as a parabola over three intervals on either side;
+    it is filled if 1.5 intervals or more are due in it, so a start from rest is no fault. In a
+    sweep of single faults over steady, ramping, starting, braking and rippling (20 %, ten pulses a
+    cycle) shafts, every missing pulse was found more than three intervals from the ends, and 99 %
+    of the double ones; with 1 % of jitter, in 2 % the wrong one of two close pulses goes. Nearer
+    to the ends a fault may pass or be mistaken; a sudden stop looks like missing pulses. So look
+    at the report.
+
+    Between pulses the angle is a cubic spline, its slopes limited to stay monotone [1]_. Errors
+    seen at one pulse per revolution: 1e-11 rad at constant speed and at constant acceleration,
+    with a pulse lost or doubled as well (PCHIP: 0.08 rad from 2 to 20 rev/s in 1 s); with 20 % of
+    speed ripple, ten pulses a cycle, 4e-3 rad, 0.03 rad if a pulse is lost. Before the first
+    and after the last pulse the speed is held as it is at that pulse, which errs by half the
+    acceleration times the time squared: 0.6 rad on that ramp. Pulses carry no direction: the
+    angle always rises, so a shaft that reverses needs another sensor.
+
+    Parameters
+    ----------
+    times : array_like of shape (n_pulses,)
+        Pulse times [s] on the clock of the samples, increasing; see `pulse_times`.
+    fs : float
+        Rate of the angle wanted [Hz].
+    n_times : int
+        Number of samples wanted, at 0, 1/fs, ...
+    pulses_per_rev : float
+        Pulses per revolution; with a gear between, not a whole number.
+    repair : bool
+        Whether to repair; otherwise a suspicious interval is an error.
+
+    Returns
+    -------
+    TachoAngle
+        The angle [rad], and the times [s] of the pulses put in and taken out.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the times are not finite and increasing, fewer than two lie in the recording, a gap
+        is longer than ten intervals, or, with ``repair=False``, an interval is suspicious.
+
+    References
+    ----------
+    .. [1] Fritsch and Carlson, Monotone piecewise cubic interpolation, SIAM J. Numer. Anal.
+       17 (1980): slopes of at most three times the nearest chords.
+
+    Examples
+    --------
+    >>> turn = angle_from_pulses([0.0, 0.1, 0.2, 0.4, 0.5, 0.6], fs=20, n_times=13)
+    >>> turn
+    TachoAngle(13 samples, 6 revolutions, 1 (at 0.3 s) missing, 0 double)
+    >>> (turn.angle / np.pi).round(6)
+    array([ 0.,  1.,  2.,  3.,  4.,  5.,  6.,  7.,  8.,  9., 10., 11., 12.])
+    """
+    pulses = check_signal(times, "times").astype(np.float64)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    instants = np.arange(check_count(n_times, "n_times")) / fs
+    per_rev = check_number(pulses_per_rev, "pulses_per_rev", above=0)
+    _check_pulses(pulses, instants[-1])
+    kept, double = _without_doubles(pulses)
+    number, missing = _numbered(kept)
+    if not repair:
+        _check_unrepaired(pulses, missing, double)
+    angle = _interpolated(kept, number / per_rev * 2 * np.pi, instants)
+    return TachoAngle(angle, missing, double)
+
+
+def angle_from_tacho(
+    tacho: ArrayLike,
+    fs: float,
+    *,
+    pulses_per_rev: float = 1,
+    threshold: float | None = None,
+    hysteresis: float | None = None,
+    repair: bool = True,
+) -> TachoAngle:
+    """Turn a raw tacho channel into the shaft angle: `pulse_times`, then `angle_from_pulses`.
+
+    Errors seen with sloped pulses at 10 kHz, 2 % of noise and about 10 rev/s: 5e-3 rad.
+
+    Parameters
+    ----------
+    tacho : array_like of shape (n_times,)
+        Raw tacho channel, in any unit.
+    fs : float
+        Sampling rate [Hz].
+    pulses_per_rev, repair
+        See `angle_from_pulses`.
+    threshold, hysteresis
+        See `pulse_times`.
+
+    Returns
+    -------
+    TachoAngle
+        The angle [rad] at every sample, and the repairs.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As the two functions do.
+
+    Examples
+    --------
+    >>> angle_from_tacho([0, 0, 1, 1] * 5, fs=4)
+    TachoAngle(20 samples, 4.75 revolutions, 0 missing, 0 double)
+    """
+    times = pulse_times(tacho, fs, threshold=threshold, hysteresis=hysteresis)
+    n_times = len(np.asarray(tacho))
+    return angle_from_pulses(times, fs, n_times, pulses_per_rev=pulses_per_rev, repair=repair)
+
+
+def _tacho_levels(signal: Angle) -> tuple[float, float]:
+    """Low and high level of a tacho channel, by percentiles that a few spikes do not move."""
+    low, high = (float(level) for level in np.percentile(signal, (0.1, 99.9)))
+    span = float(np.ptp(signal))
+    if span == 0:
+        raise ValueError(
+            f"tacho must hold pulses, got a flat channel, {signal[0]:.6g} throughout. "
+            f"Check the sensor and the channel."
+        )
+    if high - low < span / 2:
+        raise ValueError(
+            f"tacho must have two levels, got 99.8 % of its samples between {low:.6g} and "
+            f"{high:.6g} and peaks as far as {signal[np.abs(signal - low).argmax()]:.6g}: narrow "
+            f"pulses or stray spikes. Set threshold and hysteresis to say which."
+        )
+    return low, high
+
+
+def _check_pulses(pulses: Angle, end: float) -> None:
+    steps = np.diff(pulses)
+    if (steps <= 0).any():
+        index = int(np.argmax(steps <= 0)) + 1
+        raise ValueError(
+            f"times must be pulse times in s that increase, got {pulses[index]:.6g} after "
+            f"{pulses[index - 1]:.6g} at pulse {index}. "
+            f"If this is a raw tacho channel, call pulse_times first, or angle_from_tacho."
+        )
+    inside = int(np.count_nonzero((pulses >= 0) & (pulses <= end)))
+    if inside < 2:
+        raise ValueError(
+            f"times must hold at least two pulses within the recording, 0 to {end:.6g} s, got "
+            f"{inside} of {len(pulses)}, from {pulses[0]:.6g} to {pulses[-1]:.6g}. "
+            f"Are they in s, and are fs and n_times those of the recording?"
+        )
+
+
+def _judged(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Angle]:
+    """Mark intervals too short and perhaps too long for their neighbours; expect a logarithm."""
+    n = len(log_intervals)
+    if n < 3:
+        return np.zeros(n, bool), np.zeros(n, bool), log_intervals
+    padded = np.pad(log_intervals, _REACH, mode="edge")
+    medians = np.median(sliding_window_view(padded, _REACH), axis=-1)
+    before, after = medians[:n], medians[_REACH + 1 :]
+    expected, low, high = (before + after) / 2, np.minimum(before, after), np.maximum(before, after)
+    for end, nearest in ((0, log_intervals[1:4]), (-1, log_intervals[-2:-5:-1])):
+        # Neighbours on one side only: the speed may go on changing, even four times as fast,
+        # before an interval counts as short; long ones are tried again in _parts_due.
+        trend = -np.diff(nearest)
+        margin = 4 * np.abs(trend).max() if len(nearest) == _REACH else np.inf
+        expected[end] = nearest[0] + trend[0]
+        low[end], high[end] = nearest[0] - margin, nearest[0]
+    short = log_intervals < np.minimum(expected + np.log(0.6), low - np.log(1.2))
+    for outer in (np.arange(n)[:5], np.arange(n)[:-6:-1]):
+        # Halves of one interval look like a speed that changes; their sum is no longer than one.
+        if n >= 5 and not short[outer].any():
+            first, second, third, fourth, fifth = log_intervals[outer]
+            due = min(2 * third - fourth, 2 * fourth - fifth)
+            if np.logaddexp(first, second) < due + np.log(1.4) and min(first, second) < due + np.log(0.7):
+                short[outer[int(second < first)]] = True
+    long = log_intervals > np.maximum(expected + np.log(1.4), high)
+    return short, long, expected
+
+
+def _check_unrepaired(pulses: Angle, missing: Angle, double: Angle) -> None:
+    faults = [(time, "missing after") for time in missing] + [(time, "double:") for time in double]
+    if faults:
+        time, fault = min(faults)
+        index = int(np.searchsorted(pulses, time, side="right")) - 1
+        raise ValueError(
+            f"times must come regularly, got a pulse {fault} pulse {index}, {pulses[index]:.6g} s "
+            f"({len(missing)} missing and {len(double)} double in all). "
+            f"Set repair=True, or correct the times."
+        )
+
+
+def _without_doubles(pulses: Angle) -> tuple[Angle, Angle]:
+    """Take out the pulses that make an interval too short; return what stays and what went."""
+    double: list[float] = []
+    while True:
+        short = np.flatnonzero(_judged(np.log(np.diff(pulses)))[0])
+        if not len(short):
+            return pulses, np.sort(np.array(double, dtype=np.float64))
+        apart = short[np.diff(short, prepend=-_REACH - 1) > _REACH]
+        stray = [_rougher_end(pulses, index) for index in apart]
+        double.extend(pulses[stray])
+        pulses = np.delete(pulses, stray)
+
+
+def _rougher_end(pulses: Angle, index: int) -> int:
+    """Of the two pulses around interval `index`, the one without which the rest runs smoother."""
+    start = max(index - _REACH, 0)
+    nearby = pulses[start : index + _REACH + 2]
+
+    def roughness(pulse: int) -> float:
+        rest = np.log(np.diff(np.delete(nearby, pulse - start)))
+        return float(np.abs(np.diff(rest, n=min(2, len(rest) - 1))).mean())
+
+    return min(index + 1, index, key=roughness)
+
+
+def _numbered(pulses: Angle) -> tuple[NDArray[np.int64], Angle]:
+    """Count the pulses, missing ones included; return their numbers and when those were due."""
+    intervals = np.diff(pulses)
+    parts = np.ones(len(intervals), dtype=np.int64)
+    changed = True
+    while changed:
+        changed = False
+        logs = np.log(intervals / parts)
+        _, long, expected = _judged(logs)
+        long &= parts == 1
+        guess = parts.copy()  # so that of two gaps close together neither misleads the other
+        guess[long] = np.rint(np.minimum(np.exp(logs - expected), 1e6)[long])
+        for index in np.flatnonzero(long).tolist():
+            parts[index] = _parts_due(pulses, guess, index)
+            changed |= bool(parts[index] > 1)
+    number = np.concatenate(([0], np.cumsum(parts)))
+    absent = np.setdiff1d(np.arange(number[-1]), number)
+    return number, PchipInterpolator(number, pulses)(absent)
+
+
+def _parts_due(pulses: Angle, parts: NDArray[np.int64], index: int) -> int:
+    """Tell how many intervals a long one stands for, by a speed that is a parabola in time.
+
+    Least squares over the pulses around: a polynomial of the pulse number in time, and the
+    number of intervals by which the pulses after the gap are ahead of those before.
+    """
+    first, last = max(index - _REACH, 0), min(index + _REACH + 2, len(pulses))
+    time = (pulses[first:last] - pulses[index]) / (pulses[index + 1] - pulses[index])
+    steps = parts[first : last - 1].astype(np.float64)
+    steps[index - first] = 0
+    after = time > 0.5
+    fewer = min(np.count_nonzero(after), np.count_nonzero(~after))
+    degree = min(3 if fewer >= _REACH else 2, len(time) - 2)
+    number = np.concatenate(([0], np.cumsum(steps)))
+    terms = np.column_stack([np.vander(time, degree + 1), -after.astype(np.float64)])
+    due = float(np.linalg.lstsq(terms, number, rcond=None)[0][-1])
+    if due > _MOST_PARTS:
+        raise ValueError(
+            f"times must leave gaps of at most {_MOST_PARTS} intervals, got one of {due:.4g} "
+            f"after pulse {index} at {pulses[index]:.6g} s: a standstill or a sensor lost. "
+            f"Cut the recording there."
+        )
+    return max(1, round(due))
+
+
+def _interpolated(pulses: Angle, angle: Angle, instants: Angle) -> Angle:
+    """Interpolate by a cubic spline held monotone, and go on straight beyond its ends."""
+    chords = np.diff(angle) / np.diff(pulses)
+    limit = 3 * np.minimum(np.append(chords[0], chords), np.append(chords, chords[-1]))
+    slopes = np.clip(CubicSpline(pulses, angle)(pulses, 1), 0, limit)
+    inside = CubicHermiteSpline(pulses, angle, slopes)(np.clip(instants, pulses[0], pulses[-1]))
+    early, late = np.minimum(instants - pulses[0], 0), np.maximum(instants - pulses[-1], 0)
+    return inside + slopes[0] * early + slopes[-1] * late
+
+
+def _listed(times: Angle) -> str:
+    if not len(times):
+        return "0"
+    shown = ", ".join(f"{time:.6g}" for time in times[:5])
+    return f"{len(times)} (at {shown}{', ...' if len(times) > 5 else ''} s)"
