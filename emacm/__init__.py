@@ -6,6 +6,14 @@ from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
 from emacm.order_psd import OrderPSD
 from emacm.order_resampler import OrderResampler
 from emacm.recordings import Recording
+from emacm.shaft import (
+    angle_from_currents,
+    angle_from_position,
+    angle_from_resolver,
+    angle_from_velocity,
+    angle_from_wrapped,
+)
+from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 __all__ = [
     "BinTransformer",
@@ -13,8 +21,16 @@ __all__ = [
     "OrderPSD",
     "OrderResampler",
     "Recording",
+    "angle_from_currents",
+    "angle_from_position",
+    "angle_from_pulses",
+    "angle_from_resolver",
+    "angle_from_tacho",
+    "angle_from_velocity",
+    "angle_from_wrapped",
     "expected_cost",
     "neg_expected_cost",
+    "pulse_times",
 ]
 
 __version__ = "0.1.0"

@@ -83,7 +83,9 @@ def load_cranfield(path: str | Path) -> CranfieldRecordings:
         }
     )
     recordings = [
-        _recording(arrays, index, {"state": str(label), **dict(zip(frame, row, strict=True))})
+        _recording(
+            arrays, index, {"state": str(label), **dict(zip(frame.columns, row, strict=True))}
+        )
         for index, label, row in zip(kept, labels, frame.to_numpy().tolist(), strict=True)
     ]
     return CranfieldRecordings(recordings, labels, frame)

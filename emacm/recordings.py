@@ -36,8 +36,8 @@ class Recording:
         only if its values span at most 2π and some step exceeds π.
     velocity : array-like of shape (n_shaft_times,), optional
         Shaft velocity [rad/s], signed. Exactly one of `angle` and `velocity`
-        must be given; the functions of `emacm.shaft` make one from tacho
-        pulses, a resolver, a position or phase currents.
+        must be given; the functions of `emacm.shaft` and
+        `emacm.tacho` make one from a resolver, a position, phase currents or tacho pulses.
     shaft_fs : float, optional
         Sampling rate of the shaft reference [Hz]. Default: that of the channels.
     meta : mapping, optional
@@ -264,8 +264,8 @@ def _check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
     if (angle is None) == (velocity is None):
         came = "neither" if angle is None else "both"
         raise ValueError(
-            f"exactly one of angle and velocity must be given, got {came}. See emacm.shaft "
-            f"for making one from tacho pulses, a resolver, a position or phase currents."
+            f"exactly one of angle and velocity must be given, got {came}. See emacm.shaft and "
+            f"emacm.tacho for making one from a resolver, a position, currents or tacho pulses."
         )
     if angle is None:
         return "velocity", _frozen(check_signal(velocity, "velocity"), velocity)

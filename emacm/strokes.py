@@ -146,11 +146,12 @@ def _joined_path(angle: NDArray[np.floating], fs: float, strokes: list[Stroke]) 
     """Join the strokes; at rest between them the path stands still."""
     if not strokes:
         return []
-    start, stop = strokes[0].start, strokes[-1].stop
-    steps = np.abs(np.diff(angle[start:stop]))
+    origin, end = strokes[0].start, strokes[-1].stop
+    steps = np.zeros(end - origin - 1)
+    for start, stop, sign in strokes:
+        steps[start - origin : stop - 1 - origin] = sign * np.diff(angle[start:stop])
     for before, after in pairwise(strokes):
-        # The turn itself lies between two samples; where rest lies between them, nothing counts.
-        if after.start > before.stop:
-            steps[before.stop - 1 - start : after.start - start] = 0.0
+        if after.start == before.stop:  # the shaft turns between two samples, without rest
+            steps[before.stop - 1 - origin] = abs(angle[after.start] - angle[before.stop - 1])
     travel = np.concatenate([[0.0], np.cumsum(steps)])
-    return [Path(travel, fs, start / fs, float(angle[start]), 0)] if travel[-1] > 0 else []
+    return [Path(travel, fs, origin / fs, float(angle[origin]), 0)] if travel[-1] > 0 else []

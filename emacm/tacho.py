@@ -133,9 +133,10 @@ def angle_from_pulses(
     it is filled if 1.5 intervals or more are due in it, so a start from rest is no fault. In a
     sweep of single faults over steady, ramping, starting, braking and rippling (20 %, ten pulses a
     cycle) shafts, every missing pulse was found more than three intervals from the ends, and 99 %
-    of the double ones; with 1 % of jitter, in 2 % the wrong one of two close pulses goes. Nearer
-    to the ends a fault may pass or be mistaken; a sudden stop looks like missing pulses. So look
-    at the report.
+    of the double ones; with 1 % of jitter, in 2 % the wrong one of two close pulses goes. Within
+    three intervals of the ends that holds at constant speed only, given six pulses; else a fault
+    may pass there or be mistaken, and one that passes shifts all angles beyond it by
+    ``2 pi / pulses_per_rev``. A sudden stop looks like missing pulses. So look at the report.
 
     Between pulses the angle is a cubic spline, its slopes limited to stay monotone [1]_. Errors
     seen at one pulse per revolution: 1e-11 rad at constant speed and at constant acceleration,
@@ -293,12 +294,12 @@ def _judged(log_intervals: Angle) -> tuple[NDArray[np.bool_], NDArray[np.bool_],
         low[end], high[end] = nearest[0] - margin, nearest[0]
     short = log_intervals < np.minimum(expected + np.log(0.6), low - np.log(1.2))
     for outer in (np.arange(n)[:5], np.arange(n)[:-6:-1]):
-        # Halves of one interval look like a speed that changes; their sum is no longer than one.
+        # An outermost interval cut in two looks like a faster start, but makes one when joined.
         if n >= 5 and not short[outer].any():
             first, second, third, fourth, fifth = log_intervals[outer]
-            due = min(2 * third - fourth, 2 * fourth - fifth)
-            if np.logaddexp(first, second) < due + np.log(1.4) and min(first, second) < due + np.log(0.7):
-                short[outer[int(second < first)]] = True
+            due = min(third, fourth, 2 * fourth - fifth)
+            joined = np.logaddexp(first, second) < due + np.log(1.4)
+            short[outer[int(second < first)]] = joined and min(first, second) < due + np.log(0.7)
     long = log_intervals > np.maximum(expected + np.log(1.4), high)
     return short, long, expected
 
