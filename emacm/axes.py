@@ -9,9 +9,9 @@ through arrays, DataFrames and files, and nobody states an order step twice.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from hashlib import sha256
 from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,7 +52,7 @@ class OrderTable(np.ndarray):
         columns = tuple(columns)
         # joblib hashes an array by its class, dtype and bytes, and so would take two tables
         # with equal numbers and different axes for one; metadata of the dtype it does hash.
-        dtype = np.dtype(np.float64, metadata={"columns": joblib.hash(columns)})
+        dtype = np.dtype(np.float64, metadata={"columns": _digest(columns)})
         table = np.array(values, dtype=dtype).view(cls)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(f"{len(columns)} names do not fit values of shape {table.shape}.")
@@ -173,6 +173,10 @@ def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None
             f"the columns of a channel must stand side by side; they come in the order {names}."
         )
     return tuple(blocks)
+
+
+def _digest(columns: Sequence[str]) -> str:
+    return sha256("\0".join(columns).encode()).hexdigest()
 
 
 def _parse(name: Any) -> tuple[str, float] | None:

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from emacm._checks import check_number
 from emacm.axes import OrderBlock, OrderTable, column_names, number_name, parse_order_columns
@@ -112,7 +111,10 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             the orders that the spectra hold.
         """
         names = column_names(X)
-        self._validated(X, reset=True)
+        if isinstance(X, OrderTable) and names is not None:
+            self._fit_table(X, names)
+        else:
+            validate_data(self, X, dtype=np.float64, ensure_min_features=2)
         blocks = self._blocks(names)
         stops = check_stop_bands(self.stop_bands)
         bins, labels = self._bins()
@@ -120,8 +122,13 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         if not kept:
             raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
         self.bins_ = tuple(bins[i] for i in kept)
-        operators = [bin_operator(b.orders, self.bins_, stop_bands=stops) for b in blocks]
-        self.operator_ = sparse.block_diag([sparse.csr_array(o) for o in operators], format="csr")
+        made: dict[bytes, sparse.csr_array] = {}  # channels with the same orders share theirs
+        for orders in (block.orders for block in blocks):
+            if orders.tobytes() not in made:
+                operator = bin_operator(orders, self.bins_, stop_bands=stops)
+                made[orders.tobytes()] = sparse.csr_array(operator)
+        operators = [made[block.orders.tobytes()] for block in blocks]
+        self.operator_ = sparse.block_diag(operators, format="csr")
         self._columns_out = [f"{block.channel}@{labels[i]}" for block in blocks for i in kept]
         return self
 
@@ -145,7 +152,12 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         self._check_axis(X)
-        return np.ascontiguousarray((self.operator_ @ self._validated(X, reset=False).T).T)
+        if isinstance(X, OrderTable) and X.columns and hasattr(self, "feature_names_in_"):
+            psd = check_array(np.asarray(X))  # its names are those of fit, as was just seen
+        else:
+            X = np.asarray(X) if isinstance(X, OrderTable) else X
+            psd = validate_data(self, X, reset=False, dtype=np.float64)
+        return np.ascontiguousarray((self.operator_ @ psd.T).T)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the bins, ``channel@low-high`` or ``channel@name``.
@@ -171,16 +183,17 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                 )
         return np.array(self._columns_out, dtype=object)
 
-    def _validated(self, X: Any, *, reset: bool) -> NDArray[np.floating]:
-        if isinstance(X, OrderTable) and X.columns is not None:
-            X = pd.DataFrame(np.asarray(X), columns=list(X.columns), copy=False)
-        least = 2 if reset else 1  # later, a wrong number of columns has a better answer
-        return validate_data(self, X, reset=reset, dtype=np.float64, ensure_min_features=least)
+    def _fit_table(self, X: OrderTable, names: Sequence[str]) -> None:
+        """Learn names and number of columns, without the detour over a DataFrame."""
+        self.n_features_in_ = check_array(np.asarray(X), ensure_min_features=2).shape[1]
+        self.feature_names_in_ = np.array(names, dtype=object)
 
     def _check_axis(self, X: Any) -> None:
         names, seen = column_names(X), getattr(self, "feature_names_in_", None)
-        if names is None or seen is None or "@" not in str(seen[0]) or names == tuple(seen):
+        if names is None or seen is None or names == tuple(seen):
             return
+        if "@" not in str(seen[0]) and not isinstance(X, OrderTable):
+            return  # no order axis: scikit-learn's own check of names answers
         if set(names) == set(seen):
             came = "these columns in another order"
         else:

@@ -181,10 +181,13 @@ def bin_operator(
     orders = np.asarray(orders, dtype=np.float64)
     stops = check_stop_bands(stop_bands)
     _check_range(orders, bins)
+    kept = [kept_intervals(band, stops) for band in bins]
+    limits = sorted({edge for intervals in kept for interval in intervals for edge in interval})
+    below = dict(zip(limits, _weights_below(orders, np.array(limits)), strict=True))
     rows = np.zeros((len(bins), len(orders)))
-    for row, band in zip(rows, bins, strict=True):
-        for low, high in kept_intervals(band, stops):
-            row += _weights_below(orders, high) - _weights_below(orders, low)
+    for row, intervals in zip(rows, kept, strict=True):
+        for low, high in intervals:
+            row += below[high] - below[low]
     return rows
 
 
@@ -193,14 +196,16 @@ def round_edge(order: float) -> float:
     return float(f"{order:.12g}")
 
 
-def _weights_below(orders: NDArray[np.floating], limit: float) -> NDArray[np.floating]:
-    """Weights of the lines in the integral from the first order to `limit`."""
-    limit = min(max(limit, orders[0]), orders[-1])
+def _weights_below(
+    orders: NDArray[np.floating], limits: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Weights of the lines in the integrals from the first order to each limit."""
     steps = np.diff(orders)
-    share = np.clip((limit - orders[:-1]) / steps, 0.0, 1.0)  # of each gap between two lines
-    weights = np.zeros(len(orders))
-    weights[:-1] += steps * (share - share**2 / 2)  # falling half of a line's triangle
-    weights[1:] += steps * share**2 / 2  # rising half
+    # Share of each gap between two lines that lies below the limit.
+    share = np.clip((limits[:, np.newaxis] - orders[:-1]) / steps, 0.0, 1.0)
+    weights = np.zeros((len(limits), len(orders)))
+    weights[:, :-1] += steps * (share - share**2 / 2)  # falling half of a line's triangle
+    weights[:, 1:] += steps * share**2 / 2  # rising half
     return weights
 
 

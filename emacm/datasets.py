@@ -110,15 +110,15 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     wanted = (*_SIGNALS, *_LABELS, *_CONSTANTS)
     try:
         with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in wanted if name not in file]
-            if missing:
-                raise ValueError(
-                    f"{path.name} lacks {', '.join(missing)}; expected were the arrays "
-                    f"{', '.join(wanted)}."
-                )
-            arrays = {name: file[name] for name in wanted}
-    except (BadZipFile, EOFError, OSError, TypeError) as error:
-        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}.") from error
+            arrays = {name: file[name] for name in wanted if name in file}
+    except (BadZipFile, EOFError, OSError, TypeError, ValueError) as error:
+        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}") from error
+    missing = [name for name in wanted if name not in arrays]
+    if missing:
+        raise ValueError(
+            f"{path.name} lacks {', '.join(missing)}; expected were the arrays "
+            f"{', '.join(wanted)}."
+        )
     _check_shapes(path.name, arrays)
     return arrays
 

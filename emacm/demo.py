@@ -222,13 +222,13 @@ def _train_and_test(
     if loads is not None:
         parts = {load: loads == load for load in np.unique(loads)}
     decided, models = np.empty_like(states), {}
-    random = StratifiedKFold(5, shuffle=True, random_state=0)
+    random = StratifiedKFold(3, shuffle=True, random_state=0)
     for load, part in parts.items():
         train, test = np.flatnonzero(part & ~held_out), np.flatnonzero(part & held_out)
         search = _search(
             pipeline,
             grid,
-            random if groups is None else GroupKFold(5),
+            random if groups is None else GroupKFold(3),
             [recordings[i] for i in train],
             states[train],
             None if groups is None else groups[train],

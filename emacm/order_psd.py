@@ -49,7 +49,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         What becomes of a recording without a stroke as long as a segment: an
         error, or an estimate padded with zeros.
     max_order : float, optional
-        Highest order that gets a column.
+        Highest order of interest: columns above the first one at or above it are cut.
     theta_s : float, optional
         Angle between samples [rad] of bare rows. Recordings know theirs.
     memory : None, str or joblib.Memory

@@ -45,7 +45,7 @@ def simulate_actuator(
     state : {"healthy", "screw", "bearing"}
         State of health.
     severity : float
-        Size of the fault; 0 is healthy.
+        Size of the fault; 0 is healthy, and a healthy unit has 0.
     seed : int or sequence of int
         Of what differs from run to run: motion, load and noise.
     unit_seed : int or sequence of int, optional
@@ -83,6 +83,7 @@ def simulate_actuator(
     velocity, angle = _motion(times, rng)
     unit_rng = None if unit_seed is None else np.random.default_rng(unit_seed)
     gain, ripple, noise = _unit(unit_rng)
+    severity = 0.0 if state == "healthy" else severity
     faults = dict.fromkeys(STATES, 0.0) | {state: severity}
     current = gain * _current(times, angle, velocity, faults["screw"], ripple, rng)
     strikes = _strikes(angle, velocity, faults["bearing"], fs, rng)

@@ -209,7 +209,8 @@ def segment_plan(
     n_orders = length // 2 + 1
     if max_order is not None:
         top = check_number(max_order, "max_order", at_least=0, unit="orders")
-        n_orders = min(n_orders, int(top * length / samples_per_rev + 1e-9) + 1)
+        # The line at or above the limit stays, so that bins up to the limit can be integrated.
+        n_orders = min(n_orders, int(np.ceil(top * length / samples_per_rev - 1e-9)) + 1)
     _window_values(window, length)
     step = length - min(int(overlap * length), length - 1)
     return SegmentPlan(samples_per_rev, length, step, window, detrend, scaling, average, n_orders)
@@ -255,7 +256,7 @@ def order_psd(
         "median" is less moved by single shocks (and corrected for its bias on
         noise, as in `scipy.signal.welch`).
     max_order : float, optional
-        Highest order that is returned.
+        Highest order of interest: lines above the first one at or above it are cut.
 
     Returns
     -------
