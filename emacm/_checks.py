@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any
@@ -38,6 +38,8 @@ def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
     ValueError
         If they are ragged.
     """
+    if np.ma.is_masked(values):
+        raise TypeError(f"{name} has masked samples, which are no measurement. Cut or repair them.")
     try:
         array = np.asarray(values)
     except ValueError as error:
@@ -48,9 +50,7 @@ def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
             f"Pass the real and the imaginary part as two channels."
         )
     if array.dtype.kind not in "biuf":
-        raise TypeError(
-            f"{name} must be numeric, got {array.dtype} values such as {_first(array)!r}."
-        )
+        raise TypeError(f"{name} must be numeric, got {_first_word(values, array)}.")
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         return array.astype(np.float64)
     return array.astype(array.dtype.newbyteorder("="), copy=False)
@@ -108,7 +108,10 @@ def check_number(
     )
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         raise TypeError(f"{expected}, got {value!r}.")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = np.inf
     if (
         not np.isfinite(number)
         or (above is not None and not number > above)
@@ -122,20 +125,42 @@ def check_number(
 
 def check_count(value: Any, name: str, *, at_least: int = 1) -> int:
     """Return `value` as an int of at least `at_least`."""
+    expected = f"{name} must be a whole number of at least {at_least}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
-        raise TypeError(f"{name} must be a whole number of at least {at_least}, got {value!r}.")
-    if value < at_least:
-        raise ValueError(f"{name} must be a whole number of at least {at_least}, got {value!r}.")
-    return int(value)
+        raise TypeError(f"{expected}, got {value!r}.")
+    count = int(value)
+    if count < at_least:
+        raise ValueError(f"{expected}, got {value!r}.")
+    return count
+
+
+def check_finite_table(
+    table: NDArray[np.floating], rows: str, columns: Sequence[Any] | None = None
+) -> None:
+    """Raise a ValueError with row and column of the first NaN or infinity in a 2-D array."""
+    bad = ~np.isfinite(table)
+    if bad.any():
+        row, column = (int(place[0]) for place in np.nonzero(bad))
+        value = "NaN" if np.isnan(table[row, column]) else "inf (infinity)"
+        where = f"sample {column}" if columns is None else f"column {columns[column]!r}"
+        raise ValueError(f"X must be finite, got {value} in {rows} {row}, {where}. Leave it out.")
 
 
 def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
     """Return `value` if it is one of `choices`."""
+    if isinstance(value, np.generic):
+        value = value.item()
     if not any(value is choice or (value == choice) is True for choice in choices):
         listed = ", ".join(repr(choice) for choice in choices)
         raise ValueError(f"{name} must be one of {listed}; got {value!r}.")
     return value
 
 
-def _first(array: NDArray[Any]) -> Any:
-    return array.reshape(-1)[0] if array.size else None
+def _first_word(values: Any, array: NDArray[Any]) -> str:
+    """Say which of the values is no number, and where."""
+    if array.ndim == 1:
+        given = values if isinstance(values, list | tuple) else array
+        for index, value in enumerate(given):
+            if isinstance(value, bool) or not isinstance(value, Real):
+                return f"{value!r} at sample {index}"
+    return repr(values) if array.ndim == 0 else f"{array.dtype} values"

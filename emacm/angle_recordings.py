@@ -40,7 +40,7 @@ class AngleRecording:
         Speed up to which the shaft counts as standing [rad/s].
     """
 
-    recording: Recording
+    recording: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
     channels: tuple[str, ...]
     theta_s: float
     interpolation: str = "cubic"
@@ -82,6 +82,9 @@ class AngleRecording:
             )
             for number, stroke in enumerate(self.strokes)
         }
+        if not tables:
+            index = pd.MultiIndex.from_arrays([[], []], names=["stroke", "angle"])
+            return pd.DataFrame(index=index, columns=list(self.channels), dtype=float)
         return pd.concat(tables, names=["stroke"])
 
 

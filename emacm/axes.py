@@ -8,12 +8,15 @@ through arrays, DataFrames and files, and nobody states an order step twice.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+_NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.IGNORECASE)
 
 
 class OrderBlock(NamedTuple):
@@ -53,7 +56,7 @@ class OrderTable(np.ndarray):
         # joblib hashes an array by its class, dtype and bytes, and so would take two tables
         # with equal numbers and different axes for one; metadata of the dtype it does hash.
         dtype = np.dtype(np.float64, metadata={"columns": _digest(columns)})
-        table = np.array(values, dtype=dtype).view(cls)
+        table = np.asarray(values).astype(dtype).view(cls)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(f"{len(columns)} names do not fit values of shape {table.shape}.")
         table.columns = columns
@@ -63,12 +66,22 @@ class OrderTable(np.ndarray):
         """Forget the names, unless a method below knows better."""
         self.columns = None
 
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        """Return what a ufunc or a reduction made as a plain array or number."""
+        values = np.asarray(array)
+        return values[()] if values.ndim == 0 else values
+
     def __getitem__(self, key: Any) -> Any:
         """Index as an array does; a choice of rows keeps the names."""
         chosen = super().__getitem__(key)
         if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
             chosen.columns = self.columns
         return chosen
+
+    def sort(self, *args: Any, **kwargs: Any) -> None:
+        """Sort in place, and forget the names."""
+        super().sort(*args, **kwargs)
+        self.columns = None
 
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""
@@ -151,8 +164,9 @@ def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None
         return None
     if len(known) < len(parsed):
         stranger = columns[parsed.index(None)]
+        order = next(name for name, entry in zip(columns, parsed, strict=True) if entry)
         raise ValueError(
-            f"all columns or none must be named 'channel@order': {columns[0]!r} and the like stand "
+            f"all columns or none must be named 'channel@order': {order!r} and the like stand "
             f"beside {stranger!r}. Choose the order columns first (with a ColumnTransformer, say)."
         )
     starts = [i for i in range(len(known)) if i == 0 or known[i][0] != known[i - 1][0]]
@@ -183,11 +197,10 @@ def _parse(name: Any) -> tuple[str, float] | None:
     if not isinstance(name, str) or "@" not in name:
         return None
     channel, _, order = name.rpartition("@")
-    try:
-        number = float(order)
-    except ValueError:
+    # float() would also take "1_0", " 5" and digits of other scripts.
+    if not _NUMBER.fullmatch(order) or not np.isfinite(float(order)):
         return None
-    return (channel, number) if np.isfinite(number) and number >= 0 else None
+    return channel, float(order)
 
 
 def _chooses_rows(key: Any) -> bool:

@@ -11,7 +11,7 @@ from scipy import sparse
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import check_number
+from emacm._checks import check_finite_table, check_number
 from emacm.axes import OrderBlock, OrderTable, column_names, number_name, parse_order_columns
 from emacm.bins import (
     Band,
@@ -114,7 +114,10 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         if isinstance(X, OrderTable) and names is not None:
             self._fit_table(X, names)
         else:
-            validate_data(self, X, dtype=np.float64, ensure_min_features=2)
+            psd = validate_data(
+                self, X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False
+            )
+            check_finite_table(psd, "recording", names)
         blocks = self._blocks(names)
         stops = check_stop_bands(self.stop_bands)
         bins, labels = self._bins()
@@ -153,10 +156,11 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         check_is_fitted(self)
         self._check_axis(X)
         if isinstance(X, OrderTable) and X.columns and hasattr(self, "feature_names_in_"):
-            psd = check_array(np.asarray(X))  # its names are those of fit, as was just seen
+            psd = np.asarray(X)  # its names are those of fit, as was just seen
         else:
             X = np.asarray(X) if isinstance(X, OrderTable) else X
-            psd = validate_data(self, X, reset=False, dtype=np.float64)
+            psd = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite=False)
+        check_finite_table(psd, "recording", column_names(X))
         return np.ascontiguousarray((self.operator_ @ psd.T).T)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
@@ -185,7 +189,9 @@ class BinTransformer(TransformerMixin, BaseEstimator):
 
     def _fit_table(self, X: OrderTable, names: Sequence[str]) -> None:
         """Learn names and number of columns, without the detour over a DataFrame."""
-        self.n_features_in_ = check_array(np.asarray(X), ensure_min_features=2).shape[1]
+        psd = check_array(np.asarray(X), ensure_min_features=2, ensure_all_finite=False)
+        check_finite_table(psd, "recording", names)
+        self.n_features_in_ = psd.shape[1]
         self.feature_names_in_ = np.array(names, dtype=object)
 
     def _check_axis(self, X: Any) -> None:

@@ -87,13 +87,14 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         raise ValueError(f"edges must be at least two increasing orders, got {edges!r}.")
     if not np.all(np.isfinite(values)) or values[0] < 0:
         raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
-    if np.any(np.diff(values) <= 0):
-        place = int(np.argmax(np.diff(values) <= 0))
-        raise ValueError(
-            f"edges must increase, but {values[place]:g} is followed by {values[place + 1]:g} "
-            f"(at position {place + 1}). Sort them, or name overlapping bands in a mapping."
-        )
     rounded = [round_edge(value) for value in values]
+    for place, (low, high) in enumerate(pairwise(rounded)):
+        if high <= low:
+            raise ValueError(
+                f"edges must increase, but {values[place]:.15g} is followed by "
+                f"{values[place + 1]:.15g} (at position {place + 1}). Sort them, or name "
+                f"overlapping bands in a mapping."
+            )
     return list(pairwise(rounded))
 
 
@@ -213,9 +214,10 @@ def _check_band(band: Any, name: str) -> Band:
     if isinstance(band, str) or not np.iterable(band) or len(list(band)) != 2:
         raise TypeError(f"{name} must be a pair (low, high) of orders, got {band!r}.")
     low, high = (check_number(edge, f"{name}", at_least=0, unit="orders") for edge in band)
+    low, high = round_edge(low), round_edge(high)
     if not low < high:
         raise ValueError(f"{name} must run from a lower to a higher order, got {band!r}.")
-    return round_edge(low), round_edge(high)
+    return low, high
 
 
 def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:

@@ -116,8 +116,7 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     missing = [name for name in wanted if name not in arrays]
     if missing:
         raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; expected were the arrays "
-            f"{', '.join(wanted)}."
+            f"{path.name} lacks {', '.join(missing)}; expected were the arrays {', '.join(wanted)}."
         )
     _check_shapes(path.name, arrays)
     return arrays

@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, check_memory, validate_data
 
-from emacm._checks import check_choice, check_number, check_signal, located
+from emacm._checks import (
+    check_choice,
+    check_finite_table,
+    check_number,
+    check_signal,
+    located,
+)
 from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.axes import OrderTable, order_columns
 from emacm.recordings import Recording, described
-from emacm.spectrum import SHORTS, SegmentPlan, segment_plan
+from emacm.spectrum import SHORTS, SegmentPlan, samples_per_revolution, segment_plan
 
 _BARE = "signal"  # what bare rows call their one channel
 
@@ -151,11 +157,11 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         """
         rows = self._checked(X, reset=True)
         self.theta_s_ = self._stated_theta_s(rows[0])
-        if isinstance(rows[0], AngleRecording):
-            self.channels_ = rows[0].channels
+        self._recorded = isinstance(rows[0], AngleRecording)
+        self.channels_ = rows[0].channels if self._recorded else (_BARE,)
+        if self._recorded:
+            self.__dict__.pop("n_features_in_", None)  # of an earlier fit on a table
             self._check_recordings(rows)
-        else:
-            self.channels_ = (_BARE,)
         self._plan = self._segment_plan(rows)
         self.orders_ = self._plan.orders
         self.order_step_ = self._plan.order_step
@@ -188,6 +194,11 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         rows = self._checked(X, reset=False)
         if isinstance(rows[0], AngleRecording):
             self._check_recordings(rows)
+        elif self._recorded:
+            raise ValueError(
+                "X holds bare rows, but OrderPSD was fitted on recordings of channels "
+                f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
+            )
         estimate = partial(
             check_memory(self.memory).cache(_spectra),
             plan=self._plan,
@@ -223,7 +234,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         if seen is not None and names != list(seen):
             raise ValueError("input_features is not equal to feature_names_in_.")
         expected = getattr(self, "n_features_in_", None)
-        if expected is None and self.channels_ != (_BARE,):
+        if expected is None and self._recorded:
             expected = len(self.channels_)
         if expected is not None and len(names) != expected:
             raise ValueError(
@@ -245,9 +256,16 @@ class OrderPSD(TransformerMixin, BaseEstimator):
                 return self._checked_rows(rows)
         self._refuse_direction()
         least = 2 if reset else 1  # later, a wrong number of columns has a better answer
-        return validate_data(
-            self, X, reset=reset, dtype=[np.float64, np.float32], ensure_min_features=least
+        table = validate_data(
+            self,
+            X,
+            reset=reset,
+            dtype=[np.float64, np.float32],
+            ensure_min_features=least,
+            ensure_all_finite=False,
         )
+        check_finite_table(table, "row")
+        return table
 
     def _checked_rows(self, rows: list[Any]) -> list[NDArray[np.floating]]:
         self._refuse_direction()
@@ -266,6 +284,10 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         """Compare recordings with the axis and the channels of `fit`."""
         for index, row in enumerate(rows):
             where = described(row, index)
+            if not self._recorded:
+                raise ValueError(
+                    f"{where} is a recording, but OrderPSD was fitted on bare rows. Fit it again."
+                )
             if row.channels != self.channels_:
                 raise ValueError(
                     f"{where} has channels {list(row.channels)}, expected were "
@@ -307,16 +329,15 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         )
         if self.theta_s_ is not None:
             return plan(
-                2 * np.pi / self.theta_s_,
+                samples_per_revolution(self.theta_s_),
                 revolutions=self.revolutions,
                 n_per_segment=self.n_per_segment,
             )
-        wanted = self.n_per_segment
-        if wanted is None:
-            wanted = round(check_number(self.revolutions, "revolutions", above=0))
-        elif not isinstance(wanted, int | np.integer):
-            return plan(1.0, n_per_segment=wanted)  # which says what is wrong with it
-        return plan(1.0, n_per_segment=min(wanted, min(len(row) for row in rows)))
+        wanted = plan(1.0, revolutions=self.revolutions, n_per_segment=self.n_per_segment)
+        shortest = min(len(row) for row in rows)
+        if wanted.n_per_segment <= shortest:
+            return wanted
+        return plan(1.0, n_per_segment=shortest)
 
     def _column_names(self) -> tuple[str, ...]:
         if self.theta_s_ is None:

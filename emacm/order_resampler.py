@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, located
+from emacm._checks import check_choice, check_number, check_real_array, located
 from emacm.angle_recordings import AngleRecording
-from emacm.recordings import Recording, described
+from emacm.recordings import Recording, check_unique_columns, described
 from emacm.resampling import INTERPOLATIONS, PASS
-from emacm.strokes import DIRECTIONS, find_strokes
+from emacm.strokes import DIRECTIONS, stroke_paths
 
 
-class OrderResampler(TransformerMixin, BaseEstimator):
+class OrderResampler(  # type: ignore[call-arg]
+    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
+):
     """Resample recordings from uniform time to uniform shaft angle.
 
     Faults that are locked to the shaft then stand at fixed orders (cycles per
@@ -64,7 +66,8 @@ class OrderResampler(TransformerMixin, BaseEstimator):
     `X` is a list of `Recording`, or, where `fs` and `reference` are given, an
     array of shape (n_recordings, n_channels, n_times), a list of arrays of
     shape (n_channels, n_times), or a list of DataFrames (a row a sample).
-    Bare arrays name their channels "x0", "x1" and so on.
+    Bare arrays name their channels "x0", "x1" and so on. They are not copied:
+    leave them as they are until the result has been read.
 
     Examples
     --------
@@ -196,7 +199,9 @@ class OrderResampler(TransformerMixin, BaseEstimator):
         self._check_parameters()
         recordings = self._recordings(X)
         rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(_quality)(recording, self.theta_s, self.min_speed, self.direction)
+            delayed(_quality)(
+                recording, self.channels, self.theta_s, self.min_speed, self.direction
+            )
             for recording in recordings
         )
         return pd.DataFrame(rows)
@@ -245,6 +250,12 @@ class OrderResampler(TransformerMixin, BaseEstimator):
         check_choice(self.direction, "direction", DIRECTIONS)
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
+        if isinstance(self.reference, bool) or not isinstance(
+            self.reference, str | int | np.integer | None
+        ):
+            raise TypeError(
+                f"reference must be the index or the name of a channel, got {self.reference!r}."
+            )
 
     def _recordings(self, X: Any) -> list[Recording]:
         """Return X as recordings, whatever form it came in."""
@@ -297,7 +308,12 @@ class OrderResampler(TransformerMixin, BaseEstimator):
             return first.channels
         if isinstance(self.channels, str):
             raise TypeError(f"channels must be a list of names; write [{self.channels!r}].")
+        if not isinstance(self.channels, Iterable):
+            raise TypeError(f"channels must be a list of names, got {self.channels!r}.")
         chosen = tuple(self.channels)
+        for name in chosen:
+            if not isinstance(name, str):
+                raise TypeError(f"channels must be a list of names, got {name!r} in {chosen!r}.")
         if not chosen or len(set(chosen)) < len(chosen):
             raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
         return chosen
@@ -334,8 +350,9 @@ class OrderResampler(TransformerMixin, BaseEstimator):
 def _bare_channels(entry: Any) -> dict[str, Any]:
     """Name the channels of an array (n_channels, n_times) or a DataFrame."""
     if isinstance(entry, pd.DataFrame):
+        check_unique_columns(entry, "it")
         return {name: entry[name].to_numpy() for name in entry.columns}
-    array = np.asarray(entry)
+    array = check_real_array(entry, "the array")
     if array.ndim != 2:
         raise ValueError(f"expected an array of shape (n_channels, n_times), got {array.shape}.")
     array = array.view()
@@ -344,20 +361,28 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
 
 
 def _quality(
-    recording: Recording, theta_s: float, min_speed: float, direction: str
+    recording: Recording,
+    channels: Sequence[str] | None,
+    theta_s: float,
+    min_speed: float,
+    direction: str,
 ) -> dict[str, Any]:
-    velocity, angle, fs = recording.velocity, recording.angle, recording.shaft_fs
-    strokes = find_strokes(velocity, min_speed=min_speed)
-    if direction in ("forward", "reverse"):
-        strokes = [s for s in strokes if (s.direction > 0) == (direction == "forward")]
-    turned = [abs(angle[s.stop - 1] - angle[s.start]) / (2 * np.pi) for s in strokes]
-    speeds = [np.abs(velocity[s.start : s.stop]) for s in strokes]
+    velocity, fs = recording.velocity, recording.shaft_fs
+    if direction == "travel":
+        direction = "strokes"  # which is what travel joins
+    paths = stroke_paths(recording.angle, velocity, fs, direction=direction, min_speed=min_speed)
+    starts = [round(path.start_time * fs) for path in paths]
+    speeds = [
+        np.abs(velocity[start : start + len(path.travel)])
+        for start, path in zip(starts, paths, strict=True)
+    ]
+    turned = [path.length / (2 * np.pi) for path in paths]
     fastest = max((float(speed.max()) for speed in speeds), default=0.0)
-    slowest_fs = min(recording.fs.values())
+    slowest_fs = min(recording.fs[name] for name in channels or recording.channels)
     max_order = slowest_fs / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
     row: dict[str, Any] = {
         "revolutions": float(sum(turned)),
-        "strokes": len(strokes),
+        "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
         "standing": float(np.mean(np.abs(velocity) <= min_speed)),
         "slowest": min((float(speed.min()) for speed in speeds), default=0.0),

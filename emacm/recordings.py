@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_number, check_signal
 from emacm.shaft import angle_from_velocity, angle_from_wrapped, is_wrapped
 
-_SHAFT = ("angle", "velocity")
+_LONG = 200  # characters of meta in a message
 
 
 class Recording:
@@ -108,7 +109,7 @@ class Recording:
             "_signals": channels,
             "_fs": rates,
             "_shaft": shaft,
-            "_meta": dict(meta or {}),
+            "_meta": copy.deepcopy(dict(meta or {})),
             "reference": reference,
             "shaft_fs": _check_shaft_rate(shaft_fs, rates),
         }
@@ -210,8 +211,18 @@ class Recording:
 
 def described(recording: Any, index: int) -> str:
     """Say which recording it is: its number and, as folds renumber, what its meta tells."""
-    meta = ", ".join(f"{key}={value!r}" for key, value in getattr(recording, "meta", {}).items())
-    return f"recording {index}" + (f" ({meta})" if meta else "")
+    known = getattr(recording, "meta", None)
+    if not isinstance(known, Mapping) or not known:
+        return f"recording {index}"
+    meta = ", ".join(f"{key}={value!r}" for key, value in known.items())
+    return f"recording {index} ({meta if len(meta) <= _LONG else meta[:_LONG] + ' ...'})"
+
+
+def check_unique_columns(frame: pd.DataFrame, name: str) -> None:
+    """Raise a ValueError if two columns of a DataFrame have the same name."""
+    if not frame.columns.is_unique:
+        double = list(frame.columns[frame.columns.duplicated()])
+        raise ValueError(f"{name} has columns of the same name: {double}. Rename them.")
 
 
 def _frozen(array: NDArray[np.floating], given: Any) -> NDArray[np.floating]:
@@ -225,9 +236,7 @@ def _frozen(array: NDArray[np.floating], given: Any) -> NDArray[np.floating]:
 
 def _check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
     if isinstance(signals, pd.DataFrame):
-        if not signals.columns.is_unique:
-            double = list(signals.columns[signals.columns.duplicated()])
-            raise ValueError(f"signals has columns of the same name: {double}. Rename them.")
+        check_unique_columns(signals, "signals")
         signals = {name: signals[name] for name in signals.columns}
     if not isinstance(signals, Mapping):
         raise TypeError(
@@ -308,13 +317,17 @@ def _check_durations(recording: Recording) -> None:
 
 def _same(one: Any, other: Any) -> bool:
     """Compare values that may hold arrays."""
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return (
-            isinstance(one, np.ndarray)
-            and isinstance(other, np.ndarray)
-            and one.dtype == other.dtype
-            and np.array_equal(one, other)
-        )
+    if one is other:
+        return True
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return list(one) == list(other) and all(_same(one[key], other[key]) for key in one)
-    return bool(one == other)
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        equal_nan = one.dtype.kind in "fc"
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
+    if type(one) is not type(other):
+        return bool(np.isscalar(one) and np.isscalar(other) and one == other)
+    if isinstance(one, pd.DataFrame | pd.Series | pd.Index):
+        return bool(one.equals(other))
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other or (one != one and other != other))

@@ -102,9 +102,8 @@ def interpolate_to_angle(
     angles = theta_s * np.arange(angle_count(path, theta_s))
     first, last = _sample_range(path, fs, len(rows[0]))
     travel = _travel_at(path, np.arange(first, last) / fs)
-    rising = np.ones(len(travel), dtype=bool)  # a shaft that stands or shivers repeats angles
-    rising[1:] = travel[1:] > np.maximum.accumulate(travel)[:-1]
-    index = np.interp(angles, travel[rising], np.flatnonzero(rising).astype(float))
+    # A shaft that stands or shivers repeats angles; what counts is when it passes them for good.
+    index = np.interp(angles, np.maximum.accumulate(travel), np.arange(len(travel)))
     values = np.stack([_read_off(row[first:last], index, interpolation) for row in rows])
     return angles, values.reshape(*leading, len(angles))
 
@@ -144,16 +143,22 @@ def spread_to_angle(
     """
     rows, leading = _as_rows(signal)
     angles = theta_s * np.arange(angle_count(path, theta_s))
+    # The mean is set aside, so that it comes out exact whatever the ripple of the filter.
+    first, last = _sample_range(path, fs, len(rows[0]))
+    means = np.array([row[first:last].mean(dtype=np.float64) for row in rows])
     step = theta_s / 2
+    if path.length < step:  # too short to hold more than its mean
+        return angles, np.repeat(means, len(angles)).reshape(*leading, len(angles))
     # Rows of the fine grid: angles from -_MARGIN steps to as many beyond the last output.
     fine = np.zeros((2 * (len(angles) - 1) + 1 + 2 * _MARGIN, len(rows)))
     for travel, weight, values in _dense_blocks(rows, fs, path, theta_s):
         for image in _mirror_images(travel, path.length, _MARGIN * step):
-            _spread(image / step + _MARGIN, weight / step, values, fine)
+            _spread(image / step + _MARGIN, weight / step, values - means, fine)
     resampled = np.empty((len(rows), len(angles)))
-    for row, column in zip(resampled, fine[_WIDTH // 2 : len(fine) - _WIDTH // 2].T, strict=True):
+    kept = fine[_WIDTH // 2 : len(fine) - _WIDTH // 2]
+    for row, column, mean in zip(resampled, kept.T, means, strict=True):
         even = filters.upfirdn(_decimating_filter(), column, down=2)
-        row[:] = even[_HALF : _HALF + len(angles)]
+        row[:] = even[_HALF : _HALF + len(angles)] + mean
     return angles, resampled.reshape(*leading, len(angles))
 
 
@@ -221,7 +226,9 @@ def _dense_blocks(
     """
     factor = _upsampling(fs, path, theta_s)
     rate = fs * factor
-    first, last = _sample_range(path, rate, factor * (len(rows[0]) - 1) + 1)
+    # Made denser, the signal goes on, mirrored, to the end of the path.
+    n_times = len(rows[0]) if factor == 1 else factor * (len(rows[0]) + 1)
+    first, last = _sample_range(path, rate, n_times)
     for start in range(first, last, _BLOCK):
         stop = min(start + _BLOCK, last)
         around = np.arange(max(start - 1, first), min(stop + 1, last))

@@ -18,6 +18,7 @@ SCALINGS = ("density", "spectrum")
 AVERAGES = ("mean", "median")
 SHORTS = ("raise", "pad")
 
+_MOST_SAMPLES = 1 << 31  # of a segment
 _BLOCK_BYTES = 1 << 20  # of segments in work at once: they should stay in cache
 
 
@@ -64,7 +65,8 @@ class SegmentPlan:
     @property
     def orders(self) -> NDArray[np.floating]:
         """Orders of the spectral lines, shape (n_orders,)."""
-        return np.arange(self.n_orders) * self.order_step
+        # Multiplied first, so that 3 lines of 1/10 order lie at 0.3 and not beside it.
+        return np.arange(self.n_orders) * self.samples_per_rev / self.n_per_segment
 
     @property
     def revolutions(self) -> float:
@@ -216,6 +218,29 @@ def segment_plan(
     return SegmentPlan(samples_per_rev, length, step, window, detrend, scaling, average, n_orders)
 
 
+def samples_per_revolution(theta_s: float) -> float:
+    """Return 2π/theta_s, exactly whole where it is whole but for rounding.
+
+    Parameters
+    ----------
+    theta_s : float
+        Angle between samples [rad].
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> 2 * np.pi / (2 * np.pi / 100), samples_per_revolution(2 * np.pi / 100)
+    (99.99999999999999, 100.0)
+    """
+    samples = 2 * np.pi / check_number(theta_s, "theta_s", above=0, unit="rad per sample")
+    whole = np.rint(samples)
+    return float(whole if abs(samples - whole) <= 1e-14 * samples else samples)
+
+
 def order_psd(
     signal: ArrayLike,
     samples_per_rev: float,
@@ -306,9 +331,18 @@ def order_psd(
 
 def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
     if n_per_segment is not None:
-        return check_count(n_per_segment, "n_per_segment", at_least=2)
+        count = check_count(n_per_segment, "n_per_segment", at_least=2)
+        if count > _MOST_SAMPLES:
+            raise ValueError(f"n_per_segment = {count} is more samples than a segment may have.")
+        return count
     revolutions = check_number(revolutions, "revolutions", above=0)
-    length = round(revolutions * samples_per_rev)
+    samples = revolutions * samples_per_rev
+    if samples > _MOST_SAMPLES:
+        raise ValueError(
+            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
+            f"segments of {samples:.3g} samples. Lower revolutions, or raise theta_s."
+        )
+    length = round(samples)
     if length < 2:
         raise ValueError(
             f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
@@ -319,15 +353,28 @@ def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any
 
 def _window_values(window: Any, length: int) -> NDArray[np.floating]:
     if isinstance(window, str | tuple):
-        return filters.get_window(window, length)
+        try:
+            named = np.asarray(filters.get_window(window, length), dtype=np.float64)
+        except (ValueError, TypeError, IndexError, AttributeError) as error:
+            raise ValueError(
+                f"window must be what scipy.signal.get_window takes, such as 'hann' or "
+                f"('kaiser', 8.0); got {window!r}: {error}"
+            ) from error
+        return _check_window(named, window)
     values = check_real_array(window, "window")
     if values.shape != (length,):
         raise ValueError(
             f"a window given as an array must have the {length} samples of a segment, "
             f"got shape {values.shape}. Name it instead, or set n_per_segment."
         )
+    return _check_window(values, "an array")
+
+
+def _check_window(values: NDArray[np.floating], name: Any) -> NDArray[np.floating]:
     if not np.all(np.isfinite(values)) or np.sum(values) == 0:
-        raise ValueError("a window given as an array must be finite and must not add up to 0.")
+        raise ValueError(
+            f"window must be finite and must not add up to 0; the values of {name!r} are not so."
+        )
     return values
 
 

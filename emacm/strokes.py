@@ -22,7 +22,7 @@ class Stroke(NamedTuple):
     direction: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Path:
     """Way of the shaft along its own motion, at uniform times.
 
@@ -45,6 +45,18 @@ class Path:
     start_time: float
     start_angle: float
     direction: int
+
+    def __eq__(self, other: object) -> bool:
+        """Two paths are equal if they run the same way at the same time."""
+        if not isinstance(other, Path):
+            return NotImplemented
+        mine = (self.fs, self.start_time, self.start_angle, self.direction)
+        theirs = (other.fs, other.start_time, other.start_angle, other.direction)
+        return mine == theirs and np.array_equal(self.travel, other.travel)
+
+    def __hash__(self) -> int:
+        """Agree for equal paths."""
+        return hash((self.fs, self.start_time, self.start_angle, self.direction))
 
     @property
     def length(self) -> float:
