@@ -133,8 +133,11 @@ class AngleStroke:
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
         settings, recording = self.recording, self.recording.recording
+        rates = dict.fromkeys(recording.fs[name] for name in settings.channels)
+        if len(rates) == 1:
+            return self._resample([recording.signals[name] for name in settings.channels], *rates)
         resampled = np.empty((len(settings.channels), self.n_angles))
-        for fs in dict.fromkeys(recording.fs[name] for name in settings.channels):
+        for fs in rates:
             rows = [i for i, name in enumerate(settings.channels) if recording.fs[name] == fs]
             chosen = [recording.signals[settings.channels[i]] for i in rows]
             resampled[rows] = self._resample(chosen, fs)

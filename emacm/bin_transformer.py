@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from emacm._checks import check_finite_table, check_number
-from emacm.axes import OrderBlock, OrderTable, column_names, number_name, parse_order_columns
+from emacm.axes import OrderBlock, column_names, number_name, parse_order_columns
 from emacm.bins import (
     Band,
     bin_edges,
@@ -111,13 +111,16 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             the orders that the spectra hold.
         """
         names = column_names(X)
-        if isinstance(X, OrderTable) and names is not None:
-            self._fit_table(X, names)
+        if names is not None and _names_orders(names):
+            psd = check_array(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
+            # validate_data would not see the names of every container.
+            self.n_features_in_ = psd.shape[1]
+            self.feature_names_in_ = np.array(names, dtype=object)
         else:
             psd = validate_data(
                 self, X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False
             )
-            check_finite_table(psd, "recording", names)
+        check_finite_table(psd, "recording", names)
         blocks = self._blocks(names)
         stops = check_stop_bands(self.stop_bands)
         bins, labels = self._bins()
@@ -154,13 +157,12 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             If the columns are not those of `fit`.
         """
         check_is_fitted(self)
-        self._check_axis(X)
-        if isinstance(X, OrderTable) and X.columns and hasattr(self, "feature_names_in_"):
-            psd = np.asarray(X)  # its names are those of fit, as was just seen
+        names = column_names(X)
+        if self._same_axis(names):
+            psd = check_array(X, dtype=np.float64, ensure_all_finite=False)
         else:
-            X = np.asarray(X) if isinstance(X, OrderTable) else X
             psd = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite=False)
-        check_finite_table(psd, "recording", column_names(X))
+        check_finite_table(psd, "recording", names)
         return np.ascontiguousarray((self.operator_ @ psd.T).T)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
@@ -187,19 +189,13 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                 )
         return np.array(self._columns_out, dtype=object)
 
-    def _fit_table(self, X: OrderTable, names: Sequence[str]) -> None:
-        """Learn names and number of columns, without the detour over a DataFrame."""
-        psd = check_array(np.asarray(X), ensure_min_features=2, ensure_all_finite=False)
-        check_finite_table(psd, "recording", names)
-        self.n_features_in_ = psd.shape[1]
-        self.feature_names_in_ = np.array(names, dtype=object)
-
-    def _check_axis(self, X: Any) -> None:
-        names, seen = column_names(X), getattr(self, "feature_names_in_", None)
-        if names is None or seen is None or names == tuple(seen):
-            return
-        if "@" not in str(seen[0]) and not isinstance(X, OrderTable):
-            return  # no order axis: scikit-learn's own check of names answers
+    def _same_axis(self, names: Sequence[Any] | None) -> bool:
+        """Tell whether the names are the order axis of `fit`; refuse another one."""
+        seen = getattr(self, "feature_names_in_", None)
+        if names is None or seen is None or not (_names_orders(names) or _names_orders(seen)):
+            return False  # what is to be said of other names, scikit-learn says
+        if tuple(names) == tuple(seen):
+            return True
         if set(names) == set(seen):
             came = "these columns in another order"
         else:
@@ -240,3 +236,8 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                 return list(own.values()), list(own)
             bins = own
         return bins, [f"{number_name(low)}-{number_name(high)}" for low, high in bins]
+
+
+def _names_orders(names: Sequence[Any]) -> bool:
+    """Tell by the first name whether these are columns of an order spectrum."""
+    return parse_order_columns(names[:1]) is not None

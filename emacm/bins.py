@@ -14,7 +14,7 @@ from emacm._checks import check_number, check_real_array
 Band = tuple[float, float]
 
 _SLACK = 1e-9  # orders; an edge this near to the end of the axis lies on it
-_MOST_BINS = 1_000_000
+_MOST_BINS = 10_000  # far narrower than any line
 
 
 def bin_edges(bin_size: float, max_order: float) -> list[Band]:

@@ -99,7 +99,7 @@ def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]
     turning = np.flatnonzero(np.abs(velocity) > min_speed)
     if not len(turning):
         return []
-    signs = np.sign(velocity[turning]).astype(int)
+    signs = np.sign(velocity[turning]).astype(np.int8)
     cuts = np.flatnonzero(np.diff(signs)) + 1
     first = np.concatenate([[0], cuts])
     last = np.concatenate([cuts, [len(turning)]]) - 1

@@ -226,7 +226,8 @@ def test_the_axis_carries_the_true_step(samples_per_rev, revolutions):
     assert abs(plan.n_per_segment - revolutions * samples_per_rev) <= 0.5
     assert plan.order_step == samples_per_rev / plan.n_per_segment
     assert plan.revolutions == pytest.approx(1 / plan.order_step)
-    np.testing.assert_array_equal(plan.orders, np.arange(plan.n_orders) * plan.order_step)
+    orders = np.arange(plan.n_orders) * samples_per_rev / plan.n_per_segment
+    np.testing.assert_array_equal(plan.orders, orders)
     assert plan.orders[-1] <= samples_per_rev / 2 * (1 + 1e-12)
 
 

@@ -1,0 +1,175 @@
+"""Facts about the package itself: who may import whom, and what an import costs."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import emacm
+
+FOLDER = Path(emacm.__file__).parent
+
+# From the ground up. A module imports from lower layers and from its own, never from above.
+LAYERS = {
+    "checks": ["_checks"],
+    "functions on arrays": [
+        "axes",
+        "bins",
+        "costs",
+        "gaussians",
+        "resampling",
+        "shaft",
+        "spectrum",
+        "strokes",
+        "tacho",
+    ],
+    "recordings": ["recordings", "angle_recordings"],
+    "estimators": ["order_resampler", "order_psd", "bin_transformer", "diagnosis"],
+    "applications": ["simulation", "datasets", "displays"],
+    "the package": ["__init__"],
+    "programs": ["demo", "__main__"],
+}
+HEIGHT = {name: height for height, names in enumerate(LAYERS.values()) for name in names}
+MODULES = sorted(path.stem for path in FOLDER.glob("*.py"))
+OPTIONAL = {"matplotlib", "numba", "polars"}
+
+
+def tree(module):
+    return ast.parse((FOLDER / f"{module}.py").read_text(encoding="utf-8"))
+
+
+def imported(nodes):
+    """Yield the full names that import statements name: 'a.b' and, for from-imports, 'a.b.c'."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, "write imports in full"
+            for alias in node.names:
+                yield f"{node.module}.{alias.name}"
+
+
+def imported_anywhere(module):
+    return list(imported(ast.walk(tree(module))))
+
+
+def imported_at_once(module):
+    """Yield what is imported when the module is, that is, outside of functions."""
+
+    def outside(node):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+                continue
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            yield child
+            yield from outside(child)
+
+    return list(imported(outside(tree(module))))
+
+
+def of_the_package(names):
+    """Yield the modules of this package among imported names."""
+    for name in names:
+        first, _, rest = name.partition(".")
+        if first == "emacm":
+            module = rest.partition(".")[0]
+            yield module if module in MODULES else "__init__"
+
+
+def test_every_module_has_a_layer():
+    assert sorted(HEIGHT) == MODULES
+
+
+def test_no_module_has_two_layers():
+    assert len(HEIGHT) == sum(map(len, LAYERS.values()))
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_module_imports_from_a_higher_layer(module):
+    above = {
+        name for name in of_the_package(imported_anywhere(module)) if HEIGHT[name] > HEIGHT[module]
+    }
+    assert not above
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    below = {module: set(of_the_package(imported_at_once(module))) for module in MODULES}
+    while below:
+        free = [module for module, needed in below.items() if not needed & set(below)]
+        assert free, f"a circle among {sorted(below)}"
+        for module in free:
+            del below[module]
+
+
+@pytest.mark.parametrize("module", LAYERS["checks"] + LAYERS["functions on arrays"])
+def test_functions_on_arrays_know_no_estimator(module):
+    assert not [name for name in imported_anywhere(module) if name.startswith("sklearn.base")]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_optional_is_imported_with_a_module(module):
+    assert not OPTIONAL & {name.partition(".")[0] for name in imported_at_once(module)}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_private_of_another_package_is_imported(module):
+    private = [
+        name
+        for name in imported_anywhere(module)
+        if not name.startswith(("emacm.", "__future__"))
+        and any(part.startswith("_") for part in name.split("."))
+    ]
+    assert not private
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_private_attribute_of_scikit_learn_is_reached_through_a_public_module(module):
+    names = [name for name in imported_anywhere(module) if name.startswith("sklearn")]
+    short = {name.rpartition(".")[2] for name in names} | {"sklearn"}
+    private = [
+        ast.unparse(node)
+        for node in ast.walk(tree(module))
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id in short
+        and node.attr.startswith("_")
+        and not node.attr.startswith("__")
+    ]
+    assert not private
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_module_imports_a_test_tool(module):
+    tools = {"pytest", "hypothesis", "tests", "IPython", "ipykernel", "nbclient", "nbformat"}
+    assert not tools & {name.partition(".")[0] for name in imported_anywhere(module)}
+
+
+def test_importing_the_package_imports_nothing_optional():
+    code = "import sys, emacm; print(*sorted(name for name in sys.modules))"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    loaded = set(result.stdout.split())
+    assert "emacm.order_psd" in loaded
+    assert not OPTIONAL & loaded
+
+
+def test_the_names_of_the_contract_import_from_the_package():
+    names = {
+        "Recording",
+        "OrderResampler",
+        "OrderPSD",
+        "BinTransformer",
+        "CostSensitiveGaussianBayes",
+        "expected_cost",
+        "neg_expected_cost",
+    }
+    assert names <= set(emacm.__all__)
+
+
+def test_the_package_has_all_it_promises():
+    assert not [name for name in emacm.__all__ if not hasattr(emacm, name)]

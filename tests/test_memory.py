@@ -1,0 +1,116 @@
+"""Facts about memory: recordings pass through the pipeline one at a time."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from sklearn.pipeline import make_pipeline
+
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+
+FS = 10_000
+N_TIMES = 300_000
+THETA_S = 2 * np.pi / 100
+SPEED = THETA_S * FS  # so that a recording has as many angles as times
+UNIT = N_TIMES * 8  # bytes of one resampled channel
+
+
+def made(n_recordings, n_times):
+    """Recordings of one channel at constant speed."""
+    rng = np.random.default_rng(0)
+    return [
+        Recording({"a": rng.standard_normal(n_times)}, FS, velocity=np.full(n_times, SPEED))
+        for _ in range(n_recordings)
+    ]
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    """Long recordings; lists refer to them over and over."""
+    return made(3, N_TIMES)
+
+
+def listed(recordings, n_recordings):
+    return [recordings[i % len(recordings)] for i in range(n_recordings)]
+
+
+def peak_bytes(function, *args):
+    """Most memory in use at a time, beyond what was in use before, while a function runs."""
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        result = function(*args)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    del result
+    return peak - before
+
+
+def steps(**options):
+    return make_pipeline(OrderResampler(THETA_S), OrderPSD(16, **options))
+
+
+def test_a_resampled_recording_is_here_as_large_as_the_raw_one(recordings):
+    (over_angle,) = OrderResampler(THETA_S).fit_transform(recordings[:1])
+    assert sum(s.n_angles for s in over_angle.strokes) == pytest.approx(N_TIMES, rel=1e-3)
+
+
+@pytest.mark.parametrize("antialias", [True, False])
+def test_fifty_recordings_need_no_more_memory_than_five(antialias):
+    X = made(3, 60_000)
+    pipe = make_pipeline(
+        OrderResampler(THETA_S, antialias=antialias), OrderPSD(16), BinTransformer(max_order=40)
+    ).fit(X)
+    few = peak_bytes(pipe.transform, listed(X, 5))
+    many = peak_bytes(pipe.transform, listed(X, 50))
+    row = 8 * pipe[1].orders_.size
+    # Rows are stacked to a table, which the bins check: it is there three times at most.
+    assert many < 1.1 * few + 3 * 45 * row
+
+
+def test_a_recording_needs_but_a_few_times_its_resampled_size(recordings):
+    pipe = steps().fit(recordings)
+    peak = peak_bytes(pipe.transform, recordings[:1])
+    # Measured: 8.1, of which 4 are the motion of the shaft and 3 the resampling.
+    assert UNIT < peak < 10 * UNIT
+
+
+def test_more_channels_add_but_their_own_size(recordings):
+    velocity = np.full(N_TIMES, SPEED)
+    four = Recording(dict.fromkeys("abcd", recordings[0].signals["a"]), FS, velocity=velocity)
+    one = peak_bytes(steps().fit_transform, recordings[:1])
+    # Measured: 4.1 for each further channel.
+    assert peak_bytes(steps().fit_transform, [four]) - one < 3 * 5 * UNIT
+
+
+def test_fitting_resamples_nothing(recordings):
+    resampler = OrderResampler(THETA_S)
+    over_angle = resampler.fit_transform(recordings)
+    assert peak_bytes(OrderPSD(16).fit, over_angle) < 0.1 * UNIT
+
+
+def test_what_the_resampler_returns_takes_no_memory(recordings):
+    X = listed(recordings, 50)
+    resampler = OrderResampler(THETA_S).fit(X)
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    over_angle = resampler.transform(X)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(over_angle) == 50
+    assert after - before < 0.1 * UNIT
+
+
+def test_reading_one_stroke_after_the_other_keeps_none(recordings):
+    (over_angle,) = OrderResampler(THETA_S).fit_transform(recordings[:1])
+
+    def read():
+        for _ in range(10):
+            assert over_angle.strokes[0].signals.any()
+
+    def read_once():
+        assert over_angle.strokes[0].signals.any()
+
+    assert peak_bytes(read) < 1.1 * peak_bytes(read_once)

@@ -1,0 +1,697 @@
+"""Facts about the steps inside scikit-learn: its checks, pipelines, searches, caches."""
+
+import warnings
+
+import joblib
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+import sklearn
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.compose import ColumnTransformer, make_column_selector
+from sklearn.decomposition import PCA
+from sklearn.metrics import ConfusionMatrixDisplay
+from sklearn.model_selection import (
+    GridSearchCV,
+    GroupKFold,
+    KFold,
+    cross_validate,
+    learning_curve,
+)
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+import emacm.angle_recordings
+import emacm.recordings
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    neg_expected_cost,
+)
+from emacm.axes import OrderTable, order_columns
+
+THETA_S = 2 * np.pi / 32
+COST = {("healthy", "worn"): 10.0}
+
+
+def run(unit, condition, seed, fs=500, seconds=4):
+    """A drive that goes forth and back; a worn one has a line at order 3."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(int(fs * seconds)) / fs
+    velocity = 2 * np.pi * (8 + rng.uniform()) * np.sin(2 * np.pi * 0.2 * times + 0.1)
+    angle = np.cumsum(velocity) / fs
+    current = np.sin(6 * angle) + 0.3 * rng.standard_normal(len(times))
+    if condition == "worn":
+        current += 0.3 * np.sin(3 * angle)
+    position = 0.01 * angle[::5] + 0.01 * rng.standard_normal(len(angle[::5]))
+    return Recording(
+        {"current": current, "position": position},
+        {"current": fs, "position": fs / 5},
+        velocity=velocity,
+        shaft_fs=fs,
+        meta={"unit": unit},
+    )
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    """Recordings of six units with unequal lengths and two sampling rates, y and groups."""
+    y = np.array(["healthy", "worn"] * 12)
+    groups = np.repeat(np.arange(6), 4)
+    X = [
+        run(int(groups[i]), y[i], seed=i, fs=(500, 625)[i % 2], seconds=4 + i % 3)
+        for i in range(len(y))
+    ]
+    return X, y, groups
+
+
+def monitoring(**options):
+    return make_pipeline(
+        OrderResampler(THETA_S),
+        OrderPSD(4),
+        BinTransformer(1, max_order=12),
+        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
+        StandardScaler(),
+        PCA(3),
+        CostSensitiveGaussianBayes(COST, shrinkage="oas"),
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def over_angle(fleet):
+    return OrderResampler(THETA_S).fit_transform(fleet[0])
+
+
+@pytest.fixture(scope="module")
+def spectra(over_angle):
+    return OrderPSD(4).fit_transform(over_angle)
+
+
+@pytest.fixture
+def count(monkeypatch):
+    """How often a stroke was resampled."""
+    calls = []
+    original = emacm.angle_recordings.spread_to_angle
+
+    def counted(*args, **kwargs):
+        calls.append(args)
+        return original(*args, **kwargs)
+
+    monkeypatch.setattr(emacm.angle_recordings, "spread_to_angle", counted)
+    return calls
+
+
+# A list, as pytest 9 complains of the generator that scikit-learn 1.6 hands it.
+CHECKS = parametrize_with_checks([OrderPSD(), BinTransformer()])
+
+
+@pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+# The whole pipeline
+
+
+def test_one_search_over_all_three_steps_is_right_for_every_candidate(fleet):
+    X, y, groups = fleet
+    grid = {
+        "orderresampler__theta_s": [2 * np.pi / 32, 2 * np.pi / 50],
+        "orderpsd__revolutions": [3, 4],
+        "bintransformer__bin_size": [0.5, 1],
+    }
+    search = GridSearchCV(
+        monitoring(),
+        grid,
+        cv=GroupKFold(2),
+        n_jobs=2,
+        scoring=neg_expected_cost,
+        error_score="raise",
+    )
+    search.fit(X, y, groups=groups)
+    scores = search.cv_results_["mean_test_score"]
+    assert len(scores) == 8
+    for candidate in (0, 7):
+        parameters = search.cv_results_["params"][candidate]
+        by_hand = [
+            neg_expected_cost(
+                monitoring().set_params(**parameters).fit([X[i] for i in train], y[train]),
+                [X[i] for i in test],
+                y[test],
+            )
+            for train, test in GroupKFold(2).split(X, y, groups)
+        ]
+        assert scores[candidate] == pytest.approx(np.mean(by_hand), abs=1e-12)
+    assert search.predict(X).shape == (len(X),)
+
+
+def test_the_steps_have_the_names_of_their_classes():
+    assert list(monitoring().named_steps)[:3] == ["orderresampler", "orderpsd", "bintransformer"]
+
+
+@pytest.mark.parametrize(
+    ("container", "frame"), [("pandas", pd.DataFrame), ("polars", pl.DataFrame)]
+)
+def test_output_as_a_frame_changes_no_number_and_has_exact_names(fleet, container, frame):
+    X, y, _ = fleet
+    plain = monitoring().fit(X, y)
+    framed = monitoring().set_output(transform=container).fit(X, y)
+    psd, bins = framed[:2].transform(X[:5]), framed[:3].transform(X[:5])
+    assert isinstance(psd, frame)
+    assert isinstance(bins, frame)
+    np.testing.assert_array_equal(np.asarray(psd), plain[:2].transform(X[:5]))
+    np.testing.assert_array_equal(np.asarray(bins), plain[:3].transform(X[:5]))
+    orders = [f"{k / 4:g}" for k in range(65)]
+    both = ("current", "position")
+    assert list(psd.columns) == [f"{name}@{order}" for name in both for order in orders]
+    assert list(bins.columns) == [f"{name}@{k}-{k + 1}" for name in both for k in range(12)]
+    np.testing.assert_allclose(
+        framed.predict_proba(X), plain.predict_proba(X), rtol=1e-6, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("container", ["pandas", "polars"])
+def test_the_global_output_setting_changes_no_number(fleet, container):
+    X, y, _ = fleet
+    with sklearn.config_context(transform_output=container):
+        framed = monitoring().fit(X, y)
+        bins = framed[:3].transform(X[:5])
+    assert hasattr(bins, "columns")
+    np.testing.assert_array_equal(np.asarray(bins), monitoring().fit(X, y)[:3].transform(X[:5]))
+
+
+@pytest.mark.parametrize(
+    ("by_direction", "names"),
+    [(False, ["current@0-5", "current@5-6"]), (True, ["current+@0-5", "current+@5-6"])],
+)
+def test_names_of_the_pipeline_say_channel_direction_and_bin(fleet, by_direction, names):
+    steps = make_pipeline(
+        OrderResampler(THETA_S),
+        OrderPSD(2, by_direction=by_direction),
+        BinTransformer(edges=[0, 5, 6]),
+    ).fit(fleet[0])
+    assert steps.get_feature_names_out().tolist()[:2] == names
+
+
+def test_columns_by_direction_run_forward_then_reverse_channel_by_channel(over_angle):
+    psd = OrderPSD(2, by_direction=True).fit(over_angle)
+    names = [name.split("@")[0] for name in psd.get_feature_names_out()]
+    assert list(dict.fromkeys(names)) == ["current+", "current-", "position+", "position-"]
+
+
+@pytest.mark.parametrize(("revolutions", "samples"), [(3, 32), (4, 50), (4, 100), (10, 100)])
+def test_orders_in_names_are_whole_numbers_over_the_revolutions(fleet, revolutions, samples):
+    steps = make_pipeline(OrderResampler(2 * np.pi / samples), OrderPSD(revolutions, short="pad"))
+    table = steps.fit_transform(fleet[0][:2])
+    orders = np.arange(table.shape[1] // 2) / revolutions
+    assert table.columns == order_columns(["current", "position"], orders)
+
+
+def test_a_fitted_pipeline_from_a_file_decides_the_same(fleet, tmp_path):
+    X, y, _ = fleet
+    pipe = monitoring().fit(X, y)
+    joblib.dump(pipe, tmp_path / "model.joblib")
+    again = joblib.load(tmp_path / "model.joblib")
+    np.testing.assert_array_equal(again.predict(X), pipe.predict(X))
+    np.testing.assert_array_equal(again.predict_proba(X), pipe.predict_proba(X))
+
+
+def test_the_pipeline_calibrates(fleet):
+    X, y, _ = fleet
+    probability = CalibratedClassifierCV(monitoring(), cv=2).fit(X, y).predict_proba(X[:3])
+    np.testing.assert_allclose(probability.sum(axis=1), 1)
+
+
+def test_the_pipeline_has_a_learning_curve(fleet):
+    X, y, _ = fleet
+    sizes, _, scores = learning_curve(
+        monitoring(), X, y, cv=2, train_sizes=[0.5, 1.0], error_score="raise"
+    )
+    assert sizes.tolist() == [6, 12]
+    assert np.isfinite(scores).all()
+
+
+def test_the_pipeline_has_a_confusion_matrix_display(fleet):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    X, y, _ = fleet
+    display = ConfusionMatrixDisplay.from_estimator(monitoring().fit(X, y), X, y)
+    assert display.confusion_matrix.sum() == len(y)
+    matplotlib.pyplot.close(display.figure_)
+
+
+def test_the_pipeline_is_cross_validated_by_unit(fleet):
+    X, y, groups = fleet
+    scores = cross_validate(
+        monitoring(),
+        X,
+        y,
+        groups=groups,
+        cv=GroupKFold(3),
+        scoring={"cost": neg_expected_cost, "accuracy": "accuracy"},
+        error_score="raise",
+        return_estimator=True,
+    )
+    assert np.isfinite(scores["test_cost"]).all()
+    assert scores["test_accuracy"].mean() > 0.8
+
+
+def test_bare_arrays_pass_through_a_search():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(12, 2, 800))
+    X[:, 1] = 60
+    pipe = make_pipeline(
+        OrderResampler(THETA_S, fs=500, reference=1),
+        OrderPSD(2),
+        BinTransformer(4, max_order=12),
+        CostSensitiveGaussianBayes(shrinkage="oas"),
+    )
+    search = GridSearchCV(pipe, {"orderpsd__revolutions": [2, 3]}, cv=2, error_score="raise")
+    assert search.fit(X, [0, 1] * 6).predict(X).shape == (12,)
+
+
+# Caches
+
+
+def silence(n_recordings=4):
+    return [
+        Recording({"a": np.zeros(2000)}, 500, velocity=np.full(2000, 60.0))
+        for _ in range(n_recordings)
+    ]
+
+
+def test_the_memory_of_a_pipeline_serves_no_stale_bins_where_numbers_coincide(tmp_path):
+    # Silence resampled at two steps: equal zeros in equally many columns, other orders.
+    def bins(samples, revolutions):
+        steps = make_pipeline(
+            OrderResampler(2 * np.pi / samples),
+            OrderPSD(revolutions),
+            BinTransformer(1, max_order=8),
+            FunctionTransformer(feature_names_out="one-to-one"),
+            memory=str(tmp_path),
+        )
+        steps.fit(silence())
+        return steps.named_steps["bintransformer"]
+
+    first, second = bins(64, 4), bins(32, 8)
+    assert first.n_features_in_ == second.n_features_in_
+    assert first.feature_names_in_[1] == "a@0.25"
+    assert second.feature_names_in_[1] == "a@0.125"
+    assert first.operator_.toarray()[0, 1] == pytest.approx(0.25)
+    assert second.operator_.toarray()[0, 1] == pytest.approx(0.125)
+
+
+def test_the_memory_of_a_pipeline_tells_equal_spectra_of_different_orders_apart(tmp_path):
+    rows = np.random.default_rng(0).normal(size=(3, 1000))
+
+    def features(samples, revolutions, memory):
+        steps = make_pipeline(
+            OrderPSD(revolutions, theta_s=2 * np.pi / samples, scaling="spectrum"),
+            BinTransformer(1, max_order=8),
+            FunctionTransformer(),
+            memory=memory,
+        )
+        return steps.fit_transform(rows)
+
+    features(64, 4, str(tmp_path))
+    np.testing.assert_array_equal(features(32, 8, str(tmp_path)), features(32, 8, None))
+
+
+def test_the_memory_of_a_pipeline_gives_the_same_decisions(fleet, tmp_path):
+    X, y, _ = fleet
+    plain = monitoring().fit(X, y)
+    for _ in range(2):
+        cached = monitoring(memory=str(tmp_path)).fit(X, y)
+        np.testing.assert_array_equal(cached.predict_proba(X), plain.predict_proba(X))
+
+
+def test_the_memory_of_spectra_changes_no_number(over_angle, spectra, tmp_path):
+    cached = OrderPSD(4, memory=str(tmp_path))
+    for _ in range(2):
+        again = cached.fit_transform(over_angle)
+        np.testing.assert_array_equal(again, spectra)
+        assert again.columns == spectra.columns
+
+
+def test_the_memory_of_spectra_computes_each_of_them_once(over_angle, count, tmp_path):
+    OrderPSD(4, memory=str(tmp_path)).fit_transform(over_angle[:3])
+    assert count
+    count.clear()
+    OrderPSD(4, memory=str(tmp_path)).fit_transform(over_angle[2::-1])
+    assert not count
+
+
+def test_the_memory_of_spectra_finds_a_recording_that_was_made_again(count, tmp_path):
+    for _ in range(2):
+        count.clear()
+        X = OrderResampler(THETA_S).fit_transform([run(0, "worn", seed=1)])
+        OrderPSD(4, memory=str(tmp_path)).fit_transform(X)
+    assert not count
+
+
+def test_without_memory_every_call_computes(over_angle, count):
+    for _ in range(2):
+        count.clear()
+        OrderPSD(4).fit_transform(over_angle[:1])
+        assert count
+
+
+def test_the_memory_of_spectra_tells_recordings_apart(over_angle, spectra, tmp_path):
+    cached = OrderPSD(4, memory=joblib.Memory(tmp_path, verbose=0))
+    cached.fit_transform(over_angle[:2])
+    np.testing.assert_array_equal(cached.fit_transform(over_angle[2:4]), spectra[2:4])
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"theta_s": THETA_S / 1.001},
+        {"antialias": False},
+        {"direction": "forward"},
+        {"direction": "travel"},
+        {"min_speed": 20.0},
+        {"channels": ["position", "current"]},
+    ],
+    ids=repr,
+)
+def test_the_memory_of_spectra_tells_settings_of_the_resampler_apart(fleet, settings, tmp_path):
+    X = fleet[0][:2]
+    OrderPSD(4, memory=str(tmp_path)).fit_transform(OrderResampler(THETA_S).fit_transform(X))
+    other = OrderResampler(**({"theta_s": THETA_S} | settings)).fit_transform(X)
+    cached = OrderPSD(4, memory=str(tmp_path)).fit_transform(other)
+    np.testing.assert_array_equal(cached, OrderPSD(4).fit_transform(other))
+
+
+def test_the_memory_of_spectra_tells_interpolations_apart(fleet, tmp_path):
+    results = []
+    for interpolation in ("linear", "cubic"):
+        resampler = OrderResampler(THETA_S, antialias=False, interpolation=interpolation)
+        psd = OrderPSD(4, memory=str(tmp_path))
+        results.append(psd.fit_transform(resampler.fit_transform(fleet[0][:1])))
+    assert (results[0] != results[1]).any()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"n_per_segment": 100},
+        {"window": "boxcar"},
+        {"window": ("kaiser", 5.0)},
+        {"window": np.ones(128)},
+        {"overlap": 0.0},
+        {"detrend": None},
+        {"scaling": "spectrum"},
+        {"average": "median"},
+        {"by_direction": True},
+        {"max_order": 5},
+    ],
+    ids=lambda settings: next(iter(settings)),
+)
+def test_the_memory_of_spectra_tells_its_own_settings_apart(over_angle, settings, tmp_path):
+    X = over_angle[:2]
+    OrderPSD(4, memory=str(tmp_path)).fit_transform(X)
+    cached = OrderPSD(4, memory=str(tmp_path), **settings).fit_transform(X)
+    np.testing.assert_array_equal(cached, OrderPSD(4, **settings).fit_transform(X))
+
+
+def test_the_memory_of_spectra_serves_long_recordings_without_a_warning(monkeypatch, tmp_path):
+    # joblib writes down the repr of what it caches, and complains if that takes long.
+    X = OrderResampler(THETA_S).fit_transform([run(0, "worn", seed=1)])
+    integrations = []
+    original = emacm.recordings.angle_from_velocity
+
+    def counted(*args, **kwargs):
+        integrations.append(args)
+        return original(*args, **kwargs)
+
+    monkeypatch.setattr(emacm.recordings, "angle_from_velocity", counted)
+    OrderPSD(4).fit_transform(X)
+    needed = len(integrations)
+    OrderPSD(4, memory=str(tmp_path)).fit_transform(X)
+    assert len(integrations) == 2 * needed
+
+
+# Workers
+
+
+@pytest.mark.parametrize("backend", ["threading", "loky"])
+def test_two_workers_give_the_very_numbers_of_one(over_angle, spectra, backend):
+    with joblib.parallel_backend(backend):
+        both = OrderPSD(4, n_jobs=2).fit_transform(over_angle)
+    np.testing.assert_array_equal(both, spectra)
+
+
+def test_the_order_of_recordings_changes_no_spectrum(over_angle, spectra):
+    reverse = OrderPSD(4).fit_transform(over_angle[::-1])
+    np.testing.assert_array_equal(reverse[::-1], spectra)
+
+
+def test_a_recording_by_itself_has_the_spectrum_it_has_among_others(over_angle, spectra):
+    alone = [OrderPSD(4).fit_transform([recording])[0] for recording in over_angle]
+    np.testing.assert_array_equal(alone, spectra)
+
+
+def test_a_recording_by_itself_has_the_bins_it_has_among_others(spectra):
+    bins = BinTransformer(0.7, max_order=12).fit(spectra)
+    alone = [bins.transform(spectra[i : i + 1])[0] for i in range(len(spectra))]
+    np.testing.assert_array_equal(alone, bins.transform(spectra))
+
+
+# Precomputed spectra
+
+
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_precomputed_spectra_are_searched_for_the_bin_size(fleet, spectra, n_jobs):
+    _, y, groups = fleet
+    pipe = make_pipeline(*(step for _, step in monitoring().steps[2:]))
+    search = GridSearchCV(
+        pipe,
+        {"bintransformer__bin_size": [0.5, 1, 2]},
+        cv=GroupKFold(3),
+        n_jobs=n_jobs,
+        error_score="raise",
+    )
+    search.fit(spectra, y, groups=groups)
+    whole = GridSearchCV(
+        monitoring(), search.param_grid, cv=GroupKFold(3), error_score="raise"
+    ).fit(fleet[0], y, groups=groups)
+    np.testing.assert_array_equal(
+        search.cv_results_["mean_test_score"], whole.cv_results_["mean_test_score"]
+    )
+
+
+class AxisRecorder(TransformerMixin, BaseEstimator):
+    """A step that keeps the names it was fitted on."""
+
+    def fit(self, X, y=None):
+        """Keep the names."""
+        self.columns_ = getattr(X, "columns", None)
+        return self
+
+    def transform(self, X):
+        """Change nothing."""
+        return X
+
+
+def test_row_indexing_of_cross_validation_keeps_the_axis(fleet, spectra):
+    _, y, _ = fleet
+    pipe = make_pipeline(
+        AxisRecorder(), BinTransformer(max_order=12), CostSensitiveGaussianBayes(shrinkage="oas")
+    )
+    scores = cross_validate(
+        pipe, spectra, y, cv=KFold(2), return_estimator=True, error_score="raise"
+    )
+    for estimator in scores["estimator"]:
+        assert estimator[0].columns_ == spectra.columns
+        assert tuple(estimator[1].feature_names_in_) == spectra.columns
+
+
+# Other axes
+
+
+CONTAINERS = pytest.mark.parametrize("container", ["default", "pandas", "polars"])
+
+
+def spectra_in(container, X, theta_s=THETA_S, channels=None, **options):
+    """Spectra of recordings, in a table of ours or a frame."""
+    steps = make_pipeline(
+        OrderResampler(theta_s, channels=channels), OrderPSD(**({"revolutions": 4} | options))
+    )
+    return steps.set_output(transform=container).fit_transform(X)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"revolutions": 5},
+        {"theta_s": THETA_S / 2},
+        {"theta_s": THETA_S / 2, "revolutions": 2, "max_order": 32},
+        {"channels": ["current"]},
+        {"channels": ["position", "current"]},
+        {"by_direction": True},
+    ],
+    ids=["revolutions", "theta_s", "same width", "channel", "order", "direction"],
+)
+@CONTAINERS
+def test_bins_refuse_another_axis_than_that_of_fit(fleet, other, container):
+    X = fleet[0][:2]
+    bins = BinTransformer(max_order=12).fit(spectra_in(container, X))
+    with pytest.raises(ValueError, match=r"another order axis.*Use the same theta_s.*fit again"):
+        bins.transform(spectra_in(container, X, **other))
+
+
+@CONTAINERS
+def test_a_smaller_step_cut_at_the_same_order_has_the_same_axis(fleet, container):
+    X = fleet[0][:2]
+    bins = BinTransformer(max_order=12).fit(spectra_in(container, X))
+    finer = spectra_in(container, X, theta_s=THETA_S / 2, max_order=16)
+    assert bins.transform(finer).shape == (2, 24)
+
+
+def test_the_same_axis_in_any_container_gives_the_same_bins(spectra):
+    names = list(spectra.columns)
+    plain = np.asarray(spectra)
+    bins = BinTransformer(max_order=12).fit(spectra)
+    expected = bins.transform(spectra)
+    for frame in (pd.DataFrame(plain, columns=names), pl.DataFrame(plain, schema=names)):
+        np.testing.assert_array_equal(bins.transform(frame), expected)
+        refitted = BinTransformer(max_order=12).fit_transform(frame)
+        np.testing.assert_array_equal(refitted, expected)
+
+
+def test_the_index_of_a_frame_is_kept(spectra):
+    frame = pd.DataFrame(np.asarray(spectra), columns=list(spectra.columns))
+    frame.index = [f"run {i}" for i in range(len(frame))]
+    bins = BinTransformer(max_order=12).set_output(transform="pandas").fit_transform(frame)
+    assert bins.index.equals(frame.index)
+
+
+# Beside other features
+
+
+def test_order_columns_are_chosen_by_name_beside_others(spectra):
+    frame = pd.DataFrame(np.asarray(spectra), columns=list(spectra.columns))
+    frame["temperature"] = np.arange(len(frame), dtype=float)
+    beside = ColumnTransformer(
+        [
+            ("bins", BinTransformer(max_order=12), make_column_selector(pattern="^current@")),
+            ("rest", "passthrough", ["temperature"]),
+        ],
+        verbose_feature_names_out=False,
+    ).set_output(transform="pandas")
+    result = beside.fit_transform(frame)
+    assert list(result.columns) == [f"current@{k}-{k + 1}" for k in range(12)] + ["temperature"]
+    np.testing.assert_array_equal(
+        result.iloc[:, :12], BinTransformer(max_order=12).fit_transform(spectra)[:, :12]
+    )
+
+
+def test_a_pipeline_may_choose_order_columns_by_name_after_the_spectra(fleet):
+    X = fleet[0][:4]
+    chosen = ColumnTransformer(
+        [("bins", BinTransformer(max_order=12), make_column_selector(pattern="^position@"))],
+        verbose_feature_names_out=False,
+    )
+    steps = make_pipeline(OrderResampler(THETA_S), OrderPSD(4), chosen)
+    result = steps.set_output(transform="pandas").fit_transform(X)
+    assert list(result.columns) == [f"position@{k}-{k + 1}" for k in range(12)]
+
+
+def test_two_sizes_of_bins_are_joined_by_a_union(spectra):
+    frame = pd.DataFrame(np.asarray(spectra), columns=list(spectra.columns))
+    union = FeatureUnion(
+        [("fine", BinTransformer(0.5, max_order=4)), ("coarse", BinTransformer(4, max_order=16))]
+    ).set_output(transform="pandas")
+    result = union.fit_transform(frame)
+    assert result.shape == (len(spectra), 2 * 8 + 2 * 4)
+    np.testing.assert_allclose(
+        result["coarse__current@0-4"],
+        sum(result[f"fine__current@{k / 2:g}-{k / 2 + 0.5:g}"] for k in range(8)),
+        rtol=1e-12,
+    )
+
+
+# Bare rows
+
+
+def test_rows_with_a_step_of_angle_have_an_axis():
+    rows = np.random.default_rng(0).normal(size=(3, 500))
+    psd = OrderPSD(4, theta_s=THETA_S)
+    table = psd.fit_transform(rows)
+    assert table.columns == order_columns(["signal"], np.arange(65) / 4)
+    assert psd.theta_s_ == THETA_S
+
+
+def test_unequal_rows_equal_the_same_rows_one_by_one():
+    rng = np.random.default_rng(0)
+    rows = [rng.normal(size=n) for n in (500, 300, 401)]
+    table = OrderPSD(4, theta_s=THETA_S).fit_transform(rows)
+    for row, spectrum in zip(rows, table, strict=True):
+        np.testing.assert_array_equal(
+            OrderPSD(4, theta_s=THETA_S).fit_transform(row[np.newaxis])[0], spectrum
+        )
+
+
+def test_a_list_of_equal_rows_is_the_table_of_them():
+    rows = np.random.default_rng(0).normal(size=(3, 500))
+    for theta_s in (None, THETA_S):
+        np.testing.assert_array_equal(
+            OrderPSD(4, theta_s=theta_s).fit_transform(list(rows)),
+            OrderPSD(4, theta_s=theta_s).fit_transform(rows),
+        )
+
+
+def test_unequal_rows_without_a_step_have_segments_no_longer_than_the_shortest():
+    rng = np.random.default_rng(0)
+    psd = OrderPSD(100).fit([rng.normal(size=n) for n in (500, 60, 401)])
+    assert psd.n_per_segment_ == 60
+    assert psd.theta_s_ is None
+
+
+def test_rows_without_a_step_have_no_axis():
+    rows = np.random.default_rng(0).normal(size=(3, 500))
+    psd = OrderPSD(8)
+    table = psd.fit_transform(rows)
+    assert not isinstance(table, OrderTable)
+    assert psd.get_feature_names_out().tolist() == [f"line{k}" for k in range(5)]
+
+
+def test_rows_of_a_frame_are_signals():
+    rows = np.random.default_rng(0).normal(size=(3, 500))
+    np.testing.assert_array_equal(
+        OrderPSD(4, theta_s=THETA_S).fit_transform(pd.DataFrame(rows).rename(columns=str)),
+        OrderPSD(4, theta_s=THETA_S).fit_transform(rows),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("scaling", np.array(["density"])),
+        ("average", np.array(["median"])),
+        ("short", np.array(["raise"])),
+        ("by_direction", np.array([True])),
+        ("revolutions", np.array([3])),
+        ("n_per_segment", np.array([64])),
+        ("detrend", np.array(["linear"])),
+        ("window", np.array(["hann"])),
+    ],
+)
+def test_options_from_an_array_of_numpy_serve_in_a_search(over_angle, name, values):
+    psd = OrderPSD(3).set_params(**{name: values[0]}).fit_transform(over_angle[:1])
+    plain = OrderPSD(3).set_params(**{name: values[0].item()}).fit_transform(over_angle[:1])
+    np.testing.assert_array_equal(psd, plain)
+
+
+def test_nothing_warns_on_the_way_through_the_pipeline(fleet):
+    X, y, _ = fleet
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        monitoring().fit(X, y).predict(X)
