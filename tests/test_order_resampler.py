@@ -345,23 +345,6 @@ def test_the_shaft_is_a_channel_of_the_result_only_if_named():
     assert 35 < np.median(speed) < 45
 
 
-def test_later_changes_of_bare_arrays_do_not_show():
-    arrays, recordings = bare("velocity")
-    over_angle = resampler_of_bare(reference=2).fit_transform(arrays)
-    for array in arrays:
-        array[:2] = 0
-    assert_equal(over_angle, OrderResampler(THETA_S).fit_transform(recordings))
-
-
-def test_later_changes_of_bare_frames_do_not_show():
-    arrays, recordings = bare("velocity")
-    frames = [pd.DataFrame(array.T, columns=["x0", "x1", "shaft"]) for array in arrays]
-    over_angle = resampler_of_bare(reference="shaft").fit_transform(frames)
-    for frame in frames:
-        frame.loc[:, ["x0", "x1"]] = 0.0
-    assert_equal(over_angle, OrderResampler(THETA_S).fit_transform(recordings))
-
-
 def test_a_frame_may_have_a_column_named_meta():
     arrays, recordings = bare("velocity")
     frames = [pd.DataFrame(array.T, columns=["meta", "x1", "shaft"]) for array in arrays]
