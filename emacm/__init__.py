@@ -1,5 +1,6 @@
 """Condition monitoring of electro-mechanical actuators and other rotating machines."""
 
+from emacm._version import __version__
 from emacm.bin_transformer import BinTransformer
 from emacm.costs import expected_cost
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
@@ -21,6 +22,7 @@ __all__ = [
     "OrderPSD",
     "OrderResampler",
     "Recording",
+    "__version__",
     "angle_from_currents",
     "angle_from_position",
     "angle_from_pulses",
@@ -32,5 +34,3 @@ __all__ = [
     "neg_expected_cost",
     "pulse_times",
 ]
-
-__version__ = "0.1.0"

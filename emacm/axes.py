@@ -33,7 +33,8 @@ class OrderTable(np.ndarray):
     It is a plain float array in all but one respect: its `columns` attribute
     (a tuple of names) goes with pickle, copies and the choice of rows. It is
     gone after anything else (a choice of columns, arithmetic), because then
-    the names may no longer be true.
+    the names may no longer be true. `numpy.save` does not keep them and says so;
+    pickle and joblib do.
 
     Parameters
     ----------

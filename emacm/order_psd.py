@@ -19,6 +19,7 @@ from emacm._checks import (
     check_signal,
     located,
 )
+from emacm._version import __version__
 from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.axes import OrderTable, order_columns
 from emacm.recordings import Recording, described
@@ -204,6 +205,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
             plan=self._plan,
             by_direction=self.by_direction,
             short=self.short,
+            version=__version__,
         )
         spectra = Parallel(n_jobs=self.n_jobs, verbose=self.verbose, prefer="threads")(
             delayed(_located_call)(estimate, row, index) for index, row in enumerate(rows)
@@ -385,9 +387,16 @@ class _Row(NamedTuple):
 
 
 def _spectra(
-    row: AngleRecording | NDArray[np.floating], plan: SegmentPlan, by_direction: bool, short: str
+    row: AngleRecording | NDArray[np.floating],
+    plan: SegmentPlan,
+    by_direction: bool,
+    short: str,
+    version: str = __version__,
 ) -> NDArray[np.floating]:
-    """Estimate the spectra of one recording, shape (n_channels, [2,] n_orders)."""
+    """Estimate the spectra of one recording, shape (n_channels, [2,] n_orders).
+
+    `version` is there for the cache alone: another emacm may estimate otherwise.
+    """
     if isinstance(row, np.ndarray):
         return _estimate([_Row(row[np.newaxis])], plan, short, "row")
     strokes = row.strokes
@@ -411,7 +420,11 @@ def _estimate(
     longest = max((stroke.n_angles for stroke in strokes), default=0)
     if short == "pad" and longest > 1:
         return plan.padded(stroke.signals for stroke in strokes)
-    came = f"its longest {kind} holds {longest / plan.samples_per_rev:.4g}" if strokes else "none"
+    if not strokes:
+        raise ValueError(
+            f"it has no {kind}. Leave it out, or do not keep directions apart (by_direction=False)."
+        )
+    came = f"its longest {kind} holds {longest / plan.samples_per_rev:.4g}"
     raise ValueError(
         f"no {kind} holds a segment of {plan.revolutions:g} revolutions "
         f"({plan.n_per_segment} samples): {came}. Lower revolutions (or n_per_segment) of "
@@ -421,4 +434,10 @@ def _estimate(
 
 def _located_call(estimate: Callable[..., Any], row: Any, index: int) -> NDArray[np.floating]:
     with located(described(row, index) if isinstance(row, AngleRecording) else f"row {index}"):
-        return estimate(row)
+        with np.errstate(over="ignore", invalid="ignore"):
+            spectra = estimate(row)
+        if not np.all(np.isfinite(spectra)):
+            raise ValueError(
+                "its power is beyond what a float can hold. State the channels in other units."
+            )
+        return spectra

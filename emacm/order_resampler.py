@@ -66,7 +66,7 @@ class OrderResampler(  # type: ignore[call-arg]
     `X` is a list of `Recording`, or, where `fs` and `reference` are given, an
     array of shape (n_recordings, n_channels, n_times), a list of arrays of
     shape (n_channels, n_times), or a list of DataFrames (a row a sample).
-    Bare arrays name their channels "x0", "x1" and so on. They are not copied:
+    Bare arrays name their channels "x0", "x1" and so on. Arrays are not copied:
     leave them as they are until the result has been read.
 
     Examples
@@ -351,7 +351,7 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
     """Name the channels of an array (n_channels, n_times) or a DataFrame."""
     if isinstance(entry, pd.DataFrame):
         check_unique_columns(entry, "it")
-        return {name: entry[name].to_numpy() for name in entry.columns}
+        return {name: entry[name] for name in entry.columns}
     array = check_real_array(entry, "the array")
     if array.ndim != 2:
         raise ValueError(f"expected an array of shape (n_channels, n_times), got {array.shape}.")

@@ -305,6 +305,8 @@ def _durations(recording: Recording) -> Iterator[tuple[str, float, float]]:
 
 def _check_durations(recording: Recording) -> None:
     series = list(_durations(recording))
+    if not all(np.isfinite(duration) for _, duration, _ in series):
+        raise ValueError(f"fs = {recording._fs} makes recordings without end; rates are in Hz.")
     longest = max(series, key=lambda entry: entry[1])
     for name, duration, interval in series:
         allowed = max(interval, longest[2]) * (1 + 1e-9)

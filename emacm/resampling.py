@@ -45,14 +45,14 @@ _KERNEL_REACH = 4 - PASS  # highest order the kernel still lets through, per pi/
 _UPSAMPLING_HALF = 16  # time samples on either side that a new sample is made from
 _UPSAMPLING_STOP = 0.58  # of fs: where the filter of the time interpolation has fallen by 80 dB
 _BLOCK = 1 << 15  # time samples in work at once
-_MOST_ANGLES = 1 << 31
+_MOST_SAMPLES = 1 << 27  # of one channel, over the angle or in work over time
 
 
 def angle_count(path: Path, theta_s: float) -> int:
     """Return how many samples `theta_s` [rad] apart the path holds, its start included."""
     theta_s = check_number(theta_s, "theta_s", above=0, unit="rad per sample")
     count = path.length / theta_s + 1e-9
-    if count > _MOST_ANGLES:
+    if count > _MOST_SAMPLES:
         raise ValueError(
             f"theta_s = {theta_s:g} rad would make {count:.3g} samples of a stroke of "
             f"{path.length / (2 * np.pi):.3g} revolutions. It is the angle between samples, "
@@ -248,7 +248,13 @@ def _upsampling(fs: float, path: Path, theta_s: float) -> int:
     reach = _KERNEL_REACH * speed / (2 * theta_s)  # Hz: the kernel as a function of time
     if reach <= fs / 2:
         return 1
-    return max(2, int(np.ceil(reach / fs + _UPSAMPLING_STOP)))
+    factor = max(2.0, np.ceil(reach / fs + _UPSAMPLING_STOP))
+    if factor * fs * len(path.travel) / path.fs > _MOST_SAMPLES:
+        raise ValueError(
+            f"theta_s = {theta_s:g} rad is too fine for signals at {fs:g} Hz: between two of their "
+            f"samples the shaft turns by up to {speed / fs:.3g} rad. Raise theta_s."
+        )
+    return int(factor)
 
 
 def _upsampled(

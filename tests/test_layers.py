@@ -13,7 +13,7 @@ FOLDER = Path(emacm.__file__).parent
 
 # From the ground up. A module imports from lower layers and from its own, never from above.
 LAYERS = {
-    "checks": ["_checks"],
+    "checks": ["_checks", "_version"],
     "functions on arrays": [
         "axes",
         "bins",
