@@ -353,7 +353,8 @@ def test_by_direction_a_missing_direction_is_an_error():
     time = np.arange(20_000) / 10_000
     recording = Recording({"x": np.sin(time)}, 10_000, angle=100 * time)
     over_angle = OrderResampler().fit_transform([recording])
-    with pytest.raises(ValueError, match=r"recording 0: it has no reverse stroke.*by_direction=False"):
+    message = r"recording 0: it has no reverse stroke.*by_direction=False"
+    with pytest.raises(ValueError, match=message):
         OrderPSD(8, by_direction=True).fit_transform(over_angle)
 
 
