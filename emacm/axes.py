@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+BARE_CHANNEL = "signal"  # what a table or row without names calls its one channel
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.IGNORECASE)
 
 
@@ -68,7 +69,7 @@ class OrderTable(np.ndarray):
         self.columns = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """Return what a ufunc or a reduction made as a plain array or number."""
+        """Return what a ufunc or a reduction made: a number, or an array without names."""
         values = np.asarray(array)
         return values[()] if values.ndim == 0 else values
 
@@ -109,6 +110,14 @@ class OrderTable(np.ndarray):
         numbers, columns = state
         super().__setstate__(numbers)
         self.columns = columns
+
+
+def lost_axis(X: Any) -> bool:
+    """Tell whether an array was made from an order table, and no longer knows its orders."""
+    if column_names(X) is not None:
+        return False
+    metadata = getattr(getattr(X, "dtype", None), "metadata", None) or {}
+    return isinstance(X, OrderTable) or "columns" in metadata
 
 
 def number_name(number: float) -> str:

@@ -12,7 +12,14 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from emacm._checks import check_finite_table, check_number
-from emacm.axes import OrderBlock, column_names, number_name, parse_order_columns
+from emacm.axes import (
+    BARE_CHANNEL,
+    OrderBlock,
+    column_names,
+    lost_axis,
+    number_name,
+    parse_order_columns,
+)
 from emacm.bins import (
     Band,
     bin_edges,
@@ -21,8 +28,6 @@ from emacm.bins import (
     check_stop_bands,
     kept_intervals,
 )
-
-_BARE = "signal"  # what a table without an axis calls its one channel
 
 
 class BinTransformer(TransformerMixin, BaseEstimator):
@@ -111,6 +116,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             the orders that the spectra hold.
         """
         names = column_names(X)
+        self._refuse_lost_axis(X)
         if names is not None and _names_orders(names):
             psd = check_array(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
             # validate_data would not see the names of every container.
@@ -158,6 +164,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         names = column_names(X)
+        self._refuse_lost_axis(X)
         if self._same_axis(names):
             psd = check_array(X, dtype=np.float64, ensure_all_finite=False)
         else:
@@ -189,6 +196,14 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                 )
         return np.array(self._columns_out, dtype=object)
 
+    def _refuse_lost_axis(self, X: Any) -> None:
+        if self.order_step is None and lost_axis(X):
+            raise ValueError(
+                "X comes from an order table, but what was done to it (a choice of columns, "
+                "arithmetic, stacking) has lost its orders. Do that after the bins, pass a "
+                "DataFrame with the names of the columns, or state order_step."
+            )
+
     def _same_axis(self, names: Sequence[Any] | None) -> bool:
         """Tell whether the names are the order axis of `fit`; refuse another one."""
         seen = getattr(self, "feature_names_in_", None)
@@ -217,9 +232,9 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                 top = check_number(self.max_order, "max_order", above=0, unit="orders")
                 step = top / (self.n_features_in_ - 1)
             orders = step * np.arange(self.n_features_in_, dtype=np.float64)
-            return (OrderBlock(_BARE, orders, slice(0, self.n_features_in_)),)
+            return (OrderBlock(BARE_CHANNEL, orders, slice(0, self.n_features_in_)),)
         for block in blocks:
-            if step is not None and not np.allclose(np.diff(block.orders), step, rtol=1e-9):
+            if step is not None and not np.allclose(np.diff(block.orders), step, rtol=1e-9, atol=0):
                 raise ValueError(
                     f"order_step = {step:g} contradicts the columns of {block.channel!r}, whose "
                     f"orders lie {np.diff(block.orders)[0]:g} apart. Leave order_step out."

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_real_array
+from emacm._checks import check_number, check_real_array, check_signal
 
 Band = tuple[float, float]
 
@@ -84,7 +84,10 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         return {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
     values = check_real_array(edges, "edges")
     if values.ndim != 1 or len(values) < 2:
-        raise ValueError(f"edges must be at least two increasing orders, got {edges!r}.")
+        raise ValueError(
+            f"edges must be at least two increasing orders, got {edges!r}. Write bands of your own "
+            f"as {{'name': (low, high)}}."
+        )
     if not np.all(np.isfinite(values)) or values[0] < 0:
         raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
     rounded = [round_edge(value) for value in values]
@@ -171,7 +174,7 @@ def bin_operator(
     Raises
     ------
     ValueError
-        If a bin reaches beyond the orders there are.
+        If `orders` do not increase, or a bin is no band or reaches beyond them.
 
     Examples
     --------
@@ -179,16 +182,20 @@ def bin_operator(
     array([[0.5  , 1.   , 0.5  ],
            [0.125, 0.375, 0.   ]])
     """
-    orders = np.asarray(orders, dtype=np.float64)
+    orders = check_signal(orders, "orders")
+    if np.any(np.diff(orders) <= 0):
+        raise ValueError("orders must increase.")
+    for number, band in enumerate(bins):
+        _check_band(band, f"bin {number}")
     stops = check_stop_bands(stop_bands)
     _check_range(orders, bins)
-    kept = [kept_intervals(band, stops) for band in bins]
-    limits = sorted({edge for intervals in kept for interval in intervals for edge in interval})
-    below = dict(zip(limits, _weights_below(orders, np.array(limits)), strict=True))
     rows = np.zeros((len(bins), len(orders)))
-    for row, intervals in zip(rows, kept, strict=True):
-        for low, high in intervals:
-            row += below[high] - below[low]
+    for row, band in zip(rows, bins, strict=True):
+        for low, high in kept_intervals(band, stops):
+            first = max(int(np.searchsorted(orders, low, side="right")) - 1, 0)
+            near = slice(first, int(np.searchsorted(orders, high)) + 1)  # no other line has a part
+            below = _weights_below(orders[near], np.array([low, high]))
+            row[near] += below[1] - below[0]
     return rows
 
 

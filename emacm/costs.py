@@ -270,6 +270,11 @@ def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray
 
 
 def _from_array(cost: Any, known: list[Any]) -> NDArray[np.float64]:
+    if hasattr(cost, "columns"):
+        raise TypeError(
+            f"cost is a {type(cost).__module__.split('.')[0]} {type(cost).__name__}, which has no "
+            f"index to name its decisions. Pass a pandas DataFrame or a mapping."
+        )
     try:
         array = np.asarray(cost)
     except ValueError as error:

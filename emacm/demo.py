@@ -73,7 +73,11 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
         priced = clone(model).set_params(costsensitivegaussianbayes__cost=cost)
         models[name] = priced.fit(recordings, states)
         print(f"\nCost matrix: {name}")
-        _report(truths, priced.predict(others), cost, healthy="healthy")
+        decided = [trained.predict(others) for trained in models.values()]
+        _report(truths, decided[-1], cost, healthy="healthy")
+        if len(decided) > 1:
+            dear = expected_cost(truths, decided[0], cost=cost)
+            print(f"(the decisions above, under the uniform matrix, would cost {dear:.3f})")
     _save_and_diagnose(priced, out / "simulated.joblib", others[::8])
     _draw(
         models,

@@ -26,6 +26,7 @@ from emacm.gaussians import (
 )
 
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
+_FEWER = "Use fewer features (by PCA), or more recordings: two of a class at the least."
 
 
 class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
@@ -366,7 +367,8 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         if singular.any() and self.shrinkage is not None:
             raise ValueError(
                 f"The covariance of {self._named(singular)} is singular with "
-                f"shrinkage={self.shrinkage!r}. {_REMEDY}"
+                f"shrinkage={self.shrinkage!r}. "
+                f"{_FEWER if self.shrinkage in ('oas', 'auto') else _REMEDY}"
             )
         if singular.any():
             warnings.warn(

@@ -111,6 +111,11 @@ class OrderSpectrumDisplay:
         block = known[channel]
         values = np.asarray(psd)[:, block.columns]
         groups = np.full(len(values), channel) if labels is None else np.asarray(labels)
+        if groups.shape != (len(values),):
+            raise ValueError(
+                f"labels must hold one label for each of {len(values)} recordings, got shape "
+                f"{groups.shape}."
+            )
         spectra = {str(name): values[groups == name].mean(axis=0) for name in np.unique(groups)}
         display = cls(
             block.orders,

@@ -21,11 +21,9 @@ from emacm._checks import (
 )
 from emacm._version import __version__
 from emacm.angle_recordings import AngleRecording, AngleStroke
-from emacm.axes import OrderTable, order_columns
+from emacm.axes import BARE_CHANNEL, OrderTable, order_columns
 from emacm.recordings import Recording, described
 from emacm.spectrum import SHORTS, SegmentPlan, samples_per_revolution, segment_plan
-
-_BARE = "signal"  # what bare rows call their one channel
 
 
 class OrderPSD(TransformerMixin, BaseEstimator):
@@ -54,7 +52,8 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         and ``channel-@…``.
     short : {"raise", "pad"}
         What becomes of a recording without a stroke as long as a segment: an
-        error, or an estimate padded with zeros.
+        error, or an estimate padded with zeros, to which each stroke
+        contributes by its length (whatever `average` says).
     max_order : float, optional
         Highest order of interest: columns above the first one at or above it are cut.
     theta_s : float, optional
@@ -62,7 +61,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
     memory : None, str or joblib.Memory
         Where spectra are kept between calls. A spectrum is found again by the
         content of its recording and all settings, of the resampling too.
-    verbose : int
+    verbose : bool or int
         Progress as printed by joblib: the higher, the more often.
     n_jobs : int, optional
         Recordings in work at the same time, under joblib's active backend
@@ -119,7 +118,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         max_order: float | None = None,
         theta_s: float | None = None,
         memory: Any = None,
-        verbose: int = 0,
+        verbose: bool | int = False,
         n_jobs: int | None = None,
     ) -> None:
         self.revolutions = revolutions
@@ -156,12 +155,13 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         TypeError, ValueError
             If a parameter or X is not what it should be.
         """
+        for seen in ("n_features_in_", "feature_names_in_"):
+            self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
         self.theta_s_ = self._stated_theta_s(rows[0])
         self._recorded = isinstance(rows[0], AngleRecording)
-        self.channels_ = rows[0].channels if self._recorded else (_BARE,)
+        self.channels_ = rows[0].channels if self._recorded else (BARE_CHANNEL,)
         if self._recorded:
-            self.__dict__.pop("n_features_in_", None)  # of an earlier fit on a table
             self._check_recordings(rows)
         self._plan = self._segment_plan(rows)
         self.orders_ = self._plan.orders
@@ -252,6 +252,8 @@ class OrderPSD(TransformerMixin, BaseEstimator):
             raise TypeError("X must be a list of recordings, got a single one; write [recording].")
         if isinstance(X, list | tuple) or _object_vector(X):
             rows = list(X)
+            if not rows:
+                raise ValueError("X holds no recording and no row; at least one is needed.")
             if any(isinstance(row, AngleRecording | Recording) for row in rows):
                 return _checked_recordings(rows)
             if self.theta_s is not None or _ragged(rows):
@@ -271,8 +273,6 @@ class OrderPSD(TransformerMixin, BaseEstimator):
 
     def _checked_rows(self, rows: list[Any]) -> list[NDArray[np.floating]]:
         self._refuse_direction()
-        if not rows:
-            raise ValueError("X holds no row; at least one is needed.")
         return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
 
     def _refuse_direction(self) -> None:
@@ -295,7 +295,9 @@ class OrderPSD(TransformerMixin, BaseEstimator):
                     f"{where} has channels {list(row.channels)}, expected were "
                     f"{list(self.channels_)}."
                 )
-            if self.theta_s_ is None or not np.isclose(row.theta_s, self.theta_s_, rtol=1e-12):
+            if self.theta_s_ is None or not np.isclose(
+                row.theta_s, self.theta_s_, rtol=1e-12, atol=0
+            ):
                 raise ValueError(
                     f"{where} was resampled with theta_s = {row.theta_s!r}, but OrderPSD was "
                     f"fitted on {self.theta_s_!r}. Resample it alike, or fit again."
@@ -312,7 +314,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
             stated = check_number(stated, "theta_s", above=0, unit="rad per sample")
         if not isinstance(first, AngleRecording):
             return stated
-        if stated is not None and not np.isclose(stated, first.theta_s, rtol=1e-12):
+        if stated is not None and not np.isclose(stated, first.theta_s, rtol=1e-12, atol=0):
             raise ValueError(
                 f"theta_s = {stated!r} contradicts the recordings, which were resampled with "
                 f"{first.theta_s!r}. Leave theta_s of OrderPSD out; recordings know theirs."
@@ -421,9 +423,10 @@ def _estimate(
     if short == "pad" and longest > 1:
         return plan.padded(stroke.signals for stroke in strokes)
     if not strokes:
-        raise ValueError(
-            f"it has no {kind}. Leave it out, or do not keep directions apart (by_direction=False)."
-        )
+        remedy = "Leave it out"
+        if kind != "stroke":
+            remedy += ", or do not keep directions apart (by_direction=False)"
+        raise ValueError(f"it has no {kind} of two samples. {remedy}.")
     came = f"its longest {kind} holds {longest / plan.samples_per_rev:.4g}"
     raise ValueError(
         f"no {kind} holds a segment of {plan.revolutions:g} revolutions "

@@ -18,6 +18,8 @@ from emacm.recordings import Recording, check_unique_columns, described
 from emacm.resampling import INTERPOLATIONS, PASS
 from emacm.strokes import DIRECTIONS, stroke_paths
 
+_MANY = 10  # strokes of less than a revolution that look like noise
+
 
 class OrderResampler(  # type: ignore[call-arg]
     TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
@@ -66,8 +68,7 @@ class OrderResampler(  # type: ignore[call-arg]
     `X` is a list of `Recording`, or, where `fs` and `reference` are given, an
     array of shape (n_recordings, n_channels, n_times), a list of arrays of
     shape (n_channels, n_times), or a list of DataFrames (a row a sample).
-    Bare arrays name their channels "x0", "x1" and so on. Arrays are not copied:
-    leave them as they are until the result has been read.
+    Bare arrays name their channels "x0", "x1" and so on.
 
     Examples
     --------
@@ -131,7 +132,7 @@ class OrderResampler(  # type: ignore[call-arg]
         self._check_parameters()
         recordings = self._recordings(X)
         self.channels_ = self._chosen_channels(recordings[0])
-        self._check_channels(recordings)
+        self._check_channels(recordings, self.channels_)
         return self
 
     def transform(self, X: Any) -> list[AngleRecording]:
@@ -157,7 +158,7 @@ class OrderResampler(  # type: ignore[call-arg]
         check_is_fitted(self)
         self._check_parameters()
         recordings = self._recordings(X)
-        self._check_channels(recordings)
+        self._check_channels(recordings, self.channels_)
         for index, recording in enumerate(recordings):
             with located(described(recording, index)):
                 self._check_turning(recording)
@@ -198,10 +199,10 @@ class OrderResampler(  # type: ignore[call-arg]
         """
         self._check_parameters()
         recordings = self._recordings(X)
+        channels = self._chosen_channels(recordings[0])
+        self._check_channels(recordings, channels)
         rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(_quality)(
-                recording, self.channels, self.theta_s, self.min_speed, self.direction
-            )
+            delayed(_quality)(recording, channels, self.theta_s, self.min_speed, self.direction)
             for recording in recordings
         )
         return pd.DataFrame(rows)
@@ -318,21 +319,21 @@ class OrderResampler(  # type: ignore[call-arg]
             raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
         return chosen
 
-    def _check_channels(self, recordings: list[Recording]) -> None:
-        wanted = set(self.channels_)
+    def _check_channels(self, recordings: list[Recording], channels: tuple[str, ...]) -> None:
+        wanted = set(channels)
         for index, recording in enumerate(recordings):
-            missing = [name for name in self.channels_ if name not in recording.channels]
+            missing = [name for name in channels if name not in recording.channels]
             other = [name for name in recording.channels if name not in wanted]
             where = described(recording, index)
             if missing:
                 raise ValueError(
                     f"{where} has no channel {missing[0]!r}; its channels are "
-                    f"{list(recording.channels)}, expected were {list(self.channels_)}."
+                    f"{list(recording.channels)}, expected were {list(channels)}."
                 )
             if other and self.channels is None:
                 raise ValueError(
                     f"{where} has a channel {other[0]!r} besides the expected "
-                    f"{list(self.channels_)}. Set channels={list(self.channels_)} to pass over it."
+                    f"{list(channels)}. Set channels={list(channels)} to pass over it."
                 )
 
     def _check_turning(self, recording: Recording) -> None:
@@ -355,14 +356,17 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
     array = check_real_array(entry, "the array")
     if array.ndim != 2:
         raise ValueError(f"expected an array of shape (n_channels, n_times), got {array.shape}.")
-    array = array.view()
-    array.flags.writeable = False  # so that Recording need not copy it
+    if array.shape[0] > array.shape[1]:
+        raise ValueError(
+            f"an array of shape {array.shape} has more channels than samples; expected was "
+            f"(n_channels, n_times). Transpose it."
+        )
     return {f"x{i}": row for i, row in enumerate(array)}
 
 
 def _quality(
     recording: Recording,
-    channels: Sequence[str] | None,
+    channels: Sequence[str],
     theta_s: float,
     min_speed: float,
     direction: str,
@@ -378,8 +382,8 @@ def _quality(
     ]
     turned = [path.length / (2 * np.pi) for path in paths]
     fastest = max((float(speed.max()) for speed in speeds), default=0.0)
-    slowest_fs = min(recording.fs[name] for name in channels or recording.channels)
-    max_order = slowest_fs / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
+    slowest = min(channels, key=lambda name: recording.fs[name])
+    max_order = recording.fs[slowest] / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
     row: dict[str, Any] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
@@ -389,21 +393,26 @@ def _quality(
         "fastest": fastest,
         "max_order": max_order,
     }
-    row["warnings"] = "; ".join(_quality_warnings(row, fastest / fs, theta_s))
+    n_short = sum(length < 1 for length in turned)
+    row["warnings"] = "; ".join(_quality_warnings(row, slowest, n_short, fastest / fs, theta_s))
     return row
 
 
-def _quality_warnings(row: dict[str, Any], step: float, theta_s: float) -> list[str]:
+def _quality_warnings(
+    row: dict[str, Any], slowest: str, n_short: int, step: float, theta_s: float
+) -> list[str]:
     words = []
     if not row["strokes"]:
         words.append("the shaft never turns")
     if PASS * np.pi / theta_s > row["max_order"]:
         words.append(
-            f"orders above {row['max_order']:.4g} do not exist at the highest speed, "
-            f"though theta_s reaches {np.pi / theta_s:.4g}"
+            f"orders above {row['max_order']:.4g} do not exist in channel {slowest!r} at the "
+            f"highest speed, though theta_s reaches {np.pi / theta_s:.4g}"
         )
-    if row["strokes"] > 10 and row["longest_stroke"] < 1:
-        words.append("many strokes and none of a whole revolution: raise min_speed above the noise")
+    if n_short > _MANY:
+        words.append(
+            f"{n_short} strokes of less than a revolution: raise min_speed above the noise at rest"
+        )
     if step > np.pi:
         words.append(
             "the shaft turns by more than half a revolution between its samples: "

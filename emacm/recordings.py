@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_number, check_signal
 from emacm.shaft import angle_from_velocity, angle_from_wrapped, is_wrapped
 
+_FEW = 10  # samples of an angle in which a single step may be most of the way
 _LONG = 200  # characters of meta in a message
 
 
@@ -203,7 +204,10 @@ class Recording:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take over checked content and write-protect it."""
-        for array in (state["_shaft"], *state["_signals"].values()):
+        # joblib hands large arrays to its workers as memory maps; a recording is the same there.
+        signals = {name: np.asarray(signal) for name, signal in state["_signals"].items()}
+        state = state | {"_shaft": np.asarray(state["_shaft"]), "_signals": signals}
+        for array in (state["_shaft"], *signals.values()):
             array.flags.writeable = False
         for name, value in state.items():
             object.__setattr__(self, name, value)
@@ -214,7 +218,7 @@ def described(recording: Any, index: int) -> str:
     known = getattr(recording, "meta", None)
     if not isinstance(known, Mapping) or not known:
         return f"recording {index}"
-    meta = ", ".join(f"{key}={value!r}" for key, value in known.items())
+    meta = " ".join(", ".join(f"{key}={value!r}" for key, value in known.items()).split())
     return f"recording {index} ({meta if len(meta) <= _LONG else meta[:_LONG] + ' ...'})"
 
 
@@ -227,11 +231,18 @@ def check_unique_columns(frame: pd.DataFrame, name: str) -> None:
 
 def _frozen(array: NDArray[np.floating], given: Any) -> NDArray[np.floating]:
     """Copy what its owner could still write to; a DataFrame's read-only views are such."""
-    if isinstance(given, np.ndarray):
-        owned = not given.flags.writeable or not np.may_share_memory(array, given)
-    else:
-        owned = False
-    return array if owned else array.copy()
+    if isinstance(given, np.ndarray) and not np.may_share_memory(array, given):
+        return array  # converted, so it is ours
+    return array if _unchangeable(array) else array.copy()
+
+
+def _unchangeable(array: Any) -> bool:
+    """Tell whether neither the array nor what it is a view of can be written to."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        array = array.base
+    return True
 
 
 def _check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
@@ -281,6 +292,13 @@ def _check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
     shaft = check_signal(angle, "angle")
     if is_wrapped(shaft):
         return "angle", angle_from_wrapped(shaft)
+    steps = np.abs(np.diff(shaft))
+    if len(shaft) >= _FEW and steps.max() > max(np.ptp(shaft) / 2, np.pi):
+        raise ValueError(
+            f"angle jumps by {steps.max():.4g} after sample {int(steps.argmax())}, which is most "
+            f"of all that it spans ({np.ptp(shaft):.4g}). Is it wrapped, in degrees, in counts or "
+            f"with noise? Pass emacm.angle_from_wrapped(angle, period=...), in rad."
+        )
     return "angle", _frozen(shaft, angle)
 
 

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 from scipy import signal as filters
 
-from emacm._checks import check_choice, check_count, check_number, check_real_array
+from emacm._checks import (
+    check_choice,
+    check_count,
+    check_finite,
+    check_number,
+    check_real_array,
+)
 
 DETRENDS = ("constant", "linear", None, False)
 SCALINGS = ("density", "spectrum")
@@ -22,7 +28,7 @@ _MOST_SAMPLES = 1 << 31  # of a segment
 _BLOCK_BYTES = 1 << 20  # of segments in work at once: they should stay in cache
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SegmentPlan:
     """How signals over the angle are cut, windowed, transformed and averaged.
 
@@ -113,7 +119,7 @@ class SegmentPlan:
 
         Each is windowed over its own length and padded with zeros; powers and
         window factors are summed before they are divided, so that a signal
-        counts by its length.
+        counts by its length. `average` has no say: there is one spectrum a signal.
 
         Parameters
         ----------
@@ -320,7 +326,8 @@ def order_psd(
         max_order=max_order,
     )
     signal = check_real_array(signal, "signal")
-    if signal.ndim == 0 or signal.shape[-1] < plan.n_per_segment:
+    check_finite(signal.reshape(-1), "signal")
+    if signal.ndim == 0 or signal.size == 0 or signal.shape[-1] < plan.n_per_segment:
         raise ValueError(
             f"signal of shape {signal.shape} holds no segment of {plan.n_per_segment} samples "
             f"({plan.revolutions:g} revolutions). Lower revolutions or n_per_segment."

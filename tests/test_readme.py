@@ -28,3 +28,10 @@ def test_there_are_two_commands_and_they_install_before_they_run():
     assert demo.strip().endswith("-m emacm demo")
     assert "pip install" in tests
     assert "-m pytest" in tests
+
+
+def test_every_file_that_the_readme_links_to_is_there():
+    links = re.findall(r"\]\(([^):]+)\)", README.read_text(encoding="utf-8"))
+    assert "docs/simulated.png" in links
+    for link in links:
+        assert (README.parent / link).is_file(), link
