@@ -200,7 +200,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         if self.order_step is None and lost_axis(X):
             raise ValueError(
                 "X comes from an order table, but what was done to it (a choice of columns, "
-                "arithmetic, stacking) has lost its orders. Do that after the bins, pass a "
+                "arithmetic) has lost its orders. Do that after the bins, pass a "
                 "DataFrame with the names of the columns, or state order_step."
             )
 

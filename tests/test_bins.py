@@ -356,3 +356,10 @@ def test_bins_of_a_recording_add_up_to_its_mean_square(window):
 def test_what_makes_no_bins_is_refused(options, error, message):
     with pytest.raises(error, match=message):
         BinTransformer(**options).fit(table(np.arange(0, 50.5, 0.5), np.ones(101)))
+
+
+def test_the_operator_refuses_orders_that_fall_and_bands_that_are_none():
+    with pytest.raises(ValueError, match="orders must increase"):
+        bin_operator([0, 2, 1], [(0, 1)])
+    with pytest.raises(ValueError, match="bin 0 must run from a lower to a higher order"):
+        bin_operator([0, 1, 2], [(2, 1)])

@@ -290,3 +290,10 @@ def test_labels_that_have_no_cost_are_refused(truth, decision, options, message)
 def test_weights_must_be_one_number_per_recording(weight, error, message):
     with pytest.raises(error, match=message):
         check_weights(weight, 3)
+
+
+def test_a_table_without_an_index_is_refused_as_its_decisions_have_no_names():
+    polars = pytest.importorskip("polars")
+    table = polars.DataFrame({"worn": [9, 0], "healthy": [0, 1]})
+    with pytest.raises(TypeError, match=r"polars DataFrame, which has no index.*pandas"):
+        cost_table(table, ["healthy", "worn"])

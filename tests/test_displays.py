@@ -83,3 +83,9 @@ def test_regions_are_what_the_classifier_decides(ax):
 def test_regions_need_two_features():
     with pytest.raises(ValueError, match=r"two features, got X of shape \(4, 3\)"):
         DecisionRegionsDisplay.from_estimator(None, np.ones((4, 3)), ["a"] * 4)
+
+
+def test_labels_that_do_not_fit_the_recordings_are_refused():
+    _, table = spectra()
+    with pytest.raises(ValueError, match=r"one label for each of 3 recordings, got shape \(2,\)"):
+        OrderSpectrumDisplay.from_table(table, "current", labels=["a", "b"])

@@ -562,7 +562,7 @@ def test_quality_warns_of_a_shaft_that_stands():
 
 def test_quality_warns_of_orders_that_the_rate_does_not_support():
     row = quality(there_and_back(), theta_s=2 * np.pi / 64)
-    assert "orders above 15.71 do not exist at the highest speed" in row["warnings"]
+    assert "orders above 15.71 do not exist in channel 'a' at the" in row["warnings"]
     assert "theta_s reaches 32" in row["warnings"]
 
 
@@ -593,3 +593,38 @@ def test_quality_serves_bare_arrays():
     pd.testing.assert_frame_equal(
         resampler_of_bare(reference=2).quality(arrays), OrderResampler(THETA_S).quality(recordings)
     )
+
+
+# What would mislead is refused
+
+
+def test_a_jump_of_the_shaft_is_named_with_its_time():
+    time = np.arange(20_000) / 1000
+    angle = 2 * np.pi * 5 * time + 100 * (time > 10)
+    over_angle = OrderResampler().fit_transform([Recording({"a": time}, 1000, angle=angle)])
+    with pytest.raises(ValueError, match=r"turns by 100 rad within one of its samples, at 10 s"):
+        _ = over_angle[0].strokes[0].signals
+
+
+def test_transposed_arrays_are_refused():
+    resampler = OrderResampler(fs=1000, reference=1)
+    with pytest.raises(
+        ValueError, match=r"recording 0: .*\(300, 2\) has more channels .*Transpose"
+    ):
+        resampler.fit(np.ones((4, 300, 2)))
+
+
+def test_quality_checks_channels_as_fit_does():
+    recording = Recording({"a": np.ones(300)}, 100, velocity=np.ones(300))
+    with pytest.raises(ValueError, match="recording 0 has no channel 'zz'"):
+        OrderResampler(channels=["zz"]).quality([recording])
+
+
+def test_quality_warns_of_noise_at_rest_beside_a_long_stroke():
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(500)
+    velocity = np.concatenate([np.full(2000, 60.0), noise])
+    recording = Recording({"a": np.zeros(2500)}, 1000, velocity=velocity)
+    (words,) = OrderResampler(2 * np.pi / 16).quality([recording])["warnings"]
+    assert "strokes of less than a revolution: raise min_speed" in words
+    (words,) = OrderResampler(2 * np.pi / 16, min_speed=1).quality([recording])["warnings"]
+    assert words == ""

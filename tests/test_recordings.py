@@ -403,3 +403,42 @@ def test_the_repr_tells_channels_rates_length_revolutions_and_meta():
 
 def test_the_repr_without_meta_ends_with_the_length():
     assert repr(sine(meta=None)).endswith("2 s, 0.95 revolutions)")
+
+
+# Units and views that would mislead
+
+
+def test_an_angle_wrapped_in_degrees_is_refused_with_the_remedy():
+    degrees = np.rad2deg(10 * np.arange(500) / 100) % 360
+    with pytest.raises(
+        ValueError, match=r"angle jumps by 35\d.* after sample .*angle_from_wrapped"
+    ):
+        Recording({"a": np.zeros(500)}, 100, angle=degrees)
+
+
+def test_a_wrapped_angle_with_noise_is_refused_and_not_taken_as_cumulative():
+    noise = 0.05 * np.random.default_rng(0).standard_normal(500)
+    wrapped = (10 * np.arange(500) / 100) % (2 * np.pi) + noise
+    with pytest.raises(ValueError, match="Is it wrapped"):
+        Recording({"a": np.zeros(500)}, 100, angle=wrapped)
+
+
+def test_a_read_only_view_of_what_can_be_written_to_is_copied():
+    values = np.arange(20.0)
+    view = values.view()
+    view.flags.writeable = False
+    recording = Recording({"a": view}, 10, velocity=np.ones(20))
+    values[0] = 99
+    assert recording.signals["a"][0] == 0
+
+
+def test_a_rate_that_makes_a_recording_endless_is_refused():
+    with pytest.raises(ValueError, match="without end; rates are in Hz"):
+        Recording({"a": [0.0, 0.0]}, 5e-324, angle=[0.0, 1.0])
+
+
+def test_a_recording_that_a_worker_maps_from_disk_hashes_alike(tmp_path):
+    recording = Recording({"a": np.arange(2000.0)}, 10, velocity=np.ones(2000))
+    joblib.dump(recording, tmp_path / "recording.joblib")
+    mapped = joblib.load(tmp_path / "recording.joblib", mmap_mode="r")
+    assert joblib.hash(mapped) == joblib.hash(recording)

@@ -695,3 +695,44 @@ def test_nothing_warns_on_the_way_through_the_pipeline(fleet):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         monitoring().fit(X, y).predict(X)
+
+
+# An axis that was lost, and state of an earlier fit
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda X: X[:, :20],
+        lambda X: X.astype(np.float32),
+        lambda X: X * 2,
+        np.asarray,
+    ],
+    ids=["columns", "float32", "scaled", "asarray"],
+)
+def test_spectra_that_lost_their_orders_are_refused_by_the_bins(spectra, change):
+    lost = change(spectra)
+    with pytest.raises(ValueError, match="has lost its orders"):
+        BinTransformer(max_order=2).fit(lost)
+    with pytest.raises(ValueError, match="has lost its orders"):
+        BinTransformer(max_order=2).fit(spectra).transform(lost)
+
+
+def test_spectra_that_lost_their_orders_serve_with_a_stated_step(spectra):
+    step = float(spectra.columns[1].rpartition("@")[2])
+    n_orders = spectra.shape[1] // 2 if spectra.columns[-1][0] != spectra.columns[0][0] else None
+    first = spectra[:, :n_orders]
+    bins = BinTransformer(max_order=2, order_step=step).fit_transform(first)
+    expected = BinTransformer(max_order=2).fit_transform(spectra)[:, : bins.shape[1]]
+    np.testing.assert_allclose(bins, expected, rtol=1e-12)
+
+
+def test_a_second_fit_forgets_the_table_of_the_first():
+    psd = OrderPSD()
+    psd.fit(np.ones((2, 100)))
+    assert psd.fit([np.ones(90), np.ones(80)]).transform([np.ones(90), np.ones(90)]).shape[0] == 2
+
+
+def test_an_empty_list_is_refused_in_plain_words():
+    with pytest.raises(ValueError, match="X holds no recording and no row"):
+        OrderPSD().fit([])
