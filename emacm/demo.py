@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -104,7 +105,11 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
     n_jobs : int, optional
         Processes of the search.
     """
-    recordings, states, frame = load_cranfield(file)
+    with warnings.catch_warnings(record=True) as remarks:
+        warnings.simplefilter("always")
+        recordings, states, frame = load_cranfield(file)
+    for remark in remarks:
+        print(f"mind: {remark.message}")
     chosen = np.flatnonzero(np.isin(states, _worst_states(states)))
     recordings, states = [recordings[i] for i in chosen], states[chosen]
     frame = frame.iloc[chosen].reset_index(drop=True)

@@ -33,7 +33,6 @@ def test_the_demo_prints_saves_and_draws(tmp_path, capsys, monkeypatch):
     assert set(model.predict(unseen)) <= set(truths)
 
 
-@pytest.mark.filterwarnings("ignore:.*in the file twice:UserWarning")
 def test_the_demo_on_the_real_actuator_sets_splits_side_by_side(cranfield_file, tmp_path, capsys):
     with np.load(cranfield_file) as file:
         arrays = dict(file)
