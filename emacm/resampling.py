@@ -154,16 +154,17 @@ def spread_to_angle(
     step = theta_s / 2
     if path.length < step:  # too short to hold more than its mean
         return angles, np.repeat(means, len(angles)).reshape(*leading, len(angles))
-    # Rows of the fine grid: angles from -_MARGIN steps to as many beyond the last output.
-    fine = np.zeros((2 * (len(angles) - 1) + 1 + 2 * _MARGIN, len(rows)))
+    grid = _FineGrid(len(rows), len(angles))
+    # What the shaft may still turn back: the grid behind that is done.
+    shiver = float(np.max(np.maximum.accumulate(path.travel) - path.travel))
     for travel, weight, values in _dense_blocks(rows, fs, path, theta_s):
         for image in _mirror_images(travel, path.length, _MARGIN * step):
-            _spread(image / step + _MARGIN, weight / step, values - means, fine)
-    resampled = np.empty((len(rows), len(angles)))
-    kept = fine[_WIDTH // 2 : len(fine) - _WIDTH // 2]
-    for row, column, mean in zip(resampled, kept.T, means, strict=True):
-        even = filters.upfirdn(_decimating_filter(), column, down=2)
-        row[:] = even[_HALF : _HALF + len(angles)] + mean
+            grid.spread(image / step + _MARGIN, weight / step, values - means)
+        reached = (float(travel.max()) - shiver) / step
+        if reached > _MARGIN:  # samples to come have no mirror image at the start any more
+            grid.finish(int(reached))
+    resampled = grid.finished()
+    resampled += means[:, np.newaxis]
     return angles, resampled.reshape(*leading, len(angles))
 
 
@@ -311,27 +312,69 @@ def _mirror_images(
                 yield image
 
 
-def _spread(
-    position: NDArray[np.floating],
-    weight: NDArray[np.floating],
-    values: NDArray[np.floating],
-    fine: NDArray[np.floating],
-) -> None:
-    """Add weighted values, each at a fractional row of `fine`, to the rows around it."""
-    inside = (position >= _WIDTH // 2 - 1) & (position < len(fine) - _WIDTH // 2)
-    if not inside.all():
-        position, weight, values = position[inside], weight[inside], values[inside]
-    if not len(position):
-        return
-    first = position.astype(np.intp) - (_WIDTH // 2 - 1)
-    rows = first[:, np.newaxis] + np.arange(_WIDTH)
-    shares = weight[:, np.newaxis] * _kernel(position[:, np.newaxis] - rows)
-    low, high = int(first.min()), int(first.max()) + _WIDTH
-    columns = np.arange(0, rows.size + 1, _WIDTH)
-    operator = sparse.csc_array(
-        (shares.ravel(), (rows - low).ravel(), columns), shape=(high - low, len(position))
-    )
-    fine[low:high] += operator @ values
+class _FineGrid:
+    """The fine grid, of which only the part in work is held, and what was decimated from it.
+
+    Row `_MARGIN` + 2 j is the angle of output j.
+    """
+
+    def __init__(self, n_rows: int, n_angles: int) -> None:
+        self._resampled = np.empty((n_rows, n_angles))
+        self._done = 0  # outputs
+        self._rows = np.zeros((0, n_rows))  # of the grid, from row 2 * self._done upwards
+        self._end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
+
+    def spread(
+        self,
+        position: NDArray[np.floating],
+        weight: NDArray[np.floating],
+        values: NDArray[np.floating],
+    ) -> None:
+        """Add weighted values, each at a fractional row of the grid, to the rows around it."""
+        origin = 2 * self._done
+        inside = (position >= origin + _WIDTH // 2 - 1) & (position < self._end - _WIDTH // 2)
+        if not inside.all():
+            position, weight, values = position[inside], weight[inside], values[inside]
+        if not len(position):
+            return
+        first = position.astype(np.intp) - (_WIDTH // 2 - 1)
+        rows = first[:, np.newaxis] + np.arange(_WIDTH)
+        shares = weight[:, np.newaxis] * _kernel(position[:, np.newaxis] - rows)
+        low, high = int(first.min()), int(first.max()) + _WIDTH
+        columns = np.arange(0, rows.size + 1, _WIDTH)
+        operator = sparse.csc_array(
+            (shares.ravel(), (rows - low).ravel(), columns), shape=(high - low, len(position))
+        )
+        self._reach(high - origin)
+        self._rows[low - origin : high - origin] += operator @ values
+
+    def finish(self, row: int) -> None:
+        """Decimate as far as the grid below `row` allows, and let go of what is done."""
+        # Output j needs the rows from 2 j + _WIDTH / 2 to 2 j + 2 _HALF + _WIDTH / 2.
+        ready = (row - 2 * _HALF - _WIDTH // 2) // 2
+        count = min(ready, self._resampled.shape[1]) - self._done
+        if count <= 0:
+            return
+        first = _WIDTH // 2
+        part = slice(first, first + 2 * (count - 1) + 1 + 2 * _HALF)
+        self._reach(part.stop)
+        for output, column in zip(self._resampled, self._rows[part].T, strict=True):
+            even = filters.upfirdn(_decimating_filter(), column, down=2)
+            output[self._done : self._done + count] = even[_HALF : _HALF + count]
+        self._done += count
+        self._rows = self._rows[2 * count :].copy()
+
+    def finished(self) -> NDArray[np.floating]:
+        """Decimate the rest, and return all outputs, shape (n_rows, n_angles)."""
+        self.finish(self._end + 2)
+        return self._resampled
+
+    def _reach(self, n_rows: int) -> None:
+        """Hold at least so many rows."""
+        missing = n_rows - len(self._rows)
+        if missing > 0:
+            more = np.zeros((missing, self._rows.shape[1]))
+            self._rows = np.concatenate([self._rows, more])
 
 
 def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
