@@ -95,8 +95,9 @@ def interpolate_to_angle(
 
     Raises
     ------
-    ValueError
-        If `interpolation` is neither, or `theta_s` not positive.
+    TypeError, ValueError
+        If `interpolation` is neither, `theta_s` or `fs` not positive, or the
+        signal not finite.
     """
     check_choice(interpolation, "interpolation", INTERPOLATIONS)
     rows, leading = _as_rows(signal)
@@ -142,8 +143,9 @@ def spread_to_angle(
 
     Raises
     ------
-    ValueError
-        If `theta_s` is not positive.
+    TypeError, ValueError
+        If `theta_s` or `fs` is not positive, the signal not finite, or if the
+        shaft jumps (the message says when).
     """
     rows, leading = _as_rows(signal)
     fs = check_number(fs, "fs", above=0, unit="Hz")
