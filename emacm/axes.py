@@ -149,6 +149,32 @@ def column_names(X: Any) -> tuple[Any, ...] | None:
     return None if columns is None else tuple(columns)
 
 
+def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -> None:
+    """Compare names given to `get_feature_names_out` with what `fit` saw.
+
+    Parameters
+    ----------
+    names : sequence
+        The names given.
+    seen : sequence or None
+        Names that `fit` saw, if it saw any.
+    n_expected : int or None
+        How many there must be, if that is known.
+
+    Raises
+    ------
+    ValueError
+        If they are others, or not as many.
+    """
+    if seen is not None and list(names) != list(seen):
+        raise ValueError("input_features is not equal to feature_names_in_.")
+    if n_expected is not None and len(names) != n_expected:
+        raise ValueError(
+            f"input_features should have length equal to what fit saw ({n_expected}), "
+            f"got {len(names)}."
+        )
+
+
 def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None:
     """Read the order axis back from column names.
 

@@ -15,6 +15,7 @@ from emacm._checks import check_finite_table, check_number
 from emacm.axes import (
     BARE_CHANNEL,
     OrderBlock,
+    check_input_names,
     column_names,
     lost_axis,
     number_name,
@@ -187,13 +188,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         check_is_fitted(self)
         if input_features is not None:
             seen = getattr(self, "feature_names_in_", None)
-            if seen is not None and not np.array_equal(seen, input_features):
-                raise ValueError("input_features is not equal to feature_names_in_.")
-            if len(input_features) != self.n_features_in_:
-                raise ValueError(
-                    f"input_features should have length equal to the number of columns seen in "
-                    f"fit ({self.n_features_in_}), got {len(input_features)}."
-                )
+            check_input_names(input_features, seen, self.n_features_in_)
         return np.array(self._columns_out, dtype=object)
 
     def _refuse_lost_axis(self, X: Any) -> None:

@@ -31,6 +31,7 @@ from emacm.recordings import Recording
 from emacm.simulation import BEARING_ORDER, SCREW_ORDER, simulate_fleet
 
 MISSED = 10.0  # times as dear as a false alarm, in the lopsided cost matrix
+_UNIFORM, _LOPSIDED = "uniform", f"a missed detection costs {MISSED:g}"
 _SEVERITY = 1.5  # of the simulated faults: seen by most, missed at times
 _LATE_RUNS = 2  # runs of the real actuator that are kept from the search
 
@@ -69,17 +70,8 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     print("\nNine actuators that the search never saw, 8 runs each")
     others, truths, _ = simulate_fleet(3, 8, severity=_SEVERITY, seed=1, first_unit=8)
     model = search.best_estimator_
-    models = {}
-    for name, cost in _cost_matrices("healthy", model.classes_).items():
-        priced = clone(model).set_params(costsensitivegaussianbayes__cost=cost)
-        models[name] = priced.fit(recordings, states)
-        print(f"\nCost matrix: {name}")
-        decided = [trained.predict(others) for trained in models.values()]
-        _report(truths, decided[-1], cost, healthy="healthy")
-        if len(decided) > 1:
-            dear = expected_cost(truths, decided[0], cost=cost)
-            print(f"(the decisions above, under the uniform matrix, would cost {dear:.3f})")
-    _save_and_diagnose(priced, out / "simulated.joblib", others[::8])
+    models = _priced_models(model, recordings, states, others, truths, healthy="healthy")
+    _save_and_diagnose(models[_LOPSIDED], out / "simulated.joblib", others[::8])
     _draw(
         models,
         recordings,
@@ -152,15 +144,13 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
     model, truths = kept["one for all loads", honest][1][None], states[~late]
     early = [recordings[i] for i in np.flatnonzero(~late)]
     unseen = [recordings[i] for i in np.flatnonzero(late)]
-    priced_models = {}
-    for name, cost in _cost_matrices("normal", model.classes_).items():
-        priced = clone(model).set_params(costsensitivegaussianbayes__cost=cost).fit(early, truths)
-        priced_models[name] = priced
-        print(f"\none for all loads, cost matrix: {name}")
-        _report(states[late], priced.predict(unseen), cost, healthy="normal")
-    _save_and_diagnose(priced, out / "actuator.joblib", unseen[:: max(1, len(unseen) // 8)])
+    print("\none for all loads")
+    models = _priced_models(model, early, truths, unseen, states[late], healthy="normal")
+    _save_and_diagnose(
+        models[_LOPSIDED], out / "actuator.joblib", unseen[:: max(1, len(unseen) // 8)]
+    )
     channels = {"current": "A", "position_error": "mm"}
-    _draw(priced_models, early, truths, out / "actuator.png", channels=channels, fault_orders={})
+    _draw(models, early, truths, out / "actuator.png", channels=channels, fault_orders={})
 
 
 def _show_quality(pipeline: Pipeline, recordings: list[Recording]) -> None:
@@ -271,7 +261,33 @@ def _cost_matrices(healthy: str, classes: NDArray[Any]) -> dict[str, pd.DataFram
     uniform = pd.DataFrame(1 - np.eye(len(classes)), index=classes, columns=classes)
     lopsided = uniform.copy()
     lopsided.loc[healthy, lopsided.columns != healthy] = MISSED
-    return {"uniform": uniform, f"a missed detection costs {MISSED:g}": lopsided}
+    return {_UNIFORM: uniform, _LOPSIDED: lopsided}
+
+
+def _priced_models(
+    model: Pipeline,
+    recordings: list[Recording],
+    labels: Labels,
+    unseen: list[Recording],
+    truths: Labels,
+    *,
+    healthy: str,
+) -> dict[str, Pipeline]:
+    """Decide on unseen recordings under each cost matrix; return the models by its name.
+
+    The costs concern the classifier alone, so the fitted transformers are shared.
+    """
+    features, unseen_features = (model[:-1].transform(X) for X in (recordings, unseen))
+    models, decided = {}, {}
+    for name, cost in _cost_matrices(healthy, model.classes_).items():
+        classifier = clone(model[-1]).set_params(cost=cost).fit(features, labels)
+        models[name] = Pipeline([*model.steps[:-1], (model.steps[-1][0], classifier)])
+        decided[name] = classifier.predict(unseen_features)
+        print(f"\nCost matrix: {name}")
+        _report(truths, decided[name], cost, healthy=healthy)
+    dear = expected_cost(truths, decided[_UNIFORM], cost=cost)
+    print(f"(the decisions under the uniform matrix would cost {dear:.3f})")
+    return models
 
 
 def _report(truths: Labels, decided: Labels, cost: pd.DataFrame | None, *, healthy: str) -> None:

@@ -21,7 +21,7 @@ from emacm._checks import (
 )
 from emacm._version import __version__
 from emacm.angle_recordings import AngleRecording, AngleStroke
-from emacm.axes import BARE_CHANNEL, OrderTable, order_columns
+from emacm.axes import BARE_CHANNEL, OrderTable, check_input_names, order_columns
 from emacm.recordings import Recording, described
 from emacm.spectrum import SHORTS, SegmentPlan, samples_per_revolution, segment_plan
 
@@ -228,21 +228,11 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         if input_features is not None:
-            self._check_feature_names(list(input_features))
+            n_expected = getattr(self, "n_features_in_", None)
+            if self._recorded:
+                n_expected = len(self.channels_)
+            check_input_names(input_features, getattr(self, "feature_names_in_", None), n_expected)
         return np.array(self._columns_out, dtype=object)
-
-    def _check_feature_names(self, names: list[Any]) -> None:
-        seen = getattr(self, "feature_names_in_", None)
-        if seen is not None and names != list(seen):
-            raise ValueError("input_features is not equal to feature_names_in_.")
-        expected = getattr(self, "n_features_in_", None)
-        if expected is None and self._recorded:
-            expected = len(self.channels_)
-        if expected is not None and len(names) != expected:
-            raise ValueError(
-                f"input_features should have length equal to what fit saw ({expected}), "
-                f"got {len(names)}."
-            )
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over the angle, or 1-D arrays."""

@@ -338,9 +338,9 @@ class OrderResampler(  # type: ignore[call-arg]
 
     def _check_turning(self, recording: Recording) -> None:
         velocity = recording.velocity
-        wanted = {"forward": velocity, "reverse": -velocity}.get(self.direction, np.abs(velocity))
-        if not np.any(wanted > self.min_speed):
-            way = f" {self.direction}" if self.direction in ("forward", "reverse") else ""
+        ways = {"forward": velocity.max(), "reverse": -velocity.min()}
+        if not ways.get(self.direction, max(ways.values())) > self.min_speed:
+            way = f" {self.direction}" if self.direction in ways else ""
             raise ValueError(
                 f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
                 f"its speed lies between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
