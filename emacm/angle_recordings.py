@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.recordings import Recording
-from emacm.resampling import angle_count, interpolate_to_angle, spread_to_angle
-from emacm.strokes import Path, stroke_paths
+from emacm.resampling import angle_blocks
+from emacm.paths import Path
+from emacm.strokes import stroke_paths
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,24 @@ class AngleRecording:
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes in order of time; their signals are not resampled yet."""
-        recording = self.recording
         paths = stroke_paths(
-            recording.angle,
-            recording.velocity,
-            recording.shaft_fs,
+            *self.recording.motion,
+            self.recording.shaft_fs,
             direction=self.direction,
             min_speed=self.min_speed,
         )
         return tuple(AngleStroke(self, path) for path in paths)
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Type of the resampled signals: float32 if all channels are."""
+        return np.result_type(*(self.recording.signals[name] for name in self.channels))
+
+    @property
+    def rate_groups(self) -> list[list[int]]:
+        """Numbers of the channels, those of one sampling rate together."""
+        rates = [self.recording.fs[name] for name in self.channels]
+        return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
 
     def frame(self) -> pd.DataFrame:
         """Return all strokes as one table: a row an angle, a column a channel.
@@ -116,7 +126,7 @@ class AngleStroke:
     @property
     def n_angles(self) -> int:
         """Number of samples over the angle."""
-        return angle_count(self.path, self.recording.theta_s)
+        return self.path.count(self.recording.theta_s)
 
     @property
     def revolutions(self) -> float:
@@ -132,23 +142,37 @@ class AngleStroke:
     @property
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
-        settings, recording = self.recording, self.recording.recording
-        rates = dict.fromkeys(recording.fs[name] for name in settings.channels)
-        if len(rates) == 1:
-            return self._resample([recording.signals[name] for name in settings.channels], *rates)
-        resampled = np.empty((len(settings.channels), self.n_angles))
-        for fs in rates:
-            rows = [i for i, name in enumerate(settings.channels) if recording.fs[name] == fs]
-            chosen = [recording.signals[settings.channels[i]] for i in rows]
-            resampled[rows] = self._resample(chosen, fs)
+        resampled = np.empty((len(self.recording.channels), self.n_angles), self.recording.dtype)
+        for rows in self.recording.rate_groups:
+            done = 0
+            for block in self.blocks(rows):
+                resampled[rows, done : done + block.shape[1]] = block
+                done += block.shape[1]
         return resampled
 
-    def _resample(self, channels: list[NDArray[np.floating]], fs: float) -> NDArray[np.floating]:
-        settings = self.recording
+    def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
+        """Resample some channels a block at a time, for strokes of any length.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Numbers of channels that were sampled at one rate, such as one of
+            `AngleRecording.rate_groups`.
+
+        Returns
+        -------
+        iterator of ndarray of shape (n_rows, n_angles)
+            Blocks that continue one another.
+        """
+        settings, recording = self.recording, self.recording.recording
+        names = [settings.channels[row] for row in rows]
+        channels = [recording.signals[name] for name in names]
         n_times = min(map(len, channels))  # equal to within one sample
-        rows = [channel[:n_times] for channel in channels]
-        if settings.antialias:
-            return spread_to_angle(rows, fs, self.path, theta_s=settings.theta_s)[1]
-        return interpolate_to_angle(
-            rows, fs, self.path, theta_s=settings.theta_s, interpolation=settings.interpolation
-        )[1]
+        return angle_blocks(
+            [channel[:n_times] for channel in channels],
+            recording.fs[names[0]],
+            self.path,
+            theta_s=settings.theta_s,
+            antialias=settings.antialias,
+            interpolation=settings.interpolation,
+        )

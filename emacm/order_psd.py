@@ -377,6 +377,9 @@ class _Row(NamedTuple):
     def n_angles(self) -> int:
         return self.signals.shape[-1]
 
+    def blocks(self, rows: Sequence[int]) -> list[NDArray[np.floating]]:
+        return [self.signals[rows]]
+
 
 def _spectra(
     row: AngleRecording | NDArray[np.floating],
@@ -390,25 +393,34 @@ def _spectra(
     `version` is there for the cache alone: another emacm may estimate otherwise.
     """
     if isinstance(row, np.ndarray):
-        return _estimate([_Row(row[np.newaxis])], plan, short, "row")
-    strokes = row.strokes
+        return _estimate([_Row(row[np.newaxis])], [[0]], plan, short, "row")
+    strokes, groups = row.strokes, row.rate_groups
     if not by_direction:
-        return _estimate(strokes, plan, short, "stroke")
+        return _estimate(strokes, groups, plan, short, "stroke")
     ways = ((1, "forward stroke"), (-1, "reverse stroke"))
     both = [
-        _estimate([stroke for stroke in strokes if stroke.direction == sign], plan, short, kind)
+        _estimate([s for s in strokes if s.direction == sign], groups, plan, short, kind)
         for sign, kind in ways
     ]
     return np.stack(both, axis=1)
 
 
 def _estimate(
-    strokes: Sequence[AngleStroke | _Row], plan: SegmentPlan, short: str, kind: str
+    strokes: Sequence[AngleStroke | _Row],
+    groups: list[list[int]],
+    plan: SegmentPlan,
+    short: str,
+    kind: str,
 ) -> NDArray[np.floating]:
-    """Average over the strokes that hold a segment, resampling one at a time."""
+    """Average over the strokes that hold a segment, resampling them a block at a time.
+
+    `groups` holds the numbers of the channels that have one sampling rate.
+    """
     whole = [stroke for stroke in strokes if stroke.n_angles >= plan.n_per_segment]
     if whole:
-        return plan.average_of(stroke.signals for stroke in whole)
+        parts = {tuple(rows): plan.average_of(s.blocks(rows) for s in whole) for rows in groups}
+        order = np.argsort([row for rows in parts for row in rows])
+        return np.concatenate(list(parts.values()))[order]
     longest = max((stroke.n_angles for stroke in strokes), default=0)
     if short == "pad" and longest > 1:
         return plan.padded(stroke.signals for stroke in strokes)

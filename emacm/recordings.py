@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, check_signal
+from emacm.motion import DifferentiatedVelocity, IntegratedAngle, Series
 from emacm.shaft import angle_from_velocity, angle_from_wrapped, is_wrapped
 
 _FEW = 10  # samples of an angle in which a single step may be most of the way
@@ -150,6 +151,13 @@ class Recording:
         if self.reference == "velocity":
             return self._shaft
         return np.gradient(self._shaft) * self.shaft_fs
+
+    @property
+    def motion(self) -> tuple[Series, Series]:
+        """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
+        if self.reference == "angle":
+            return self._shaft, DifferentiatedVelocity(self._shaft, self.shaft_fs)
+        return IntegratedAngle(self._shaft, self.shaft_fs), self._shaft
 
     @property
     def duration(self) -> float:

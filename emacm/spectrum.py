@@ -18,6 +18,12 @@ from emacm._checks import (
     check_number,
     check_real_array,
 )
+from emacm._kernels import kernels
+
+# Whole, or in blocks that continue one another; shape (n_channels, n_angles).
+Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
+Stretch = tuple[NDArray[np.floating], int, int]
+Lines = NDArray[np.complexfloating]  # shape (n_rows, n_segments, n_lines)
 
 DETRENDS = ("constant", "linear", None, False)
 SCALINGS = ("density", "spectrum")
@@ -25,7 +31,7 @@ AVERAGES = ("mean", "median")
 SHORTS = ("raise", "pad")
 
 _MOST_SAMPLES = 1 << 31  # of a segment
-_BLOCK_BYTES = 1 << 20  # of segments in work at once: they should stay in cache
+_BLOCK_BYTES = 1 << 19  # of segments in work at once: they should stay in cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,40 +85,47 @@ class SegmentPlan:
         """True length of a segment [revolutions]."""
         return self.n_per_segment / self.samples_per_rev
 
-    def average_of(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
+    def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
         """Average the spectra of all segments of all signals.
 
         Parameters
         ----------
-        signals : iterable of ndarray of shape (n_channels, n_angles)
-            Signals over uniform angles, such as the strokes of a recording.
-            No segment spans two of them; what is shorter than a segment is
-            passed over. They are looked at one at a time.
+        signals : iterable of ndarray of shape (n_channels, n_angles), or of their blocks
+            Signals over uniform angles, such as the strokes of a recording, each whole or as
+            an iterable of blocks that continue one another. No segment spans two signals;
+            what is shorter than a segment is passed over. They are looked at one at a time.
 
         Returns
         -------
         psd : ndarray of shape (n_channels, n_orders)
+            Accumulated in float64; float32 where the signals are.
 
         Raises
         ------
         ValueError
             If no signal holds a segment.
         """
-        blocks = (block for signal in signals for block in self._segment_powers(signal))
-        if self.average == "median":
-            kept = list(blocks)
-            if not kept:
-                raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
-            joined = np.concatenate(kept, axis=1)
-            return np.median(joined, axis=1) / _median_bias(joined.shape[1])
-        total, count = None, 0
-        for powers in blocks:
-            part = powers.sum(axis=1)
-            total = part if total is None else total + part
-            count += powers.shape[1]
-        if total is None:
+        window = _window_values(self.window, self.n_per_segment)
+        kept: list[NDArray[np.floating]] = []
+        count, dtype = 0, None
+        for stretch, first, n_segments in self._stretches(signals):
+            dtype = stretch.dtype
+            count += n_segments
+            at_once = self._at_once(stretch)
+            groups = [stretch[i : i + at_once] for i in range(0, len(stretch), at_once)]
+            power = np.concatenate(
+                [self._powers(self._lines(rows, first, n_segments, window)) for rows in groups]
+            )
+            if kept and self.average == "mean":
+                power += kept.pop()
+            kept.append(power)
+        if not kept:
             raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
-        return total / count
+        if self.average == "median":
+            psd = np.median(np.concatenate(kept, axis=1), axis=1) / _median_bias(count)
+        else:
+            psd = kept[0] / count
+        return (psd * (self._sides() / self._window_factor(window))).astype(dtype)
 
     def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Estimate from signals that are shorter than a segment.
@@ -154,19 +167,59 @@ class SegmentPlan:
             raise ValueError("no stroke has two samples.")
         return power * (self._sides() / factor)
 
-    def _segment_powers(self, signal: NDArray[np.floating]) -> Iterator[NDArray[np.floating]]:
-        """Yield one-sided powers (n_channels, n_segments, n_orders) of a few segments at a time."""
-        if signal.shape[-1] < self.n_per_segment:
-            return
-        window = _window_values(self.window, self.n_per_segment)
-        scale = self._sides() / self._window_factor(window)
-        windows = np.lib.stride_tricks.sliding_window_view(signal, self.n_per_segment, axis=-1)
-        segments = windows[:, :: self.step]
-        at_once = max(1, _BLOCK_BYTES // (8 * self.n_per_segment * len(signal)))
-        for start in range(0, segments.shape[1], at_once):
-            part = _detrended(segments[:, start : start + at_once], self.detrend)
-            lines = fft.rfft(part * window)[..., : self.n_orders]
-            yield (lines.real**2 + lines.imag**2) * scale
+    def _stretches(self, signals: Iterable[Signal]) -> Iterator[Stretch]:
+        """Yield stretches of the signals, where segments begin in them, and how many."""
+        length, step = self.n_per_segment, self.step
+        for signal in signals:
+            rest: NDArray[np.floating] | None = None
+            for block in _at_least([signal] if isinstance(signal, np.ndarray) else signal, length):
+                first = 0  # in the block, of the segments that lie wholly inside
+                if rest is not None:
+                    # Segments that begin in the rest; only they are copied together.
+                    first = -rest.shape[1] % step
+                    joined = np.concatenate([rest, block[:, : first - step + length]], axis=1)
+                    count = (joined.shape[1] - length) // step + 1
+                    if count > 0:
+                        yield joined, 0, count
+                count = max(0, (block.shape[1] - first - length) // step + 1)
+                if count:
+                    yield block, first, count
+                rest = block[:, first + count * step :].copy()
+
+    def _at_once(self, stretch: NDArray[np.floating]) -> int:
+        """How many segments fit into the processor's cache."""
+        return max(1, _BLOCK_BYTES // (stretch.itemsize * self.n_per_segment))
+
+    def _lines(
+        self,
+        rows: NDArray[np.floating],
+        origin: int,
+        n_segments: int,
+        window: NDArray[np.floating],
+    ) -> Iterator[Lines]:
+        """Yield the Fourier transforms of a few segments of each row at a time."""
+        window = window.astype(rows.dtype, copy=False)
+        at_once = max(1, self._at_once(rows) // len(rows))
+        for start in range(0, n_segments, at_once):
+            first, count = origin + start * self.step, min(at_once, n_segments - start)
+            if self.detrend == "linear":
+                ones = np.ones_like(window)
+                segments = kernels().windowed(rows, first, self.step, ones, count, False)
+                segments = filters.detrend(segments, axis=-1, type="linear") * window
+            else:
+                remove_mean = self.detrend == "constant"
+                segments = kernels().windowed(rows, first, self.step, window, count, remove_mean)
+            yield fft.rfft(segments, overwrite_x=True)
+
+    def _powers(self, parts: Iterable[Lines]) -> NDArray[np.floating]:
+        """Squared lines, summed over segments or, for the median, of each.
+
+        Shape (n_rows, n_orders) or (n_rows, n_segments, n_orders).
+        """
+        if self.average == "mean":
+            return sum(kernels().powers(lines, self.n_orders) for lines in parts)
+        wanted = np.concatenate([lines[..., : self.n_orders] for lines in parts], axis=1)
+        return wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
 
     def _window_factor(self, window: NDArray[np.floating]) -> float:
         # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.
@@ -334,6 +387,20 @@ def order_psd(
         )
     psd = plan.average_of([signal.reshape(-1, signal.shape[-1])])
     return plan.orders, psd.reshape(*signal.shape[:-1], plan.n_orders)
+
+
+def _at_least(
+    blocks: Iterable[NDArray[np.floating]], length: int
+) -> Iterator[NDArray[np.floating]]:
+    """Join blocks that are shorter than `length`; what is left over at the end may be."""
+    held: list[NDArray[np.floating]] = []
+    for block in blocks:
+        held.append(block)
+        if sum(part.shape[1] for part in held) >= length:
+            yield held[0] if len(held) == 1 else np.concatenate(held, axis=1)
+            held = []
+    if held:
+        yield np.concatenate(held, axis=1)
 
 
 def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:

@@ -2,69 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_number, check_signal
+from emacm.motion import IntegratedAngle, LazySeries, Series, blocks
+from emacm.paths import JoinedTravel, Path, Stroke, StrokeTravel
+
+__all__ = ["DIRECTIONS", "Path", "Stroke", "find_strokes", "stroke_paths"]
 
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 
 
-class Stroke(NamedTuple):
-    """Samples `start` to `stop` (exclusive) in which the shaft turns one way."""
-
-    start: int
-    stop: int
-    direction: int
-
-
-@dataclass(frozen=True, eq=False)
-class Path:
-    """Way of the shaft along its own motion, at uniform times.
-
-    Attributes
-    ----------
-    travel : ndarray of shape (n_shaft_times,)
-        Angle run since the start of the path [rad], from 0 upwards.
-    fs : float
-        Sampling rate of `travel` [Hz].
-    start_time : float
-        Time of its first sample [s].
-    start_angle : float
-        Shaft angle there [rad].
-    direction : {1, -1, 0}
-        Forward, reverse, or 0 for a path that joins both.
-    """
-
-    travel: NDArray[np.floating]
-    fs: float
-    start_time: float
-    start_angle: float
-    direction: int
-
-    def __eq__(self, other: object) -> bool:
-        """Two paths are equal if they run the same way at the same time."""
-        if not isinstance(other, Path):
-            return NotImplemented
-        mine = (self.fs, self.start_time, self.start_angle, self.direction)
-        theirs = (other.fs, other.start_time, other.start_angle, other.direction)
-        return mine == theirs and np.array_equal(self.travel, other.travel)
-
-    def __hash__(self) -> int:
-        """Agree for equal paths."""
-        return hash((self.fs, self.start_time, self.start_angle, self.direction))
-
-    @property
-    def length(self) -> float:
-        """Angle from start to end [rad]."""
-        return float(self.travel[-1])
-
-
-def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]:
+def find_strokes(velocity: ArrayLike | Series, *, min_speed: float = 0.0) -> list[Stroke]:
     """Find the stretches in which the shaft turns one way.
 
     A stroke is cut only where the direction changes. Samples at or below
@@ -94,24 +46,15 @@ def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]
     >>> find_strokes([0.0, 2.0, 0.0, 2.0, 0.0, -1.0, -1.0])
     [Stroke(start=1, stop=4, direction=1), Stroke(start=5, stop=7, direction=-1)]
     """
-    velocity = check_signal(velocity, "velocity", min_length=1)
+    if not isinstance(velocity, LazySeries):
+        velocity = check_signal(velocity, "velocity", min_length=1)
     min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
-    turning = np.flatnonzero(np.abs(velocity) > min_speed)
-    if not len(turning):
-        return []
-    signs = np.sign(velocity[turning]).astype(np.int8)
-    cuts = np.flatnonzero(np.diff(signs)) + 1
-    first = np.concatenate([[0], cuts])
-    last = np.concatenate([cuts, [len(turning)]]) - 1
-    return [
-        Stroke(int(turning[i]), int(turning[j]) + 1, int(signs[i]))
-        for i, j in zip(first, last, strict=True)
-    ]
+    return _strokes(velocity, min_speed)
 
 
 def stroke_paths(
-    angle: NDArray[np.floating],
-    velocity: NDArray[np.floating],
+    angle: Series,
+    velocity: Series,
     fs: float,
     *,
     direction: str = "strokes",
@@ -121,7 +64,7 @@ def stroke_paths(
 
     Parameters
     ----------
-    angle, velocity : ndarray of shape (n_times,)
+    angle, velocity : ndarray of shape (n_times,), or what slices like one
         Cumulative shaft angle [rad] and signed velocity [rad/s].
     fs : float
         Their sampling rate [Hz].
@@ -142,28 +85,58 @@ def stroke_paths(
         If `direction` is none of the four.
     """
     check_choice(direction, "direction", DIRECTIONS)
-    strokes = find_strokes(velocity, min_speed=min_speed)
+    strokes = _strokes(velocity, min_speed)
     if direction == "travel":
         return _joined_path(angle, fs, strokes)
     wanted = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}[direction]
+    # The integral of a speed that is nowhere the other way never turns back.
+    onward = min_speed == 0 and isinstance(angle, IntegratedAngle)
     paths = []
-    for start, stop, sign in strokes:
-        travel = sign * (angle[start:stop] - angle[start])
-        if sign in wanted and stop - start > 1 and travel[-1] > 0:
-            paths.append(Path(travel, fs, start / fs, float(angle[start]), sign))
+    for stroke in strokes:
+        if stroke.direction not in wanted or stroke.stop - stroke.start < 2:
+            continue
+        travel = StrokeTravel(angle, stroke, onward=onward)
+        path = Path(travel, fs, stroke.start / fs, travel.start_angle, stroke.direction)
+        if path.length > 0:
+            paths.append(path)
     return paths
 
 
-def _joined_path(angle: NDArray[np.floating], fs: float, strokes: list[Stroke]) -> list[Path]:
-    """Join the strokes; at rest between them the path stands still."""
+def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
+    """Join what was found block by block."""
+    strokes: list[Stroke] = []
+    for first, block in blocks(velocity):
+        for start, stop, sign in _stretches(block, min_speed):
+            if strokes and strokes[-1].direction == sign:
+                strokes[-1] = Stroke(strokes[-1].start, first + stop, sign)
+            else:
+                strokes.append(Stroke(first + start, first + stop, sign))
+    return strokes
+
+
+def _stretches(
+    velocity: NDArray[np.floating], min_speed: float
+) -> Iterator[tuple[int, int, int]]:
+    """Yield first sample, last + 1 and direction of the strokes within one block."""
+    if velocity.min() > min_speed:
+        yield 0, len(velocity), 1
+        return
+    if velocity.max() < -min_speed:
+        yield 0, len(velocity), -1
+        return
+    turning = np.flatnonzero(np.abs(velocity) > min_speed)
+    if not len(turning):
+        return
+    signs = np.sign(velocity[turning]).astype(np.int8)
+    cuts = np.flatnonzero(np.diff(signs)) + 1
+    for i, j in zip([0, *cuts], [*cuts, len(turning)], strict=True):
+        yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])
+
+
+def _joined_path(angle: Series, fs: float, strokes: list[Stroke]) -> list[Path]:
     if not strokes:
         return []
-    origin, end = strokes[0].start, strokes[-1].stop
-    steps = np.zeros(end - origin - 1)
-    for start, stop, sign in strokes:
-        steps[start - origin : stop - 1 - origin] = sign * np.diff(angle[start:stop])
-    for before, after in pairwise(strokes):
-        if after.start == before.stop:  # the shaft turns between two samples, without rest
-            steps[before.stop - 1 - origin] = abs(angle[after.start] - angle[before.stop - 1])
-    travel = np.concatenate([[0.0], np.cumsum(steps)])
-    return [Path(travel, fs, origin / fs, float(angle[origin]), 0)] if travel[-1] > 0 else []
+    travel = JoinedTravel(angle, strokes)
+    origin = strokes[0].start
+    path = Path(travel, fs, origin / fs, float(angle[origin]), 0)
+    return [path] if path.length > 0 else []

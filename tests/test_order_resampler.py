@@ -66,13 +66,13 @@ def assert_equal(one, other):
 def count(monkeypatch):
     """How often anything was resampled."""
     calls = []
-    original = emacm.angle_recordings.spread_to_angle
+    original = emacm.angle_recordings.angle_blocks
 
     def counted(*args, **kwargs):
         calls.append(args)
         return original(*args, **kwargs)
 
-    monkeypatch.setattr(emacm.angle_recordings, "spread_to_angle", counted)
+    monkeypatch.setattr(emacm.angle_recordings, "angle_blocks", counted)
     return calls
 
 

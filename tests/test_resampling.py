@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import get_window
 
-import emacm.resampling
+import emacm.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm.resampling import PASS, angle_count, interpolate_to_angle, spread_to_angle
 from emacm.spectrum import order_psd
@@ -360,7 +360,7 @@ def test_upsampling_sets_in_where_the_sparse_samples_need_it():
     factors = []
     for samples_per_rev in (60.4, 85.0, 85.4, 144.9, 145.3, 411.9, 412.4):
         _, path = steady(5.0, 5 * samples_per_rev, 1.0)
-        factors.append(emacm.resampling._upsampling(5 * samples_per_rev, path, THETA_S))
+        factors.append(emacm.spreading._upsampling(5 * samples_per_rev, path, THETA_S))
     assert factors == [4, 4, 3, 3, 2, 2, 1]
 
 
@@ -369,7 +369,7 @@ def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
     _, path = steady(20.0, fs, 1.0)
     signals = np.random.default_rng(6).standard_normal((2, len(path.travel)))
     _, whole = spread_to_angle(signals, fs, path, theta_s=THETA_S)
-    monkeypatch.setattr(emacm.resampling, "_BLOCK", 997)
+    monkeypatch.setattr(emacm.spreading, "BLOCK", 997)
     _, pieces = spread_to_angle(signals, fs, path, theta_s=THETA_S)
     np.testing.assert_allclose(pieces, whole, atol=1e-12)
 

@@ -98,13 +98,13 @@ def spectra(over_angle):
 def count(monkeypatch):
     """How often a stroke was resampled."""
     calls = []
-    original = emacm.angle_recordings.spread_to_angle
+    original = emacm.angle_recordings.angle_blocks
 
     def counted(*args, **kwargs):
         calls.append(args)
         return original(*args, **kwargs)
 
-    monkeypatch.setattr(emacm.angle_recordings, "spread_to_angle", counted)
+    monkeypatch.setattr(emacm.angle_recordings, "angle_blocks", counted)
     return calls
 
 

@@ -1,0 +1,277 @@
+"""The inner loops compiled by numba; see `_kernels_numpy` for what each of them does.
+
+None holds Python's lock, so recordings in threads run side by side. The loops are written so that
+the compiler can use the processor's vector units: no branch and no variable offset inside.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Numbers = NDArray[np.int32]
+
+
+def _compiled(function: Any) -> Any:
+    """Compile at the first call, and keep the result on disk where that is possible."""
+    # Sums may be taken in another order, and products fused into them: 1e-15 of the result.
+    options = {"nogil": True, "fastmath": {"reassoc", "contract", "nsz", "arcp"}}
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:  # neither the package's folder nor the user's can be written to
+        return njit(**options)(function)
+
+
+def integrate(velocity: Array, half_step: float, start: float) -> Array:
+    """Sum trapezoids, from the angle `start` of the first sample on; in float64."""
+    angle = np.empty(len(velocity))
+    _integrate(_read_only(velocity), half_step, start, angle)
+    return angle
+
+
+def shares(
+    travel: Array, scale: float, offset: float, coefficients: Array, n_cells: int, dtype: type
+) -> tuple[Array, Numbers]:
+    """Work out how each sample is spread over the grid points around it."""
+    n_halves, n_times = len(coefficients), len(travel) - 2
+    if coefficients.shape != (2, 6):
+        raise ValueError(f"the kernel must have 2 halves of degree 5, got {coefficients.shape}.")
+    weights = np.empty((2 * n_halves, n_times), dtype)
+    cells = np.empty(n_times, np.int32)
+    _shares(_read_only(travel), scale, offset, coefficients, n_cells, *weights, cells)
+    return weights, cells
+
+
+def spread(
+    signals: list[Array], means: Array, weights: Array, cells: Numbers, grid: Array
+) -> None:
+    """Add each sample, less the mean of its signal, to the grid points around it."""
+    rows = [_read_only(signal) for signal in signals]
+    means = means.astype(weights.dtype)
+    for k in range(0, len(rows) - 1, 2):
+        _spread_two(rows[k], rows[k + 1], means[k : k + 2], *weights, cells, grid[k], grid[k + 1])
+    if len(rows) % 2:
+        _spread_one(rows[-1], means[-1:], *weights, cells, grid[-1])
+
+
+def decimate(grid: Array, taps: Array, n_outputs: int) -> Array:
+    """Filter a grid and keep every other point."""
+    if len(taps) != 41:
+        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
+    outputs = np.empty((len(grid), n_outputs), grid.dtype)
+    taps = taps.astype(grid.dtype)
+    for row, output in zip(grid, outputs, strict=True):
+        _decimate(row, taps, output)
+    return outputs
+
+
+def places(
+    reached: Array, first: int, n_angles: int, theta_s: float, dtype: type
+) -> tuple[Numbers, Array]:
+    """Say between which samples the angle grid is passed."""
+    left, shares = np.empty(n_angles, np.int32), np.empty(n_angles, dtype)
+    _places(_read_only(reached), first, theta_s, left, shares)
+    return left, shares
+
+
+def blend(signal: Array, left: Numbers, shares: Array, out: Array) -> None:
+    """Read a signal off between its samples, by straight lines; Eq. (2.13) of Chirico."""
+    _blend(_read_only(signal), left, shares, out)
+
+
+def windowed(
+    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
+) -> Array:
+    """Cut signals into segments and weight them."""
+    segments = np.empty((len(signals), n_segments, len(window)), signals.dtype)
+    _windowed(_read_only(signals), first, step, window, remove_mean, segments)
+    return segments
+
+
+def powers(lines: NDArray[np.complexfloating], n_orders: int) -> Array:
+    """Sum the squared size of the first `n_orders` lines over segments; in float64."""
+    total = np.zeros((len(lines), n_orders))
+    _powers(lines, total)
+    return total
+
+
+def _read_only(signal: Array) -> Array:
+    """Return a contiguous view that cannot be written to, so that one kind is compiled."""
+    view = np.ascontiguousarray(signal)[:]
+    view.flags.writeable = False
+    return view
+
+
+@_compiled
+def _integrate(velocity, half_step, start, angle):  # type: ignore[no-untyped-def]
+    total = start
+    before = np.float64(velocity[0])
+    angle[0] = total
+    for i in range(1, len(velocity)):
+        now = np.float64(velocity[i])
+        total += (before + now) * half_step
+        angle[i] = total
+        before = now
+
+
+@_compiled
+def _shares(travel, scale, offset, kernel, n_cells, w0, w1, w2, w3, cells):  # type: ignore[no-untyped-def]
+    a0, a1, a2, a3, a4, a5 = kernel[0]
+    b0, b1, b2, b3, b4, b5 = kernel[1]
+    half_scale = 0.5 * abs(scale)
+    for i in range(len(cells)):
+        position = travel[i + 1] * scale + offset
+        way = (travel[i + 2] - travel[i]) * half_scale
+        inside = (position >= 1.0) & (position < n_cells - 2)
+        position = position if inside else 1.0
+        way = way if inside else 0.0
+        cell = np.int32(position)
+        place = position - cell - 0.5
+        square = place * place
+        outer_even = ((a4 * square + a2) * square + a0) * way
+        outer_odd = ((a5 * square + a3) * square + a1) * place * way
+        inner_even = ((b4 * square + b2) * square + b0) * way
+        inner_odd = ((b5 * square + b3) * square + b1) * place * way
+        cells[i] = cell - 1
+        w0[i] = outer_even + outer_odd
+        w1[i] = inner_even + inner_odd
+        w2[i] = inner_even - inner_odd
+        w3[i] = outer_even - outer_odd
+
+
+@_compiled
+def _spread_one(signal, means, w0, w1, w2, w3, cells, row):  # type: ignore[no-untyped-def]
+    mean = means[0]
+    zero = mean - mean
+    s0 = s1 = s2 = s3 = zero
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:  # the sums so far leave the registers
+            row[cell] += s0
+            row[cell + 1] += s1
+            row[cell + 2] += s2
+            row[cell + 3] += s3
+            s0 = s1 = s2 = s3 = zero
+            cell = cells[i]
+        value = signal[i] - mean
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+    row[cell] += s0
+    row[cell + 1] += s1
+    row[cell + 2] += s2
+    row[cell + 3] += s3
+
+
+@_compiled
+def _spread_two(  # type: ignore[no-untyped-def]
+    first, second, means, w0, w1, w2, w3, cells, first_row, second_row
+):
+    first_mean, second_mean = means[0], means[1]
+    zero = first_mean - first_mean
+    s0 = s1 = s2 = s3 = zero
+    t0 = t1 = t2 = t3 = zero
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:
+            first_row[cell] += s0
+            first_row[cell + 1] += s1
+            first_row[cell + 2] += s2
+            first_row[cell + 3] += s3
+            second_row[cell] += t0
+            second_row[cell + 1] += t1
+            second_row[cell + 2] += t2
+            second_row[cell + 3] += t3
+            s0 = s1 = s2 = s3 = zero
+            t0 = t1 = t2 = t3 = zero
+            cell = cells[i]
+        one = first[i] - first_mean
+        two = second[i] - second_mean
+        s0 += one * w0[i]
+        s1 += one * w1[i]
+        s2 += one * w2[i]
+        s3 += one * w3[i]
+        t0 += two * w0[i]
+        t1 += two * w1[i]
+        t2 += two * w2[i]
+        t3 += two * w3[i]
+    first_row[cell] += s0
+    first_row[cell + 1] += s1
+    first_row[cell + 2] += s2
+    first_row[cell + 3] += s3
+    second_row[cell] += t0
+    second_row[cell + 1] += t1
+    second_row[cell + 2] += t2
+    second_row[cell + 3] += t3
+
+
+@_compiled
+def _decimate(row, taps, output):  # type: ignore[no-untyped-def]
+    n_outputs = len(output)
+    even = np.empty(n_outputs + 20, row.dtype)
+    odd = np.empty(n_outputs + 20, row.dtype)
+    for j in range(n_outputs + 19):
+        even[j] = row[2 * j]
+        odd[j] = row[2 * j + 1]
+    even[n_outputs + 19] = row[2 * (n_outputs + 19)]
+    for j in range(n_outputs):
+        total = taps[20] * even[j + 10]
+        for k in range(10):  # of constant length, so that the loop over j is vectorised
+            total += taps[2 * k] * (even[j + k] + even[j + 20 - k])
+        for k in range(10):
+            total += taps[2 * k + 1] * (odd[j + k] + odd[j + 19 - k])
+        output[j] = total
+
+
+@_compiled
+def _places(reached, first, theta_s, left, shares):  # type: ignore[no-untyped-def]
+    i, last = 0, len(reached) - 2
+    low, high = reached[0], reached[1]
+    for j in range(len(left)):
+        angle = theta_s * (first + j)
+        while i < last and high <= angle:
+            i += 1
+            low, high = high, reached[i + 1]
+        left[j] = i
+        shares[j] = 1.0 if angle >= high else max(0.0, (angle - low) / (high - low))
+
+
+@_compiled
+def _blend(signal, left, shares, out):  # type: ignore[no-untyped-def]
+    for j in range(len(left)):
+        low = signal[left[j]]
+        out[j] = low + shares[j] * (signal[left[j] + 1] - low)
+
+
+@_compiled
+def _windowed(signals, first, step, window, remove_mean, segments):  # type: ignore[no-untyped-def]
+    n_signals, n_segments, length = segments.shape
+    for c in range(n_signals):
+        for s in range(n_segments):
+            part = signals[c, first + s * step : first + s * step + length]
+            segment = segments[c, s]
+            mean = signals[0, 0] - signals[0, 0]
+            if remove_mean:
+                for i in range(length):
+                    mean += part[i]
+                mean /= length
+            for i in range(length):
+                segment[i] = (part[i] - mean) * window[i]
+
+
+@_compiled
+def _powers(lines, total):  # type: ignore[no-untyped-def]
+    n_signals, n_segments, _ = lines.shape
+    n_orders = total.shape[1]
+    for c in range(n_signals):
+        row = total[c]
+        for s in range(n_segments):
+            line = lines[c, s]
+            for k in range(n_orders):
+                real, imaginary = np.float64(line[k].real), np.float64(line[k].imag)
+                row[k] += real * real + imaginary * imaginary

@@ -1,0 +1,230 @@
+"""The inner loops in NumPy and SciPy: the reference, and what runs where numba is not installed.
+
+Every function here has its twin in `_kernels_numba`, with the same arguments and results.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as filters
+from scipy import sparse
+
+Array = NDArray[np.floating]
+Numbers = NDArray[np.int32]
+
+
+def integrate(velocity: Array, half_step: float, start: float) -> Array:
+    """Sum trapezoids, from the angle `start` of the first sample on; in float64.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,)
+        Speed [rad/s].
+    half_step : float
+        Half a sampling interval [s].
+    start : float
+        Angle of the first sample [rad].
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Angle [rad].
+    """
+    speed = velocity.astype(np.float64)
+    angle = np.empty_like(speed)
+    angle[0] = start
+    np.add(speed[1:], speed[:-1], out=angle[1:])
+    angle[1:] *= half_step
+    return np.cumsum(angle, out=angle)
+
+
+def shares(
+    travel: Array, scale: float, offset: float, coefficients: Array, n_cells: int, dtype: type
+) -> tuple[Array, Numbers]:
+    """Work out how each sample is spread over the grid points around it.
+
+    Parameters
+    ----------
+    travel : ndarray of shape (n_times + 2,)
+        Angle run, with one sample more at either end; a sample stands for half the way between
+        its neighbours.
+    scale, offset : float
+        A sample lies at ``scale * travel + offset`` on the grid; where `scale` is negative it is a
+        mirror image.
+    coefficients : ndarray of shape (n_halves, degree + 1)
+        Kernel at the grid points below the sample, each as a polynomial in its place within the
+        cell, -1/2..1/2; the points above it are their mirror images.
+    n_cells : int
+        Length of the grid. Samples whose points lie outside get no share.
+    dtype : type
+        Of the shares.
+
+    Returns
+    -------
+    weights : ndarray of shape (2 * n_halves, n_times)
+        Shares of the grid points from `cells` upwards.
+    cells : ndarray of int32, shape (n_times,)
+        The lowest grid point of each sample.
+    """
+    n_halves = len(coefficients)
+    position = scale * travel[1:-1] + offset
+    way = (travel[2:] - travel[:-2]) * (0.5 * abs(scale))
+    floor = np.floor(position)
+    outside = (floor < n_halves - 1) | (floor >= n_cells - n_halves)
+    if outside.any():
+        way[outside] = 0.0
+        floor[outside] = position[outside] = n_halves - 1
+    place = position - floor - 0.5
+    square = place * place
+    weights = np.empty((2 * n_halves, len(place)), dtype)
+    for k, polynomial in enumerate(coefficients):
+        even = np.polynomial.polynomial.polyval(square, polynomial[::2]) * way
+        odd = np.polynomial.polynomial.polyval(square, polynomial[1::2]) * place * way
+        weights[k] = even + odd
+        weights[-1 - k] = even - odd
+    return weights, floor.astype(np.int32) - np.int32(n_halves - 1)
+
+
+def spread(
+    signals: list[Array], means: Array, weights: Array, cells: Numbers, grid: Array
+) -> None:
+    """Add each sample, less the mean of its signal, to the grid points around it.
+
+    Parameters
+    ----------
+    signals : list of ndarray of shape (n_times,)
+        One for each row of the grid.
+    means : ndarray of shape (n_signals,)
+        What is subtracted first.
+    weights, cells : ndarray
+        As `shares` returns them.
+    grid : ndarray of shape (n_signals, n_cells)
+        Changed in place.
+    """
+    width, n_times = weights.shape
+    rows = cells + np.arange(width, dtype=np.int32)[:, np.newaxis]
+    low, high = int(cells.min()), int(cells.max()) + width
+    operator = sparse.csc_array(
+        (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, width)),
+        shape=(high - low, n_times),
+    )
+    values = np.stack([row - mean for row, mean in zip(signals, means, strict=True)], axis=1)
+    grid[:, low:high] += (operator @ values).T
+
+
+def decimate(grid: Array, taps: Array, n_outputs: int) -> Array:
+    """Filter a grid and keep every other point.
+
+    Parameters
+    ----------
+    grid : ndarray of shape (n_signals, n_cells)
+        At least ``2 * (n_outputs - 1) + len(taps)`` points.
+    taps : ndarray of shape (n_taps,)
+        A symmetric filter; output j reads the points from 2 j upwards.
+    n_outputs : int
+        How many points are kept.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_outputs)
+    """
+    used = grid[:, : 2 * (n_outputs - 1) + len(taps)]
+    filtered = filters.upfirdn(taps.astype(grid.dtype), used[:, len(taps) % 2 == 0 :], down=2)
+    first = len(taps) // 2
+    return filtered[:, first : first + n_outputs]
+
+
+def places(
+    reached: Array, first: int, n_angles: int, theta_s: float, dtype: type
+) -> tuple[Numbers, Array]:
+    """Say between which samples the angle grid is passed.
+
+    Parameters
+    ----------
+    reached : ndarray of shape (n_times,)
+        Farthest angle run so far, never falling [rad].
+    first : int
+        Number of the first grid angle wanted.
+    n_angles : int
+        How many are wanted; all are passed within `reached`.
+    theta_s : float
+        Angle between grid angles [rad].
+    dtype : type
+        Of `shares`.
+
+    Returns
+    -------
+    left : ndarray of int32, shape (n_angles,)
+        The last sample before, up to ``n_times - 2``; of a plateau, its end.
+    shares : ndarray of shape (n_angles,)
+        How far on the way to the next, 0..1.
+    """
+    angles = theta_s * np.arange(first, first + n_angles)
+    indices = np.interp(angles, reached, np.arange(len(reached)))
+    left = np.minimum(indices.astype(np.int32), np.int32(len(reached) - 2))
+    return left, (indices - left).astype(dtype)
+
+
+def blend(signal: Array, left: Numbers, shares: Array, out: Array) -> None:
+    """Read a signal off between its samples, by straight lines; Eq. (2.13) of Chirico.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,)
+    left, shares : ndarray of shape (n_angles,)
+        As `places` returns them.
+    out : ndarray of shape (n_angles,)
+        The result.
+    """
+    low = signal[left]
+    out[:] = low + shares * (signal[left + 1] - low)
+
+
+def windowed(
+    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
+) -> Array:
+    """Cut signals into segments and weight them.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_angles)
+    first : int
+        Start of the first segment.
+    step : int
+        Samples from one segment to the next.
+    window : ndarray of shape (n_per_segment,)
+        Weights, of the dtype of the signals.
+    n_segments : int
+        How many.
+    remove_mean : bool
+        Subtract the mean of each segment first.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_segments, n_per_segment)
+    """
+    views = np.lib.stride_tricks.sliding_window_view(signals, len(window), axis=-1)
+    segments = views[:, first : first + (n_segments - 1) * step + 1 : step]
+    if remove_mean:
+        return (segments - segments.mean(axis=-1, keepdims=True)) * window
+    return segments * window
+
+
+def powers(lines: NDArray[np.complexfloating], n_orders: int) -> Array:
+    """Sum the squared size of the first `n_orders` lines over segments; in float64.
+
+    Parameters
+    ----------
+    lines : ndarray of shape (n_signals, n_segments, n_lines)
+        Fourier transforms.
+    n_orders : int
+        How many lines are wanted.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_orders)
+    """
+    wanted = lines[..., :n_orders]
+    squared = wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
+    return squared.sum(axis=1)

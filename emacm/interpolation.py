@@ -1,0 +1,89 @@
+"""Reading a signal off between its time samples, without a filter, as the thesis does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from emacm._kernels import kernels
+from emacm.motion import BLOCK
+from emacm.paths import Path
+
+INTERPOLATIONS = ("linear", "cubic")
+
+_SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0.27**n
+
+
+def interpolated(
+    rows: Sequence[NDArray[np.floating]],
+    fs: float,
+    path: Path,
+    theta_s: float,
+    interpolation: str,
+) -> Iterator[NDArray[np.floating]]:
+    """Yield the rows at the grid angles, some at a time.
+
+    Parameters
+    ----------
+    rows : sequence of ndarray of shape (n_times,)
+        Signals at times ``n / fs``.
+    fs : float
+        Their sampling rate [Hz].
+    path : Path
+        Way of the shaft.
+    theta_s : float
+        Angle between samples of the result [rad].
+    interpolation : {"linear", "cubic"}
+        Straight lines, Eq. (2.13) of Chirico, or a cubic spline over time.
+
+    Yields
+    ------
+    ndarray of shape (n_rows, n_angles)
+        The next angles; together they are all that the path holds.
+    """
+    first, last = path.sample_range(fs, len(rows[0]))
+    dtype = np.result_type(*rows)
+    n_angles, done, farthest = path.count(theta_s), 0, -np.inf
+    for start in range(first, last - 1, BLOCK):
+        stop = min(start + BLOCK + 1, last)
+        travel = path.travel_at(fs, start, stop)
+        # A shaft that stands or shivers repeats angles; what counts is when it passes them for
+        # good.
+        if path.setback:
+            travel = np.maximum(np.maximum.accumulate(travel), farthest)
+        farthest = travel[-1]
+        end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
+        if end <= done:
+            continue
+        left, shares = kernels().places(travel, done, end - done, theta_s, dtype)
+        values = np.empty((len(rows), end - done), dtype)
+        for value, row in zip(values, rows, strict=True):
+            if interpolation == "linear":
+                kernels().blend(row[start:stop], left, shares, value)
+            else:
+                value[:] = _spline(row, start, stop, left + shares.astype(np.float64))
+        yield values
+        done = end
+
+
+def _passed(angle: float, theta_s: float) -> int:
+    """Count the grid angles below `angle`."""
+    count = int(np.ceil(angle / theta_s))
+    while count > 0 and theta_s * (count - 1) >= angle:
+        count -= 1
+    while theta_s * count < angle:
+        count += 1
+    return count
+
+
+def _spline(
+    row: NDArray[np.floating], start: int, stop: int, indices: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Read a cubic spline off at fractional indices counted from `start`."""
+    low, high = max(0, start - _SPLINE_MARGIN), min(len(row), stop + _SPLINE_MARGIN)
+    near = row[low:high].astype(np.float64)
+    spline = make_interp_spline(np.arange(len(near)), near, k=min(3, len(near) - 1))
+    return spline(indices + (start - low))

@@ -1,0 +1,130 @@
+"""Angle and velocity of a shaft, worked out piece by piece from whichever was measured.
+
+An hour at 48 kHz would take 1.4 GB as an array of angles. What stands here looks like such an
+array, but holds only the angle at every 256th sample and computes a slice when it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._kernels import kernels
+
+BLOCK = 1 << 15  # samples read in one go
+_STRIDE = 256  # samples from one remembered angle to the next
+
+
+class Series(Protocol):
+    """What slices like a 1-D array."""
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        ...
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a slice as an array, or one sample."""
+        ...
+
+
+class LazySeries:
+    """A 1-D array of float64 of which slices are computed when they are read.
+
+    Subclasses supply `_read`.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return self._length
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return one sample, or a slice of step 1."""
+        if isinstance(key, slice):
+            start, stop, step = key.indices(self._length)
+            if step != 1:
+                return np.asarray(self)[key]
+            return self._read(start, max(start, stop))
+        index = range(self._length)[key]
+        return self._read(index, index + 1)[0]
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> NDArray[Any]:
+        """Return the whole series."""
+        whole = self._read(0, self._length)
+        return whole if dtype is None else whole.astype(dtype)
+
+    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+        raise NotImplementedError
+
+
+class IntegratedAngle(LazySeries):
+    """Cumulative angle of a velocity, by the trapezoid rule, from 0 upwards.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,)
+        Shaft velocity [rad/s].
+    fs : float
+        Its sampling rate [Hz].
+
+    Notes
+    -----
+    Chirico, Eq. (2.9), with the parentheses it lacks; accumulated in float64.
+    """
+
+    def __init__(self, velocity: NDArray[np.floating], fs: float) -> None:
+        super().__init__(len(velocity))
+        self.velocity = velocity
+        self.fs = fs
+        self._half_step = 0.5 / fs
+        sums = [
+            np.add.reduceat(part, np.arange(0, len(part), _STRIDE), dtype=np.float64)
+            for _, part in blocks(velocity)
+        ]
+        ends = velocity[::_STRIDE].astype(np.float64)
+        # A trapezoid's sum is that of its samples, less half of the first, plus half of the next.
+        whole = np.cumsum(np.concatenate(sums))[: len(ends) - 1]
+        self._known = np.concatenate([[0.0], (2 * whole - ends[0] + ends[1:]) * self._half_step])
+
+    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+        first = start // _STRIDE
+        angle = kernels().integrate(
+            self.velocity[first * _STRIDE : stop], self._half_step, self._known[first]
+        )
+        return angle[start - first * _STRIDE :]
+
+
+class DifferentiatedVelocity(LazySeries):
+    """Velocity of an angle, by central differences, as `numpy.gradient` has it.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,)
+        Cumulative shaft angle [rad].
+    fs : float
+        Its sampling rate [Hz].
+    """
+
+    def __init__(self, angle: NDArray[np.floating], fs: float) -> None:
+        super().__init__(len(angle))
+        self._angle = angle
+        self._fs = fs
+
+    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+        low, high = max(start - 1, 0), min(stop + 1, self._length)
+        # Two samples beyond an end of the recording, where the difference is one-sided.
+        low, high = min(low, max(0, self._length - 2)), max(high, min(2, self._length))
+        velocity = np.gradient(self._angle[low:high]) * self._fs
+        return velocity[start - low : stop - low]
+
+
+def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Any]]:
+    """Yield a series in pieces of at most `BLOCK` samples, each with its first index."""
+    stop = len(series) if stop is None else stop
+    for first in range(start, stop, BLOCK):
+        yield first, series[first : min(first + BLOCK, stop)]

@@ -1,0 +1,320 @@
+"""Band-limited resampling: time samples are spread over the angle grid, not read off.
+
+The result is
+
+    y(a) = integral x(s) K(a - s) ds = sum_n x_n K(a - s_n) ds_n
+
+where s is the angle run along the stroke and K a low-pass filter over angle. The
+sum over time samples is exact as long as x(t) K(a - s(t)) holds nothing above the
+sampling rate, so there is no interpolation loss, and the filter follows the
+speed by itself. K is done in two steps, which is the gridding of a non-uniform
+Fourier transform (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41(5),
+2019, for the kernel): each time sample is spread over the four nearest points of
+a grid twice as fine, and a short filter evens the kernel out, cuts off, and keeps
+every other point. Where the time samples are too sparse for the sum to be exact,
+they are first made denser by band-limited interpolation at uniform times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy import signal as filters
+
+from emacm._kernels import kernels
+from emacm.motion import BLOCK
+from emacm.paths import Path
+
+# All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
+# folds into it down by more than 60 dB.
+PASS = 0.78  # of the highest order pi/theta_s: how far the band-limited result is flat
+_WIDTH = 4  # grid points over which a time sample is spread
+_SHAPE = 2.4 * _WIDTH  # of the kernel exp(shape (sqrt(1 - z²) - 1)); least folding at this grid
+_DEGREE = 5  # of the polynomials that stand for the kernel: within 1e-4 of it
+_HALF = 20  # of the decimating filter, in points of the fine grid
+_MARGIN = _HALF + _WIDTH // 2  # fine grid points needed beyond either end of the stroke
+_KERNEL_REACH = 4 - PASS  # highest order the kernel still lets through, per pi/theta_s
+_UPSAMPLING_HALF = 16  # time samples on either side that a new sample is made from
+_UPSAMPLING_STOP = 0.58  # of fs: where the filter of the time interpolation has fallen by 80 dB
+_MOST_DENSER = 64  # times the samples there are over time and angle; beyond, the shaft jumps
+_MOST_SAMPLES = 1 << 31  # in work over time
+_MEAN_PARTS = 64  # pieces of the signal that its mean is taken of ...
+_MEAN_LENGTH = 64  # ... and samples of each
+
+
+def spread_rows(
+    rows: Sequence[NDArray[np.floating]], fs: float, path: Path, theta_s: float
+) -> Iterator[NDArray[np.floating]]:
+    """Yield the rows at the grid angles with their orders limited to what the grid holds.
+
+    Parameters
+    ----------
+    rows : sequence of ndarray of shape (n_times,)
+        Signals at times ``n / fs``.
+    fs : float
+        Their sampling rate [Hz].
+    path : Path
+        Way of the shaft.
+    theta_s : float
+        Angle between samples of the result [rad].
+
+    Yields
+    ------
+    ndarray of shape (n_rows, n_angles)
+        The next angles; together they are all that the path holds.
+    """
+    n_angles = path.count(theta_s)
+    first, last = path.sample_range(fs, len(rows[0]))
+    dtype = np.result_type(*rows)
+    # Set aside, so that a large offset comes out exact whatever the ripple of the filter.
+    means = np.array([_mean(row, first, last) for row in rows])
+    step = theta_s / 2
+    if path.length < step:  # too short to hold more than its mean
+        yield np.repeat(means.astype(dtype), n_angles).reshape(len(rows), n_angles)
+        return
+    grid = _FineGrid(len(rows), n_angles, dtype)
+    for travel, block in _dense_blocks(rows, fs, path, theta_s):
+        for sign, shift in _mirror_images(travel, path.length, _MARGIN * step):
+            grid.spread(travel, sign / step, shift / step + _MARGIN, block, means)
+        # What the shaft may still turn back; and a grid point more, for the rounding of angles.
+        ready = int((float(travel[1:-1].max()) - path.setback) / step) - 1
+        if ready > _MARGIN:  # samples to come have no mirror image at the start any more
+            resampled = grid.finish(ready)
+            if resampled.shape[1]:
+                resampled += means.astype(dtype)[:, np.newaxis]
+                yield resampled
+    yield grid.finish(grid.end + 2) + means.astype(dtype)[:, np.newaxis]
+
+
+def _mean(row: NDArray[np.floating], first: int, last: int) -> float:
+    """Mean of a signal, or of pieces of it where it is long: close, at no cost."""
+    if last - first <= _MEAN_PARTS * _MEAN_LENGTH:
+        return float(row[first:last].mean(dtype=np.float64))
+    starts = np.linspace(first, last - _MEAN_LENGTH, _MEAN_PARTS).astype(np.intp)
+    pieces = row[starts[:, np.newaxis] + np.arange(_MEAN_LENGTH)]
+    return float(pieces.mean(dtype=np.float64))
+
+
+def _dense_blocks(
+    rows: Sequence[NDArray[np.floating]], fs: float, path: Path, theta_s: float
+) -> Iterator[tuple[NDArray[np.floating], list[NDArray[np.floating]]]]:
+    """Yield dense time samples in blocks: angle run, with a neighbour at either end, and values.
+
+    Shapes are (n + 2,) and, of each row, (n,).
+    """
+    factor = _upsampling(fs, path, theta_s)
+    rate = fs * factor
+    # Made denser, the signal goes on, mirrored, to the end of the path.
+    n_times = len(rows[0]) if factor == 1 else factor * (len(rows[0]) + 1)
+    first, last = path.sample_range(rate, n_times)
+    for start in range(first, last, BLOCK):
+        stop = min(start + BLOCK, last)
+        travel = path.travel_at(rate, max(start - 1, first), min(stop + 1, last))
+        # Each sample stands for the way halfway to its neighbours, the outer ones up to the ends:
+        # their neighbours beyond are their mirror images.
+        if start == first:
+            travel = np.concatenate([[-travel[0]], travel])
+        if stop == last:
+            travel = np.concatenate([travel, [2 * path.length - travel[-1]]])
+        if factor == 1:
+            yield travel, [row[start:stop] for row in rows]
+        else:
+            yield travel, _upsampled(rows, factor, start, stop)
+
+
+def _upsampling(fs: float, path: Path, theta_s: float) -> int:
+    """How much denser the time samples must be for the sum to stand for the integral."""
+    largest, place = path.largest_step
+    speed = largest * path.fs  # rad/s
+    reach = _KERNEL_REACH * speed / (2 * theta_s)  # Hz: the kernel as a function of time
+    if reach <= fs / 2:
+        return 1
+    factor = max(2.0, np.ceil(reach / fs + _UPSAMPLING_STOP))
+    n_shaft = len(path.travel)
+    n_dense = factor * fs * n_shaft / path.fs
+    if n_dense > _MOST_DENSER * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
+        mean = path.length / (n_shaft - 1)
+        raise ValueError(
+            f"the shaft turns by {largest:.3g} rad within one of its samples, at "
+            f"{path.start_time + place / path.fs:.6g} s; that is {largest / mean:.3g} "
+            f"times its mean step. Is the angle in rad, and is this a jump? Repair or cut it."
+        )
+    if n_dense > _MOST_SAMPLES:
+        raise ValueError(
+            f"theta_s = {theta_s:g} rad is too fine for signals at {fs:g} Hz: between two of their "
+            f"samples the shaft turns by up to {speed / fs:.3g} rad. Raise theta_s."
+        )
+    return int(factor)
+
+
+def _upsampled(
+    rows: Sequence[NDArray[np.floating]], factor: int, start: int, stop: int
+) -> list[NDArray[np.floating]]:
+    """Return samples `start` to `stop` of the rows at `factor` times their rate."""
+    low = start // factor - _UPSAMPLING_HALF
+    high = -(-stop // factor) + _UPSAMPLING_HALF + 1
+    index = np.arange(low, high)
+    last = len(rows[0]) - 1
+    # Mirrored at the ends of the recording.
+    index = np.abs((index + last) % (2 * last) - last)
+    offset = start - low * factor + _UPSAMPLING_HALF * factor
+    dense = []
+    for row in rows:
+        taps = _upsampling_filter(factor).astype(row.dtype)
+        made = filters.upfirdn(taps, row[index], up=factor)
+        dense.append(made[offset : offset + stop - start])
+    return dense
+
+
+def _mirror_images(
+    travel: NDArray[np.floating], length: float, margin: float
+) -> Iterator[tuple[int, float]]:
+    """Yield sign and shift of the angles, and of mirror images that come near the path.
+
+    Mirroring at 0 and at `length`, over and over, leads to 2 k length - travel and, twice
+    mirrored, to 2 k length + travel.
+    """
+    yield 1, 0.0
+    low, high = float(travel[1:-1].min()), float(travel[1:-1].max())
+    if low > margin and high < length - margin:
+        return
+    n_images = int(np.ceil(margin / length)) + 1
+    for k in range(-n_images, n_images + 1):
+        for sign in (-1, 1) if k else (-1,):
+            ends = sorted((2 * k * length + sign * low, 2 * k * length + sign * high))
+            if ends[1] > -margin and ends[0] < length + margin:
+                yield sign, 2 * k * length
+
+
+class _FineGrid:
+    """The fine grid, of which only the part in work is held.
+
+    Point `_MARGIN` + 2 j is the angle of output j.
+    """
+
+    def __init__(self, n_rows: int, n_angles: int, dtype: np.dtype) -> None:
+        self.end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
+        self._n_angles = n_angles
+        self._done = 0  # outputs
+        self._used = 0  # points held, from point 2 * self._done upwards
+        self._grid = np.zeros((n_rows, 0), dtype)
+
+    def spread(
+        self,
+        travel: NDArray[np.floating],
+        scale: float,
+        offset: float,
+        block: list[NDArray[np.floating]],
+        means: NDArray[np.floating],
+    ) -> None:
+        """Spread samples that lie at ``scale * travel + offset``."""
+        origin = 2 * self._done
+        if scale < 0 or offset != _MARGIN:  # an image, most of which is far away
+            travel, block = _near(travel, scale, offset, block, origin, self.end)
+            if len(travel) < 3:
+                return
+        inner = travel[1:-1]
+        highest = max(scale * float(inner.min()), scale * float(inner.max())) + offset
+        self._reach(int(min(highest + _WIDTH, self.end)) + 1 - origin)
+        weights, cells = kernels().shares(
+            travel, scale, offset - origin, _kernel_halves(), self._used, self._grid.dtype
+        )
+        kernels().spread(block, means, weights, cells, self._grid[:, : self._used])
+
+    def finish(self, point: int) -> NDArray[np.floating]:
+        """Return the outputs that the grid below `point` allows, and let go of their points."""
+        # Output j needs the points from 2 j + _WIDTH / 2 to 2 j + 2 _HALF + _WIDTH / 2.
+        ready = (point - 2 * _HALF - _WIDTH // 2) // 2
+        count = max(0, min(ready, self._n_angles) - self._done)
+        if not count:
+            return np.empty((len(self._grid), 0), self._grid.dtype)
+        first = _WIDTH // 2
+        self._reach(first + 2 * (count - 1) + 1 + 2 * _HALF)
+        outputs = kernels().decimate(self._grid[:, first : self._used], _decimating_filter(), count)
+        kept = self._used - 2 * count
+        self._grid[:, :kept] = self._grid[:, 2 * count : self._used].copy()
+        self._grid[:, kept : self._used] = 0
+        self._done, self._used = self._done + count, kept
+        return outputs
+
+    def _reach(self, n_points: int) -> None:
+        """Hold at least so many points."""
+        if n_points > self._grid.shape[1]:
+            larger = np.zeros((len(self._grid), n_points + n_points // 4), self._grid.dtype)
+            larger[:, : self._used] = self._grid[:, : self._used]
+            self._grid = larger
+        self._used = max(self._used, n_points)
+
+
+def _near(
+    travel: NDArray[np.floating],
+    scale: float,
+    offset: float,
+    block: list[NDArray[np.floating]],
+    low: int,
+    high: int,
+) -> tuple[NDArray[np.floating], list[NDArray[np.floating]]]:
+    """Cut a block down to the samples whose images lie between two points of the grid."""
+    position = scale * travel[1:-1] + offset
+    inside = np.flatnonzero((position > low) & (position < high))
+    if not len(inside):
+        return travel[:0], block
+    first, last = int(inside[0]), int(inside[-1]) + 1
+    return travel[first : last + 2], [row[first:last] for row in block]
+
+
+def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Exponential of semicircle (Barnett et al., Eq. (1.8)), of distances in grid points."""
+    z = distance * (2 / _WIDTH)
+    return np.exp(_SHAPE * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
+
+
+@lru_cache(maxsize=1)
+def _kernel_halves() -> NDArray[np.floating]:
+    """Polynomials for the kernel at the grid points below a sample, outermost first.
+
+    Each is in the sample's place within its cell, -1/2..1/2, and stands for the kernel from here
+    on: the decimating filter evens out the polynomials, not what they were fitted to. They agree
+    with it at the ends of the cell, so that there is no step where a sample changes its cell.
+    """
+    place = np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE) / 2
+    halves = []
+    for k in reversed(range(_WIDTH // 2)):
+        values = _kernel(place + 0.5 + k)
+        values[place + 0.5 + k == _WIDTH / 2] = 0.0  # where the kernel ends
+        halves.append(Polynomial.fit(place, values, _DEGREE, domain=[-1, 1], window=[-1, 1]).coef)
+    return np.array(halves)
+
+
+def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Fourier transform of the kernel at frequencies in cycles per grid point."""
+    node, weight = np.polynomial.legendre.leggauss(40)
+    spectrum = np.zeros(len(frequency))
+    for k, half in zip(reversed(range(_WIDTH // 2)), _kernel_halves(), strict=True):
+        distance, value = node / 2 + 0.5 + k, Polynomial(half)(node / 2)
+        # The kernel is even: a point above the sample counts as one below.
+        spectrum += np.cos(2 * np.pi * np.outer(frequency, distance)) @ (weight * value)
+    return spectrum
+
+
+@lru_cache(maxsize=1)
+def _decimating_filter() -> NDArray[np.floating]:
+    """Low pass for keeping every other point of the fine grid, which also evens out the kernel."""
+    # Frequencies in units of the fine grid's Nyquist frequency; that of the result is 0.5.
+    passed = np.repeat(np.linspace(0, 0.5 * (PASS + 0.02), 41), 2)[1:-1]
+    stopped = 0.5 * (2 - PASS - 0.02)
+    bands = [*passed, stopped, 1.0]
+    gains = [*(1 / _kernel_spectrum(passed / 2)), 0.0, 0.0]
+    importance = [1.0] * (len(passed) // 2) + [10.0]
+    return filters.firls(2 * _HALF + 1, bands, gains, weight=importance)
+
+
+@lru_cache(maxsize=32)
+def _upsampling_filter(factor: int) -> NDArray[np.floating]:
+    """Low pass at the old Nyquist frequency; Kaiser's window for 80 dB."""
+    taps = 2 * _UPSAMPLING_HALF * factor + 1
+    return factor * filters.firwin(taps, 1 / factor, window=("kaiser", filters.kaiser_beta(80)))
