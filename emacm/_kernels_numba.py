@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+COMPILED = True
+
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
 
@@ -24,6 +26,13 @@ def _compiled(function: Any) -> Any:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's can be written to
         return njit(**options)(function)
+
+
+def survey(velocity: Array, stride: int) -> tuple[Array, Array, Array]:
+    """Look once through a velocity."""
+    sums, lowest, highest = np.empty((3, -(-len(velocity) // stride)))
+    _survey(_read_only(velocity), stride, sums, lowest, highest)
+    return sums, lowest, highest
 
 
 def integrate(velocity: Array, half_step: float, start: float) -> Array:
@@ -92,11 +101,34 @@ def windowed(
     return segments
 
 
-def powers(lines: NDArray[np.complexfloating], n_orders: int) -> Array:
-    """Sum the squared size of the first `n_orders` lines over segments; in float64."""
-    total = np.zeros((len(lines), n_orders))
+def powers(lines: NDArray[np.complexfloating]) -> Array:
+    """Sum the squared size of lines over segments; in float64."""
+    total = np.zeros((len(lines), lines.shape[2]))
     _powers(lines, total)
     return total
+
+
+def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
+    """Reorder segments into parts, and fold each about its middle."""
+    n_parts, n_places = places.shape
+    shape = (len(segments), n_parts, n_places // 2 + 1)
+    even, odd = np.empty(shape, segments.dtype), np.empty(shape, segments.dtype)
+    _fold(segments, places, even, odd)
+    return even, odd
+
+
+def join(
+    real: Array,
+    imaginary: Array,
+    places: Numbers,
+    signs: Array,
+    twiddles: NDArray[np.complexfloating],
+) -> NDArray[np.complexfloating]:
+    """Join the transforms of the parts of segments to lines of the whole."""
+    lines = np.empty((len(real), len(places)), twiddles.dtype)
+    halves = lines.view(real.dtype).reshape(*lines.shape, 2)
+    _join(real, imaginary, places, signs, twiddles.real.copy(), twiddles.imag.copy(), halves)
+    return lines
 
 
 def _read_only(signal: Array) -> Array:
@@ -104,6 +136,20 @@ def _read_only(signal: Array) -> Array:
     view = np.ascontiguousarray(signal)[:]
     view.flags.writeable = False
     return view
+
+
+@_compiled
+def _survey(velocity, stride, sums, lowest, highest):  # type: ignore[no-untyped-def]
+    for k in range(len(sums)):
+        piece = velocity[k * stride : (k + 1) * stride]
+        total = 0.0
+        low = high = np.float64(piece[0])
+        for i in range(len(piece)):
+            value = np.float64(piece[i])
+            total += value
+            low = value if value < low else low
+            high = value if value > high else high
+        sums[k], lowest[k], highest[k] = total, low, high
 
 
 @_compiled
@@ -275,3 +321,39 @@ def _powers(lines, total):  # type: ignore[no-untyped-def]
             for k in range(n_orders):
                 real, imaginary = np.float64(line[k].real), np.float64(line[k].imag)
                 row[k] += real * real + imaginary * imaginary
+
+
+@_compiled
+def _fold(segments, places, even, odd):  # type: ignore[no-untyped-def]
+    n_segments, n_parts, n_half = even.shape
+    n_places = places.shape[1]
+    for s in range(n_segments):
+        segment = segments[s]
+        for part in range(n_parts):
+            place, sums, differences = places[part], even[s, part], odd[s, part]
+            sums[0] = segment[place[0]]
+            differences[0] = 0
+            for j in range(1, n_half):
+                near, far = segment[place[j]], segment[place[n_places - j]]
+                sums[j] = near + far
+                differences[j] = near - far
+
+
+@_compiled
+def _join(real, imaginary, places, signs, cosines, sines, lines):  # type: ignore[no-untyped-def]
+    n_segments, n_parts, _ = real.shape
+    n_lines = len(places)
+    re, im = np.empty(n_lines, real.dtype), np.empty(n_lines, real.dtype)
+    for s in range(n_segments):
+        re[:] = 0
+        im[:] = 0
+        for part in range(n_parts):
+            a, b = real[s, part], imaginary[s, part]
+            cosine, sine = cosines[part], sines[part]
+            for k in range(n_lines):
+                x, y = a[places[k]], signs[k] * b[places[k]]
+                re[k] += cosine[k] * x - sine[k] * y
+                im[k] += cosine[k] * y + sine[k] * x
+        for k in range(n_lines):
+            lines[s, k, 0] = re[k]
+            lines[s, k, 1] = im[k]

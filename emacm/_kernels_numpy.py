@@ -10,8 +10,33 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy import sparse
 
+COMPILED = False
+
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
+
+
+def survey(velocity: Array, stride: int) -> tuple[Array, Array, Array]:
+    """Look once through a velocity.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,)
+        Speed [rad/s].
+    stride : int
+        Samples in a piece; the last piece may be shorter.
+
+    Returns
+    -------
+    sums, lowest, highest : ndarray of shape (n_pieces,)
+        Of each piece, in float64.
+    """
+    starts = np.arange(0, len(velocity), stride)
+    return (
+        np.add.reduceat(velocity, starts, dtype=np.float64),
+        np.minimum.reduceat(velocity, starts).astype(np.float64),
+        np.maximum.reduceat(velocity, starts).astype(np.float64),
+    )
 
 
 def integrate(velocity: Array, half_step: float, start: float) -> Array:
@@ -211,20 +236,68 @@ def windowed(
     return segments * window
 
 
-def powers(lines: NDArray[np.complexfloating], n_orders: int) -> Array:
-    """Sum the squared size of the first `n_orders` lines over segments; in float64.
+def powers(lines: NDArray[np.complexfloating]) -> Array:
+    """Sum the squared size of lines over segments; in float64.
 
     Parameters
     ----------
     lines : ndarray of shape (n_signals, n_segments, n_lines)
         Fourier transforms.
-    n_orders : int
-        How many lines are wanted.
 
     Returns
     -------
-    ndarray of shape (n_signals, n_orders)
+    ndarray of shape (n_signals, n_lines)
     """
-    wanted = lines[..., :n_orders]
-    squared = wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
+    squared = lines.real.astype(np.float64) ** 2 + lines.imag.astype(np.float64) ** 2
     return squared.sum(axis=1)
+
+
+def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
+    """Reorder segments into parts, and fold each about its middle.
+
+    Parameters
+    ----------
+    segments : ndarray of shape (n_segments, length)
+    places : ndarray of shape (n_parts, n_places)
+        Sample that goes to each place of each part; `n_places` is odd.
+
+    Returns
+    -------
+    even, odd : ndarray of shape (n_segments, n_parts, n_places // 2 + 1)
+        Sums and differences of places j and n_places - j; place 0 itself, and 0.
+    """
+    parts = segments[:, places]
+    half = places.shape[1] // 2
+    even, odd = parts[..., : half + 1].copy(), parts[..., : half + 1].copy()
+    even[..., 1:] += parts[..., :half:-1]
+    odd[..., 1:] -= parts[..., :half:-1]
+    odd[..., 0] = 0
+    return even, odd
+
+
+def join(
+    real: Array,
+    imaginary: Array,
+    places: Numbers,
+    signs: Array,
+    twiddles: NDArray[np.complexfloating],
+) -> NDArray[np.complexfloating]:
+    """Join the transforms of the parts of segments to lines of the whole.
+
+    Parameters
+    ----------
+    real, imaginary : ndarray of shape (n_segments, n_parts, n_half)
+        Sums of the folded parts times cosines and times sines.
+    places : ndarray of shape (n_lines,)
+        Which of them belong to a line.
+    signs : ndarray of shape (n_lines,)
+        Of the imaginary part.
+    twiddles : ndarray of shape (n_parts, n_lines)
+        Factor of each part in each line.
+
+    Returns
+    -------
+    ndarray of shape (n_segments, n_lines)
+    """
+    parts = real[..., places] + 1j * (signs * imaginary[..., places])
+    return (parts * twiddles).sum(axis=1)

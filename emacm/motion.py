@@ -82,14 +82,19 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
-        sums = [
-            np.add.reduceat(part, np.arange(0, len(part), _STRIDE), dtype=np.float64)
-            for _, part in blocks(velocity)
-        ]
+        pieces = [kernels().survey(part, _STRIDE) for _, part in blocks(velocity)]
+        sums, self._lowest, self._highest = (
+            np.concatenate(column) for column in zip(*pieces, strict=True)
+        )
         ends = velocity[::_STRIDE].astype(np.float64)
         # A trapezoid's sum is that of its samples, less half of the first, plus half of the next.
-        whole = np.cumsum(np.concatenate(sums))[: len(ends) - 1]
+        whole = np.cumsum(sums)[: len(ends) - 1]
         self._known = np.concatenate([[0.0], (2 * whole - ends[0] + ends[1:]) * self._half_step])
+
+    def speed_limit(self, start: int, stop: int) -> float:
+        """Bound the speed from sample `start` to `stop` [rad/s]: that, or a little more."""
+        pieces = slice(start // _STRIDE, -(-stop // _STRIDE))
+        return max(float(self._highest[pieces].max()), -float(self._lowest[pieces].min()))
 
     def _read(self, start: int, stop: int) -> NDArray[np.floating]:
         first = start // _STRIDE

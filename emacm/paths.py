@@ -66,14 +66,20 @@ class Path:
         return float(self.travel[-1])
 
     @cached_property
+    def fastest(self) -> float:
+        """Highest speed along the path, or a little more [rad/s]."""
+        if isinstance(self.travel, StrokeTravel) and isinstance(self.travel.angle, IntegratedAngle):
+            start = self.travel.start
+            return self.travel.angle.speed_limit(start, start + len(self.travel))
+        return self.largest_step()[0] * self.fs
+
     def largest_step(self) -> tuple[float, int]:
-        """Largest angle between two samples [rad], and the number of the first of them."""
+        """Find the largest angle between two samples [rad], and the number of the first."""
         largest, place = -1.0, 0
-        for first, steps in self._steps():
-            high, low = int(steps.argmax()), int(steps.argmin())
-            worst = high if steps[high] >= -steps[low] else low
-            if abs(steps[worst]) > largest:
-                largest, place = abs(float(steps[worst])), first + worst
+        for first in range(0, len(self.travel) - 1, BLOCK):
+            steps = np.abs(np.diff(self.travel[first : first + BLOCK + 1]))
+            if steps.max() > largest:
+                largest, place = float(steps.max()), first + int(steps.argmax())
         return largest, place
 
     @cached_property
@@ -140,18 +146,6 @@ class Path:
             - (u + 1) * u * (u - 2) / 2 * there
             + (u + 1) * u * (u - 1) / 6 * after
         )
-
-    def _steps(self):  # type: ignore[no-untyped-def]
-        """Yield what bounds the angle between samples, in blocks, each with its first index."""
-        if isinstance(self.travel, StrokeTravel) and isinstance(
-            self.travel.angle, IntegratedAngle
-        ):
-            integrated, start = self.travel.angle, self.travel.start
-            for first, velocity in blocks(integrated.velocity, start, start + len(self.travel)):
-                yield first - start, velocity * np.float64(1 / integrated.fs)
-            return
-        for first in range(0, len(self.travel) - 1, BLOCK):
-            yield first, np.diff(self.travel[first : first + BLOCK + 1])
 
 
 class StrokeTravel(LazySeries):

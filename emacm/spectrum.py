@@ -19,6 +19,7 @@ from emacm._checks import (
     check_real_array,
 )
 from emacm._kernels import kernels
+from emacm.fourier import lowest_lines
 
 # Whole, or in blocks that continue one another; shape (n_channels, n_angles).
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
@@ -209,7 +210,7 @@ class SegmentPlan:
             else:
                 remove_mean = self.detrend == "constant"
                 segments = kernels().windowed(rows, first, self.step, window, count, remove_mean)
-            yield fft.rfft(segments, overwrite_x=True)
+            yield lowest_lines(segments, self.n_orders)
 
     def _powers(self, parts: Iterable[Lines]) -> NDArray[np.floating]:
         """Squared lines, summed over segments or, for the median, of each.
@@ -217,8 +218,8 @@ class SegmentPlan:
         Shape (n_rows, n_orders) or (n_rows, n_segments, n_orders).
         """
         if self.average == "mean":
-            return sum(kernels().powers(lines, self.n_orders) for lines in parts)
-        wanted = np.concatenate([lines[..., : self.n_orders] for lines in parts], axis=1)
+            return sum(kernels().powers(lines) for lines in parts)
+        wanted = np.concatenate(list(parts), axis=1)
         return wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
 
     def _window_factor(self, window: NDArray[np.floating]) -> float:

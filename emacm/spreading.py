@@ -71,17 +71,19 @@ def spread_rows(
     first, last = path.sample_range(fs, len(rows[0]))
     dtype = np.result_type(*rows)
     # Set aside, so that a large offset comes out exact whatever the ripple of the filter.
-    means = np.array([_mean(row, first, last) for row in rows])
+    means = _means(rows, first, last)
     step = theta_s / 2
     if path.length < step:  # too short to hold more than its mean
         yield np.repeat(means.astype(dtype), n_angles).reshape(len(rows), n_angles)
         return
     grid = _FineGrid(len(rows), n_angles, dtype)
     for travel, block in _dense_blocks(rows, fs, path, theta_s):
-        for sign, shift in _mirror_images(travel, path.length, _MARGIN * step):
-            grid.spread(travel, sign / step, shift / step + _MARGIN, block, means)
+        low, high = _range(travel[1:-1], onward=path.setback == 0)
+        for sign, shift in _mirror_images(low, high, path.length, _MARGIN * step):
+            top = max(sign * low, sign * high) + shift
+            grid.spread(travel, sign / step, shift / step + _MARGIN, top / step, block, means)
         # What the shaft may still turn back; and a grid point more, for the rounding of angles.
-        ready = int((float(travel[1:-1].max()) - path.setback) / step) - 1
+        ready = int((high - path.setback) / step) - 1
         if ready > _MARGIN:  # samples to come have no mirror image at the start any more
             resampled = grid.finish(ready)
             if resampled.shape[1]:
@@ -90,13 +92,15 @@ def spread_rows(
     yield grid.finish(grid.end + 2) + means.astype(dtype)[:, np.newaxis]
 
 
-def _mean(row: NDArray[np.floating], first: int, last: int) -> float:
-    """Mean of a signal, or of pieces of it where it is long: close, at no cost."""
+def _means(
+    rows: Sequence[NDArray[np.floating]], first: int, last: int
+) -> NDArray[np.floating]:
+    """Mean of each signal, or of pieces of it where it is long: close, at no cost."""
     if last - first <= _MEAN_PARTS * _MEAN_LENGTH:
-        return float(row[first:last].mean(dtype=np.float64))
+        return np.array([row[first:last].mean(dtype=np.float64) for row in rows])
     starts = np.linspace(first, last - _MEAN_LENGTH, _MEAN_PARTS).astype(np.intp)
-    pieces = row[starts[:, np.newaxis] + np.arange(_MEAN_LENGTH)]
-    return float(pieces.mean(dtype=np.float64))
+    places = starts[:, np.newaxis] + np.arange(_MEAN_LENGTH)
+    return np.array([row[places].mean(dtype=np.float64) for row in rows])
 
 
 def _dense_blocks(
@@ -128,15 +132,14 @@ def _dense_blocks(
 
 def _upsampling(fs: float, path: Path, theta_s: float) -> int:
     """How much denser the time samples must be for the sum to stand for the integral."""
-    largest, place = path.largest_step
-    speed = largest * path.fs  # rad/s
-    reach = _KERNEL_REACH * speed / (2 * theta_s)  # Hz: the kernel as a function of time
+    reach = _KERNEL_REACH * path.fastest / (2 * theta_s)  # Hz: the kernel as a function of time
     if reach <= fs / 2:
         return 1
     factor = max(2.0, np.ceil(reach / fs + _UPSAMPLING_STOP))
     n_shaft = len(path.travel)
     n_dense = factor * fs * n_shaft / path.fs
     if n_dense > _MOST_DENSER * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
+        largest, place = path.largest_step()
         mean = path.length / (n_shaft - 1)
         raise ValueError(
             f"the shaft turns by {largest:.3g} rad within one of its samples, at "
@@ -146,7 +149,7 @@ def _upsampling(fs: float, path: Path, theta_s: float) -> int:
     if n_dense > _MOST_SAMPLES:
         raise ValueError(
             f"theta_s = {theta_s:g} rad is too fine for signals at {fs:g} Hz: between two of their "
-            f"samples the shaft turns by up to {speed / fs:.3g} rad. Raise theta_s."
+            f"samples the shaft turns by up to {path.fastest / fs:.3g} rad. Raise theta_s."
         )
     return int(factor)
 
@@ -170,16 +173,22 @@ def _upsampled(
     return dense
 
 
+def _range(travel: NDArray[np.floating], *, onward: bool) -> tuple[float, float]:
+    """Least and greatest of the angles."""
+    if onward:
+        return float(travel[0]), float(travel[-1])
+    return float(travel.min()), float(travel.max())
+
+
 def _mirror_images(
-    travel: NDArray[np.floating], length: float, margin: float
+    low: float, high: float, length: float, margin: float
 ) -> Iterator[tuple[int, float]]:
-    """Yield sign and shift of the angles, and of mirror images that come near the path.
+    """Yield sign and shift of angles `low` to `high`, and of mirror images near the path.
 
     Mirroring at 0 and at `length`, over and over, leads to 2 k length - travel and, twice
     mirrored, to 2 k length + travel.
     """
     yield 1, 0.0
-    low, high = float(travel[1:-1].min()), float(travel[1:-1].max())
     if low > margin and high < length - margin:
         return
     n_images = int(np.ceil(margin / length)) + 1
@@ -208,18 +217,17 @@ class _FineGrid:
         travel: NDArray[np.floating],
         scale: float,
         offset: float,
+        top: float,
         block: list[NDArray[np.floating]],
         means: NDArray[np.floating],
     ) -> None:
-        """Spread samples that lie at ``scale * travel + offset``."""
+        """Spread samples that lie at ``scale * travel + offset``, up to `top` + `_MARGIN`."""
         origin = 2 * self._done
         if scale < 0 or offset != _MARGIN:  # an image, most of which is far away
             travel, block = _near(travel, scale, offset, block, origin, self.end)
             if len(travel) < 3:
                 return
-        inner = travel[1:-1]
-        highest = max(scale * float(inner.min()), scale * float(inner.max())) + offset
-        self._reach(int(min(highest + _WIDTH, self.end)) + 1 - origin)
+        self._reach(int(min(top + _MARGIN + _WIDTH, self.end)) + 1 - origin)
         weights, cells = kernels().shares(
             travel, scale, offset - origin, _kernel_halves(), self._used, self._grid.dtype
         )

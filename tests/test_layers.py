@@ -19,6 +19,7 @@ LAYERS = {
         "axes",
         "bins",
         "costs",
+        "fourier",
         "gaussians",
         "interpolation",
         "motion",
