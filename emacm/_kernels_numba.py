@@ -13,6 +13,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 COMPILED = True
+# The more is done at once, the less do threads wait for each other.
+BLOCK = 1 << 17  # time samples
+SEGMENT_BYTES = 3 << 19  # of segments
+
+_AT_ONCE = 8  # signals that are spread in one pass
+_PART = 4096  # samples whose shares are held meanwhile
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
@@ -42,39 +48,36 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
     return angle
 
 
-def shares(
-    travel: Array, scale: float, offset: float, coefficients: Array, n_cells: int, dtype: type
-) -> tuple[Array, Numbers]:
-    """Work out how each sample is spread over the grid points around it."""
-    n_halves, n_times = len(coefficients), len(travel) - 2
-    if coefficients.shape != (2, 6):
-        raise ValueError(f"the kernel must have 2 halves of degree 5, got {coefficients.shape}.")
-    weights = np.empty((2 * n_halves, n_times), dtype)
-    cells = np.empty(n_times, np.int32)
-    _shares(_read_only(travel), scale, offset, coefficients, n_cells, *weights, cells)
-    return weights, cells
-
-
 def spread(
-    signals: list[Array], means: Array, weights: Array, cells: Numbers, grid: Array
+    travel: Array,
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    rows = [_read_only(signal) for signal in signals]
-    means = means.astype(weights.dtype)
-    for k in range(0, len(rows) - 1, 2):
-        _spread_two(rows[k], rows[k + 1], means[k : k + 2], *weights, cells, grid[k], grid[k + 1])
-    if len(rows) % 2:
-        _spread_one(rows[-1], means[-1:], *weights, cells, grid[-1])
+    travel = _read_only(travel)
+    for first in range(0, len(signals), _AT_ONCE):
+        rows = [_read_only(signal) for signal in signals[first : first + _AT_ONCE]]
+        places = np.arange(first, first + len(rows))
+        rows += rows[:1] * (_AT_ONCE - len(rows))  # not looked at, but compiled for
+        _spread(
+            travel, scale, offset, kernel, *rows, places, means.astype(grid.dtype), grid, n_points
+        )
 
 
-def decimate(grid: Array, taps: Array, n_outputs: int) -> Array:
-    """Filter a grid and keep every other point."""
+def decimate(
+    grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
+) -> Array:
+    """Filter a grid and keep every other point; move what is still needed to its start."""
     if len(taps) != 41:
         raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
     outputs = np.empty((len(grid), n_outputs), grid.dtype)
-    taps = taps.astype(grid.dtype)
-    for row, output in zip(grid, outputs, strict=True):
-        _decimate(row, taps, output)
+    dtype = grid.dtype
+    _decimate(grid, used, first, taps.astype(dtype), means.astype(dtype), outputs)
     return outputs
 
 
@@ -165,14 +168,16 @@ def _integrate(velocity, half_step, start, angle):  # type: ignore[no-untyped-de
 
 
 @_compiled
-def _shares(travel, scale, offset, kernel, n_cells, w0, w1, w2, w3, cells):  # type: ignore[no-untyped-def]
+def _shares(travel, first, scale, offset, kernel, n_points, weights, cells):  # type: ignore[no-untyped-def]
     a0, a1, a2, a3, a4, a5 = kernel[0]
     b0, b1, b2, b3, b4, b5 = kernel[1]
     half_scale = 0.5 * abs(scale)
+    w0, w1, w2, w3 = weights
+    part = travel[first : first + len(cells) + 2]
     for i in range(len(cells)):
-        position = travel[i + 1] * scale + offset
-        way = (travel[i + 2] - travel[i]) * half_scale
-        inside = (position >= 1.0) & (position < n_cells - 2)
+        position = part[i + 1] * scale + offset
+        way = (part[i + 2] - part[i]) * half_scale
+        inside = (position >= 1.0) & (position < n_points - 2)
         position = position if inside else 1.0
         way = way if inside else 0.0
         cell = np.int32(position)
@@ -190,8 +195,8 @@ def _shares(travel, scale, offset, kernel, n_cells, w0, w1, w2, w3, cells):  # t
 
 
 @_compiled
-def _spread_one(signal, means, w0, w1, w2, w3, cells, row):  # type: ignore[no-untyped-def]
-    mean = means[0]
+def _spread_one(signal, mean, weights, cells, row):  # type: ignore[no-untyped-def]
+    w0, w1, w2, w3 = weights
     zero = mean - mean
     s0 = s1 = s2 = s3 = zero
     cell = cells[0]
@@ -216,9 +221,9 @@ def _spread_one(signal, means, w0, w1, w2, w3, cells, row):  # type: ignore[no-u
 
 @_compiled
 def _spread_two(  # type: ignore[no-untyped-def]
-    first, second, means, w0, w1, w2, w3, cells, first_row, second_row
+    first, second, first_mean, second_mean, weights, cells, first_row, second_row
 ):
-    first_mean, second_mean = means[0], means[1]
+    w0, w1, w2, w3 = weights
     zero = first_mean - first_mean
     s0 = s1 = s2 = s3 = zero
     t0 = t1 = t2 = t3 = zero
@@ -257,21 +262,51 @@ def _spread_two(  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _decimate(row, taps, output):  # type: ignore[no-untyped-def]
-    n_outputs = len(output)
-    even = np.empty(n_outputs + 20, row.dtype)
-    odd = np.empty(n_outputs + 20, row.dtype)
-    for j in range(n_outputs + 19):
-        even[j] = row[2 * j]
-        odd[j] = row[2 * j + 1]
-    even[n_outputs + 19] = row[2 * (n_outputs + 19)]
-    for j in range(n_outputs):
-        total = taps[20] * even[j + 10]
-        for k in range(10):  # of constant length, so that the loop over j is vectorised
-            total += taps[2 * k] * (even[j + k] + even[j + 20 - k])
-        for k in range(10):
-            total += taps[2 * k + 1] * (odd[j + k] + odd[j + 19 - k])
-        output[j] = total
+def _spread(  # type: ignore[no-untyped-def]
+    travel, scale, offset, kernel, x0, x1, x2, x3, x4, x5, x6, x7, places, means, grid, n_points
+):
+    signals = (x0, x1, x2, x3, x4, x5, x6, x7)
+    n_signals = len(places)
+    weights = np.empty((4, _PART), grid.dtype)
+    cells = np.empty(_PART, np.int32)
+    for start in range(0, len(travel) - 2, _PART):  # shares of so many samples stay in cache
+        count = min(_PART, len(travel) - 2 - start)
+        w = (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count])
+        c = cells[:count]
+        _shares(travel, start, scale, offset, kernel, n_points, w, c)
+        for k in range(0, n_signals - 1, 2):
+            i, j = places[k], places[k + 1]
+            one = signals[k][start : start + count]
+            two = signals[k + 1][start : start + count]
+            _spread_two(one, two, means[i], means[j], w, c, grid[i], grid[j])
+        if n_signals % 2:
+            i = places[n_signals - 1]
+            last = signals[n_signals - 1][start : start + count]
+            _spread_one(last, means[i], w, c, grid[i])
+
+
+@_compiled
+def _decimate(grid, used, first, taps, means, outputs):  # type: ignore[no-untyped-def]
+    n_outputs = outputs.shape[1]
+    even = np.empty(n_outputs + 20, grid.dtype)
+    odd = np.empty(n_outputs + 20, grid.dtype)
+    for r in range(len(grid)):
+        row, output = grid[r], outputs[r]
+        for j in range(n_outputs + 19):
+            even[j] = row[first + 2 * j]
+            odd[j] = row[first + 2 * j + 1]
+        even[n_outputs + 19] = row[first + 2 * (n_outputs + 19)]
+        for j in range(n_outputs):
+            total = means[r] + taps[20] * even[j + 10]
+            for k in range(10):  # of constant length, so that the loop over j is vectorised
+                total += taps[2 * k] * (even[j + k] + even[j + 20 - k])
+            for k in range(10):
+                total += taps[2 * k + 1] * (odd[j + k] + odd[j + 19 - k])
+            output[j] = total
+        kept = used - 2 * n_outputs
+        for j in range(kept):
+            row[j] = row[2 * n_outputs + j]
+        row[kept:used] = 0
 
 
 @_compiled

@@ -11,6 +11,8 @@ from scipy import signal as filters
 from scipy import sparse
 
 COMPILED = False
+BLOCK = 1 << 15  # time samples in work at once, for which several arrays are held
+SEGMENT_BYTES = 1 << 19  # of segments in work at once: they should stay in cache
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
@@ -64,10 +66,17 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
     return np.cumsum(angle, out=angle)
 
 
-def shares(
-    travel: Array, scale: float, offset: float, coefficients: Array, n_cells: int, dtype: type
-) -> tuple[Array, Numbers]:
-    """Work out how each sample is spread over the grid points around it.
+def spread(
+    travel: Array,
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    n_points: int,
+) -> None:
+    """Add each sample, less the mean of its signal, to the grid points around it.
 
     Parameters
     ----------
@@ -77,76 +86,67 @@ def shares(
     scale, offset : float
         A sample lies at ``scale * travel + offset`` on the grid; where `scale` is negative it is a
         mirror image.
-    coefficients : ndarray of shape (n_halves, degree + 1)
-        Kernel at the grid points below the sample, each as a polynomial in its place within the
-        cell, -1/2..1/2; the points above it are their mirror images.
-    n_cells : int
-        Length of the grid. Samples whose points lie outside get no share.
-    dtype : type
-        Of the shares.
-
-    Returns
-    -------
-    weights : ndarray of shape (2 * n_halves, n_times)
-        Shares of the grid points from `cells` upwards.
-    cells : ndarray of int32, shape (n_times,)
-        The lowest grid point of each sample.
-    """
-    n_halves = len(coefficients)
-    position = scale * travel[1:-1] + offset
-    way = (travel[2:] - travel[:-2]) * (0.5 * abs(scale))
-    floor = np.floor(position)
-    outside = (floor < n_halves - 1) | (floor >= n_cells - n_halves)
-    if outside.any():
-        way[outside] = 0.0
-        floor[outside] = position[outside] = n_halves - 1
-    place = position - floor - 0.5
-    square = place * place
-    weights = np.empty((2 * n_halves, len(place)), dtype)
-    for k, polynomial in enumerate(coefficients):
-        even = np.polynomial.polynomial.polyval(square, polynomial[::2]) * way
-        odd = np.polynomial.polynomial.polyval(square, polynomial[1::2]) * place * way
-        weights[k] = even + odd
-        weights[-1 - k] = even - odd
-    return weights, floor.astype(np.int32) - np.int32(n_halves - 1)
-
-
-def spread(
-    signals: list[Array], means: Array, weights: Array, cells: Numbers, grid: Array
-) -> None:
-    """Add each sample, less the mean of its signal, to the grid points around it.
-
-    Parameters
-    ----------
+    kernel : ndarray of shape (2, 6)
+        Shares of the outer and the inner grid point below the sample, as polynomials in its place
+        within the cell, -1/2..1/2; those of the points above are their mirror images.
     signals : list of ndarray of shape (n_times,)
         One for each row of the grid.
     means : ndarray of shape (n_signals,)
         What is subtracted first.
-    weights, cells : ndarray
-        As `shares` returns them.
-    grid : ndarray of shape (n_signals, n_cells)
-        Changed in place.
+    grid : ndarray of shape (n_signals, n_held)
+        Changed in place, in its first `n_points` columns. Samples any of whose points would lie
+        outside are passed over.
     """
-    width, n_times = weights.shape
-    rows = cells + np.arange(width, dtype=np.int32)[:, np.newaxis]
-    low, high = int(cells.min()), int(cells.max()) + width
+    weights, cells = _shares(travel, scale, offset, kernel, n_points)
+    rows = cells + np.arange(4)[:, np.newaxis]
+    low, high = int(cells.min()), int(cells.max()) + 4
     operator = sparse.csc_array(
-        (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, width)),
-        shape=(high - low, n_times),
+        (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, 4)),
+        shape=(high - low, len(cells)),
     )
     values = np.stack([row - mean for row, mean in zip(signals, means, strict=True)], axis=1)
     grid[:, low:high] += (operator @ values).T
 
 
-def decimate(grid: Array, taps: Array, n_outputs: int) -> Array:
-    """Filter a grid and keep every other point.
+def _shares(
+    travel: Array, scale: float, offset: float, kernel: Array, n_points: int
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the shares of four grid points, shape (4, n_times), and the lowest of the points."""
+    position = scale * travel[1:-1] + offset
+    way = (travel[2:] - travel[:-2]) * (0.5 * abs(scale))
+    cell = np.floor(position)
+    outside = (cell < 1) | (cell >= n_points - 2)
+    if outside.any():
+        way[outside] = 0.0
+        cell[outside] = position[outside] = 1.0
+    place = position - cell - 0.5
+    square = place * place
+    weights = np.empty((4, len(place)))
+    for k, share in enumerate(kernel):
+        even = ((share[4] * square + share[2]) * square + share[0]) * way
+        odd = ((share[5] * square + share[3]) * square + share[1]) * place * way
+        weights[k], weights[3 - k] = even + odd, even - odd
+    return weights, cell.astype(np.intp) - 1
+
+
+def decimate(
+    grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
+) -> Array:
+    """Filter a grid and keep every other point; move what is still needed to its start.
 
     Parameters
     ----------
-    grid : ndarray of shape (n_signals, n_cells)
-        At least ``2 * (n_outputs - 1) + len(taps)`` points.
-    taps : ndarray of shape (n_taps,)
-        A symmetric filter; output j reads the points from 2 j upwards.
+    grid : ndarray of shape (n_signals, n_held)
+        Of which the first `used` points are. Changed in place: the points from
+        ``2 * n_outputs`` upwards come to its start, and zeros follow.
+    used : int
+        At least ``first + 2 * (n_outputs - 1) + len(taps)``.
+    first : int
+        First point that output 0 reads; output j reads from ``first + 2 * j`` upwards.
+    taps : ndarray of shape (41,)
+        A symmetric filter.
+    means : ndarray of shape (n_signals,)
+        What is added to the outputs.
     n_outputs : int
         How many points are kept.
 
@@ -154,10 +154,14 @@ def decimate(grid: Array, taps: Array, n_outputs: int) -> Array:
     -------
     ndarray of shape (n_signals, n_outputs)
     """
-    used = grid[:, : 2 * (n_outputs - 1) + len(taps)]
-    filtered = filters.upfirdn(taps.astype(grid.dtype), used[:, len(taps) % 2 == 0 :], down=2)
-    first = len(taps) // 2
-    return filtered[:, first : first + n_outputs]
+    part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
+    filtered = filters.upfirdn(taps.astype(grid.dtype), part, down=2)
+    half = len(taps) // 2
+    outputs = filtered[:, half : half + n_outputs] + means.astype(grid.dtype)[:, np.newaxis]
+    kept = used - 2 * n_outputs
+    grid[:, :kept] = grid[:, 2 * n_outputs : used].copy()
+    grid[:, kept:used] = 0
+    return outputs
 
 
 def places(

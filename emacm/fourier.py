@@ -117,11 +117,13 @@ def _largest_prime(number: int) -> int:
 
 
 def _product(rows: NDArray[np.floating], matrix: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Multiply rows (..., n) by a matrix (n, n), some rows at a time."""
+    """Multiply rows (..., n) by a matrix (n, n), a few rows in each call of the library."""
     flat = rows.reshape(-1, rows.shape[-1])
-    product = np.empty_like(flat)
     at_once = max(1, _PRODUCT // matrix.size)
-    for start in range(0, len(flat), at_once):
-        part = slice(start, start + at_once)
-        np.matmul(flat[part], matrix, out=product[part])
+    product = np.empty_like(flat)
+    whole = len(flat) - len(flat) % at_once
+    stack = (-1, at_once, matrix.shape[0])
+    np.matmul(flat[:whole].reshape(stack), matrix, out=product[:whole].reshape(stack))
+    if whole < len(flat):
+        np.matmul(flat[whole:], matrix, out=product[whole:])
     return product.reshape(rows.shape)

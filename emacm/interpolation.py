@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from emacm._kernels import kernels
-from emacm.motion import BLOCK
 from emacm.paths import Path
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -47,8 +46,9 @@ def interpolated(
     first, last = path.sample_range(fs, len(rows[0]))
     dtype = np.result_type(*rows)
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    for start in range(first, last - 1, BLOCK):
-        stop = min(start + BLOCK + 1, last)
+    at_once = kernels().BLOCK
+    for start in range(first, last - 1, at_once):
+        stop = min(start + at_once + 1, last)
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
         # good.

@@ -12,9 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm import _kernels_numpy
 from emacm._kernels import kernels
 
-BLOCK = 1 << 15  # samples read in one go
+BLOCK = 1 << 17  # samples read in one go
 _STRIDE = 256  # samples from one remembered angle to the next
 
 
@@ -82,14 +83,15 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
-        pieces = [kernels().survey(part, _STRIDE) for _, part in blocks(velocity)]
-        sums, self._lowest, self._highest = (
-            np.concatenate(column) for column in zip(*pieces, strict=True)
-        )
+        sums, self._lowest, self._highest = kernels().survey(velocity, _STRIDE)
         ends = velocity[::_STRIDE].astype(np.float64)
         # A trapezoid's sum is that of its samples, less half of the first, plus half of the next.
         whole = np.cumsum(sums)[: len(ends) - 1]
         self._known = np.concatenate([[0.0], (2 * whole - ends[0] + ends[1:]) * self._half_step])
+
+    def one_way(self, min_speed: float) -> int:
+        """Return 1 or -1 if the shaft turns that way all the time, faster than `min_speed`."""
+        return int(self._lowest.min() > min_speed) - int(self._highest.max() < -min_speed)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Bound the speed from sample `start` to `stop` [rad/s]: that, or a little more."""
@@ -98,9 +100,10 @@ class IntegratedAngle(LazySeries):
 
     def _read(self, start: int, stop: int) -> NDArray[np.floating]:
         first = start // _STRIDE
-        angle = kernels().integrate(
-            self.velocity[first * _STRIDE : stop], self._half_step, self._known[first]
-        )
+        velocity = self.velocity[first * _STRIDE : stop]
+        few = len(velocity) <= _STRIDE  # then it is not worth to let other threads run
+        integrate = (_kernels_numpy if few else kernels()).integrate
+        angle = integrate(velocity, self._half_step, self._known[first])
         return angle[start - first * _STRIDE :]
 
 

@@ -182,7 +182,9 @@ class JoinedTravel(LazySeries):
         ends = np.array([angle[stroke.stop - 1] for stroke in strokes])
         run = self._signs * (ends - self._from)
         # Where the shaft turns between two samples, without rest, that step counts as well.
-        turns = np.where(self._starts[1:] == self._stops[:-1], np.abs(self._from[1:] - ends[:-1]), 0)
+        turns = np.where(
+            self._starts[1:] == self._stops[:-1], np.abs(self._from[1:] - ends[:-1]), 0
+        )
         self._before = np.concatenate([[0.0], np.cumsum(run[:-1] + turns)])
         self._after = self._before + run
 

@@ -32,7 +32,6 @@ AVERAGES = ("mean", "median")
 SHORTS = ("raise", "pad")
 
 _MOST_SAMPLES = 1 << 31  # of a segment
-_BLOCK_BYTES = 1 << 19  # of segments in work at once: they should stay in cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +174,8 @@ class SegmentPlan:
             rest: NDArray[np.floating] | None = None
             for block in _at_least([signal] if isinstance(signal, np.ndarray) else signal, length):
                 first = 0  # in the block, of the segments that lie wholly inside
+                if rest is not None and block.nbytes <= kernels().SEGMENT_BYTES:
+                    block, rest = np.concatenate([rest, block], axis=1), None
                 if rest is not None:
                     # Segments that begin in the rest; only they are copied together.
                     first = -rest.shape[1] % step
@@ -189,7 +190,7 @@ class SegmentPlan:
 
     def _at_once(self, stretch: NDArray[np.floating]) -> int:
         """How many segments fit into the processor's cache."""
-        return max(1, _BLOCK_BYTES // (stretch.itemsize * self.n_per_segment))
+        return max(1, kernels().SEGMENT_BYTES // (stretch.itemsize * self.n_per_segment))
 
     def _lines(
         self,

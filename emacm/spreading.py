@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 
 from emacm._kernels import kernels
-from emacm.motion import BLOCK
 from emacm.paths import Path
 
 # All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
@@ -42,8 +41,7 @@ _UPSAMPLING_HALF = 16  # time samples on either side that a new sample is made f
 _UPSAMPLING_STOP = 0.58  # of fs: where the filter of the time interpolation has fallen by 80 dB
 _MOST_DENSER = 64  # times the samples there are over time and angle; beyond, the shaft jumps
 _MOST_SAMPLES = 1 << 31  # in work over time
-_MEAN_PARTS = 64  # pieces of the signal that its mean is taken of ...
-_MEAN_LENGTH = 64  # ... and samples of each
+_MEAN_OF, _MEAN_BELOW = 480, 5000  # samples that a mean is taken of, of a signal that is longer
 
 
 def spread_rows(
@@ -76,31 +74,26 @@ def spread_rows(
     if path.length < step:  # too short to hold more than its mean
         yield np.repeat(means.astype(dtype), n_angles).reshape(len(rows), n_angles)
         return
-    grid = _FineGrid(len(rows), n_angles, dtype)
+    onward = path.setback == 0
+    grid = _FineGrid(means, n_angles, dtype, onward=onward)
     for travel, block in _dense_blocks(rows, fs, path, theta_s):
-        low, high = _range(travel[1:-1], onward=path.setback == 0)
+        low, high = _range(travel[1:-1], onward=onward)
         for sign, shift in _mirror_images(low, high, path.length, _MARGIN * step):
             top = max(sign * low, sign * high) + shift
-            grid.spread(travel, sign / step, shift / step + _MARGIN, top / step, block, means)
+            grid.spread(travel, sign / step, shift / step + _MARGIN, top / step, block)
         # What the shaft may still turn back; and a grid point more, for the rounding of angles.
         ready = int((high - path.setback) / step) - 1
         if ready > _MARGIN:  # samples to come have no mirror image at the start any more
             resampled = grid.finish(ready)
             if resampled.shape[1]:
-                resampled += means.astype(dtype)[:, np.newaxis]
                 yield resampled
-    yield grid.finish(grid.end + 2) + means.astype(dtype)[:, np.newaxis]
+    yield grid.finish(grid.end + 2)
 
 
-def _means(
-    rows: Sequence[NDArray[np.floating]], first: int, last: int
-) -> NDArray[np.floating]:
-    """Mean of each signal, or of pieces of it where it is long: close, at no cost."""
-    if last - first <= _MEAN_PARTS * _MEAN_LENGTH:
-        return np.array([row[first:last].mean(dtype=np.float64) for row in rows])
-    starts = np.linspace(first, last - _MEAN_LENGTH, _MEAN_PARTS).astype(np.intp)
-    places = starts[:, np.newaxis] + np.arange(_MEAN_LENGTH)
-    return np.array([row[places].mean(dtype=np.float64) for row in rows])
+def _means(rows: Sequence[NDArray[np.floating]], first: int, last: int) -> NDArray[np.floating]:
+    """Mean of each signal, or of some of its samples where it is long: close, at no cost."""
+    stride = max(1, (last - first) // _MEAN_OF) if last - first > _MEAN_BELOW else 1
+    return np.array([row[first:last:stride].mean(dtype=np.float64) for row in rows])
 
 
 def _dense_blocks(
@@ -115,8 +108,9 @@ def _dense_blocks(
     # Made denser, the signal goes on, mirrored, to the end of the path.
     n_times = len(rows[0]) if factor == 1 else factor * (len(rows[0]) + 1)
     first, last = path.sample_range(rate, n_times)
-    for start in range(first, last, BLOCK):
-        stop = min(start + BLOCK, last)
+    at_once = kernels().BLOCK
+    for start in range(first, last, at_once):
+        stop = min(start + at_once, last)
         travel = path.travel_at(rate, max(start - 1, first), min(stop + 1, last))
         # Each sample stands for the way halfway to its neighbours, the outer ones up to the ends:
         # their neighbours beyond are their mirror images.
@@ -205,12 +199,16 @@ class _FineGrid:
     Point `_MARGIN` + 2 j is the angle of output j.
     """
 
-    def __init__(self, n_rows: int, n_angles: int, dtype: np.dtype) -> None:
+    def __init__(
+        self, means: NDArray[np.floating], n_angles: int, dtype: np.dtype, *, onward: bool
+    ) -> None:
+        self._means = means
+        self._onward = onward
         self.end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
         self._n_angles = n_angles
         self._done = 0  # outputs
         self._used = 0  # points held, from point 2 * self._done upwards
-        self._grid = np.zeros((n_rows, 0), dtype)
+        self._grid = np.zeros((len(means), 0), dtype)
 
     def spread(
         self,
@@ -219,34 +217,39 @@ class _FineGrid:
         offset: float,
         top: float,
         block: list[NDArray[np.floating]],
-        means: NDArray[np.floating],
     ) -> None:
         """Spread samples that lie at ``scale * travel + offset``, up to `top` + `_MARGIN`."""
         origin = 2 * self._done
         if scale < 0 or offset != _MARGIN:  # an image, most of which is far away
-            travel, block = _near(travel, scale, offset, block, origin, self.end)
-            if len(travel) < 3:
+            limits = origin, self.end
+            travel, block = _near(travel, scale, offset, block, limits, onward=self._onward)
+            if not len(block[0]):
                 return
         self._reach(int(min(top + _MARGIN + _WIDTH, self.end)) + 1 - origin)
-        weights, cells = kernels().shares(
-            travel, scale, offset - origin, _kernel_halves(), self._used, self._grid.dtype
+        kernels().spread(
+            travel,
+            scale,
+            offset - origin,
+            _kernel_halves(),
+            block,
+            self._means,
+            self._grid,
+            self._used,
         )
-        kernels().spread(block, means, weights, cells, self._grid[:, : self._used])
 
     def finish(self, point: int) -> NDArray[np.floating]:
         """Return the outputs that the grid below `point` allows, and let go of their points."""
         # Output j needs the points from 2 j + _WIDTH / 2 to 2 j + 2 _HALF + _WIDTH / 2.
         ready = (point - 2 * _HALF - _WIDTH // 2) // 2
-        count = max(0, min(ready, self._n_angles) - self._done)
-        if not count:
+        count = min(ready, self._n_angles) - self._done
+        if count <= 0:
             return np.empty((len(self._grid), 0), self._grid.dtype)
         first = _WIDTH // 2
         self._reach(first + 2 * (count - 1) + 1 + 2 * _HALF)
-        outputs = kernels().decimate(self._grid[:, first : self._used], _decimating_filter(), count)
-        kept = self._used - 2 * count
-        self._grid[:, :kept] = self._grid[:, 2 * count : self._used].copy()
-        self._grid[:, kept : self._used] = 0
-        self._done, self._used = self._done + count, kept
+        outputs = kernels().decimate(
+            self._grid, self._used, first, _decimating_filter(), self._means, count
+        )
+        self._done, self._used = self._done + count, self._used - 2 * count
         return outputs
 
     def _reach(self, n_points: int) -> None:
@@ -263,15 +266,18 @@ def _near(
     scale: float,
     offset: float,
     block: list[NDArray[np.floating]],
-    low: int,
-    high: int,
+    limits: tuple[int, int],
+    *,
+    onward: bool,
 ) -> tuple[NDArray[np.floating], list[NDArray[np.floating]]]:
     """Cut a block down to the samples whose images lie between two points of the grid."""
-    position = scale * travel[1:-1] + offset
-    inside = np.flatnonzero((position > low) & (position < high))
-    if not len(inside):
-        return travel[:0], block
-    first, last = int(inside[0]), int(inside[-1]) + 1
+    low, high = sorted((limit - offset) / scale for limit in limits)
+    inner = travel[1:-1]
+    if onward:
+        first, last = np.searchsorted(inner, (low, high))
+    else:
+        inside = np.flatnonzero((inner > low) & (inner < high))
+        first, last = (inside[0], inside[-1] + 1) if len(inside) else (0, 0)
     return travel[first : last + 2], [row[first:last] for row in block]
 
 

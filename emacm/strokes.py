@@ -85,7 +85,8 @@ def stroke_paths(
         If `direction` is none of the four.
     """
     check_choice(direction, "direction", DIRECTIONS)
-    strokes = _strokes(velocity, min_speed)
+    way = angle.one_way(min_speed) if isinstance(angle, IntegratedAngle) else 0
+    strokes = [Stroke(0, len(angle), way)] if way else _strokes(velocity, min_speed)
     if direction == "travel":
         return _joined_path(angle, fs, strokes)
     wanted = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}[direction]
@@ -114,9 +115,7 @@ def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
     return strokes
 
 
-def _stretches(
-    velocity: NDArray[np.floating], min_speed: float
-) -> Iterator[tuple[int, int, int]]:
+def _stretches(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
     if velocity.min() > min_speed:
         yield 0, len(velocity), 1

@@ -12,6 +12,7 @@ from scipy.signal import get_window
 
 import emacm.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm._kernels import kernels
 from emacm.resampling import PASS, angle_count, interpolate_to_angle, spread_to_angle
 from emacm.spectrum import order_psd
 from emacm.strokes import Path
@@ -369,7 +370,7 @@ def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
     _, path = steady(20.0, fs, 1.0)
     signals = np.random.default_rng(6).standard_normal((2, len(path.travel)))
     _, whole = spread_to_angle(signals, fs, path, theta_s=THETA_S)
-    monkeypatch.setattr(emacm.spreading, "BLOCK", 997)
+    monkeypatch.setattr(kernels(), "BLOCK", 997)
     _, pieces = spread_to_angle(signals, fs, path, theta_s=THETA_S)
     np.testing.assert_allclose(pieces, whole, atol=1e-12)
 
