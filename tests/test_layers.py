@@ -33,7 +33,13 @@ LAYERS = {
     ],
     "recordings": ["recordings", "angle_recordings"],
     "estimators": ["order_resampler", "order_psd", "bin_transformer", "diagnosis"],
-    "applications": ["simulation", "datasets", "displays"],
+    "applications": [
+        "chapter3_signals",
+        "simple_actuator",
+        "simulation",
+        "datasets",
+        "displays",
+    ],
     "the package": ["__init__"],
     "programs": ["demo", "__main__"],
 }

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from emacm import OrderPSD, OrderResampler
-from emacm.simulation import BEARING_ORDER, SCREW_ORDER, STATES, simulate_actuator, simulate_fleet
+from emacm.simple_actuator import (
+    BEARING_ORDER,
+    SCREW_ORDER,
+    STATES,
+    simulate_actuator,
+    simulate_fleet,
+)
 
 
 def density_at(recording, channel, order):

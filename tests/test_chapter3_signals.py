@@ -1,0 +1,138 @@
+"""The signals of chapter 3 are those of Eqs. (3.1) to (3.6), with every constant free."""
+
+import numpy as np
+import pytest
+
+from emacm import OrderPSD, OrderResampler
+from emacm.simulation import (
+    CHAPTER3_ORDERS,
+    chapter3_motion,
+    chapter3_recording,
+    chapter3_recordings,
+)
+
+TURN = 2 * np.pi
+
+
+def test_the_speed_lies_between_rest_and_1200_rpm():
+    velocity, _ = chapter3_motion(np.arange(20_000) / 10_000)
+    assert velocity.min() == pytest.approx(0, abs=1e-9)
+    assert velocity.max() == pytest.approx(1200 / 60 * TURN)
+
+
+def test_the_angle_is_the_integral_of_the_speed():
+    times = np.arange(20_001) / 10_000
+    velocity, angle = chapter3_motion(times, 30.0, 3.0)
+    integral = np.concatenate(([0], np.cumsum((velocity[1:] + velocity[:-1]) / 2))) / 10_000
+    assert np.abs(angle - angle[0] - integral).max() < 1e-6
+
+
+def test_a_run_without_noise_is_the_sum_of_its_published_parts():
+    run = chapter3_recording("defect 2", sigma=0)
+    times = np.arange(4096) / 2000
+    theta = 20 * np.pi * times - 2 * np.cos(TURN * 5 * times)
+    expected = 5 * np.sin(6 * theta) + 0.1 * np.sin(TURN * 100 * times) + 0.1 * np.sin(10.5 * theta)
+    assert np.abs(run.signals["current"] - expected).max() < 1e-12
+
+
+def test_a_recording_is_as_long_as_the_window_of_the_published_spectra():
+    assert len(chapter3_recording().signals["current"]) == 4096
+    # 2^14 samples at 1000 a revolution.
+    assert chapter3_recording(reference="angle").angle[-1] + 2 > TURN * 16.384
+
+
+def test_every_constant_is_a_parameter():
+    run = chapter3_recording(
+        "worn",
+        sigma=0,
+        duration=1.0,
+        fs=1000,
+        mean_speed=30.0,
+        speed_frequency=2.0,
+        current_amplitude=3.0,
+        current_order=4.0,
+        supply_amplitude=0.2,
+        supply_frequency=50.0,
+        defect_amplitude=0.3,
+        defect_orders={"worn": 7.5},
+        reference="angle",
+    )
+    times = np.arange(1000) / 1000
+    theta = 30 * times - 30 / (TURN * 2) * np.cos(TURN * 2 * times)
+    current = 3 * np.sin(4 * theta) + 0.2 * np.sin(TURN * 50 * times) + 0.3 * np.sin(7.5 * theta)
+    assert np.abs(run.angle - theta).max() < 1e-12
+    assert np.abs(run.signals["current"] - current).max() < 1e-12
+    assert run.meta["severity"] == pytest.approx(3)
+
+
+@pytest.mark.parametrize("sigma", [0.25, 0.5])
+def test_sigma_is_the_standard_deviation_of_the_noise(sigma):
+    noisy, clean = chapter3_recording(sigma=sigma, seed=1), chapter3_recording(sigma=0)
+    noise = noisy.signals["current"] - clean.signals["current"]
+    assert noise.std() == pytest.approx(sigma, rel=4 / np.sqrt(2 * 4096))
+
+
+@pytest.mark.parametrize("label", ["defect 1", "defect 2"])
+def test_a_defect_stands_at_its_order(label):
+    runs, _ = chapter3_recordings(4)
+    resampled = OrderResampler(TURN / 64).fit_transform(runs)
+    psd = OrderPSD(16)
+    spectra = psd.fit_transform(resampled).reshape(3, 4, -1).mean(axis=1)
+    line = np.argmin(np.abs(psd.orders_ - CHAPTER3_ORDERS[label]))
+    assert spectra[list(CHAPTER3_ORDERS).index(label), line] > 5 * spectra[0, line]
+
+
+def test_both_references_tell_the_same_motion():
+    by_speed = chapter3_recording(reference="velocity")
+    by_angle = chapter3_recording(reference="angle")
+    turned = by_angle.angle - by_angle.angle[0]
+    assert np.abs(by_speed.angle - turned).max() < 1e-3  # of the trapezoid rule
+
+
+def test_the_set_is_40_runs_of_each_class_with_its_truth():
+    recordings, labels = chapter3_recordings()
+    assert labels.tolist() == np.repeat(["healthy", "defect 1", "defect 2"], 40).tolist()
+    assert recordings[45].meta == {
+        "label": "defect 1",
+        "run": 5,
+        "severity": 1.0,
+        "orders": {"defect 1": (3.125,)},
+    }
+
+
+def test_a_run_is_the_same_however_it_was_asked_for():
+    few, _ = chapter3_recordings(2, seed=4)
+    many, _ = chapter3_recordings(5, seed=4)
+    assert few[1] == many[1] == chapter3_recording("healthy", 1, seed=4)
+    assert few[2] == many[5] == chapter3_recording("defect 1", 0, seed=4)
+    assert few[0] != few[1]
+    assert few[0] != chapter3_recording("healthy", 0, seed=5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"label": "worn"}, ValueError, "label must be one of 'healthy', 'defect 1', 'defect 2'"),
+        ({"run": -1}, ValueError, "run must be a whole number of at least 0, got -1"),
+        ({"seed": 0.5}, TypeError, "seed must be a whole number of at least 0, got 0.5"),
+        ({"sigma": -1}, ValueError, "sigma must be a number of A, at least 0, got -1"),
+        ({"fs": 0}, ValueError, "fs must be a number of Hz, above 0, got 0"),
+        ({"duration": 0}, ValueError, "duration must be a number of s, above 0, got 0"),
+        ({"mean_speed": 0}, ValueError, "mean_speed must be a number of rad/s, above 0, got 0"),
+        ({"speed_frequency": -1}, ValueError, "speed_frequency must be a number of Hz, above 0"),
+        ({"reference": "tacho"}, ValueError, "reference must be one of 'velocity', 'angle'"),
+        (
+            {"label": "x", "defect_orders": {"x": -3}},
+            ValueError,
+            "order of 'x' must be a number above 0, got -3",
+        ),
+    ],
+)
+def test_a_wrong_parameter_is_named(arguments, error, message):
+    with pytest.raises(error, match=message):
+        chapter3_recording(**arguments)
+
+
+def test_no_run_is_no_set():
+    with pytest.raises(ValueError, match="n_runs must be a whole number of at least 1, got 0"):
+        chapter3_recordings(0)
