@@ -1,9 +1,26 @@
 """Simulated recordings whose truth is known, for tests and studies.
 
 - `chapter3_recordings`: the signals of chapter 3 of the thesis, Eqs. (3.1) to (3.6).
+- `LaboratoryBench`, `laboratory_recordings`: the laboratory of chapter 4, with ten kinds of faults
+  and units that differ. A recording says in `meta` what was true: unit, condition, run, label,
+  severity, and the orders of the fault.
 - `simulate_actuator`, `simulate_fleet`: short runs at 4 kHz, to try a pipeline in seconds.
+
+Same seed, same recordings, in whatever order they are made.
+
+Examples
+--------
+>>> from emacm.simulation import LaboratoryBench
+>>> bench = LaboratoryBench(unit=7, faults={"screw": 0.8}, duration=0.5)
+>>> bench.record(condition=4, run=2).meta["label"]
+'screw'
 """
 
+from emacm.bench import BenchTruth, LaboratoryBench
+from emacm.bench_actuator import PEAK_SPEED, Actuator
+from emacm.bench_conditions import CONDITIONS, TRANSDUCERS, Condition, Transducer
+from emacm.bench_faults import BEARING, FAULT_ORDERS, FAULTS, SCREW, BallContact
+from emacm.bench_sets import LaboratoryRecordings, laboratory_recordings, thesis_benches
 from emacm.chapter3_signals import (
     CHAPTER3_ORDERS,
     chapter3_motion,
@@ -20,14 +37,30 @@ from emacm.simple_actuator import (
 )
 
 __all__ = [
+    "BEARING",
     "BEARING_ORDER",
     "CHAPTER3_ORDERS",
+    "CONDITIONS",
     "ELECTRICAL_ORDER",
+    "FAULTS",
+    "FAULT_ORDERS",
+    "PEAK_SPEED",
+    "SCREW",
     "SCREW_ORDER",
     "STATES",
+    "TRANSDUCERS",
+    "Actuator",
+    "BallContact",
+    "BenchTruth",
+    "Condition",
+    "LaboratoryBench",
+    "LaboratoryRecordings",
+    "Transducer",
     "chapter3_motion",
     "chapter3_recording",
     "chapter3_recordings",
+    "laboratory_recordings",
     "simulate_actuator",
     "simulate_fleet",
+    "thesis_benches",
 ]
