@@ -128,8 +128,9 @@ class LaboratoryBench:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "faults", check_faults(self.faults))
-        check_count(self.unit, "unit", at_least=0)
-        check_count(self.seed, "seed", at_least=0)
+        for name in ("unit", "seed"):
+            count = check_count(getattr(self, name), name, at_least=0)
+            object.__setattr__(self, name, count)
         for name in ("electrical_noise", "unit_spread", "run_spread"):
             check_number(getattr(self, name), name, at_least=0)
         check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
