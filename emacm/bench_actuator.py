@@ -49,7 +49,8 @@ class Actuator:
     unbalance : float
         Mass times radius of the rotor [kg m]; 4e-5 is the balance grade G 6.3 of 3 kg.
     rolling_noise : float
-        RMS force of the balls on the housing at peak speed, unloaded [N].
+        RMS force of the balls on the housing, white up to 24 kHz, at peak speed when load and
+        preload together are the rated force [N].
     housing_mass : float
         That the forces shake [kg].
     resonance, damping : float

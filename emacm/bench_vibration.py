@@ -16,6 +16,7 @@ GRAVITY = 9.80665  # m/s²
 # Modes of the housing: frequency over that of the first, share of the motion. Assumed: the
 # fixture, the housing, the end shield, at 420, 1900 and 5200 Hz.
 _MODES = ((1.0, 0.3), (1900 / 420, 0.4), (5200 / 420, 0.3))
+_NOISE_RATE = 48_000.0  # Hz, at which the rolling noise is stated
 _HIGHEST = 0.45  # of the sampling rate
 _CONTACT = 1e-4  # s that a strike lasts; assumed
 # At severity 1 [N s], [N]; assumed.
@@ -66,12 +67,13 @@ def housing_force(
     angle = torques.angle
     speed = np.abs(torques.velocity) / PEAK_SPEED
     thrust = np.abs(torques.load) / (RATED_FORCE * actuator.torque_per_force)
-    pressed = np.sqrt(0.2 + thrust)  # preload holds a fifth of the rated force
+    pressed = np.sqrt(0.2 + thrust)  # the preload is a fifth of the rated force
     current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
     rolling = 1 + _DRY_ROLLING * faults.get("lubrication", 0.0)
     if cage := faults.get("cage", 0.0):
         rolling = rolling * (1 + _CAGE_RUB * cage * np.sin(BEARING.cage * angle + actuator.mark))
-    force = actuator.rolling_noise * speed * pressed * rolling * rng.standard_normal(len(angle))
+    white = np.sqrt(fs / _NOISE_RATE) * rng.standard_normal(len(angle))  # of one density
+    force = actuator.rolling_noise * speed * pressed * rolling * white
     force += actuator.unbalance * torques.velocity**2 * np.sin(angle + 2 * actuator.mark)
     force += _RADIAL * current * np.sin(2 * POLE_PAIRS * angle + actuator.mark)
     if eccentric := faults.get("eccentricity", 0.0):

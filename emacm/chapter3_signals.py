@@ -91,7 +91,7 @@ def chapter3_recording(
     >>> chapter3_recording("defect 1", run=7).meta["orders"]
     {'defect 1': (3.125,)}
     """
-    check_choice(label, "label", tuple(defect_orders))
+    check_choice(label, "label", tuple(_checked_orders(defect_orders)))
     check_count(run, "run", at_least=0)
     check_count(seed, "seed", at_least=0)
     check_choice(reference, "reference", ("velocity", "angle"))
@@ -168,7 +168,7 @@ def chapter3_recordings(
         chapter3_recording(
             label, run, sigma=sigma, seed=seed, defect_orders=defect_orders, **constants
         )
-        for label in defect_orders
+        for label in _checked_orders(defect_orders)
         for run in range(n_runs)
     ]
     return recordings, np.array([recording.meta["label"] for recording in recordings])
@@ -210,3 +210,12 @@ def chapter3_motion(
     velocity = np.maximum(mean_speed * (1 + np.sin(omega * times)), 0.0)  # Eq. (3.1)
     angle = mean_speed * times - mean_speed / omega * np.cos(omega * times)  # Eq. (3.2)
     return velocity, angle
+
+
+def _checked_orders(defect_orders: Mapping[str, float | None]) -> Mapping[str, float | None]:
+    if not isinstance(defect_orders, Mapping) or not defect_orders:
+        raise TypeError(
+            f"defect_orders must be a mapping of labels to orders, such as {{'healthy': None, "
+            f"'worn': 3.125}}, got {defect_orders!r}."
+        )
+    return defect_orders

@@ -133,6 +133,13 @@ def test_a_wrong_parameter_is_named(arguments, error, message):
         chapter3_recording(**arguments)
 
 
+@pytest.mark.parametrize("orders", [[3.125], {}])
+def test_orders_without_labels_are_refused(orders):
+    for make in (chapter3_recording, chapter3_recordings):
+        with pytest.raises(TypeError, match="defect_orders must be a mapping of labels to orders"):
+            make(defect_orders=orders)
+
+
 def test_no_run_is_no_set():
     with pytest.raises(ValueError, match="n_runs must be a whole number of at least 1, got 0"):
         chapter3_recordings(0)
