@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from emacm.bench_faults import (
     BEARING,
@@ -33,9 +35,13 @@ def test_a_published_bearing_has_its_published_orders():
     assert orders == pytest.approx((5.4152, 3.5848, 0.39828, 4.7135), abs=1e-3)
 
 
-def test_the_two_rings_are_passed_by_every_ball_once_a_turn_of_one_against_the_other():
-    assert BEARING.inner_ring + BEARING.outer_ring == pytest.approx(BEARING.n_balls)
-    assert BEARING.outer_ring == pytest.approx(BEARING.n_balls * BEARING.cage)
+@given(st.integers(3, 40), st.floats(0.01, 0.5), st.floats(0, 1.5))
+def test_each_ball_passes_both_rings_once_while_they_turn_once_against_each_other(n, ratio, angle):
+    bearing = BallContact(n, ratio, angle)
+    assert bearing.inner_ring + bearing.outer_ring == pytest.approx(n)
+    assert bearing.outer_ring == pytest.approx(n * bearing.cage)
+    assert bearing.cage < 0.5
+    assert bearing.inner_ring > bearing.outer_ring
 
 
 @pytest.mark.parametrize("fault", ROLLING)
