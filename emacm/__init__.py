@@ -4,6 +4,8 @@ from emacm._version import __version__
 from emacm.bin_transformer import BinTransformer
 from emacm.costs import expected_cost
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.fault_orders import fault_orders, order_bands
+from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
 from emacm.order_psd import OrderPSD
 from emacm.order_resampler import OrderResampler
 from emacm.recordings import Recording
@@ -17,8 +19,12 @@ from emacm.shaft import (
 from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 __all__ = [
+    "BallScrew",
+    "Bearing",
     "BinTransformer",
     "CostSensitiveGaussianBayes",
+    "Gear",
+    "Motor",
     "OrderPSD",
     "OrderResampler",
     "Recording",
@@ -31,6 +37,8 @@ __all__ = [
     "angle_from_velocity",
     "angle_from_wrapped",
     "expected_cost",
+    "fault_orders",
     "neg_expected_cost",
+    "order_bands",
     "pulse_times",
 ]
