@@ -4,6 +4,7 @@ from emacm._version import __version__
 from emacm.bin_transformer import BinTransformer
 from emacm.costs import expected_cost
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.explanations import explain_decision, explain_model, match_fault_orders
 from emacm.fault_orders import fault_orders, order_bands
 from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
 from emacm.order_psd import OrderPSD
@@ -37,7 +38,10 @@ __all__ = [
     "angle_from_velocity",
     "angle_from_wrapped",
     "expected_cost",
+    "explain_decision",
+    "explain_model",
     "fault_orders",
+    "match_fault_orders",
     "neg_expected_cost",
     "order_bands",
     "pulse_times",

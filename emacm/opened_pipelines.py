@@ -1,0 +1,144 @@
+"""Fitted pipelines, cut open at their table of order bins."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_finite_table
+from emacm.axes import column_names
+from emacm.bin_transformer import BinTransformer
+from emacm.diagnosis import CostSensitiveGaussianBayes
+from emacm.recordings import Recording
+
+Array = NDArray[np.float64]
+
+_NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
+_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class OpenedPipeline:
+    """A fitted pipeline, cut behind its last `BinTransformer`, if it has one.
+
+    Attributes
+    ----------
+    before : tuple of transformers
+        Steps up to the table of bins.
+    bins : BinTransformer or None
+        The last of them.
+    steps : tuple of (name, transformer)
+        Steps from the table to the classifier.
+    classifier : CostSensitiveGaussianBayes
+        The last step.
+    """
+
+    before: tuple[Any, ...]
+    bins: BinTransformer | None
+    steps: tuple[tuple[str, Any], ...]
+    classifier: CostSensitiveGaussianBayes
+
+    @classmethod
+    def of(cls, pipeline: Any) -> OpenedPipeline:
+        """Open a fitted pipeline, search or classifier; pipelines within it are laid flat."""
+        while hasattr(pipeline, "best_estimator_"):
+            pipeline = pipeline.best_estimator_
+        steps = _flat_steps(pipeline)
+        name, classifier = steps[-1]
+        if not isinstance(classifier, CostSensitiveGaussianBayes):
+            raise TypeError(
+                f"the last step must be a CostSensitiveGaussianBayes, whose densities can be "
+                f"taken apart; got {name!r} ({type(classifier).__name__})."
+            )
+        check_is_fitted(classifier)
+        places = [i for i, (_, step) in enumerate(steps) if isinstance(step, BinTransformer)]
+        if not places:
+            return cls((), None, tuple(steps[:-1]), classifier)
+        cut = places[-1]
+        before = tuple(step for _, step in steps[: cut + 1])
+        return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
+
+    def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
+        """Return the bins of recordings, and what each column of them is."""
+        if self.bins is None:
+            if isinstance(X, list) and X and isinstance(X[0], Recording):
+                raise ValueError(
+                    "X holds recordings, but the pipeline has no BinTransformer that makes a "
+                    "table of them. Pass the table, or the whole pipeline."
+                )
+            return self._own_table(X)
+        for step in self.before:
+            X = X if step is None or isinstance(step, str) else step.transform(X)
+        frame = _bin_frame(self.bins.get_feature_names_out())
+        edges = np.tile(self.bins.bins_, (len(frame) // len(self.bins.bins_), 1))
+        return np.asarray(X, dtype=np.float64), frame.assign(low=edges[:, 0], high=edges[:, 1])
+
+    def _own_table(self, X: Any) -> tuple[Array, pd.DataFrame]:
+        names = column_names(X)
+        first = self.steps[0][1] if self.steps else self.classifier
+        seen = getattr(first, "feature_names_in_", None)
+        if names is not None and seen is not None and list(names) != list(seen):
+            raise ValueError(
+                f"X has other columns than the pipeline was fitted on: expected {list(seen)}, "
+                f"got {list(names)}."
+            )
+        values = np.asarray(X, dtype=np.float64)
+        if values.ndim != 2:
+            raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
+        labels: Any = seen if names is None else names
+        if labels is None:
+            labels = [f"x{i}" for i in range(values.shape[1])]
+        check_finite_table(values, "recording", list(labels))
+        return values, _bin_frame(labels)
+
+
+def one_recording(x: Any) -> Any:
+    """Return one recording or one row of a table in the form of many.
+
+    Examples
+    --------
+    >>> one_recording(np.array([1.0, 2.0])).shape
+    (1, 2)
+    """
+    if isinstance(x, Recording):
+        return [x]
+    if isinstance(x, pd.Series):
+        return x.to_frame().T
+    if isinstance(x, np.ndarray) and x.ndim == 1:
+        return x[np.newaxis]
+    if len(x) != 1:
+        raise ValueError(
+            f"x must be one recording, or one row of a table; got {len(x)}. Take one, as "
+            f"X[3] or X.iloc[[3]], or explain them together by explain_model."
+        )
+    return x
+
+
+def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """Return the steps of a pipeline, those of pipelines within it in their place."""
+    if not isinstance(estimator, Pipeline):
+        return [(prefix or type(estimator).__name__.lower(), estimator)]
+    return [
+        flat
+        for name, step in estimator.steps
+        for flat in _flat_steps(step, f"{prefix}__{name}" if prefix else name)
+    ]
+
+
+def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:
+    """Read channel and orders off the names of bins, or of single lines."""
+    rows = []
+    for name in map(str, names):
+        channel, at, label = name.rpartition("@")
+        found = _RANGE.fullmatch(label) if at else None
+        low, high = (np.nan, np.nan) if found is None else (found[1], found[2] or found[1])
+        rows.append((name, channel, float(low), float(high)))
+    return pd.DataFrame(rows, columns=["column", "channel", "low", "high"])
