@@ -8,6 +8,7 @@ and 36, and not by the bearing. These functions put it in numbers.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -107,35 +108,30 @@ def explain_decision(
     """
     opened = OpenedPipeline.of(pipeline)
     classifier = opened.classifier
-    values, bins = opened.table(one_recording(x))
-    trace = trace_features(opened.steps, values)
-    positions = trace.positions(values)
-    features = trace.features(positions)
-    decision, against = _question(classifier, features, decision, against)
+    traced = _Traced.of(opened, one_recording(x))
+    decision, against = _question(classifier, traced.features, decision, against)
     prices, code = _prices(classifier, decision, against)
     centre = None
     if background is not None:
-        centre = trace.positions(opened.table(background)[0]).mean(axis=0)
-    step = _departures(trace, classifier, positions, features, code, centre)
-    start = features - step @ trace.matrix.T
+        centre = traced.trace.positions(opened.table(background)[0]).mean(axis=0)
+    step, start, end = traced.lines(classifier, code, centre)
     if prices is None:
         own = classifier.classes_.tolist().index(decision)
-        slope = mean_slope_of_log_odds(classifier, start, features, own, code)
-        ends = [log_odds(classifier, point, own, code) for point in (start, features)]
+        slope = mean_slope_of_log_odds(classifier, start, end, own, code)
+        value, baseline = (log_odds(classifier, z, own, code)[0] for z in (end, start))
         quantity = f"log odds of {decision!r} against {against!r} [nats]"
     else:
-        slope = mean_slope_of_cost(classifier, start, features, prices)
-        ends = [cost_saved(classifier, point, prices) for point in (start, features)]
+        slope = mean_slope_of_cost(classifier, start, end, prices)
+        value, baseline = (cost_saved(classifier, z, prices)[0] for z in (end, start))
         quantity = f"expected cost saved by {decision!r} against {against!r}"
-    split = trace.by_column(step * (slope @ trace.matrix), len(bins))
-    table = _ranked(bins, split[0])
+    table = _ranked(traced.bins, traced.split(step, slope)[0])
     table.attrs = {
         "decision": decision,
         "against": against,
         "baseline": classifier.classes_.tolist()[code],
         "quantity": quantity,
-        "value": float(ends[1][0]),
-        "baseline_value": float(ends[0][0]),
+        "value": float(value),
+        "baseline_value": float(baseline),
     }
     return table
 
@@ -183,34 +179,29 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     """
     opened = OpenedPipeline.of(pipeline)
     classifier = opened.classifier
-    values, bins = opened.table(X)
-    trace = trace_features(opened.steps, values)
-    positions = trace.positions(values)
-    features = trace.features(positions)
+    traced = _Traced.of(opened, X)
     if y is None:
-        own = np.argmax(joint_log_proba(classifier, features), axis=1)
+        own = np.argmax(joint_log_proba(classifier, traced.features), axis=1)
         codes = np.flatnonzero(classifier.priors_ > 0).tolist()
     else:
-        own = _class_codes(classifier, y, len(values))
+        own = _class_codes(classifier, y, len(traced.features))
         codes = np.unique(own).tolist()
-        if len(codes) < 2:
-            raise ValueError("y must hold two classes at the least: odds compare one with another.")
     sizes: dict[str, Array] = {}
     for pair in combinations(codes, 2):
         found = []
         for code, other in (pair, pair[::-1]):
-            chosen = own == code
-            centre = None if y is None else positions[own == other].mean(axis=0)
-            ends = features[chosen]
-            step = _departures(trace, classifier, positions[chosen], ends, other, centre)
-            start = ends - step @ trace.matrix.T
-            slopes = mean_slope_of_log_odds(classifier, start, ends, code, other)
-            found.append(np.abs(trace.by_column(step * (slopes @ trace.matrix), len(bins))))
+            centre = None if y is None else traced.positions[own == other].mean(axis=0)
+            step, start, end = traced.lines(classifier, other, centre, chosen=own == code)
+            slope = mean_slope_of_log_odds(classifier, start, end, code, other)
+            found.append(np.abs(traced.split(step, slope)))
         if any(map(len, found)):
             name = " vs ".join(str(label) for label in classifier.classes_[list(pair)].tolist())
             sizes[name] = np.concatenate(found)
-    bins = bins.assign(**{name: size.mean(axis=0) for name, size in sizes.items()})
-    table = _ranked(bins, np.concatenate([*sizes.values()]).mean(axis=0))
+    if not sizes:
+        raise ValueError("a model is explained between two classes at the least; found one.")
+    pairs = {name: size.mean(axis=0) for name, size in sizes.items()}
+    overall = np.concatenate([*sizes.values()]).mean(axis=0)
+    table = _ranked(traced.bins.assign(**pairs), overall)
     table.attrs = {"quantity": "mean size of contributions to log odds [nats]"}
     return table
 
@@ -300,6 +291,45 @@ def match_fault_orders(
     return matched
 
 
+@dataclass(frozen=True)
+class _Traced:
+    """Recordings on their way from bins by positions to features."""
+
+    bins: pd.DataFrame
+    trace: FeatureTrace
+    positions: Array
+    features: Array
+
+    @classmethod
+    def of(cls, opened: OpenedPipeline, X: Any) -> _Traced:
+        values, bins = opened.table(X)
+        trace = trace_features(opened.steps, values)
+        positions = trace.positions(values)
+        return cls(bins, trace, positions, trace.features(positions))
+
+    def lines(
+        self,
+        classifier: CostSensitiveGaussianBayes,
+        code: int,
+        centre: Array | None,
+        *,
+        chosen: Any = slice(None),
+    ) -> tuple[Array, Array, Array]:
+        """Return lines to the chosen recordings: steps of positions, and both ends as features."""
+        end, matrix = self.features[chosen], self.trace.matrix
+        if centre is not None:
+            step = self.positions[chosen] - centre
+        else:
+            step = end - classifier.means_[code]
+            if self.trace.linear:  # the shortest step that makes up this difference
+                step = step @ np.linalg.pinv(matrix).T
+        return step, end - step @ matrix.T, end
+
+    def split(self, step: Array, slope: Array) -> Array:
+        """Split what the lines explain over the bins, shape (n_recordings, n_bins)."""
+        return self.trace.by_column(step * (slope @ self.trace.matrix), len(self.bins))
+
+
 def _ranked(bins: pd.DataFrame, contributions: Array) -> pd.DataFrame:
     """Put contributions and shares beside the bins, the largest first."""
     sizes = np.abs(contributions)
@@ -361,21 +391,6 @@ def _prices(
     cost = classifier.cost_
     saved = cost[decisions.index(against)] - cost[decisions.index(decision)]
     return saved, int(np.argmin(np.where(classifier.priors_ > 0, saved, np.inf)))
-
-
-def _departures(
-    trace: FeatureTrace,
-    classifier: CostSensitiveGaussianBayes,
-    positions: Array,
-    features: Array,
-    code: int,
-    centre: Array | None,
-) -> Array:
-    """Return how far each recording lies from its baseline, shape (n_recordings, n_positions)."""
-    if centre is not None:
-        return positions - centre
-    away = features - classifier.means_[code]
-    return away @ np.linalg.pinv(trace.matrix).T if trace.linear else away
 
 
 def _class_codes(

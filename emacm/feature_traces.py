@@ -6,7 +6,7 @@ which outputs follow. So any transformer counts, one's own as well, and none is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Steps = tuple[tuple[str, Any], ...]
 
 _DEAF = 1e-9  # an output that answers with this share of the largest answer does not
+_BLOCK = 256  # columns asked in one go
 _CURVED = 1e-6  # share of its answer by which a linear step may miss the prediction
 
 
@@ -127,20 +128,26 @@ def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
     """Return the one column that each output depends on; None if columns are mixed."""
     if isinstance(step, SelectorMixin):
         return np.flatnonzero(step.get_support())
+    sources: NDArray[np.intp] | None = None
     # A hundredth more leaves a power a power, so that its logarithm exists.
-    answers, size = _answers(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
-    if not np.isfinite(answers).all():
-        return None
-    strength = np.abs(answers)
-    heard = strength > _DEAF * strength.max(axis=1, keepdims=True) + 1e-13 * size
-    if (heard.sum(axis=0) > 1).any():
-        return None
-    silent = ~heard.any(axis=0)  # at the floor of a logarithm, say
-    sources = heard.argmax(axis=0)
-    if silent.any():
-        if heard.shape[0] != heard.shape[1]:
+    changes = np.where(row[0] == 0, 1e-3, 0.01 * row[0])
+    for asked, answers, size in _answers(step, row, changes):
+        if not np.isfinite(answers).all():
             return None
-        sources[silent] = np.flatnonzero(silent)
+        strength = np.abs(answers)
+        heard = strength > _DEAF * strength.max(axis=1, keepdims=True) + 1e-13 * size
+        if sources is None:
+            sources = np.full(heard.shape[1], -1)
+        outputs = heard.any(axis=0)
+        if (heard.sum(axis=0) > 1).any() or (sources[outputs] >= 0).any():
+            return None
+        sources[outputs] = asked.start + heard.argmax(axis=0)[outputs]
+    if sources is None:
+        return None
+    silent = np.flatnonzero(sources < 0)  # at the floor of a logarithm, say
+    if len(silent) and len(sources) != row.shape[1]:
+        return None
+    sources[silent] = silent
     return sources
 
 
@@ -150,24 +157,34 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     scale = np.sqrt(np.mean(row**2)) or 1.0
     away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
     try:
-        answers, _ = _answers(step, row, np.full(n_columns, scale))
+        found = [answers for _, answers, _ in _answers(step, row, np.full(n_columns, scale))]
         with np.errstate(all="ignore"):
             reached = apply_step(step, row + away) - apply_step(step, row)
     except ValueError as error:
         raise _untraceable(name, step) from error
-    predicted = away @ answers / scale
+    matrix = np.concatenate(found).T / scale
+    predicted = away @ matrix.T
     miss = np.abs(reached - predicted).max(initial=0.0)
     if not miss <= _CURVED * np.abs(predicted).max(initial=0.0):
         raise _untraceable(name, step)
-    return answers.T / scale
+    return matrix
 
 
-def _answers(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
-    """Change one column at a time; return how the outputs (columns) change, and their size."""
+def _answers(step: Any, row: Array, changes: Array) -> Iterator[tuple[slice, Array, Array]]:
+    """Change one column at a time; yield how the outputs change, block by block of columns.
+
+    A block is the columns asked, the answers of shape (n_asked, n_outputs), and the size of
+    the outputs. Blocks, because thousands of columns make a large square.
+    """
+    n_columns = row.shape[1]
     with np.errstate(all="ignore"):
         before = apply_step(step, row)
-        after = apply_step(step, row + np.diag(changes))
-    return after - before, np.abs(before) + np.abs(after).max(axis=0)
+        for start in range(0, n_columns, _BLOCK):
+            asked = slice(start, min(start + _BLOCK, n_columns))
+            changed = np.repeat(row, asked.stop - start, axis=0)
+            changed[np.arange(len(changed)), np.arange(start, asked.stop)] += changes[asked]
+            after = apply_step(step, changed)
+            yield asked, after - before, np.abs(before) + np.abs(after).max(axis=0)
 
 
 def _untraceable(name: str, step: Any) -> ValueError:

@@ -514,6 +514,17 @@ def test_a_trace_multiplies_out_all_linear_steps():
     assert np.allclose(trace.matrix, (lda.scalings_.T @ pca.components_)[:2])
 
 
+def test_hundreds_of_columns_are_traced_alike():
+    X = np.random.default_rng(0).uniform(1, 2, size=(700, 600))
+    selector = SelectKBest(k=500).fit(X, np.arange(700) % 2)
+    chosen = np.flatnonzero(selector.get_support())
+    reversal = FunctionTransformer(lambda values: np.log(values)[:, ::-1])
+    pca = PCA(2).fit(np.log(X[:, chosen])[:, ::-1])
+    trace = trace_features([("k", selector), ("r", reversal), ("p", pca)], X)
+    assert np.array_equal(trace.sources, chosen[::-1])
+    assert np.allclose(trace.matrix, pca.components_)
+
+
 def test_a_logarithm_with_a_floor_is_traced_below_it():
     X, y = powers()
     X.iloc[0, 2] = 0.0
@@ -622,7 +633,7 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
     [
         (["state 0"] * 3, "one class for each of 45 recordings, got 3"),
         (["state 0"] * 44 + ["broken"], "y holds 'broken' at recording 44"),
-        (["state 0"] * 45, "y must hold two classes at the least"),
+        (["state 0"] * 45, "between two classes at the least; found one"),
     ],
 )
 def test_true_classes_that_do_not_fit_are_refused(y, words):
