@@ -247,6 +247,18 @@ def test_a_decision_that_is_no_class_is_compared_with_the_next_least_risk():
     assert table.attrs["value"] > 0
 
 
+def test_the_baseline_of_a_decision_is_the_class_for_which_the_alternative_is_best():
+    cost = {("inspect", f"state {k}"): 0.2 for k in range(3)}
+    model, X, _ = fitted("PCA", cost=cost)
+    table = explain_decision(model, X.iloc[[0]], decision="inspect", against="state 2")
+    assert table.attrs["baseline"] == "state 2"
+    at_mean = model[-1].risk(model[-1].means_[[2]])[0]
+    decisions = model[-1].decisions_.tolist()
+    saved = at_mean[decisions.index("state 2")] - at_mean[decisions.index("inspect")]
+    assert table.attrs["baseline_value"] == pytest.approx(saved)
+    assert saved < 0
+
+
 def test_decisions_of_which_none_is_a_class_can_be_explained():
     cost = pd.DataFrame(
         [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
@@ -512,6 +524,15 @@ def test_a_trace_multiplies_out_all_linear_steps():
     trace = trace_features([("s", scaler), ("p", pca), ("l", lda)], X.to_numpy())
     assert [name for name, _ in trace.linear] == ["p", "l"]
     assert np.allclose(trace.matrix, (lda.scalings_.T @ pca.components_)[:2])
+
+
+def test_a_slight_mixture_is_no_element_wise_step():
+    mixing = np.eye(3)
+    mixing[0, 2] = 1e-5
+    step = FunctionTransformer(lambda values: values @ mixing)
+    trace = trace_features([("mix", step)], np.array([[1.0, 2.0, 3.0]]))
+    assert [name for name, _ in trace.linear] == ["mix"]
+    assert np.allclose(trace.matrix, mixing.T, rtol=1e-6, atol=1e-12)
 
 
 def test_hundreds_of_columns_are_traced_alike():
