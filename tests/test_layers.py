@@ -52,6 +52,7 @@ LAYERS = {
         "displays",
         "explanations",
         "feature_traces",
+        "findings",
         "opened_pipelines",
         "simple_actuator",
         "simulation",
