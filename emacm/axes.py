@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 BARE_CHANNEL = "signal"  # what a table or row without names calls its one channel
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.IGNORECASE)
+_BAND = re.compile(rf"(?P<low>{_NUMBER.pattern})-(?P<high>{_NUMBER.pattern})", re.IGNORECASE)
 
 
 class OrderBlock(NamedTuple):
@@ -26,6 +27,15 @@ class OrderBlock(NamedTuple):
     channel: str
     orders: NDArray[np.floating]
     columns: slice
+
+
+class BinBlock(NamedTuple):
+    """The columns of bins that belong to one channel; `bands` is None where they have names."""
+
+    channel: str
+    names: tuple[str, ...]
+    bands: NDArray[np.floating] | None
+    columns: NDArray[np.intp]
 
 
 class OrderTable(np.ndarray):
@@ -223,6 +233,42 @@ def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None
             f"the columns of a channel must stand side by side; they come in the order {names}."
         )
     return tuple(blocks)
+
+
+def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
+    """Read channels and bins back from column names, as `BinTransformer` writes them.
+
+    Parameters
+    ----------
+    columns : sequence
+        Column names, ``channel@low-high`` or ``channel@name``, in any order.
+
+    Returns
+    -------
+    tuple of BinBlock or None
+        One block a channel, with `bands` of shape (n_bins, 2) [orders] where all its names
+        are bands of orders; None if some name is of neither form.
+
+    Examples
+    --------
+    >>> (block,) = parse_bin_columns(["current@0-0.5", "current@0.5-1"])
+    >>> block.channel, block.names, block.bands.tolist()
+    ('current', ('0-0.5', '0.5-1'), [[0.0, 0.5], [0.5, 1.0]])
+    """
+    found: dict[str, list[tuple[int, str]]] = {}
+    for place, column in enumerate(columns):
+        if not isinstance(column, str) or "@" not in column:
+            return None
+        channel, _, name = column.rpartition("@")
+        found.setdefault(channel, []).append((place, name))
+    blocks = []
+    for channel, entries in found.items():
+        names = tuple(name for _, name in entries)
+        matches = [_BAND.fullmatch(name) for name in names]
+        bands = [(float(match["low"]), float(match["high"])) for match in matches if match]
+        known = np.array(bands) if len(bands) == len(names) else None
+        blocks.append(BinBlock(channel, names, known, np.array([place for place, _ in entries])))
+    return tuple(blocks) or None
 
 
 def _digest(columns: Sequence[str]) -> str:

@@ -1,0 +1,272 @@
+"""How pictures look here: colours and hatches, axes, legends, and marks of orders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import isotonic_regression
+
+from emacm._checks import check_number, check_real_array
+
+# Okabe and Ito's colours, told apart by colour-blind readers; line styles, marks and hatches
+# tell the same things apart in print.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999933")
+STYLES = (
+    "-",
+    "--",
+    "-.",
+    ":",
+    (0, (8, 2)),
+    (0, (4, 1, 1, 1, 1, 1)),
+    (0, (1, 3)),
+    (0, (10, 2, 2, 2)),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "+++", "ooo")
+SMALL = 8  # points, of all text but the names of the axes
+ORDER_LABEL = "order [cycles per revolution]"
+MISSING = "0.85"  # grey of what was not measured or was taken out
+
+_LETTER = 0.58 * SMALL  # points, mean width of a letter
+_WRAP = 26  # letters of a line in a legend
+
+
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour and line style of the class of this number."""
+    return {
+        "color": COLOURS[number % len(COLOURS)],
+        "linestyle": STYLES[number % len(STYLES)],
+    }
+
+
+def tint(colour: str, share: float) -> str:
+    """Mix a colour, ``#rrggbb``, with white; `share` is what is left of it.
+
+    Examples
+    --------
+    >>> tint("#0000ff", 0.2)
+    '#ccccff'
+    """
+    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return "#" + "".join(f"{round(255 - share * (255 - part)):02x}" for part in parts)
+
+
+def wrapped(label: Any) -> str:
+    """Break a long name, so that a legend stays narrow."""
+    return fill(str(label), _WRAP, break_on_hyphens=False)
+
+
+def one_axes(ax: Any) -> Any:
+    """Return the axes, or those of a new figure."""
+    if ax is not None:
+        if np.ndim(np.asarray(ax, dtype=object)):
+            raise TypeError(f"one picture needs one Axes, got {len(ax)} of them.")
+        return ax
+    return _pyplot().subplots(layout="constrained")[1]
+
+
+def panel_axes(
+    ax: Any, n_panels: int, *, height: float = 1.7, shared: str = "x"
+) -> NDArray[np.object_]:
+    """Return one axes a panel: those given, or new ones below each other.
+
+    Parameters
+    ----------
+    ax : None, Axes or sequence of Axes
+        Where to draw.
+    n_panels : int
+        How many are needed.
+    height : float
+        Of a new panel [inches].
+    shared : {"x", "xy"}
+        Which axes new panels have in common.
+
+    Returns
+    -------
+    ndarray of Axes, shape (n_panels,)
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not there.
+    ValueError
+        If others than `n_panels` were given.
+    """
+    if ax is not None:
+        given = np.asarray(ax, dtype=object).reshape(-1)
+        if len(given) != n_panels:
+            raise ValueError(
+                f"this picture has {n_panels} panels and needs as many Axes, got {len(given)}. "
+                f"Leave ax out, or pass figure.subplots({n_panels})."
+            )
+        return given
+    size = (7.0, max(3.2, 1.0 + height * n_panels))
+    _, axes = _pyplot().subplots(
+        n_panels,
+        squeeze=False,
+        sharex="x" in shared,
+        sharey="y" in shared,
+        figsize=size,
+        layout="constrained",
+    )
+    return axes.reshape(-1)
+
+
+def name_panels_below(axes: NDArray[np.object_], name: str) -> None:
+    """Write what runs along x below each panel, or below the last of those that share it."""
+    for ax in axes:
+        if ax is axes[-1] or not ax.get_shared_x_axes().joined(ax, axes[-1]):
+            ax.set_xlabel(name)
+
+
+def legend_beside(ax: Any, **options: Any) -> None:
+    """Put a legend to the right of the axes, where it covers nothing."""
+    if ax.get_legend_handles_labels()[1]:
+        place = {"loc": "upper left", "bbox_to_anchor": (1.02, 1), "borderaxespad": 0}
+        ax.legend(fontsize=SMALL, handlelength=3.2, **place, **options)
+
+
+def mark_orders(ax: Any, fault_orders: Mapping[str, float] | None, *, named: bool = True) -> None:
+    """Mark orders on the x axis by lines; those beyond its limits are passed over.
+
+    Names stand above the axes; upright and drawn apart where they would meet.
+    """
+    low, high = ax.get_xlim()
+    known = sorted((fault_orders or {}).items(), key=lambda entry: entry[1])
+    inside = [(name, order) for name, order in known if low <= order <= high]
+    for _, order in inside:
+        ax.axvline(order, color="0.5", linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=0.5)
+    if not named or not inside:
+        return
+    points = 72 / ax.figure.dpi * ax.get_window_extent().width / (high - low)  # an order
+    places = points * np.array([order for _, order in inside])
+    halves = np.array([_LETTER * len(name) / 2 for name, _ in inside])
+    upright = bool(np.any(np.diff(places) < halves[1:] + halves[:-1] + 4))
+    apart = spread(places, SMALL + 3) if upright else places
+    for (name, order), shift in zip(inside, apart - places, strict=True):
+        moved = abs(shift) > 1
+        ax.annotate(
+            name,
+            (order, 1),
+            (shift, 12 if moved else 3),
+            xycoords=ax.get_xaxis_transform(),
+            textcoords="offset points",
+            rotation=90 if upright else 0,
+            fontsize=SMALL,
+            ha="center",
+            va="bottom",
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
+            if moved
+            else None,
+        )
+
+
+def spread(places: NDArray[np.floating], gap: float) -> NDArray[np.floating]:
+    """Move rising places apart to at least `gap`, by the least sum of squares.
+
+    Examples
+    --------
+    >>> spread(np.array([0.0, 1.0, 9.0]), 3)
+    array([-1.,  2.,  9.])
+    """
+    steps = gap * np.arange(len(places))
+    return isotonic_regression(places - steps).x + steps
+
+
+def decibels(power: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return 10 log10 of a power; NaN, of which nothing is drawn, where it is 0."""
+    return 10 * np.log10(np.where(power > 0, power, np.nan))
+
+
+def squared(unit: str) -> str:
+    """Write the square of a unit.
+
+    Examples
+    --------
+    >>> squared("A"), squared("m/s²")
+    ('A²', '(m/s²)²')
+    """
+    return f"({unit})²" if any(sign in unit for sign in "/² ") else f"{unit}²"
+
+
+def check_values(
+    values: ArrayLike, name: str, shape: tuple[int | None, ...], *, least: float | None = None
+) -> NDArray[np.floating]:
+    """Return finite numbers of this shape, of at least `least`; None stands for any length.
+
+    Raises
+    ------
+    TypeError
+        If they are no numbers.
+    ValueError
+        If their shape is another, one is not finite or too low; the message says where.
+    """
+    array = check_real_array(values, name)
+    if array.ndim != len(shape) or any(
+        expected not in (None, came) for expected, came in zip(shape, array.shape, strict=True)
+    ):
+        wanted = ", ".join("n" if length is None else str(length) for length in shape)
+        comma = "," if len(shape) == 1 else ""
+        raise ValueError(f"{name} must have shape ({wanted}{comma}), got {array.shape}.")
+    for bad, words in (
+        (~np.isfinite(array), "be finite"),
+        (np.zeros_like(array, bool) if least is None else array < least, f"be at least {least}"),
+    ):
+        if bad.any():
+            place = tuple(int(i[0]) for i in np.nonzero(bad))
+            where = place[0] if len(place) == 1 else place
+            raise ValueError(
+                f"{name} must {words}, got {array[place]} at index {where}. Leave it out."
+            )
+    return array
+
+
+def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> NDArray[Any]:
+    """Return one label for each recording.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many.
+    """
+    array = np.asarray(labels)
+    if array.shape != (n_recordings,):
+        raise ValueError(
+            f"{name} must hold one label for each of {n_recordings} recordings, got shape "
+            f"{array.shape}."
+        )
+    return array
+
+
+def check_fault_orders(fault_orders: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the orders to be marked, by name.
+
+    Raises
+    ------
+    TypeError
+        If it is no mapping, or an order no number.
+    ValueError
+        If an order is negative or not finite.
+    """
+    if fault_orders is not None and not isinstance(fault_orders, Mapping):
+        raise TypeError(
+            f"fault_orders must map names to orders, as {{'BPFI': 6.123}}, got {fault_orders!r}."
+        )
+    return {
+        str(name): check_number(order, f"fault order {name!r}", at_least=0)
+        for name, order in (fault_orders or {}).items()
+    }
+
+
+def _pyplot() -> Any:
+    """Return pyplot; matplotlib is imported only where a figure is made."""
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("pictures need matplotlib; install emacm[plot].") from error
+    return pyplot
