@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emacm._drawing import (
+    LETTER,
     MISSING,
     ORDER_LABEL,
     SMALL,
@@ -22,7 +24,6 @@ from emacm.bins import Band, check_stop_bands
 
 _HALF = 0.4  # of a bar over a name; names stand 1 apart
 _MOST_NAMES = 40  # under one picture
-_LONG_NAME = 6  # letters; more of them need room of their own
 
 
 def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
@@ -79,18 +80,22 @@ def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[
         if block.bands is not None:
             panel.set_xlim(low, high)
             continue
-        panel.set_xlim(-1, len(block.names))
-        step = 1 + len(block.names) // _MOST_NAMES
-        upright = max(map(len, block.names)) > _LONG_NAME or len(block.names) > _MOST_NAMES // 2
-        panel.set_xticks(
-            np.arange(len(block.names))[::step],
-            [wrapped(name) for name in block.names[::step]],
-            rotation=90 if upright else 0,
-            fontsize=SMALL,
-        )
+        _name_bins(panel, block.names)
     banded = all(block.bands is not None for block in blocks)
     name_panels_below(axes, ORDER_LABEL if banded else "order bin")
     return axes
+
+
+def _name_bins(panel: Any, names: Sequence[str]) -> None:
+    """Write names below their bins; upright where they have no room."""
+    panel.set_xlim(-0.6, len(names) - 0.4)
+    step = 1 + len(names) // _MOST_NAMES
+    width = 72 / panel.figure.dpi * panel.get_window_extent().width
+    room = int(width / len(names) / LETTER) - 1
+    upright = max(len(word) for name in names for word in name.split(" ")) > room
+    shown = [wrapped(name) if upright else fill(name, room) for name in names[::step]]
+    rotation = 90 if upright else 0
+    panel.set_xticks(np.arange(len(names))[::step], shown, rotation=rotation, fontsize=SMALL)
 
 
 def draw_bars(

@@ -31,8 +31,8 @@ SMALL = 8  # points, of all text but the names of the axes
 ORDER_LABEL = "order [cycles per revolution]"
 MISSING = "0.85"  # grey of what was not measured or was taken out
 
-_LETTER = 0.58 * SMALL  # points, mean width of a letter
-_WRAP = 26  # letters of a line in a legend
+LETTER = 0.58 * SMALL  # points, mean width of a letter
+_WRAP = 34  # letters of a line in a legend
 
 
 def line_style(number: int) -> dict[str, Any]:
@@ -66,7 +66,7 @@ def one_axes(ax: Any) -> Any:
         if np.ndim(np.asarray(ax, dtype=object)):
             raise TypeError(f"one picture needs one Axes, got {len(ax)} of them.")
         return ax
-    return _pyplot().subplots(layout="constrained")[1]
+    return _pyplot().subplots(figsize=(7.2, 4.8), layout="constrained")[1]
 
 
 def panel_axes(
@@ -127,43 +127,44 @@ def legend_beside(ax: Any, **options: Any) -> None:
     """Put a legend to the right of the axes, where it covers nothing."""
     if ax.get_legend_handles_labels()[1]:
         place = {"loc": "upper left", "bbox_to_anchor": (1.02, 1), "borderaxespad": 0}
-        ax.legend(fontsize=SMALL, handlelength=3.2, **place, **options)
+        look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3.2}
+        ax.legend(labelspacing=0.35, **look, **place, **options)
 
 
-def mark_orders(ax: Any, fault_orders: Mapping[str, float] | None, *, named: bool = True) -> None:
+def name_side(ax: Any, name: str, unit: str) -> None:
+    """Write quantity and unit along the y axis, in as many lines as its height asks for."""
+    room = int(72 / ax.figure.dpi * ax.get_window_extent().height / (LETTER * 10 / SMALL))
+    whole = f"{name} [{unit}]"
+    if len(whole) > room:
+        whole = fill(name, max(room, 8)) + f"\n[{unit}]"
+    ax.set_ylabel(whole)
+
+
+def mark_orders(ax: Any, fault_orders: Mapping[str, float], *, named: bool = True) -> None:
     """Mark orders on the x axis by lines; those beyond its limits are passed over.
 
     Names stand above the axes; upright and drawn apart where they would meet.
     """
-    low, high = ax.get_xlim()
-    known = sorted((fault_orders or {}).items(), key=lambda entry: entry[1])
-    inside = [(name, order) for name, order in known if low <= order <= high]
+    inside, places = _orders_within(fault_orders, ax.get_xlim(), ax, "width")
     for _, order in inside:
         ax.axvline(order, color="0.5", linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=0.5)
     if not named or not inside:
         return
-    points = 72 / ax.figure.dpi * ax.get_window_extent().width / (high - low)  # an order
-    places = points * np.array([order for _, order in inside])
-    halves = np.array([_LETTER * len(name) / 2 for name, _ in inside])
+    halves = np.array([LETTER * len(name) / 2 for name, _ in inside])
     upright = bool(np.any(np.diff(places) < halves[1:] + halves[:-1] + 4))
-    apart = spread(places, SMALL + 3) if upright else places
-    for (name, order), shift in zip(inside, apart - places, strict=True):
-        moved = abs(shift) > 1
-        ax.annotate(
-            name,
-            (order, 1),
-            (shift, 12 if moved else 3),
-            xycoords=ax.get_xaxis_transform(),
-            textcoords="offset points",
-            rotation=90 if upright else 0,
-            fontsize=SMALL,
-            ha="center",
-            va="bottom",
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
-            if moved
-            else None,
-        )
+    shifts = spread(places, SMALL + 3) - places if upright else np.zeros(len(places))
+    style = {"xycoords": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+    for (name, order), shift in zip(inside, shifts, strict=True):
+        offset = (shift, 12 if abs(shift) > 1 else 3)
+        _point_at(ax, name, (order, 1), offset, rotation=90 if upright else 0, **style)
+
+
+def mark_orders_beside(ax: Any, fault_orders: Mapping[str, float]) -> None:
+    """Name orders of the y axis at its right edge; those beyond its limits are passed over."""
+    inside, places = _orders_within(fault_orders, ax.get_ylim(), ax, "height")
+    style = {"xycoords": ax.get_yaxis_transform(), "ha": "left", "va": "center"}
+    for (name, order), shift in zip(inside, spread(places, SMALL + 3) - places, strict=True):
+        _point_at(ax, name, (1, order), (10, shift), always=True, **style)
 
 
 def spread(places: NDArray[np.floating], gap: float) -> NDArray[np.floating]:
@@ -261,6 +262,42 @@ def check_fault_orders(fault_orders: Mapping[str, float] | None) -> dict[str, fl
         str(name): check_number(order, f"fault order {name!r}", at_least=0)
         for name, order in (fault_orders or {}).items()
     }
+
+
+def _orders_within(
+    fault_orders: Mapping[str, float], limits: tuple[float, float], ax: Any, side: str
+) -> tuple[list[tuple[str, float]], NDArray[np.floating]]:
+    """Return the orders within the limits, rising, and where they lie along a side [points]."""
+    low, high = limits
+    known = sorted(fault_orders.items(), key=lambda entry: entry[1])
+    inside = [(name, order) for name, order in known if low <= order <= high]
+    length = 72 / ax.figure.dpi * getattr(ax.get_window_extent(), side)
+    places = np.array([order for _, order in inside]) * length / (high - low)
+    return inside, places
+
+
+def _point_at(
+    ax: Any,
+    name: str,
+    place: tuple[float, float],
+    offset: tuple[float, float],
+    *,
+    always: bool = False,
+    **style: Any,
+) -> None:
+    """Write a name outside of the axes, with a line to its place if it was moved."""
+    line = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
+    moved = always or abs(offset[0]) > 1
+    ax.annotate(
+        name,
+        place,
+        offset,
+        textcoords="offset points",
+        fontsize=SMALL,
+        annotation_clip=False,
+        arrowprops=line if moved else None,
+        **style,
+    )
 
 
 def _pyplot() -> Any:

@@ -26,6 +26,7 @@ from emacm._drawing import (
     decibels,
     legend_beside,
     line_style,
+    name_side,
     squared,
     tint,
     wrapped,
@@ -241,7 +242,7 @@ class OrderBinsDisplay:
             self._draw_block(panel, block)
             unit = squared(unit_of(self.unit, block.channel))
             reference = "dB re 1 " if self.scale == "dB" else ""
-            panel.set_ylabel(f"power of {block.channel}\n[{reference}{unit}]")
+            name_side(panel, f"power of {block.channel}", f"{reference}{unit}")
         mark_panels(axes, self.blocks, self.fault_orders)
         legend_beside(axes[0])
         self.ax_, self.figure_ = axes, axes[0].figure
@@ -257,13 +258,16 @@ class OrderBinsDisplay:
                 draw_steps(panel, places, values, label=wrapped(label), **line_style(number))
             return
         ((label, values),) = groups.items()
+        style: dict[str, Any] = {"color": tint(COLOURS[0], 0.6), "label": wrapped(label)}
         known = values[np.isfinite(values)]
-        bottom = 0.0
-        if self.scale == "dB" and len(known):
-            bottom = float(known.min() - max(1.0, 0.08 * np.ptp(known)))
-            panel.set_ylim(bottom=bottom)
-        colour = tint(COLOURS[0], 0.6)
-        draw_bars(panel, places, values, bottom=bottom, color=colour, label=wrapped(label))
+        if self.scale == "linear" or not len(known):
+            draw_bars(panel, places, values, **style)
+            return
+        # No bar of dB has a natural foot; this one leaves the lowest to be seen.
+        margin = max(1.0, 0.08 * float(np.ptp(known)))
+        bottom = float(known.min()) - margin
+        draw_bars(panel, places, values, bottom=bottom, **style)
+        panel.set_ylim(bottom, known.max() + margin)
 
     def _scaled(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
         return decibels(values) if self.scale == "dB" else values

@@ -17,6 +17,7 @@ from emacm._drawing import (
     check_values,
     legend_beside,
     line_style,
+    name_side,
     one_axes,
     tint,
     wrapped,
@@ -268,7 +269,7 @@ class LoadingsDisplay:
             panel.axhline(0, color="0.3", linewidth=0.6)
             for number, block in enumerate(self.blocks):
                 self._draw_block(panel, block, weights[block.columns], number)
-            panel.set_ylabel(f"weight in\n{title}")
+            name_side(panel, f"weight in {title}", "1")
         if len(self.blocks) > 1:
             legend_beside(axes[0])
         self.ax_, self.figure_ = axes, axes[0].figure

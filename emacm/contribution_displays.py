@@ -10,7 +10,15 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from emacm._bin_bars import bin_blocks, bin_panels, bin_places, draw_bars, mark_panels
-from emacm._drawing import COLOURS, check_fault_orders, check_values, legend_beside, tint, wrapped
+from emacm._drawing import (
+    COLOURS,
+    check_fault_orders,
+    check_values,
+    legend_beside,
+    name_side,
+    tint,
+    wrapped,
+)
 from emacm.axes import number_name
 
 _COLUMNS = ("channel", "low", "high", "contribution")
@@ -153,7 +161,7 @@ class ContributionsDisplay:
                 draw_bars(panel, places, bars, color=colour, hatch=hatch, label=label)
             panel.axhline(0, color="black", linewidth=0.6)
             panel.set_ylim(-limits, limits)  # alike in all channels, to be compared
-            panel.set_ylabel(f"contribution of\n{block.channel} [{self.unit}]")
+            name_side(panel, f"contribution of {block.channel}", self.unit)
         mark_panels(axes, self.blocks, self.fault_orders)
         legend_beside(axes[0])
         self.ax_, self.figure_ = axes, axes[0].figure

@@ -199,16 +199,25 @@ class FeatureDensityDisplay:
         ax = one_axes(ax)
         places = {str(name): i for i, name in enumerate(self.classes)}
         draw_recordings(ax, self.points, self.labels, "", places=places)
-        held = " and ".join(f"{share:.3g}" for share in self.shares)
-        for number, name in enumerate(self.classes):
-            style = line_style(number)
-            for i, share in enumerate(self.shares):
-                label = wrapped(f"{name}: holds {held} of the density") if i == 0 else None
-                ax.plot(*self.ellipse(number, share), linewidth=1.2, label=label, **style)
+        for number in range(len(self.classes)):
+            for share in self.shares:
+                ax.plot(*self.ellipse(number, share), linewidth=1.2, **line_style(number))
         ax.set(xlabel=self.names[0], ylabel=self.names[1])
-        legend_beside(ax)
+        legend_beside(ax, **self._legend(ax))
         self.ax_, self.figure_ = ax, ax.figure
         return self
+
+    def _legend(self, ax: Any) -> dict[str, Any]:
+        """Join mark and line of a class, and say what the lines hold."""
+        if not self.shares:
+            return {}
+        marks = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+        for number, name in enumerate(map(wrapped, self.classes)):
+            (line,) = ax.plot([], [], linewidth=1.2, **line_style(number))
+            marks[name] = (line, marks[name]) if name in marks else line
+        held = " and ".join(f"{100 * share:.3g}" for share in self.shares)
+        title = wrapped(f"ellipses hold {held} % of a class")
+        return {"handles": [*marks.values()], "labels": [*marks], "title": title}
 
 
 def draw_recordings(

@@ -13,10 +13,10 @@ from emacm._checks import check_choice, check_count, check_number
 from emacm._drawing import (
     MISSING,
     ORDER_LABEL,
-    SMALL,
     check_fault_orders,
     check_values,
     decibels,
+    mark_orders_beside,
     one_axes,
     squared,
 )
@@ -27,7 +27,8 @@ from emacm.spectrum import SegmentPlan, samples_per_revolution, segment_plan
 from emacm.strokes import Path
 
 OVERS = ("time", "speed")
-_FAINTEST = 2.0  # per cent of the cells may be darker than the scale of colours begins
+_MAP = "magma"  # as even in grey as in colour
+_FAINTEST = 40.0  # per cent of the cells, noise mostly, lie below where the colours begin
 _NO_TURN = 1e-12  # of the speed; narrower ranges of it are widened to be seen
 
 
@@ -206,7 +207,7 @@ class OrderMapDisplay:
         return pd.DataFrame(self.psd, index=index, columns=pd.Index(self.orders, name="order"))
 
     def plot(self, *, ax: Any = None) -> OrderMapDisplay:
-        """Draw the map: order upwards, PSD in dB as colour, grey where there is none.
+        """Draw the map: order upwards, PSD in dB as colour, hatched where there is none.
 
         Parameters
         ----------
@@ -227,23 +228,16 @@ class OrderMapDisplay:
         heights = np.append(self.orders[drawn] - half, self.orders[drawn][-1] + half)
         power = np.ma.masked_invalid(decibels(psd[:, drawn]).T)
         faintest = np.percentile(power.compressed(), _FAINTEST) if power.count() else None
-        mesh = ax.pcolormesh(edges, heights, power, vmin=faintest, rasterized=True)
-        ax.set_facecolor(MISSING)
+        mesh = ax.pcolormesh(edges, heights, power, vmin=faintest, cmap=_MAP, rasterized=True)
+        ax.patch.set(facecolor="white", edgecolor=MISSING, hatch="////")
         name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
         ax.set(xlabel=name, ylabel=ORDER_LABEL, ylim=(heights[0], top))
-        self._mark(ax, heights[0], top)
+        mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
         label = f"PSD of {self.channel} [dB re 1 {squared(self.unit)}/order]"
         self.colorbar_.set_label(label, wrap=True)
         self.ax_, self.figure_ = ax, ax.figure
         return self
-
-    def _mark(self, ax: Any, low: float, high: float) -> None:
-        """Name fault orders at the right edge; a line would cover what it points to."""
-        inside = {name: o for name, o in self.fault_orders.items() if low <= o <= high}
-        if inside:
-            beside = ax.secondary_yaxis("right")
-            beside.set_yticks(list(inside.values()), list(inside), fontsize=SMALL)
 
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return edges along time and the spectra between; NaN where no segment lies."""

@@ -15,6 +15,7 @@ from emacm._drawing import (
     check_values,
     legend_beside,
     name_panels_below,
+    name_side,
     panel_axes,
 )
 from emacm.recordings import Recording
@@ -193,10 +194,10 @@ class RecordingDisplay:
         axes = panel_axes(ax, len(self.signals) + 1, height=1.3)
         for panel, (name, values) in zip(axes[:-1], self.signals.items(), strict=True):
             self._draw_line(panel, self.times[name], values)
-            panel.set_ylabel(f"{name}\n[{self.units.get(name, 'unit')}]")
+            name_side(panel, name, self.units.get(name, "unit"))
         self._draw_line(axes[-1], self.shaft_times, self.speed)
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
-        axes[-1].set_ylabel("shaft speed\n[rad/s]")
+        name_side(axes[-1], "shaft speed", "rad/s")
         for panel in axes:
             panel.set_xlim(self.shaft_times[0], max(self.shaft_times[-1], self._last()))
         name_panels_below(axes, "time [s]")

@@ -19,6 +19,7 @@ from emacm._drawing import (
     line_style,
     mark_orders,
     name_panels_below,
+    name_side,
     one_axes,
     panel_axes,
     squared,
@@ -269,7 +270,7 @@ class OrderSpectrumDisplay:
             for number, (label, values) in enumerate(self.spectra.items()):
                 self._draw_line(panel, np.atleast_2d(values)[i], label, number)
             panel.set_xlim(0, self.orders[-1] if self.max_order is None else self.max_order)
-            panel.set_ylabel(self._power_label(channel), wrap=True)
+            name_side(panel, *self._power_label(channel))
             mark_orders(panel, self.fault_orders, named=i == 0)
         name_panels_below(axes, ORDER_LABEL)
         legend_beside(axes[0])
@@ -285,9 +286,8 @@ class OrderSpectrumDisplay:
         style = line_style(number)
         panel.plot(self.orders[drawn], power, label=wrapped(label), linewidth=1.2, **style)
 
-    def _power_label(self, channel: str) -> str:
+    def _power_label(self, channel: str) -> tuple[str, str]:
         unit = squared(unit_of(self.unit, channel))
         name, per = ("PSD", "/order") if self.scaling == "density" else ("power", "")
         reference = "dB re 1 " if self.scale == "dB" else ""
-        gap = " " if isinstance(self.channel, str) else "\n"  # panels are low
-        return f"{name} of {channel}{gap}[{reference}{unit}{per}]"
+        return f"{name} of {channel}", f"{reference}{unit}{per}"
