@@ -25,12 +25,13 @@ STYLES = (
     (0, (1, 3)),
     (0, (10, 2, 2, 2)),
 )
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "+++", "ooo")
 SMALL = 8  # points, of all text but the names of the axes
 ORDER_LABEL = "order [cycles per revolution]"
 MISSING = "0.85"  # grey of what was not measured or was taken out
 
+_LONGEST = 20  # letters of a word that is not broken
 LETTER = 0.58 * SMALL  # points, mean width of a letter
 _WRAP = 34  # letters of a line in a legend
 
@@ -133,10 +134,12 @@ def legend_beside(ax: Any, **options: Any) -> None:
 
 def name_side(ax: Any, name: str, unit: str) -> None:
     """Write quantity and unit along the y axis, in as many lines as its height asks for."""
-    room = int(72 / ax.figure.dpi * ax.get_window_extent().height / (LETTER * 10 / SMALL))
+    height = 72 / ax.figure.dpi * ax.get_window_extent().height  # grows when laid out
+    room = int(1.2 * height / (LETTER * 10 / SMALL))
     whole = f"{name} [{unit}]"
     if len(whole) > room:
-        whole = fill(name, max(room, 8)) + f"\n[{unit}]"
+        longest = max(map(len, name.split()), default=1)
+        whole = fill(name, max(room, min(longest, _LONGEST))) + f"\n[{unit}]"
     ax.set_ylabel(whole)
 
 
@@ -287,17 +290,10 @@ def _point_at(
 ) -> None:
     """Write a name outside of the axes, with a line to its place if it was moved."""
     line = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
-    moved = always or abs(offset[0]) > 1
-    ax.annotate(
-        name,
-        place,
-        offset,
-        textcoords="offset points",
-        fontsize=SMALL,
-        annotation_clip=False,
-        arrowprops=line if moved else None,
-        **style,
-    )
+    if always or abs(offset[0]) > 1:
+        style["arrowprops"] = line
+    style |= {"textcoords": "offset points", "fontsize": SMALL, "annotation_clip": False}
+    ax.annotate(name, place, offset, **style)
 
 
 def _pyplot() -> Any:

@@ -216,7 +216,7 @@ class FeatureDensityDisplay:
             (line,) = ax.plot([], [], linewidth=1.2, **line_style(number))
             marks[name] = (line, marks[name]) if name in marks else line
         held = " and ".join(f"{100 * share:.3g}" for share in self.shares)
-        title = wrapped(f"ellipses hold {held} % of a class")
+        title = f"ellipses: {held} % of a class"
         return {"handles": [*marks.values()], "labels": [*marks], "title": title}
 
 

@@ -235,7 +235,7 @@ class OrderMapDisplay:
         mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
         label = f"PSD of {self.channel} [dB re 1 {squared(self.unit)}/order]"
-        self.colorbar_.set_label(label, wrap=True)
+        self.colorbar_.set_label(label)
         self.ax_, self.figure_ = ax, ax.figure
         return self
 

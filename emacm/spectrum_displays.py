@@ -271,6 +271,8 @@ class OrderSpectrumDisplay:
                 self._draw_line(panel, np.atleast_2d(values)[i], label, number)
             panel.set_xlim(0, self.orders[-1] if self.max_order is None else self.max_order)
             name_side(panel, *self._power_label(channel))
+            if self.scale == "linear":
+                panel.set_ylim(bottom=0)
             mark_orders(panel, self.fault_orders, named=i == 0)
         name_panels_below(axes, ORDER_LABEL)
         legend_beside(axes[0])
