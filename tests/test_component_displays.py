@@ -1,0 +1,110 @@
+"""Pictures of principal components show what the analysis found."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from sklearn.decomposition import PCA
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm import BinTransformer
+from emacm.displays import ExplainedVarianceDisplay, LoadingsDisplay
+
+
+def axes(n_panels=1):
+    return Figure(figsize=(7, 6)).subplots(n_panels, squeeze=False)[:, 0]
+
+
+def spectra():
+    rng = np.random.default_rng(0)
+    names = [f"{channel}@{k}" for channel in ("a", "b") for k in range(5)]
+    return pd.DataFrame(rng.uniform(1, 2, (30, 10)), columns=names)
+
+
+def fitted(logarithm):
+    return make_pipeline(BinTransformer(max_order=4), logarithm, StandardScaler(), PCA(3)).fit(
+        spectra()
+    )
+
+
+@pytest.fixture
+def pipeline():
+    return fitted(FunctionTransformer(np.log10, feature_names_out="one-to-one"))
+
+
+def test_the_shares_are_those_of_the_analysis_in_per_cent(pipeline):
+    (ax,) = axes()
+    display = ExplainedVarianceDisplay.from_estimator(pipeline, ax=ax)
+    shares = pipeline[-1].explained_variance_ratio_
+    assert np.allclose([bar.get_height() for bar in ax.patches], 100 * shares)
+    assert np.allclose(ax.lines[0].get_ydata(), 100 * np.cumsum(shares))
+    assert np.allclose(display.frame()["share"], shares)
+    assert ax.get_ylabel() == "share of the variance [%]"
+
+
+def test_no_more_components_are_shown_than_asked():
+    (ax,) = axes()
+    ExplainedVarianceDisplay(np.full(50, 0.02), n_shown=5).plot(ax=ax)
+    assert len(ax.patches) == 5
+
+
+def test_shares_that_are_none_are_refused(pipeline):
+    with pytest.raises(ValueError, match=r"add up to at most 1; got 2 that add up to 1\.4"):
+        ExplainedVarianceDisplay([0.7, 0.7])
+    with pytest.raises(ValueError, match="shares must be at least 0"):
+        ExplainedVarianceDisplay([1.0, -0.1])
+    with pytest.raises(ValueError, match="at least one"):
+        ExplainedVarianceDisplay([])
+    with pytest.raises(ValueError, match="no step of the pipeline is a fitted PCA"):
+        ExplainedVarianceDisplay.from_estimator(pipeline[:2])
+
+
+def test_the_loadings_are_steps_by_channel_with_the_names_of_the_bins(pipeline):
+    panels = axes(2)
+    display = LoadingsDisplay.from_estimator(pipeline, ax=panels)
+    weights = pipeline[-1].components_
+    frame = display.frame()
+    assert frame.index.tolist()[:2] == [("a", "0-1"), ("a", "1-2")]
+    assert np.allclose(frame.to_numpy().T, weights[:2])
+    of_b = panels[1].lines[-1]
+    assert of_b.get_label() == "b"
+    assert np.allclose(of_b.get_ydata()[::2], weights[1, 4:])
+    assert "component 2" in panels[1].get_ylabel()
+    assert panels[1].get_xlabel() == "order [cycles per revolution]"
+
+
+def test_the_loadings_of_one_channel_are_signed_bars():
+    (ax,) = axes()
+    LoadingsDisplay([(0, 1), (3, 5)], [[0.6, -0.8]]).plot(ax=ax)
+    bars = [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches]
+    assert bars == [(0, 1, 0.6), (3, 2, -0.8)]
+
+
+def test_a_bare_analysis_takes_names_or_its_own():
+    frame = pd.DataFrame(np.random.default_rng(0).normal(size=(9, 2)), columns=["a@0-1", "a@1-2"])
+    own = LoadingsDisplay.from_estimator(PCA(1).fit(frame), n_components=1, ax=axes())
+    given = LoadingsDisplay.from_estimator(
+        PCA(1).fit(frame.to_numpy()), list(frame.columns), n_components=1, ax=axes()
+    )
+    pd.testing.assert_frame_equal(own.frame(), given.frame())
+
+
+def test_a_pipeline_that_forgets_its_names_says_how_to_remember():
+    with pytest.raises(ValueError, match="pass columns, or give FunctionTransformer"):
+        LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))
+    with pytest.raises(ValueError, match="pass columns"):
+        LoadingsDisplay.from_estimator(PCA(1).fit(np.eye(3)), n_components=1)
+
+
+def test_loadings_that_do_not_fit_are_refused(pipeline):
+    with pytest.raises(ValueError, match=r"loadings must have shape \(n, 2\), got \(1, 3\)"):
+        LoadingsDisplay([(0, 1), (1, 2)], [[1, 2, 3]])
+    with pytest.raises(ValueError, match="loadings must be finite, got nan"):
+        LoadingsDisplay([(0, 1)], [[np.nan]])
+    with pytest.raises(ValueError, match="loadings hold no component"):
+        LoadingsDisplay([(0, 1)], np.ones((0, 1)))
+    with pytest.raises(ValueError, match="titles must name 1 components, got 2"):
+        LoadingsDisplay([(0, 1)], [[1]], titles=["a", "b"])
+    with pytest.raises(ValueError, match="n_components = 4, but the PCA has 3"):
+        LoadingsDisplay.from_estimator(pipeline, n_components=4)

@@ -1,0 +1,90 @@
+"""Pictures of contributions show which orders spoke for a decision."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from emacm.displays import ContributionsDisplay
+
+NAMES = ["current@3-4", "current@5-7", "vibration@3-4", "vibration@5-7"]
+
+
+def axes(n_panels=1):
+    return Figure(figsize=(7, 8)).subplots(n_panels, squeeze=False)[:, 0]
+
+
+def bars(ax):
+    return sorted((bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches)
+
+
+def test_each_channel_has_bars_between_the_edges_of_its_bins():
+    panels = axes(2)
+    ContributionsDisplay(NAMES, [2.0, -1.0, 0.5, 0.0], unit="nats").plot(ax=panels)
+    assert bars(panels[0]) == [(3, 1, 2.0), (5, 2, -1.0)]
+    assert bars(panels[1]) == [(3, 1, 0.5), (5, 2, 0.0)]
+    assert panels[0].get_ylim() == panels[1].get_ylim()
+    label = panels[0].get_ylabel().replace("\n", " ")
+    assert label == "contribution of current [nats]"
+
+
+def test_what_speaks_against_is_hatched():
+    (ax,) = axes()
+    ContributionsDisplay([(0, 1), (1, 2)], [1.0, -1.0], decision="worn screw").plot(ax=ax)
+    up, down = sorted(ax.patches, key=lambda bar: -bar.get_height())
+    assert not up.get_hatch()
+    assert down.get_hatch()
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["speaks for worn screw", "speaks against worn screw"]
+
+
+def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
+    panels = axes(2)
+    orders = {"screw": 3.125, "BPFI": 6.123, "2 BPFI": 12.246}
+    display = ContributionsDisplay(NAMES, [2.0, 0, 0, 1], fault_orders=orders).plot(ax=panels)
+    assert [text.get_text() for text in panels[0].texts] == ["screw", "BPFI"]
+    frame = display.frame()
+    assert frame["fault_orders"].tolist() == ["screw", "BPFI", "screw", "BPFI"]
+    assert frame["contribution"].tolist() == [2.0, 0, 0, 1]
+
+
+def test_a_table_of_contributions_is_drawn_as_its_names_would_be():
+    table = pd.DataFrame(
+        {
+            "channel": ["current"] * 2 + ["vibration"] * 2,
+            "low": [3.0, 5, 3, 5],
+            "high": [4.0, 7, 4, 7],
+            "contribution": [2.0, -1.0, 0.5, 0.0],
+        },
+        index=[7, 8, 9, 10],
+    )
+    one = ContributionsDisplay.from_table(table, ax=axes(2)).frame()
+    other = ContributionsDisplay(NAMES, table["contribution"]).frame()
+    pd.testing.assert_frame_equal(one, other)
+
+
+def test_five_channels_and_named_bands_are_drawn():
+    names = [f"a channel with a long name {i}@{band}" for i in range(5) for band in ("BPFI", "BSF")]
+    panels = axes(5)
+    display = ContributionsDisplay(names, np.arange(10.0), fault_orders={"BPFI": 6.1})
+    display.plot(ax=panels)
+    assert [label.get_text() for label in panels[4].get_xticklabels()] == ["BPFI", "BSF"]
+    assert [height for _, _, height in bars(panels[4])] == [8.0, 9.0]
+    assert display.frame()["fault_orders"].tolist() == [""] * 10
+
+
+def test_no_contribution_at_all_is_a_flat_picture():
+    (ax,) = axes()
+    ContributionsDisplay([(0, 1)], [0.0]).plot(ax=ax)
+    assert ax.get_ylim() == (-1, 1)
+
+
+def test_contributions_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match=r"contributions must have shape \(4,\), got \(3,\)"):
+        ContributionsDisplay(NAMES, [1, 2, 3])
+    with pytest.raises(ValueError, match="contributions must be finite, got nan at index 0"):
+        ContributionsDisplay([(0, 1)], [np.nan])
+    with pytest.raises(ValueError, match=r"it lacks \['low', 'high'\]"):
+        ContributionsDisplay.from_table(pd.DataFrame({"channel": ["a"], "contribution": [1.0]}))
+    with pytest.raises(TypeError, match="fault_orders must map names to orders"):
+        ContributionsDisplay([(0, 1)], [1.0], fault_orders=[3.0])

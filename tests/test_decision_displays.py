@@ -1,0 +1,98 @@
+"""Pictures of decisions show what the classifier decides."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from emacm import CostSensitiveGaussianBayes
+from emacm.displays import DecisionRegionsDisplay
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def test_regions_are_what_the_classifier_decides(ax):
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.normal(-2, 1, (50, 2)), rng.normal(2, 1, (50, 2))])
+    truths = np.repeat(["healthy", "worn"], 50)
+    cost = {("inspect", "healthy"): 0.1, ("inspect", "worn"): 0.1}
+    model = CostSensitiveGaussianBayes(cost).fit(points, truths)
+    display = DecisionRegionsDisplay.from_estimator(model, points, truths, n_grid=40, ax=ax)
+    corner = [[display.first[0], display.second[0]]]
+    assert display.decisions[display.regions[0, 0]] == model.predict(corner)[0] == "healthy"
+    assert set(display.regions.ravel()) == {0, 1, 2}
+    assert (display.frame()["true"] == truths).all()
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "decided: inspect" in labels
+    assert "true: worn" in labels
+
+
+def test_regions_need_two_features():
+    with pytest.raises(ValueError, match=r"two features, got X of shape \(4, 3\)"):
+        DecisionRegionsDisplay.from_estimator(None, np.ones((4, 3)), ["a"] * 4)
+
+
+def areas(ax):
+    """Return the filled areas, in the order of the decisions."""
+    return [drawn for drawn in ax.collections if getattr(drawn, "filled", False)]
+
+
+def regions(numbers, decisions):
+    numbers = np.asarray(numbers)
+    axis = np.arange(len(numbers), dtype=float)
+    return DecisionRegionsDisplay(axis, axis, numbers, decisions, np.zeros((1, 2)), ["a"])
+
+
+def test_between_two_regions_lies_no_third(ax):
+    # Decision 1 lies nowhere, though its number lies between the numbers of the neighbours.
+    numbers = np.repeat([[0, 0, 2, 2]], 4, axis=0)
+    regions(numbers, ["a", "b", "c"]).plot(ax=ax)
+    first, third = areas(ax)
+    assert first.get_paths()[0].contains_point((0.5, 2))
+    assert not first.get_paths()[0].contains_point((2.5, 2))
+    assert third.get_paths()[0].contains_point((2.5, 2))
+
+
+def test_regions_differ_by_hatch(ax):
+    regions([[0, 1], [2, 2]], ["a", "b", "c"]).plot(ax=ax)
+    hatches = [patch.get_hatch() for patch in ax.patches]
+    assert len(set(hatches)) == 3
+    assert [area.hatches[0] for area in areas(ax)] == hatches
+
+
+def test_a_single_decision_fills_the_plane(ax):
+    regions(np.zeros((3, 3)), ["a"]).plot(ax=ax)
+    assert len(areas(ax)) == 1
+
+
+def test_a_classifier_of_named_features_is_asked_by_their_names(ax):
+    rng = np.random.default_rng(2)
+    X = pd.DataFrame(rng.normal(size=(40, 2)), columns=["pca0", "pca1"])
+    y = np.where(X["pca0"] > 0, "worn", "healthy")
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    display = DecisionRegionsDisplay.from_estimator(model, X, y, n_grid=20, ax=ax)
+    assert np.array_equal(display.points, X.to_numpy())
+
+
+def test_recordings_on_one_spot_still_have_a_plane(ax):
+    X, y = [[0.0, 1.0], [1.0, 1.0], [3.0, 1.5], [4.0, 1.0]], ["a", "a", "b", "b"]
+    model = CostSensitiveGaussianBayes(shrinkage=0.5).fit(X, y)
+    DecisionRegionsDisplay.from_estimator(model, X[:1], y[:1], n_grid=10, ax=ax)
+    low, high = ax.get_ylim()
+    assert low < 1.0 < high
+
+
+def test_numbers_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="hold decision number 2, but there are 2 decisions"):
+        regions([[0, 2], [0, 0]], ["a", "b"])
+    with pytest.raises(ValueError, match=r"regions must have shape \(2, 2\), got \(2, 3\)"):
+        regions([[0, 0, 0], [0, 0, 0]], ["a"])
+    with pytest.raises(ValueError, match="regions must be at least 0"):
+        regions([[0, -1], [0, 0]], ["a", "b"])
+    with pytest.raises(ValueError, match="X must be finite, got nan"):
+        DecisionRegionsDisplay.from_estimator(None, [[0.0, np.nan]], ["a"])
+    with pytest.raises(ValueError, match="one label for each of 1 recordings"):
+        DecisionRegionsDisplay([0, 1], [0, 1], np.zeros((2, 2)), ["a"], [[0, 0]], ["a", "b"])

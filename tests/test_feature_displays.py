@@ -1,0 +1,117 @@
+"""Pictures of the feature plane show the densities that the classifier decides by."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from emacm import CostSensitiveGaussianBayes
+from emacm.displays import FeatureDensityDisplay
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def two_classes(n_recordings=4000):
+    rng = np.random.default_rng(1)
+    healthy = rng.multivariate_normal([0, 0], [[1, 0.8], [0.8, 2]], n_recordings)
+    worn = rng.multivariate_normal([6, -3], [[2, -0.5], [-0.5, 0.5]], n_recordings)
+    return np.concatenate([healthy, worn]), np.repeat(["healthy", "worn"], n_recordings)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_every_point_of_an_ellipse_has_the_same_density(covariance, ax):
+    X, y = two_classes(200)
+    model = CostSensitiveGaussianBayes(covariance=covariance, priors="uniform").fit(X, y)
+    display = FeatureDensityDisplay.from_estimator(model, X, y, ax=ax)
+    for number in (0, 1):
+        on_line = model.predict_joint_log_proba(display.ellipse(number, 0.9).T)[:, number]
+        at_mean = model.predict_joint_log_proba(model.means_)[number, number]
+        # exp(-r²/2) = 1 - share, so that is how far the density has fallen.
+        assert np.allclose(on_line, at_mean + np.log(0.1))
+
+
+def test_an_ellipse_holds_its_share_of_the_recordings(ax):
+    X, y = two_classes()
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    FeatureDensityDisplay.from_estimator(model, X, y, shares=(0.5, 0.95), ax=ax)
+    for line, share, of_class in zip(
+        ax.lines[:4], [0.5, 0.95] * 2, ["healthy"] * 2 + ["worn"] * 2, strict=True
+    ):
+        inside = line.get_path().contains_points(X[y == of_class])
+        assert abs(inside.mean() - share) < 0.02
+
+
+def test_classes_differ_by_mark_and_line_and_have_one_entry_each(ax):
+    X, y = two_classes(20)
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    FeatureDensityDisplay.from_estimator(model, X, y, names=("a [V]", "b [V]"), ax=ax)
+    legend = ax.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["healthy", "worn"]
+    assert legend.get_title().get_text() == "ellipses: 50 and 90 % of a class"
+    assert ax.lines[0].get_linestyle() != ax.lines[2].get_linestyle()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a [V]", "b [V]")
+    drawn = np.concatenate([marks.get_offsets() for marks in ax.collections])
+    assert np.array_equal(drawn, X)
+
+
+def test_without_shares_only_recordings_are_drawn(ax):
+    X, y = two_classes(20)
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    FeatureDensityDisplay.from_estimator(model, X, y, shares=(), ax=ax)
+    assert not ax.lines
+    assert len(ax.collections) == 2
+
+
+def test_a_class_without_width_is_a_line(ax):
+    display = FeatureDensityDisplay(["a"], [[1, 1]], [[[1, 1], [1, 1]]], np.ones((1, 2)), ["a"])
+    x, y = display.plot(ax=ax).ellipse(0, 0.5)
+    assert np.allclose(x, y)
+
+
+def test_the_table_tells_means_deviations_and_correlation(ax):
+    X, y = two_classes(50)
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    frame = FeatureDensityDisplay.from_estimator(model, X, y, ax=ax).frame()
+    healthy = X[y == "healthy"]
+    assert np.allclose(frame.loc["healthy", "mean of feature 2"], healthy[:, 1].mean())
+    assert np.allclose(frame.loc["healthy", "deviation of feature 1"], healthy[:, 0].std(ddof=1))
+    assert np.allclose(frame.loc["healthy", "correlation"], np.corrcoef(healthy.T)[0, 1])
+
+
+def test_a_recording_of_an_unknown_class_is_shown_too(ax):
+    display = FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], np.zeros((2, 2)), ["a", "new"])
+    display.plot(ax=ax)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "new"]
+
+
+def test_what_has_not_two_features_is_refused():
+    X, y = two_classes(20)
+    three = CostSensitiveGaussianBayes().fit(np.column_stack([X, X[:, 0] ** 2]), y)
+    with pytest.raises(ValueError, match=r"the classifier was fitted on 3\. Fit it on two"):
+        FeatureDensityDisplay.from_estimator(three, X, y)
+    with pytest.raises(ValueError, match=r"two features, got X of shape \(40, 1\)"):
+        FeatureDensityDisplay.from_estimator(three, X[:, :1], y)
+    with pytest.raises(ValueError, match="X holds no recording"):
+        FeatureDensityDisplay.from_estimator(three, X[:0], y[:0])
+
+
+def test_numbers_that_do_not_fit_are_refused():
+    good = {
+        "classes": ["a"],
+        "means": [[0, 0]],
+        "covariances": [np.eye(2)],
+        "points": np.zeros((2, 2)),
+        "labels": ["a", "a"],
+    }
+    bad = [
+        ("means", [[0, 0, 0]], r"means must have shape \(1, 2\)"),
+        ("covariances", np.eye(2), r"covariances must have shape \(1, 2, 2\)"),
+        ("points", [[0, np.nan]] * 2, r"points must be finite, got nan at index \(0, 1\)"),
+        ("labels", ["a"], r"one label for each of 2 recordings, got shape \(1,\)"),
+        ("shares", (1.0,), "a share must be a number above 0 and below 1"),
+    ]
+    for name, value, words in bad:
+        with pytest.raises(ValueError, match=words):
+            FeatureDensityDisplay(**{**good, name: value})

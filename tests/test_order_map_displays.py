@@ -1,0 +1,142 @@
+"""An order map is made of the segments that Welch's method averages."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from emacm import OrderPSD, OrderResampler, Recording
+from emacm.displays import OrderMapDisplay
+from emacm.simulation import simulate_actuator
+
+TURN = 2 * np.pi
+FS = 2000
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def ramp(order=5.0):
+    times = np.arange(8 * FS) / FS
+    velocity = TURN * (2 + 2 * times)
+    angle = TURN * (2 * times + times**2)
+    return Recording({"vibration": np.sin(order * angle)}, FS, velocity=velocity)
+
+
+def drawn(ax):
+    """Return the colours of the map, n_orders by n_columns, and its edges along x."""
+    (mesh,) = ax.collections
+    return mesh.get_array(), mesh.get_coordinates()[0, :, 0]
+
+
+def test_the_mean_of_all_segments_is_the_spectrum_of_the_recording(ax):
+    run = simulate_actuator("bearing", seed=3)
+    display = OrderMapDisplay.from_recording(run, "vibration", revolutions=4, ax=ax)
+    over_angle = OrderResampler(channels=["vibration"]).fit_transform([run])
+    expected = OrderPSD(4).fit_transform(over_angle)
+    assert np.allclose(display.frame().mean(), np.asarray(expected)[0])
+
+
+def test_a_line_at_a_fixed_order_stays_there_while_the_speed_grows(ax):
+    display = OrderMapDisplay.from_recording(ramp(), theta_s=TURN / 64, revolutions=4, ax=ax)
+    assert (display.orders[display.psd.argmax(axis=1)] == 5).all()
+    assert len(display.psd) > 20
+    power, _ = drawn(ax)
+    heaviest = power.argmax(axis=0)
+    assert len(set(heaviest.tolist())) == 1
+
+
+def test_each_segment_knows_its_time_and_speed(ax):
+    display = OrderMapDisplay.from_recording(ramp(), theta_s=TURN / 64, revolutions=2, ax=ax)
+    middle = display.intervals.mean(axis=1)
+    assert np.allclose(display.speeds, TURN * (2 + 2 * middle), rtol=1e-3)
+    turned = display.speeds * np.diff(display.intervals).ravel() / TURN
+    assert np.allclose(turned, 2 - 1 / 64)
+    assert display.frame().index.names == ["start", "stop", "speed"]
+
+
+def test_colours_are_the_segments_in_db_and_gaps_stay_empty(ax):
+    psd = np.array([[1.0, 10.0, 100.0], [1.0, 1.0, 0.0]])
+    OrderMapDisplay([0, 1, 2], psd, [[0, 2], [3, 4]], [1.0, 1.0], unit="A").plot(ax=ax)
+    power, edges = drawn(ax)
+    assert edges.tolist() == [0, 2, 3, 4]
+    assert power[:, 0].tolist() == [10, 20]
+    assert power.mask.tolist() == [[False, True, False], [False, True, True]]
+    assert ax.get_xlabel() == "time [s]"
+    assert "order" in ax.get_ylabel()
+
+
+def test_segments_that_overlap_are_cut_in_the_middle(ax):
+    OrderMapDisplay([0, 1], np.ones((3, 2)), [[0, 2], [1, 3], [2, 4]], np.ones(3)).plot(ax=ax)
+    assert drawn(ax)[1].tolist() == [0, 1.5, 2.5, 4]
+
+
+def test_over_speed_segments_of_one_speed_are_averaged(ax):
+    psd = np.array([[1.0, 1.0], [1.0, 3.0], [1.0, 10.0]])
+    times = [[0, 1], [1, 2], [2, 3]]
+    display = OrderMapDisplay([0, 1], psd, times, [-10, -9.9, 10], over="speed", n_speeds=4)
+    display.plot(ax=ax)
+    power, edges = drawn(ax)
+    assert edges.tolist() == [-10, -5, 0, 5, 10]
+    assert np.allclose(
+        power[0].filled(np.nan), [10 * np.log10(2), np.nan, np.nan, 10], equal_nan=True
+    )
+    assert ax.get_xlabel() == "shaft speed [rad/s]"
+
+
+def test_a_constant_speed_has_a_map_too(ax):
+    OrderMapDisplay([0, 1], np.ones((1, 2)), [[0, 1]], [5.0], over="speed").plot(ax=ax)
+    assert drawn(ax)[0].count() == 1
+
+
+def test_the_scale_carries_the_unit(ax):
+    display = OrderMapDisplay.from_recording(ramp(), unit="m/s²", ax=ax)
+    label = display.colorbar_.ax.get_ylabel()
+    assert label == "PSD of vibration [dB re 1 (m/s²)²/order]"
+
+
+def test_fault_orders_are_named_within_the_map(ax):
+    orders = {"screw": 5.0, "beyond": 30.0}
+    OrderMapDisplay.from_recording(ramp(), max_order=20, fault_orders=orders, ax=ax)
+    assert [text.get_text() for text in ax.texts] == ["screw"]
+    assert ax.get_ylim()[1] == 20
+
+
+def test_strokes_each_way_have_a_speed_each_way(ax):
+    display = OrderMapDisplay.from_recording(simulate_actuator("healthy", seed=1), ax=ax)
+    assert display.channel == "current"
+    assert display.speeds.min() < 0 < display.speeds.max()
+
+
+def test_a_map_that_cannot_be_made_says_why():
+    with pytest.raises(TypeError, match="must be one Recording, got list"):
+        OrderMapDisplay.from_recording([ramp()])
+    with pytest.raises(ValueError, match=r"no channel 'current'"):
+        OrderMapDisplay.from_recording(ramp(), "current")
+    with pytest.raises(ValueError, match=r"no stroke holds a segment of 500 revolutions; .* 79"):
+        OrderMapDisplay.from_recording(ramp(), revolutions=500)
+
+
+def test_numbers_that_make_no_map_are_refused():
+    good = {
+        "orders": [0, 1],
+        "psd": np.ones((2, 2)),
+        "intervals": [[0, 1], [1, 2]],
+        "speeds": [1, 1],
+    }
+    bad = [
+        ("orders", [0, 1, 2], r"orders must have shape \(2,\)"),
+        ("psd", [[1, np.nan], [1, 1]], "psd must be finite"),
+        ("psd", [[1, -1], [1, 1]], "psd must be at least 0"),
+        ("intervals", [[0, 1]], r"intervals must have shape \(2, 2\)"),
+        ("intervals", [[1, 0], [1, 2]], "from a start to a later end"),
+        ("intervals", [[1, 2], [0, 1]], "in order of time"),
+        ("speeds", [1], r"speeds must have shape \(2,\)"),
+        ("over", "angle", "over must be one of 'time', 'speed'"),
+    ]
+    for name, value, words in bad:
+        with pytest.raises(ValueError, match=words):
+            OrderMapDisplay(**{**good, name: value})
+    with pytest.raises(ValueError, match="a map needs segments"):
+        OrderMapDisplay([0, 1], np.ones((0, 2)), np.ones((0, 2)), [])

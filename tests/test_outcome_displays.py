@@ -1,0 +1,123 @@
+"""Pictures of outcomes count what was right, and in which way it was wrong."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from emacm.displays import OutcomesDisplay
+
+SOUND, WORN, SPALLED = "healthy", "worn", "spalled"
+
+
+def axes(n_panels=1):
+    return Figure(figsize=(7, 8)).subplots(n_panels, squeeze=False)[:, 0]
+
+
+def counted(y_true, y_pred, **options):
+    return OutcomesDisplay.from_predictions(y_true, y_pred, healthy=SOUND, **options)
+
+
+def test_a_needless_alarm_is_positive_and_a_missed_fault_negative():
+    truths = [SOUND, SOUND, WORN, WORN, WORN]
+    frame = counted(truths, [SOUND, WORN, WORN, SOUND, SPALLED], ax=axes()).frame()
+    assert frame.to_dict("records") == [
+        {
+            "correct": 40.0,
+            "false positive": 20.0,
+            "wrong fault": 20.0,
+            "false negative": 20.0,
+            "n": 5.0,
+        }
+    ]
+
+
+def test_inspecting_is_a_false_positive_of_the_healthy_and_no_miss_of_the_others():
+    counts = counted([SOUND, WORN], ["inspect", "inspect"], ax=axes()).counts
+    assert counts.loc["all recordings", ["false positive", "wrong fault"]].tolist() == [1, 1]
+
+
+def test_bars_are_the_shares_of_each_condition_in_per_cent():
+    (ax,) = axes()
+    truths = [SOUND] * 4 + [WORN] * 4
+    display = counted(truths, [SOUND] * 6 + [WORN] * 2, conditions=["a", "b"] * 4, ax=ax)
+    correct, missed = ax.containers
+    assert [bar.get_width() for bar in correct] == [75.0, 75.0]
+    assert [bar.get_x() for bar in missed] == [75.0, 75.0]
+    assert display.frame()["n"].tolist() == [4, 4]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["a  (n = 4)", "b  (n = 4)"]
+    assert ax.get_xlabel() == "share of the recordings [%]"
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["correct", "false negative"]
+    assert len({bars[0].get_hatch() for bars in ax.containers}) == 2
+
+
+def test_each_signal_has_a_panel_with_its_own_conditions():
+    panels = axes(2)
+    truths, chosen = [SOUND, WORN] * 2, [SOUND, WORN, WORN, WORN]
+    display = counted(
+        truths, chosen, signals=["LVDT"] * 2 + ["current"] * 2, conditions=[1, 1, 1, 2], ax=panels
+    )
+    assert [panel.get_title(loc="left") for panel in panels] == ["LVDT", "current"]
+    assert [len(panel.get_yticks()) for panel in panels] == [1, 2]
+    assert display.frame().loc[("current", 1), "false positive"] == 100
+
+
+def test_signals_alone_have_a_bar_each():
+    panels = axes(2)
+    counted([SOUND, WORN], [SOUND, SOUND], signals=["a", "b"], ax=panels)
+    assert [len(panel.get_yticks()) for panel in panels] == [1, 1]
+
+
+def test_a_published_table_of_per_cent_is_drawn_as_it_is():
+    # Chirico, Table 4.5
+    table = pd.DataFrame(
+        {
+            "correct": [100, 99, 85, 99],
+            "false positive": [0, 1, 5, 1],
+            "false negative": [0, 0, 10, 0],
+        },
+        index=["LVDT", "motor velocity", "phase current", "accelerometer"],
+    )
+    (ax,) = axes()
+    display = OutcomesDisplay(table, show_n=False).plot(ax=ax)
+    pd.testing.assert_frame_equal(display.frame()[list(table)], table.astype(float))
+    assert [label.get_text() for label in ax.get_yticklabels()] == list(table.index)
+    assert [bar.get_width() for bar in ax.containers[2]] == [0, 0, 10, 0]
+
+
+@given(st.lists(st.tuples(st.sampled_from("hab"), st.sampled_from("habi")), min_size=1))
+def test_every_recording_has_one_outcome(pairs):
+    truths, chosen = zip(*(("h", "h"), *pairs), strict=True)
+    display = OutcomesDisplay.from_predictions(truths, chosen, healthy="h", ax=axes())
+    assert display.counts.sum().sum() == len(truths)
+    assert display.counts["correct"].sum() == sum(
+        t == d for t, d in zip(truths, chosen, strict=True)
+    )
+    assert np.isclose(display.frame().drop(columns="n").sum(axis=1), 100).all()
+
+
+def test_tables_that_count_nothing_are_refused():
+    with pytest.raises(TypeError, match="counts must be a DataFrame, got dict"):
+        OutcomesDisplay({"correct": [1]})
+    with pytest.raises(ValueError, match=r"columns among \['correct'.*got columns \['right'\]"):
+        OutcomesDisplay(pd.DataFrame({"right": [1]}))
+    with pytest.raises(ValueError, match="counts of 'b' are all 0"):
+        OutcomesDisplay(pd.DataFrame({"correct": [1, 0]}, index=["a", "b"]))
+    with pytest.raises(ValueError, match="each row once, but 'a' comes again"):
+        OutcomesDisplay(pd.DataFrame({"correct": [1, 1]}, index=["a", "a"]))
+    with pytest.raises(ValueError, match="counts must be at least 0"):
+        OutcomesDisplay(pd.DataFrame({"correct": [-1]}))
+    with pytest.raises(ValueError, match="counts must be finite"):
+        OutcomesDisplay(pd.DataFrame({"correct": [np.nan]}))
+
+
+def test_decisions_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="y_pred must hold one label for each of 2 recordings"):
+        counted([SOUND, WORN], [SOUND])
+    with pytest.raises(ValueError, match="conditions must hold one label for each of 2"):
+        counted([SOUND, WORN], [SOUND, WORN], conditions=["a"])
+    with pytest.raises(ValueError, match=r"'healthy' is neither in y_true nor in y_pred"):
+        counted([WORN], [SPALLED])

@@ -1,0 +1,112 @@
+"""Pictures of a recording show its samples."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from emacm import Recording
+from emacm.displays import RecordingDisplay
+
+
+def recording(n_times=400):
+    times = np.arange(n_times) / 100
+    speed = 5 * np.cos(2 * np.pi * times[::10] / 4)
+    return Recording(
+        {"current": np.sin(times), "force": times[::2]},
+        {"current": 100, "force": 50},
+        velocity=speed,
+        shaft_fs=10,
+    )
+
+
+def axes(n_panels=3):
+    return Figure(figsize=(6, 9)).subplots(n_panels, squeeze=False)[:, 0]
+
+
+def test_each_channel_is_drawn_at_its_own_rate_and_the_shaft_below():
+    run, panels = recording(), axes()
+    RecordingDisplay.from_recording(run, units={"current": "A", "force": "N"}, ax=panels)
+    for panel, name in zip(panels, run.channels, strict=False):
+        assert np.array_equal(panel.lines[0].get_ydata(), run.signals[name])
+        assert np.allclose(np.diff(panel.lines[0].get_xdata()), 1 / run.fs[name])
+    assert np.array_equal(panels[2].lines[0].get_ydata(), run.velocity)
+    labels = [panel.get_ylabel() for panel in panels]
+    assert labels == ["current [A]", "force [N]", "shaft speed [rad/s]"]
+    assert panels[2].get_xlabel() == "time [s]"
+
+
+def test_the_numbers_come_back_as_a_table():
+    run = recording()
+    frame = RecordingDisplay.from_recording(run, ax=axes()).frame()
+    assert np.array_equal(frame.loc["current", "value"], run.signals["current"])
+    assert np.array_equal(frame.loc["shaft speed"].index, np.arange(40) / 10)
+
+
+def test_a_part_is_what_lies_between():
+    panels = axes(2)
+    run = recording()
+    RecordingDisplay.from_recording(run, channels=["current"], between=(1.0, 2.0), ax=panels)
+    line = panels[0].lines[0]
+    assert line.get_xdata()[[0, -1]].tolist() == [1.0, 2.0]
+    assert np.array_equal(line.get_ydata(), run.signals["current"][100:201])
+
+
+def test_strokes_are_shaded_one_way_and_the_other():
+    panels = axes()
+    display = RecordingDisplay.from_recording(recording(), shade_strokes=True, ax=panels)
+    assert [direction for _, _, direction in display.strokes] == [1, -1, 1]
+    assert len(panels[0].patches) == 3
+    hatches = [patch.get_hatch() for patch in panels[0].patches]
+    assert hatches[0] == hatches[2] != hatches[1]
+    legend = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert legend == ["forward stroke", "reverse stroke"]
+
+
+def test_strokes_outside_of_a_part_are_not_drawn():
+    display = RecordingDisplay.from_recording(
+        recording(), shade_strokes=True, between=(0.0, 0.5), ax=axes()
+    )
+    assert [(start, stop) for start, stop, _ in display.strokes] == [(0.0, 0.5)]
+
+
+def test_a_long_signal_keeps_its_shocks():
+    signal = np.sin(np.arange(300_001) / 50)
+    signal[123_456], signal[300_000] = 40.0, -30.0
+    run = Recording({"vibration": signal}, 48_000, velocity=np.ones(300_001))
+    panels = axes(2)
+    display = RecordingDisplay.from_recording(run, ax=panels)
+    drawn = panels[0].lines[0]
+    assert len(drawn.get_ydata()) < 30_000
+    assert drawn.get_ydata().max() == 40.0
+    assert drawn.get_xdata()[drawn.get_ydata().argmax()] == 123_456 / 48_000
+    assert drawn.get_ydata().min() == -30.0
+    assert np.all(np.diff(drawn.get_xdata()) >= 0)
+    assert len(display.frame().loc["vibration"]) == len(signal)
+
+
+def test_what_is_no_part_of_a_recording_is_refused():
+    with pytest.raises(TypeError, match="must be one Recording, got list"):
+        RecordingDisplay.from_recording([recording()])
+    with pytest.raises(ValueError, match=r"no channel 'speed', only \['current', 'force'\]"):
+        RecordingDisplay.from_recording(recording(), channels=["speed"])
+    with pytest.raises(ValueError, match=r"earlier to a later time within 4 s, got \(2, 1\)"):
+        RecordingDisplay.from_recording(recording(), between=(2, 1))
+    with pytest.raises(TypeError, match="between must be a pair"):
+        RecordingDisplay.from_recording(recording(), between=3.0)
+    with pytest.raises(ValueError, match=r"two samples are needed, but 1 lie between 1 and 1.01"):
+        RecordingDisplay.from_recording(recording(), between=(1.0, 1.01), channels=["force"])
+    with pytest.raises(TypeError, match="units must map channels to units"):
+        RecordingDisplay.from_recording(recording(), units="A")
+
+
+def test_numbers_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="must name the same channels"):
+        RecordingDisplay({"a": [0, 1]}, {"b": [0, 1]}, [0, 1], [0, 1])
+    with pytest.raises(ValueError, match=r"times of channel 'a' must have shape \(2,\), got"):
+        RecordingDisplay({"a": [0, 1, 2]}, {"a": [0, 1]}, [0, 1], [0, 1])
+    with pytest.raises(ValueError, match="channel 'a' must be finite, got nan at index 1"):
+        RecordingDisplay({"a": [0, 1]}, {"a": [0, np.nan]}, [0, 1], [0, 1])
+    with pytest.raises(ValueError, match=r"shaft_times must have shape \(2,\)"):
+        RecordingDisplay({"a": [0, 1]}, {"a": [0, 1]}, [0], [0, 1])
+    with pytest.raises(ValueError, match=r"stroke must be \(start, stop, 1 or -1\)"):
+        RecordingDisplay({"a": [0, 1]}, {"a": [0, 1]}, [0, 1], [0, 1], strokes=[(0, 1, 2)])
