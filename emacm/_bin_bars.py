@@ -68,12 +68,16 @@ def bin_places(block: BinBlock) -> NDArray[np.floating]:
     return centres + np.array([-_HALF, _HALF])
 
 
+def share_an_axis(blocks: Sequence[BinBlock]) -> bool:
+    """Tell whether all blocks have an order axis, or the same named bins."""
+    if all(block.bands is not None for block in blocks):
+        return True
+    return len({(block.names, block.bands is None) for block in blocks}) == 1
+
+
 def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[np.object_]:
     """Return an axes for each block, `n_rows` times, with limits and names along x."""
-    alike = all(block.bands is not None for block in blocks) or (
-        len({(block.names, block.bands is None) for block in blocks}) == 1
-    )
-    axes = panel_axes(ax, n_rows * len(blocks), shared="x" if alike else "")
+    axes = panel_axes(ax, n_rows * len(blocks), shared="x" if share_an_axis(blocks) else "")
     low = min(bin_places(block).min() for block in blocks)
     high = max(bin_places(block).max() for block in blocks)
     for panel, block in zip(axes, [*blocks] * n_rows, strict=True):

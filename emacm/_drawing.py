@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
-
-from emacm._checks import check_number, check_real_array
 
 # Okabe and Ito's colours, told apart by colour-blind readers; line styles, marks and hatches
 # tell the same things apart in print.
@@ -38,10 +36,20 @@ _WRAP = 34  # letters of a line in a legend
 
 def line_style(number: int) -> dict[str, Any]:
     """Return colour and line style of the class of this number."""
-    return {
-        "color": COLOURS[number % len(COLOURS)],
-        "linestyle": STYLES[number % len(STYLES)],
-    }
+    return {"color": colour_of(number), "linestyle": one_of(STYLES, number)}
+
+
+def colour_of(number: int) -> str:
+    """Return the colour of the class of this number."""
+    return COLOURS[number % len(COLOURS)]
+
+
+def one_of(kinds: Sequence[Any], number: int) -> Any:
+    """Return the style, mark or hatch of the class of this number.
+
+    Where colours begin again, kinds go one further, so that no two of 64 classes look alike.
+    """
+    return kinds[(number + number // len(COLOURS)) % len(kinds)]
 
 
 def tint(colour: str, share: float) -> str:
@@ -196,75 +204,6 @@ def squared(unit: str) -> str:
     ('A²', '(m/s²)²')
     """
     return f"({unit})²" if any(sign in unit for sign in "/² ") else f"{unit}²"
-
-
-def check_values(
-    values: ArrayLike, name: str, shape: tuple[int | None, ...], *, least: float | None = None
-) -> NDArray[np.floating]:
-    """Return finite numbers of this shape, of at least `least`; None stands for any length.
-
-    Raises
-    ------
-    TypeError
-        If they are no numbers.
-    ValueError
-        If their shape is another, one is not finite or too low; the message says where.
-    """
-    array = check_real_array(values, name)
-    if array.ndim != len(shape) or any(
-        expected not in (None, came) for expected, came in zip(shape, array.shape, strict=True)
-    ):
-        wanted = ", ".join("n" if length is None else str(length) for length in shape)
-        comma = "," if len(shape) == 1 else ""
-        raise ValueError(f"{name} must have shape ({wanted}{comma}), got {array.shape}.")
-    for bad, words in (
-        (~np.isfinite(array), "be finite"),
-        (np.zeros_like(array, bool) if least is None else array < least, f"be at least {least}"),
-    ):
-        if bad.any():
-            place = tuple(int(i[0]) for i in np.nonzero(bad))
-            where = place[0] if len(place) == 1 else place
-            raise ValueError(
-                f"{name} must {words}, got {array[place]} at index {where}. Leave it out."
-            )
-    return array
-
-
-def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> NDArray[Any]:
-    """Return one label for each recording.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many.
-    """
-    array = np.asarray(labels)
-    if array.shape != (n_recordings,):
-        raise ValueError(
-            f"{name} must hold one label for each of {n_recordings} recordings, got shape "
-            f"{array.shape}."
-        )
-    return array
-
-
-def check_fault_orders(fault_orders: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the orders to be marked, by name.
-
-    Raises
-    ------
-    TypeError
-        If it is no mapping, or an order no number.
-    ValueError
-        If an order is negative or not finite.
-    """
-    if fault_orders is not None and not isinstance(fault_orders, Mapping):
-        raise TypeError(
-            f"fault_orders must map names to orders, as {{'BPFI': 6.123}}, got {fault_orders!r}."
-        )
-    return {
-        str(name): check_number(order, f"fault order {name!r}", at_least=0)
-        for name, order in (fault_orders or {}).items()
-    }
 
 
 def _orders_within(

@@ -266,7 +266,8 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
         names = tuple(name for _, name in entries)
         matches = [_BAND.fullmatch(name) for name in names]
         bands = [(float(match["low"]), float(match["high"])) for match in matches if match]
-        known = np.array(bands) if len(bands) == len(names) else None
+        rising = len(bands) == len(names) and all(low < high for low, high in bands)
+        known = np.array(bands) if rising else None
         blocks.append(BinBlock(channel, names, known, np.array([place for place, _ in entries])))
     return tuple(blocks) or None
 

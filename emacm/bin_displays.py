@@ -21,8 +21,6 @@ from emacm._bin_bars import (
 from emacm._checks import check_choice
 from emacm._drawing import (
     COLOURS,
-    check_fault_orders,
-    check_values,
     decibels,
     legend_beside,
     line_style,
@@ -31,7 +29,14 @@ from emacm._drawing import (
     tint,
     wrapped,
 )
-from emacm._drawn_tables import channel_blocks, means_by_label, pipeline_until, unit_of
+from emacm._drawn_tables import (
+    channel_blocks,
+    check_fault_orders,
+    check_values,
+    means_by_label,
+    pipeline_until,
+    unit_of,
+)
 from emacm.axes import BinBlock, column_names
 from emacm.bin_transformer import BinTransformer
 from emacm.bins import Band, check_stop_bands

@@ -10,11 +10,10 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._bin_bars import bin_blocks, bin_panels, bin_places, draw_bars, draw_steps
+from emacm._bin_bars import bin_blocks, bin_panels, bin_places, draw_bars, draw_steps, share_an_axis
 from emacm._checks import check_count
 from emacm._drawing import (
     COLOURS,
-    check_values,
     legend_beside,
     line_style,
     name_side,
@@ -22,7 +21,10 @@ from emacm._drawing import (
     tint,
     wrapped,
 )
-from emacm._drawn_tables import pipeline_until
+from emacm._drawn_tables import (
+    check_values,
+    pipeline_until,
+)
 from emacm.axes import BinBlock
 
 
@@ -263,24 +265,34 @@ class LoadingsDisplay:
         LoadingsDisplay
             Itself.
         """
-        widest = max(self.blocks, key=lambda block: len(block.names))
-        axes = bin_panels(ax, [widest], n_rows=len(self.loadings))
+        blocks = self.blocks if share_an_axis(self.blocks) else [_joined(self.blocks)]
+        axes = bin_panels(ax, blocks[:1], n_rows=len(self.loadings))
         for panel, weights, title in zip(axes, self.loadings, self.titles, strict=True):
             panel.axhline(0, color="0.3", linewidth=0.6)
-            for number, block in enumerate(self.blocks):
-                self._draw_block(panel, block, weights[block.columns], number)
+            _draw_weights(panel, blocks, weights)
             name_side(panel, f"weight in {title}", "1")
-        if len(self.blocks) > 1:
-            legend_beside(axes[0])
+        legend_beside(axes[0])
         self.ax_, self.figure_ = axes, axes[0].figure
         return self
 
-    def _draw_block(self, panel: Any, block: BinBlock, weights: Any, number: int) -> None:
-        places = bin_places(block)
-        if len(self.blocks) == 1:
-            draw_bars(panel, places, weights, color=tint(COLOURS[0], 0.6))
-            return
-        draw_steps(panel, places, weights, label=wrapped(block.channel), **line_style(number))
+
+def _draw_weights(panel: Any, blocks: Sequence[BinBlock], weights: Any) -> None:
+    if len(blocks) == 1:
+        (block,) = blocks
+        draw_bars(panel, bin_places(block), weights[block.columns], color=tint(COLOURS[0], 0.6))
+        return
+    for number, block in enumerate(blocks):
+        style = {**line_style(number), "label": wrapped(block.channel)}
+        draw_steps(panel, bin_places(block), weights[block.columns], **style)
+    edges = np.concatenate([bin_places(block) for block in blocks])
+    if blocks[0].bands is not None:
+        panel.set_xlim(edges.min(), edges.max())
+
+
+def _joined(blocks: Sequence[BinBlock]) -> BinBlock:
+    """Return the bins of several channels as one row of named bins."""
+    names = [f"{block.channel}@{name}" for block in blocks for name in block.names]
+    return BinBlock("", tuple(names), None, np.concatenate([block.columns for block in blocks]))
 
 
 def _names_into(step: Any, before: Any) -> Sequence[str]:

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from emacm._bin_bars import bin_blocks, bin_panels, bin_places, draw_bars, mark_panels
 from emacm._drawing import (
     COLOURS,
-    check_fault_orders,
-    check_values,
     legend_beside,
     name_side,
     tint,
     wrapped,
+)
+from emacm._drawn_tables import (
+    check_fault_orders,
+    check_values,
 )
 from emacm.axes import number_name
 
@@ -114,6 +116,11 @@ class ContributionsDisplay:
         if missing:
             raise ValueError(f"table must have the columns {list(_COLUMNS)}; it lacks {missing}.")
         edges = check_values(table[["low", "high"]], "low and high", (None, 2), least=0)
+        falling = np.flatnonzero(edges[:, 0] >= edges[:, 1])
+        if len(falling):
+            raise ValueError(
+                f"low must be below high, got {edges[falling[0]].tolist()} in row {falling[0]}."
+            )
         names = [
             f"{channel}@{number_name(low)}-{number_name(high)}"
             for channel, (low, high) in zip(table["channel"], edges, strict=True)

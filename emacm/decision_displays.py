@@ -11,14 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
 from emacm._drawing import (
-    COLOURS,
     HATCHES,
-    check_labels,
-    check_values,
+    colour_of,
     legend_beside,
     one_axes,
+    one_of,
     tint,
     wrapped,
+)
+from emacm._drawn_tables import (
+    check_labels,
+    check_values,
 )
 from emacm.feature_displays import draw_recordings, plane_limits, plane_points
 
@@ -167,13 +170,12 @@ class DecisionRegionsDisplay:
         ax = one_axes(ax)
         from matplotlib import rc_context
 
-        colours = [COLOURS[i % len(COLOURS)] for i in range(len(self.decisions))]
         places = {str(decision): i for i, decision in enumerate(self.decisions)}
         draw_recordings(ax, self.points, self.labels, "true: ", places=places)
         with rc_context({"hatch.color": _LINES, "hatch.linewidth": 0.6}):
             for number, decision in enumerate(self.decisions):
-                area = {"facecolor": tint(colours[number], _LIGHT), "edgecolor": _LINES}
-                hatch = HATCHES[number % len(HATCHES)]
+                area = {"facecolor": tint(colour_of(number), _LIGHT), "edgecolor": _LINES}
+                hatch = one_of(HATCHES, number)
                 ax.fill([], [], **area, hatch=hatch, label=wrapped(f"decided: {decision}"))
                 self._draw_region(ax, number, area["facecolor"], hatch)
         ax.set(

@@ -11,14 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
 from emacm._drawing import (
-    COLOURS,
     MARKERS,
-    check_labels,
-    check_values,
+    colour_of,
     legend_beside,
     line_style,
     one_axes,
+    one_of,
     wrapped,
+)
+from emacm._drawn_tables import (
+    check_labels,
+    check_values,
 )
 
 _MARGIN = 0.08  # of the range of the recordings, left free around them
@@ -237,8 +240,8 @@ def draw_recordings(
         ax.scatter(
             *points[labels == label].T,
             s=20,
-            marker=MARKERS[number % len(MARKERS)],
-            color=COLOURS[number % len(COLOURS)] if str(label) in places else "0.3",
+            marker=one_of(MARKERS, number),
+            color=colour_of(number) if str(label) in places else "0.3",
             edgecolor="white",
             linewidth=0.4,
             label=wrapped(f"{prefix}{label}"),

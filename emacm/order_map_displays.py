@@ -13,12 +13,14 @@ from emacm._checks import check_choice, check_count, check_number
 from emacm._drawing import (
     MISSING,
     ORDER_LABEL,
-    check_fault_orders,
-    check_values,
     decibels,
     mark_orders_beside,
     one_axes,
     squared,
+)
+from emacm._drawn_tables import (
+    check_fault_orders,
+    check_values,
 )
 from emacm.angle_recordings import AngleStroke
 from emacm.order_resampler import OrderResampler

@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike
 from emacm._drawing import (
     COLOURS,
     SMALL,
-    check_labels,
-    check_values,
     legend_beside,
     name_panels_below,
     panel_axes,
     tint,
     wrapped,
+)
+from emacm._drawn_tables import (
+    check_labels,
+    check_values,
 )
 
 # Outcome: colour and hatch; the darker in print, the worse.

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_number
 from emacm._drawing import (
     COLOURS,
-    check_values,
     legend_beside,
     name_panels_below,
     name_side,
     panel_axes,
+)
+from emacm._drawn_tables import (
+    check_values,
 )
 from emacm.recordings import Recording
 from emacm.strokes import find_strokes

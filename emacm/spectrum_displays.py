@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_choice, check_number
 from emacm._drawing import (
     ORDER_LABEL,
-    check_fault_orders,
-    check_values,
     decibels,
     legend_beside,
     line_style,
@@ -28,6 +26,8 @@ from emacm._drawing import (
 from emacm._drawn_tables import (
     channel_blocks,
     channel_list,
+    check_fault_orders,
+    check_values,
     means_by_label,
     pipeline_until,
     unit_of,

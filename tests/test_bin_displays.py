@@ -154,5 +154,7 @@ def test_names_of_another_form_are_no_bins():
     assert parse_bin_columns(["x0", "x1"]) is None
     assert parse_bin_columns(["a@0-1", "load"]) is None
     assert parse_bin_columns([]) is None
+    (block,) = parse_bin_columns(["a@0-1", "a@3-2"])
+    assert block.bands is None
     (block,) = parse_bin_columns(["a@0-1", "a@BPFI"])
     assert block.bands is None

@@ -81,6 +81,20 @@ def test_the_loadings_of_one_channel_are_signed_bars():
     assert bars == [(0, 1, 0.6), (3, 2, -0.8)]
 
 
+def test_channels_of_different_bins_share_one_order_axis():
+    (ax,) = axes()
+    LoadingsDisplay(["a@2-3", "b@0-1", "b@9-10"], [[1, 2, 3]]).plot(ax=ax)
+    assert ax.get_xlim() == (0, 10)
+    assert len(ax.lines) == 3  # two channels, and zero
+
+
+def test_bins_and_named_bands_together_are_drawn_by_name():
+    (ax,) = axes()
+    LoadingsDisplay(["a@0-1", "b@BPFI"], [[0.5, -0.5]]).plot(ax=ax)
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["a@0-1", "b@BPFI"]
+    assert [bar.get_height() for bar in ax.patches] == [0.5, -0.5]
+
+
 def test_a_bare_analysis_takes_names_or_its_own():
     frame = pd.DataFrame(np.random.default_rng(0).normal(size=(9, 2)), columns=["a@0-1", "a@1-2"])
     own = LoadingsDisplay.from_estimator(PCA(1).fit(frame), n_components=1, ax=axes())

@@ -86,5 +86,8 @@ def test_contributions_that_do_not_fit_are_refused():
         ContributionsDisplay([(0, 1)], [np.nan])
     with pytest.raises(ValueError, match=r"it lacks \['low', 'high'\]"):
         ContributionsDisplay.from_table(pd.DataFrame({"channel": ["a"], "contribution": [1.0]}))
+    row = {"channel": ["a"], "low": [4.0], "high": [3.0], "contribution": [1.0]}
+    with pytest.raises(ValueError, match=r"low must be below high, got \[4\.0, 3\.0\] in row 0"):
+        ContributionsDisplay.from_table(pd.DataFrame(row))
     with pytest.raises(TypeError, match="fault_orders must map names to orders"):
         ContributionsDisplay([(0, 1)], [1.0], fault_orders=[3.0])

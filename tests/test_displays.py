@@ -17,14 +17,17 @@ from emacm._drawing import (
     HATCHES,
     MARKERS,
     STYLES,
-    check_fault_orders,
-    check_values,
     decibels,
+    line_style,
     mark_orders,
     name_side,
     one_axes,
     panel_axes,
     spread,
+)
+from emacm._drawn_tables import (
+    check_fault_orders,
+    check_values,
 )
 from emacm.displays import (
     ContributionsDisplay,
@@ -118,6 +121,10 @@ def test_the_public_face_has_every_picture():
 def test_eight_classes_differ_by_colour_and_by_more_than_colour():
     for kinds in (COLOURS, STYLES, MARKERS, HATCHES):
         assert len(set(kinds)) == len(kinds) == 8
+
+
+def test_of_sixty_four_classes_no_two_look_alike():
+    assert len({str(line_style(number)) for number in range(64)}) == 64
 
 
 def test_a_new_figure_is_made_where_no_axes_are_given():
