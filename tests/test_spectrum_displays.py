@@ -64,6 +64,9 @@ def test_every_channel_has_a_panel_and_its_own_unit():
     units = {"vibration": "m/s²", "current": "A"}
     display = OrderSpectrumDisplay.from_table(table, labels=["a", "a", "b"], unit=units, ax=axes)
     assert display.channel == ["vibration", "current"]
+    two = OrderSpectrumDisplay([0, 1, 2], {"a": [[1, 1, 1], [100, 100, 100]]}, channel=["x", "y"])
+    two.plot(ax=Figure().subplots(2))
+    assert [panel.lines[0].get_ydata()[0] for panel in two.ax_] == [0, 20]
     assert display.frame()["current", "b"].eq(10).all()
     assert "A²/order" in axes[1].get_ylabel()
     assert "(m/s²)²/order" in axes[0].get_ylabel()
