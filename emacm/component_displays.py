@@ -270,7 +270,8 @@ class LoadingsDisplay:
         for panel, weights, title in zip(axes, self.loadings, self.titles, strict=True):
             panel.axhline(0, color="0.3", linewidth=0.6)
             _draw_weights(panel, blocks, weights)
-            name_side(panel, f"weight in {title}", "1")
+            whole = title.replace(" ", "\u00a0")  # a line does not break within
+            name_side(panel, f"weight in {whole}", "1")
         legend_beside(axes[0])
         self.ax_, self.figure_ = axes, axes[0].figure
         return self

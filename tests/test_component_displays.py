@@ -70,7 +70,7 @@ def test_the_loadings_are_steps_by_channel_with_the_names_of_the_bins(pipeline):
     of_b = panels[1].lines[-1]
     assert of_b.get_label() == "b"
     assert np.allclose(of_b.get_ydata()[::2], weights[1, 4:])
-    assert "component 2" in panels[1].get_ylabel()
+    assert "component 2 (" in panels[1].get_ylabel().replace("\u00a0", " ")
     assert panels[1].get_xlabel() == "order [cycles per revolution]"
 
 
