@@ -7,10 +7,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_is_fitted, check_memory, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import (
     check_choice,
@@ -22,8 +21,10 @@ from emacm._checks import (
 from emacm._version import __version__
 from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.axes import BARE_CHANNEL, OrderTable, check_input_names, order_columns
+from emacm.recalled_spectra import recalled_spectra
 from emacm.recordings import Recording, described
 from emacm.spectrum import SHORTS, SegmentPlan, samples_per_revolution, segment_plan
+from emacm.spectrum_store import open_store
 
 
 class OrderPSD(TransformerMixin, BaseEstimator):
@@ -58,11 +59,14 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         Highest order of interest: columns above the first one at or above it are cut.
     theta_s : float, optional
         Angle between samples [rad] of bare rows. Recordings know theirs.
-    memory : None, str or joblib.Memory
-        Where spectra are kept between calls. A spectrum is found again by the
-        content of its recording and all settings, of the resampling too.
+    memory : None, str, path, joblib.Memory or SpectrumStore
+        Folder where spectra are kept between calls, folds, candidates of a search
+        and processes, up to 1 GiB (`emacm.spectrum_store.SpectrumStore` sets another
+        limit). A spectrum is found again by the content of its recording and all
+        settings, of the resampling too. Resampled signals are not kept.
     verbose : bool or int
-        Progress as printed by joblib: the higher, the more often.
+        Report to stderr how many recordings are done, the rate and the time left: by
+        tqdm, if it is installed, or else by joblib (the higher, the more often).
     n_jobs : int, optional
         Recordings in work at the same time, under joblib's active backend
         (by default, threads).
@@ -200,15 +204,18 @@ class OrderPSD(TransformerMixin, BaseEstimator):
                 "X holds bare rows, but OrderPSD was fitted on recordings of channels "
                 f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
             )
-        estimate = partial(
-            check_memory(self.memory).cache(_spectra),
-            plan=self._plan,
-            by_direction=self.by_direction,
-            short=self.short,
-            version=__version__,
-        )
-        spectra = Parallel(n_jobs=self.n_jobs, verbose=self.verbose, prefer="threads")(
-            delayed(_located_call)(estimate, row, index) for index, row in enumerate(rows)
+        settings: dict[str, Any] = {
+            "plan": self._plan,
+            "by_direction": self.by_direction,
+            "short": self.short,
+        }
+        spectra = recalled_spectra(
+            partial(_located_call, partial(_spectra, **settings)),
+            rows,
+            open_store(self.memory),
+            settings | {"version": __version__},
+            n_jobs=self.n_jobs,
+            verbose=self.verbose,
         )
         table = np.stack(spectra).reshape(len(rows), -1)
         return table if self.theta_s_ is None else OrderTable(table, self._columns_out)
@@ -386,12 +393,8 @@ def _spectra(
     plan: SegmentPlan,
     by_direction: bool,
     short: str,
-    version: str = __version__,
 ) -> NDArray[np.floating]:
-    """Estimate the spectra of one recording, shape (n_channels, [2,] n_orders).
-
-    `version` is there for the cache alone: another emacm may estimate otherwise.
-    """
+    """Estimate the spectra of one recording, shape (n_channels, [2,] n_orders)."""
     if isinstance(row, np.ndarray):
         return _estimate([_Row(row[np.newaxis])], [[0]], plan, short, "row")
     strokes, groups = row.strokes, row.rate_groups

@@ -337,13 +337,13 @@ class OrderResampler(  # type: ignore[call-arg]
                 )
 
     def _check_turning(self, recording: Recording) -> None:
-        velocity = recording.velocity
-        ways = {"forward": velocity.max(), "reverse": -velocity.min()}
+        lowest, highest = recording.velocity_range
+        ways = {"forward": highest, "reverse": -lowest}
         if not ways.get(self.direction, max(ways.values())) > self.min_speed:
             way = f" {self.direction}" if self.direction in ways else ""
             raise ValueError(
                 f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
-                f"its speed lies between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
+                f"its speed lies between {lowest:.4g} and {highest:.4g} rad/s. "
                 f"Leave the recording out, or check its shaft reference and min_speed."
             )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -12,11 +12,18 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, check_signal
+from emacm.digests import Stamps, content_digest, file_stamps
 from emacm.motion import DifferentiatedVelocity, IntegratedAngle, Series
 from emacm.shaft import angle_from_velocity, angle_from_wrapped, is_wrapped
 
 _FEW = 10  # samples of an angle in which a single step may be most of the way
 _LONG = 200  # characters of meta in a message
+_CONTENT = ("_fs", "_meta", "_shaft", "_signals", "reference", "shaft_fs")
+_DIGESTS = "1"  # goes up when digests are made otherwise, as pickles carry them
+_MOST_VERIFIED = 100_000
+# Contents of files that this process has read, so that a worker reads no file a second time when
+# the next task brings the same recordings.
+_verified: set[tuple[Stamps, str]] = set()
 
 
 class Recording:
@@ -83,7 +90,7 @@ class Recording:
     19.99
     """
 
-    __slots__ = ("_fs", "_meta", "_shaft", "_signals", "reference", "shaft_fs")
+    __slots__ = (*_CONTENT, "_remembered")
 
     _signals: dict[str, NDArray[np.floating]]
     _fs: dict[str, float]
@@ -91,6 +98,8 @@ class Recording:
     _meta: dict[Any, Any]
     reference: str
     shaft_fs: float
+    # What was once worked out, each with the state of the files that it was worked out from.
+    _remembered: dict[str, tuple[Stamps, Any]]
 
     def __init__(
         self,
@@ -160,6 +169,19 @@ class Recording:
         return IntegratedAngle(self._shaft, self.shaft_fs), self._shaft
 
     @property
+    def velocity_range(self) -> tuple[float, float]:
+        """Lowest and highest `velocity` [rad/s]; looked up once."""
+        return self._once("velocity_range", self._velocity_range)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of channels, rates and shaft, without `meta`; worked out once.
+
+        Signals in a file are read again after the file was written.
+        """
+        return self._once("digest", self._digest)
+
+    @property
     def duration(self) -> float:
         """Time that every channel and the shaft reference cover [s]."""
         return min(length for _, length, _ in _durations(self))
@@ -180,8 +202,7 @@ class Recording:
         """Two recordings are equal if channels, rates, shaft and meta are."""
         if not isinstance(other, Recording):
             return NotImplemented
-        mine, theirs = self.__getstate__(), other.__getstate__()
-        return all(_same(mine[key], theirs[key]) for key in mine)
+        return all(_same(getattr(self, name), getattr(other, name)) for name in _CONTENT)
 
     def __hash__(self) -> int:
         """Agree for equal recordings, without reading the signals."""
@@ -207,8 +228,13 @@ class Recording:
         raise AttributeError(f"a Recording cannot be changed (tried to delete {name!r}).")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all that pickle and joblib's hash need."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        """Return all that pickle and joblib's hash need.
+
+        The digest is always worked out, so that workers need not do so with each task, and
+        equal recordings look alike to joblib, whatever was asked of them before.
+        """
+        content = {name: getattr(self, name) for name in _CONTENT}
+        return content | {"_digest": (_DIGESTS, self.digest)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take over checked content and write-protect it."""
@@ -217,8 +243,48 @@ class Recording:
         state = state | {"_shaft": np.asarray(state["_shaft"]), "_signals": signals}
         for array in (state["_shaft"], *signals.values()):
             array.flags.writeable = False
-        for name, value in state.items():
-            object.__setattr__(self, name, value)
+        for name in _CONTENT:
+            object.__setattr__(self, name, state[name])
+        object.__setattr__(self, "_remembered", {})
+        self._take_digest(*state.get("_digest", ("", "")))
+
+    def _take_digest(self, made_by: str, digest: str) -> None:
+        """Believe a digest that came along, unless a file may have changed on the way."""
+        stamps = file_stamps(self._arrays())
+        if made_by != _DIGESTS or stamps is None:
+            return
+        known = not stamps or (stamps, digest) in _verified
+        self._remembered["digest" if known else "digest to verify"] = (stamps, digest)
+
+    def _arrays(self) -> list[NDArray[np.floating]]:
+        return [self._shaft, *self._signals.values()]
+
+    def _once(self, name: str, work_out: Callable[[], Any]) -> Any:
+        """Return what is remembered, or work it out, as long as no file is written."""
+        stamps = file_stamps(self._arrays())
+        known = self._remembered.get(name)
+        if known is not None and stamps is not None and known[0] == stamps:
+            return known[1]
+        value = work_out()
+        if stamps is not None and stamps == file_stamps(self._arrays()):
+            self._remembered[name] = (stamps, value)
+            self._verify(stamps, value)
+        return value
+
+    def _verify(self, stamps: Stamps, digest: Any) -> None:
+        """Note that a digest that came along is true for the files as they are."""
+        if self._remembered.get("digest to verify") == (stamps, digest):
+            if len(_verified) >= _MOST_VERIFIED:
+                _verified.clear()
+            _verified.add((stamps, digest))
+
+    def _digest(self) -> str:
+        facts = (self.channels, tuple(self._fs.values()), self.shaft_fs, self.reference)
+        return content_digest(repr(facts), self._arrays())
+
+    def _velocity_range(self) -> tuple[float, float]:
+        velocity = self.velocity
+        return float(velocity.min()), float(velocity.max())
 
 
 def described(recording: Any, index: int) -> str:

@@ -19,6 +19,7 @@ LAYERS = {
         "axes",
         "bins",
         "costs",
+        "digests",
         "fault_orders",
         "fourier",
         "gaussians",
@@ -33,7 +34,13 @@ LAYERS = {
         "strokes",
         "tacho",
     ],
-    "recordings": ["recordings", "angle_recordings"],
+    "recordings": [
+        "recordings",
+        "angle_recordings",
+        "progress",
+        "recalled_spectra",
+        "spectrum_store",
+    ],
     "estimators": ["order_resampler", "order_psd", "bin_transformer", "diagnosis"],
         "_bin_bars",
         "_drawing",
@@ -76,7 +83,7 @@ LAYERS = {
 }
 HEIGHT = {name: height for height, names in enumerate(LAYERS.values()) for name in names}
 MODULES = sorted(path.stem for path in FOLDER.glob("*.py"))
-OPTIONAL = {"matplotlib", "numba", "polars"}
+OPTIONAL = {"matplotlib", "numba", "polars", "tqdm"}
 
 
 def tree(module):
