@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any
@@ -14,18 +14,17 @@ _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file 
 
 
 @contextmanager
-def located(where: str) -> Iterator[None]:
+def located(where: str | Callable[[], str]) -> Iterator[None]:
     """Put `where` in front of any ValueError or TypeError raised inside.
 
     The functions below know a channel and a sample; only their caller knows
-    which recording it was.
+    which recording it was. A function is called only if there is an error to locate.
     """
     try:
         yield
-    except TypeError as error:
-        raise TypeError(f"{where}: {error}") from error
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from error
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else ValueError
+        raise kind(f"{where if isinstance(where, str) else where()}: {error}") from error
 
 
 def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from hashlib import sha256
 from typing import Any, NamedTuple
 
@@ -149,7 +150,13 @@ def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str
     >>> order_columns(["current"], [0, 0.5, 1])
     ('current@0', 'current@0.5', 'current@1')
     """
-    names = [number_name(order) for order in orders]
+    return _order_columns(tuple(channels), np.array(list(orders), dtype=np.float64).tobytes())
+
+
+# A search fits and transforms over and over on the same axes, with thousands of names.
+@lru_cache(maxsize=128)
+def _order_columns(channels: tuple[str, ...], orders: bytes) -> tuple[str, ...]:
+    names = [number_name(order) for order in np.frombuffer(orders)]
     return tuple(f"{channel}@{name}" for channel in channels for name in names)
 
 
@@ -204,6 +211,11 @@ def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None
         If only some names have that form, if a channel comes in two places, or
         if its orders do not increase.
     """
+    return _parsed_columns(tuple(columns))
+
+
+@lru_cache(maxsize=128)
+def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
     parsed = [_parse(name) for name in columns]
     known = [entry for entry in parsed if entry is not None]
     if not known:
@@ -226,6 +238,7 @@ def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None
                 f"the orders of a channel must increase, but column {columns[place]!r} follows "
                 f"{columns[place - 1]!r}. Restore the order of the columns."
             )
+        orders.flags.writeable = False  # it serves everybody who asks
         blocks.append(OrderBlock(channel, orders, slice(start, stop)))
     names = [block.channel for block in blocks]
     if len(set(names)) < len(names):

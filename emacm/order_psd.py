@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import isclose
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -282,22 +283,20 @@ class OrderPSD(TransformerMixin, BaseEstimator):
     def _check_recordings(self, rows: Sequence[AngleRecording]) -> None:
         """Compare recordings with the axis and the channels of `fit`."""
         for index, row in enumerate(rows):
-            where = described(row, index)
             if not self._recorded:
                 raise ValueError(
-                    f"{where} is a recording, but OrderPSD was fitted on bare rows. Fit it again."
+                    f"{described(row, index)} is a recording, but OrderPSD was fitted on bare "
+                    f"rows. Fit it again."
                 )
             if row.channels != self.channels_:
                 raise ValueError(
-                    f"{where} has channels {list(row.channels)}, expected were "
+                    f"{described(row, index)} has channels {list(row.channels)}, expected were "
                     f"{list(self.channels_)}."
                 )
-            if self.theta_s_ is None or not np.isclose(
-                row.theta_s, self.theta_s_, rtol=1e-12, atol=0
-            ):
+            if self.theta_s_ is None or not isclose(row.theta_s, self.theta_s_, rel_tol=1e-12):
                 raise ValueError(
-                    f"{where} was resampled with theta_s = {row.theta_s!r}, but OrderPSD was "
-                    f"fitted on {self.theta_s_!r}. Resample it alike, or fit again."
+                    f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
+                    f"OrderPSD was fitted on {self.theta_s_!r}. Resample it alike, or fit again."
                 )
             if self.by_direction and row.direction == "travel":
                 raise ValueError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,7 @@ class OrderResampler(  # type: ignore[call-arg]
         recordings = self._recordings(X)
         self._check_channels(recordings, self.channels_)
         for index, recording in enumerate(recordings):
-            with located(described(recording, index)):
+            with located(partial(described, recording, index)):
                 self._check_turning(recording)
         return [
             AngleRecording(
@@ -276,7 +277,7 @@ class OrderResampler(  # type: ignore[call-arg]
             raise ValueError("X holds no recording; at least one is needed.")
         recordings = []
         for index, entry in enumerate(entries):
-            with located(described(entry, index)):
+            with located(partial(described, entry, index)):
                 recordings.append(entry if isinstance(entry, Recording) else self._from_bare(entry))
         return recordings
 
@@ -322,18 +323,19 @@ class OrderResampler(  # type: ignore[call-arg]
     def _check_channels(self, recordings: list[Recording], channels: tuple[str, ...]) -> None:
         wanted = set(channels)
         for index, recording in enumerate(recordings):
+            if recording.channels == channels:
+                continue
             missing = [name for name in channels if name not in recording.channels]
             other = [name for name in recording.channels if name not in wanted]
-            where = described(recording, index)
             if missing:
                 raise ValueError(
-                    f"{where} has no channel {missing[0]!r}; its channels are "
-                    f"{list(recording.channels)}, expected were {list(channels)}."
+                    f"{described(recording, index)} has no channel {missing[0]!r}; its channels "
+                    f"are {list(recording.channels)}, expected were {list(channels)}."
                 )
             if other and self.channels is None:
                 raise ValueError(
-                    f"{where} has a channel {other[0]!r} besides the expected "
-                    f"{list(channels)}. Set channels={list(channels)} to pass over it."
+                    f"{described(recording, index)} has a channel {other[0]!r} besides the "
+                    f"expected {list(channels)}. Set channels={list(channels)} to pass over it."
                 )
 
     def _check_turning(self, recording: Recording) -> None:

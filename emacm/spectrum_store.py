@@ -74,6 +74,11 @@ class _Recent:
             while self._bytes > self._limit:
                 self._bytes -= self._held.popitem(last=False)[1].nbytes
 
+    def clear(self) -> None:
+        with self._lock:
+            self._held.clear()
+            self._bytes = 0
+
 
 _recent = _Recent(BYTES_IN_MEMORY)
 _written: dict[str, float] = {}  # bytes this process wrote to a folder since it last looked there
@@ -228,6 +233,11 @@ class SpectrumStore:
                 break
             Path(path).unlink(missing_ok=True)
             excess -= size
+
+
+def forget() -> None:
+    """Let go of what this process holds in memory; files stay."""
+    _recent.clear()
 
 
 def open_store(memory: Any) -> SpectrumStore | None:

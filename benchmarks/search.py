@@ -1,0 +1,235 @@
+"""What a search costs, and how often it estimates the same spectrum.
+
+A plain `GridSearchCV` over the angle between samples, the length of a segment and the width of a
+bin, with spectra kept by `OrderPSD(memory=folder)`, against the least that it can cost: the spectra
+alone, each once, and the same grid with the spectra given. Without memory and with
+`Pipeline(memory=...)`, a small part of the grid is timed and scaled. Run from the repository:
+
+    python benchmarks/search.py [--quick] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import scipy
+import sklearn
+from numpy.typing import NDArray
+from sklearn.decomposition import PCA
+from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+import emacm
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    order_psd,
+    spectrum_store,
+)
+
+FS = 48_000.0
+TOP = 20.0  # highest order of a bin
+FOLDS = KFold(5, shuffle=True, random_state=0)
+GRID = {
+    "orderresampler__theta_s": [2 * np.pi / n for n in (64, 80, 100, 128, 160)],
+    "orderpsd__revolutions": [4, 6, 8, 12, 16],
+    "bintransformer__bin_size": [0.5, 1.0, 2.0, 4.0, 5.0],
+}
+QUICK = {name: values[:2] for name, values in GRID.items()}
+
+
+def recordings(n_recordings: int, n_times: int) -> tuple[list[Recording], NDArray[np.str_]]:
+    """Make runs of 2 healthy and worn drives, 3 channels; a worn one has a line at order 5.4."""
+    y = np.array(["healthy", "worn"] * (n_recordings // 2))
+    X = []
+    for seed, condition in enumerate(y):
+        rng = np.random.default_rng(seed)
+        times = np.arange(n_times) / FS
+        velocity = 2 * np.pi * 48 * (1 + 0.15 * np.sin(2 * np.pi * times + rng.uniform(0, 6)))
+        angle = np.cumsum(velocity) / FS
+        line = 0.1 * (condition == "worn") * np.sin(5.4 * angle)
+        noise = rng.standard_normal((3, n_times))
+        channels = dict(zip(("current", "x", "y"), noise + np.sin(6 * angle) + line, strict=True))
+        X.append(Recording(channels, FS, velocity=velocity, meta={"run": seed}))
+    return X, y
+
+
+def classifier() -> list[Any]:
+    """Make the steps that follow the bins."""
+    return [
+        FunctionTransformer(np.log10),
+        StandardScaler(),
+        PCA(5),
+        CostSensitiveGaussianBayes({("healthy", "worn"): 10.0}, shrinkage="oas"),
+    ]
+
+
+def pipeline(**options: Any) -> Pipeline:
+    """Make the whole pipeline; options are those of OrderPSD."""
+    return make_pipeline(
+        OrderResampler(), OrderPSD(**options), BinTransformer(max_order=TOP), *classifier()
+    )
+
+
+def searched(steps: Pipeline, grid: dict[str, Any], X: Any, y: Any, n_jobs: int = 1) -> Any:
+    """Run the search."""
+    search = GridSearchCV(steps, grid, cv=FOLDS, error_score="raise", n_jobs=n_jobs)
+    return search.fit(X, y)
+
+
+@contextmanager
+def counted() -> Iterator[list[int]]:
+    """Count the calls of the function that resamples a recording and estimates its spectra."""
+    original, calls = order_psd._spectra, []
+
+    def counting(*args: Any, **kwargs: Any) -> Any:
+        calls.append(1)
+        return original(*args, **kwargs)
+
+    order_psd._spectra = counting
+    try:
+        yield calls
+    finally:
+        order_psd._spectra = original
+
+
+def timed(run: Callable[[], Any]) -> dict[str, Any]:
+    """Return seconds, number of spectra and result of a run."""
+    with counted() as calls:
+        start = time.perf_counter()
+        result = run()
+        seconds = time.perf_counter() - start
+    return {"seconds": seconds, "spectra": len(calls), "result": result}
+
+
+def every_spectrum(X: list[Recording], grid: dict[str, Any]) -> dict[tuple[float, float], Any]:
+    """Estimate each spectrum once, and nothing else."""
+    tables = {}
+    for theta_s in grid["orderresampler__theta_s"]:
+        over_angle = OrderResampler(theta_s).fit_transform(X)
+        for revolutions in grid["orderpsd__revolutions"]:
+            tables[theta_s, revolutions] = OrderPSD(revolutions).fit_transform(over_angle)
+    return tables
+
+
+def given_spectra(tables: dict[tuple[float, float], Any], grid: dict[str, Any], y: Any) -> float:
+    """Search the same grid with the spectra given; return the best score."""
+    sizes = {"bintransformer__bin_size": grid["bintransformer__bin_size"]}
+    steps = make_pipeline(BinTransformer(max_order=TOP), *classifier())
+    return max(searched(steps, sizes, table, y).best_score_ for table in tables.values())
+
+
+def given_bins(tables: dict[tuple[float, float], Any], grid: dict[str, Any], y: Any) -> float:
+    """Search the same grid with the bins given; return the best score."""
+    steps, best = make_pipeline(*classifier()), 0.0
+    for table in tables.values():
+        for size in grid["bintransformer__bin_size"]:
+            bins = BinTransformer(size, max_order=TOP).fit_transform(table)
+            best = max(best, searched(steps, {"pca__n_components": [5]}, bins, y).best_score_)
+    return best
+
+
+def part_of(grid: dict[str, Any]) -> dict[str, Any]:
+    """Keep one setting of the spectra, and all bins."""
+    return {
+        name: values if name.startswith("bin") else values[2:3] or values[:1]
+        for name, values in grid.items()
+    }
+
+
+def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str, Any]]:
+    """Run all variants; seconds of those that would take too long are scaled from a part."""
+    small = part_of(grid)
+    scale = len(grid["orderresampler__theta_s"]) * len(grid["orderpsd__revolutions"])
+    rows = []
+
+    def add(variant: str, run: Callable[[], Any], times: int = 1) -> Any:
+        row = timed(run)
+        result = row.pop("result")
+        rows.append({"variant": variant, "scaled": times} | {k: v * times for k, v in row.items()})
+        return result
+
+    searched(pipeline(), small, X[:10], y[:10])  # warms up
+    tables = add("each spectrum once, no search", lambda: every_spectrum(X, grid))
+    best = add("search, spectra given", lambda: given_spectra(tables, grid, y))
+    add("search, bins given", lambda: given_bins(tables, grid, y))
+    with tempfile.TemporaryDirectory() as folder:
+        steps = pipeline(memory=folder)
+        found = add("search, OrderPSD(memory=folder)", lambda: searched(steps, grid, X, y))
+        assert found.best_score_ == best
+        add("the same in this process again", lambda: searched(steps, grid, X, y))
+        spectrum_store.forget()
+        add("the same, from the files", lambda: searched(steps, grid, X, y))
+        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+        rows[-1]["MB kept"] = kept / 1e6
+    with tempfile.TemporaryDirectory() as folder:
+        steps = pipeline().set_params(memory=joblib.Memory(folder, verbose=0))
+        add("search, Pipeline(memory=folder)", lambda: searched(steps, small, X, y), scale)
+        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+        rows[-1]["MB kept"] = kept * scale / 1e6
+    add("search, no memory", lambda: searched(pipeline(), small, X, y), scale)
+    return rows
+
+
+def header(options: argparse.Namespace, X: list[Recording], grid: dict[str, Any]) -> dict[str, Any]:
+    """Say what was measured on what."""
+    return {
+        "machine": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "scikit-learn": sklearn.__version__,
+        "joblib": joblib.__version__,
+        "emacm": emacm.__version__,
+        "recordings": f"{len(X)} of {len(X[0].channels)} channels, {len(X[0].velocity)} samples",
+        "grid": " x ".join(str(len(values)) for values in grid.values()) + f" x {FOLDS.n_splits}",
+        "quick": options.quick,
+    }
+
+
+def write_json(path: Path, head: dict[str, Any], rows: list[dict[str, Any]]) -> None:
+    """Write the figures with what they were measured on."""
+    path.write_text(json.dumps({"header": head, "rows": rows}, indent=1), encoding="utf-8")
+
+
+def main() -> None:
+    """Measure, print the table and write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a small grid, short recordings")
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    options = parser.parse_args()
+    grid = QUICK if options.quick else GRID
+    X, y = recordings(20, 24_000) if options.quick else recordings(40, 96_000)
+    head = header(options, X, grid)
+    for name, value in head.items():
+        print(f"{name}: {value}")
+    rows = measured(X, y, grid)
+    least = rows[0]["seconds"] + rows[1]["seconds"]  # the spectra, and the grid without them
+    print(f"\n{'':34}{'s':>9}{'spectra':>9}{'of least':>9}{'MB kept':>9}")
+    for row in rows:
+        row["of least"] = row["seconds"] / least
+        mark = f"  (timed on a part, x {row['scaled']})" if row["scaled"] > 1 else ""
+        print(
+            f"{row['variant']:34}{row['seconds']:9.2f}{row['spectra']:9d}{row['of least']:9.2f}"
+            f"{row.get('MB kept', 0):9.0f}{mark}"
+        )
+    if options.json:
+        write_json(options.json, head, rows)
+
+
+if __name__ == "__main__":
+    main()
