@@ -85,10 +85,9 @@ def pipeline(**options: Any) -> Pipeline:
     )
 
 
-def searched(steps: Pipeline, grid: dict[str, Any], X: Any, y: Any, n_jobs: int = 1) -> Any:
+def searched(steps: Pipeline, grid: dict[str, Any], X: Any, y: Any, **options: Any) -> Any:
     """Run the search."""
-    search = GridSearchCV(steps, grid, cv=FOLDS, error_score="raise", n_jobs=n_jobs)
-    return search.fit(X, y)
+    return GridSearchCV(steps, grid, cv=FOLDS, error_score="raise", **options).fit(X, y)
 
 
 @contextmanager
@@ -163,6 +162,9 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
         rows.append({"variant": variant, "scaled": times} | {k: v * times for k, v in row.items()})
         return result
 
+    def part(steps: Pipeline) -> Any:
+        return searched(steps, small, X, y, refit=False)
+
     searched(pipeline(), small, X[:10], y[:10])  # warms up
     tables = add("each spectrum once, no search", lambda: every_spectrum(X, grid))
     best = add("search, spectra given", lambda: given_spectra(tables, grid, y))
@@ -178,10 +180,10 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
         rows[-1]["MB kept"] = kept / 1e6
     with tempfile.TemporaryDirectory() as folder:
         steps = pipeline().set_params(memory=joblib.Memory(folder, verbose=0))
-        add("search, Pipeline(memory=folder)", lambda: searched(steps, small, X, y), scale)
+        add("search, Pipeline(memory=folder)", lambda: part(steps), scale)
         kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
         rows[-1]["MB kept"] = kept * scale / 1e6
-    add("search, no memory", lambda: searched(pipeline(), small, X, y), scale)
+    add("search, no memory", lambda: part(pipeline()), scale)
     return rows
 
 

@@ -55,9 +55,7 @@ class _Recent:
 
     def __init__(self, bytes_limit: int) -> None:
         self._limit = bytes_limit
-        self._held: OrderedDict[Any, NDArray[np.floating]] = OrderedDict()
-        self._bytes = 0
-        self._lock = Lock()
+        self.clear()
 
     def get(self, key: Any) -> NDArray[np.floating] | None:
         with self._lock:
@@ -75,12 +73,14 @@ class _Recent:
                 self._bytes -= self._held.popitem(last=False)[1].nbytes
 
     def clear(self) -> None:
-        with self._lock:
-            self._held.clear()
-            self._bytes = 0
+        self._lock = Lock()  # a forked child may have inherited it locked
+        self._held: OrderedDict[Any, NDArray[np.floating]] = OrderedDict()
+        self._bytes = 0
 
 
 _recent = _Recent(BYTES_IN_MEMORY)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_recent.clear)
 _written: dict[str, float] = {}  # bytes this process wrote to a folder since it last looked there
 
 
@@ -115,6 +115,17 @@ class SpectrumStore:
         self.folder = os.path.abspath(os.fspath(folder))
         self.bytes_limit = check_count(bytes_limit, "bytes_limit")
 
+    def made(self) -> SpectrumStore:
+        """Make the folder, where it does not exist, and return the store."""
+        try:
+            os.makedirs(os.path.join(self.folder, _FOLDER), exist_ok=True)
+        except OSError as error:
+            raise ValueError(
+                f"memory = {self.folder!r} cannot be made a folder of spectra: {error}. "
+                f"Name one that can be written to."
+            ) from error
+        return self
+
     def find(self, key: str) -> NDArray[np.floating] | None:
         """Return the spectrum kept under a key, or None; nobody can write to it."""
         spectrum = _recent.get((self.folder, key))
@@ -129,10 +140,11 @@ class SpectrumStore:
 
     def keep(self, key: str, spectrum: NDArray[np.floating]) -> None:
         """Keep a spectrum under a key of 64 hexadecimal digits."""
-        body = io.BytesIO()
-        np.save(body, np.ascontiguousarray(spectrum), allow_pickle=False)
-        content = _HEAD + _seal(key, body.getvalue()) + body.getvalue()
-        _recent.put((self.folder, key), _readable(body.getvalue()))
+        writer = io.BytesIO()
+        np.save(writer, np.ascontiguousarray(spectrum), allow_pickle=False)
+        body = writer.getvalue()
+        content = _HEAD + _seal(key, body) + body
+        _recent.put((self.folder, key), _readable(body))
         if len(content) > self.bytes_limit:
             return
         try:
@@ -257,11 +269,11 @@ def open_store(memory: Any) -> SpectrumStore | None:
     TypeError
         If it is none of these, or a memory that is no folder.
     ValueError
-        If it is no memory at all (scikit-learn's answer).
+        If it is no memory at all (scikit-learn's answer), or the folder cannot be made.
     """
-    if memory is None or isinstance(memory, SpectrumStore):
-        return memory
-    if not isinstance(memory, str | os.PathLike):
+    if isinstance(memory, SpectrumStore):
+        return memory.made()
+    if not isinstance(memory, str | os.PathLike | None):
         check_memory(memory)
         if not isinstance(memory, joblib.Memory) or memory.backend != "local":
             raise TypeError(
@@ -269,7 +281,7 @@ def open_store(memory: Any) -> SpectrumStore | None:
                 f"spectra are kept in files; got {memory!r}."
             )
         memory = memory.location
-    return None if memory is None else SpectrumStore(memory)
+    return None if memory is None else SpectrumStore(memory).made()
 
 
 def _seal(key: str, body: bytes) -> bytes:

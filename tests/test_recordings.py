@@ -1,7 +1,10 @@
 """Facts about the recording: what it takes, keeps and refuses to change."""
 
 import copy
+import mmap
+import os
 import pickle
+import time
 
 import joblib
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import emacm.recordings
 from emacm import Recording
 
 TIMES = np.arange(200) / 100
@@ -310,6 +314,262 @@ def test_joblib_hashes_equal_recordings_alike():
 )
 def test_joblib_hashes_different_recordings_apart(change):
     assert joblib.hash(sine()) != joblib.hash(sine(**change))
+
+
+# Digest
+
+CHANGES = {
+    "velocity": {"velocity": np.full(200, 4.0)},
+    "angle": {"velocity": None, "angle": 3.0 * TIMES},
+    "the same numbers as angle": {"velocity": None, "angle": np.full(200, 3.0)},
+    "float32": {"velocity": np.full(200, 3.0, dtype=np.float32)},
+    "rate": {"shaft_fs": 100.2},
+}
+
+
+def known_digests(monkeypatch):
+    """Count how often content is read for a digest."""
+    read = []
+    original = emacm.recordings.content_digest
+
+    def counting(*args):
+        read.append(args)
+        return original(*args)
+
+    monkeypatch.setattr(emacm.recordings, "content_digest", counting)
+    return read
+
+
+def settled(file):
+    """Make a file look as if it was written an hour ago."""
+    os.utime(file, (time.time() - 3600,) * 2)
+
+
+def mapped_sine(file, factor=1.0):
+    """A recording of a file in which no time stamp is too fresh to be trusted."""
+    np.save(file, factor * np.sin(TIMES))
+    settled(file)
+    return Recording({"a": np.load(file, mmap_mode="r")}, 100, velocity=np.ones(200))
+
+
+def in_memory(recording):
+    signals = {name: np.array(signal) for name, signal in recording.signals.items()}
+    return Recording(signals, recording.fs, velocity=recording.velocity)
+
+
+def test_recordings_of_equal_content_have_one_digest_whatever_their_meta():
+    assert sine().digest == sine(meta={"unit": "B"}).digest
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=list(CHANGES))
+def test_recordings_of_other_content_have_other_digests(change):
+    assert sine().digest != sine(**change).digest
+
+
+def test_names_order_and_rates_of_channels_are_part_of_the_digest():
+    one, other = np.sin(TIMES), np.cos(TIMES)
+    made = [
+        Recording({"a": one, "b": other}, 100, velocity=one),
+        Recording({"b": other, "a": one}, 100, velocity=one),
+        Recording({"a": other, "b": one}, 100, velocity=one),
+        Recording({"a": one, "c": other}, 100, velocity=one),
+        Recording({"a": one, "b": other}, {"a": 100, "b": 100.2}, velocity=one, shaft_fs=100),
+    ]
+    assert len({recording.digest for recording in made}) == len(made)
+
+
+def test_where_one_channel_ends_and_the_next_begins_is_part_of_the_digest():
+    long, short = np.arange(201.0), np.arange(201.0, 401.0)
+    moved = np.concatenate([long, short])
+    one = Recording({"a": long, "b": short}, 100, velocity=np.ones(200))
+    other = Recording({"a": moved[:200], "b": moved[200:]}, 100, velocity=np.ones(200))
+    assert one.digest != other.digest
+
+
+def test_how_a_channel_lies_in_memory_is_no_part_of_the_digest():
+    spread = np.zeros((200, 2))
+    spread[:, 0] = np.sin(TIMES)
+    spread.flags.writeable = False
+    one = Recording({"a": spread[:, 0]}, 100, velocity=np.ones(200))
+    assert one.digest == Recording({"a": np.sin(TIMES)}, 100, velocity=np.ones(200)).digest
+
+
+def test_a_long_channel_is_read_to_its_end():
+    signal = np.zeros((1 << 20) + 5)
+    one = Recording({"a": signal}, 100, velocity=np.ones(len(signal)))
+    signal[-1] = 1
+    other = Recording({"a": signal}, 100, velocity=np.ones(len(signal)))
+    assert one.digest != other.digest
+
+
+def test_a_digest_is_worked_out_once(monkeypatch):
+    read = known_digests(monkeypatch)
+    recording = sine()
+    assert recording.digest == recording.digest
+    assert len(read) == 1
+
+
+@pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
+def test_a_digest_goes_with_pickle(monkeypatch, protocol):
+    pickled = pickle.dumps(sine(), protocol)
+    read = known_digests(monkeypatch)
+    assert pickle.loads(pickled).digest
+    assert not read
+
+
+def test_pickling_again_and_again_works_the_digest_out_once(monkeypatch):
+    read = known_digests(monkeypatch)
+    recording = sine()
+    for _ in range(3):
+        pickle.dumps(recording)
+    assert len(read) == 1
+
+
+def test_asking_for_the_digest_changes_nothing_else():
+    asked, other = sine(), sine()
+    assert asked.digest
+    assert asked.velocity_range
+    assert asked == other
+    assert hash(asked) == hash(other)
+    assert repr(asked) == repr(other)
+    assert joblib.hash(asked) == joblib.hash(other)
+    assert pickle.dumps(asked) == pickle.dumps(other)
+
+
+def test_a_recording_from_pickle_hashes_like_its_origin_for_joblib():
+    assert joblib.hash(pickle.loads(pickle.dumps(sine()))) == joblib.hash(sine())
+
+
+def test_a_recording_of_a_file_hashes_like_one_in_memory_for_joblib(tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert recording.digest
+    assert joblib.hash(recording) == joblib.hash(in_memory(recording))
+
+
+@pytest.mark.parametrize("made_by", ["", "0"])
+def test_pickles_without_a_digest_of_today_still_load(made_by):
+    state = sine().__getstate__()
+    state["_digest"] = (made_by, "0" * 64)
+    if not made_by:
+        del state["_digest"]
+    old = Recording.__new__(Recording)
+    old.__setstate__(state)
+    assert old == sine()
+    assert old.digest == sine().digest
+
+
+def test_the_digest_of_a_file_is_worked_out_once(monkeypatch, tmp_path):
+    read = known_digests(monkeypatch)
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert recording.digest == recording.digest == in_memory(recording).digest
+    assert len(read) == 2
+
+
+def test_the_digest_of_a_file_that_was_rewritten_is_another(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    before = recording.digest
+    mapped_sine(file, factor=2.0)
+    assert recording.digest != before
+    assert recording.digest == in_memory(recording).digest
+
+
+def test_time_stamps_that_may_not_change_any_more_are_not_trusted(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    now = time.time_ns()
+    os.utime(file, ns=(now, now))
+    before = recording.digest
+    np.save(file, np.cos(TIMES))
+    os.utime(file, ns=(now, now))  # as on a file system with a coarse clock
+    assert recording.digest != before
+
+
+def test_the_map_of_a_replaced_file_shows_the_old_one_and_so_does_its_digest(tmp_path):
+    file = tmp_path / "long.npy"
+    old = mapped_sine(file)
+    before = old.digest
+    os.rename(file, tmp_path / "moved.npy")
+    new = mapped_sine(file, factor=2.0)
+    assert old.digest == before
+    assert new.digest == in_memory(new).digest != before
+
+
+def test_the_digest_of_a_file_that_is_gone_is_still_that_of_the_content(tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    expected = in_memory(recording).digest
+    os.rename(tmp_path / "long.npy", tmp_path / "moved.npy")
+    assert recording.digest == recording.digest == expected
+
+
+def as_in_a_worker(recording):
+    """Send a recording as joblib does: a memory map goes by the name of its file."""
+    state = recording.__getstate__()
+    file = recording.signals["a"].base.filename
+    state["_signals"] = {"a": np.load(file, mmap_mode="r")}
+    received = Recording.__new__(Recording)
+    received.__setstate__(state)
+    return received
+
+
+def test_a_worker_reads_a_file_once_however_often_it_is_sent(monkeypatch, tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert as_in_a_worker(recording).digest == recording.digest
+    read = known_digests(monkeypatch)
+    for _ in range(3):
+        assert as_in_a_worker(recording).digest == recording.digest
+    assert not read
+
+
+def test_a_worker_does_not_believe_the_digest_of_a_file_that_was_replaced(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    assert as_in_a_worker(recording).digest == recording.digest
+    os.rename(file, tmp_path / "moved.npy")
+    mapped_sine(file, factor=2.0)
+    for _ in range(2):
+        received = as_in_a_worker(recording)
+        assert received.digest == in_memory(received).digest != recording.digest
+
+
+def test_a_mapped_buffer_of_an_unknown_file_is_read_each_time(monkeypatch, tmp_path):
+    file = tmp_path / "long.bin"
+    file.write_bytes(np.sin(TIMES).tobytes())
+    with open(file, "rb") as opened:
+        buffer = mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ)
+    recording = Recording({"a": np.frombuffer(buffer)}, 100, velocity=np.ones(200))
+    before = recording.digest
+    file.write_bytes(np.cos(TIMES).tobytes())
+    assert recording.digest != before
+
+
+# Range of the speed
+
+
+@pytest.mark.parametrize("reference", ["velocity", "angle"])
+def test_the_range_of_the_velocity_is_its_least_and_its_largest_value(reference):
+    options = {"velocity": None} | {reference: np.sin(TIMES)}
+    recording = sine(**options)
+    expected = (recording.velocity.min(), recording.velocity.max())
+    assert recording.velocity_range == recording.velocity_range == expected
+
+
+def test_the_range_of_the_velocity_is_looked_up_once(monkeypatch):
+    recording = sine()
+    expected = recording.velocity_range
+    monkeypatch.delattr(Recording, "velocity")
+    assert recording.velocity_range == expected
+
+
+def test_the_range_of_the_velocity_follows_its_file(tmp_path):
+    file = tmp_path / "speed.npy"
+    np.save(file, np.ones(200))
+    speed = np.load(file, mmap_mode="r")
+    settled(file)
+    recording = Recording({"a": np.sin(TIMES)}, 100, velocity=speed)
+    assert recording.velocity_range == (1.0, 1.0)
+    np.save(file, np.full(200, 2.0))
+    assert recording.velocity_range == (2.0, 2.0)
 
 
 # Comparison
