@@ -215,7 +215,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the figures")
     options = parser.parse_args()
     grid = QUICK if options.quick else GRID
-    X, y = recordings(20, 24_000) if options.quick else recordings(40, 96_000)
+    X, y = recordings(20, 12_000) if options.quick else recordings(40, 96_000)
     head = header(options, X, grid)
     for name, value in head.items():
         print(f"{name}: {value}")

@@ -250,8 +250,8 @@ class Recording:
 
     def _take_digest(self, made_by: str, digest: str) -> None:
         """Believe a digest that came along, unless a file may have changed on the way."""
-        stamps = file_stamps(self._arrays())
-        if made_by != _DIGESTS or stamps is None:
+        stamps = file_stamps(self._arrays()) if made_by == _DIGESTS else None
+        if stamps is None:
             return
         known = not stamps or (stamps, digest) in _verified
         self._remembered["digest" if known else "digest to verify"] = (stamps, digest)

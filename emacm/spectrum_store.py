@@ -90,6 +90,7 @@ class SpectrumStore:
     `OrderPSD` takes one as its `memory`, in place of a folder. Several processes and
     threads may use the same folder at the same time. What was used least lately
     goes first; processes that write at the same time may pass the limit by 5 % each.
+    To start anew, delete the folder (and call `forget` in processes that go on).
 
     Parameters
     ----------
