@@ -477,7 +477,7 @@ def test_the_digest_of_a_file_that_was_rewritten_is_another(tmp_path):
 def test_time_stamps_that_may_not_change_any_more_are_not_trusted(tmp_path):
     file = tmp_path / "long.npy"
     recording = mapped_sine(file)
-    now = time.time_ns()
+    now = time.time_ns() + 3600 * 10**9  # so that it is fresh, however slow this test is
     os.utime(file, ns=(now, now))
     before = recording.digest
     np.save(file, np.cos(TIMES))

@@ -12,7 +12,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from joblib import Parallel, delayed, parallel_config
@@ -74,6 +74,7 @@ def calls(monkeypatch):
 # One spectrum
 
 
+@settings(deadline=None)
 @given(
     spectrum=hnp.arrays(
         st.sampled_from([np.float32, np.float64]),
@@ -122,6 +123,7 @@ def test_later_changes_of_what_was_kept_do_not_show(store):
 # Damage
 
 
+@settings(deadline=None)
 @given(share=st.floats(0, 1, exclude_max=True))
 def test_a_truncated_file_is_never_read(tmp_path_factory, share):
     store = SpectrumStore(tmp_path_factory.mktemp("store"))
@@ -133,6 +135,7 @@ def test_a_truncated_file_is_never_read(tmp_path_factory, share):
     assert store.find(A) is None
 
 
+@settings(deadline=None)
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_a_file_with_a_single_bit_turned_is_never_read(tmp_path_factory, place, bit):
     store = SpectrumStore(tmp_path_factory.mktemp("store"))
