@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from emacm.paths import Path
 from emacm.recordings import Recording
 from emacm.resampling import angle_blocks
-from emacm.paths import Path
 from emacm.strokes import stroke_paths
 
 
