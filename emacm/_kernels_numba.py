@@ -27,7 +27,7 @@ Numbers = NDArray[np.int32]
 def _compiled(function: Any) -> Any:
     """Compile at the first call, and keep the result on disk where that is possible."""
     # Sums may be taken in another order, and products fused into them: 1e-15 of the result.
-    options = {"nogil": True, "fastmath": {"reassoc", "contract", "nsz", "arcp"}}
+    options: dict[str, Any] = {"nogil": True, "fastmath": {"reassoc", "contract", "nsz", "arcp"}}
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's can be written to
@@ -85,7 +85,8 @@ def places(
     reached: Array, first: int, n_angles: int, theta_s: float, dtype: type
 ) -> tuple[Numbers, Array]:
     """Say between which samples the angle grid is passed."""
-    left, shares = np.empty(n_angles, np.int32), np.empty(n_angles, dtype)
+    left: Numbers = np.empty(n_angles, np.int32)
+    shares: Array = np.empty(n_angles, dtype)
     _places(_read_only(reached), first, theta_s, left, shares)
     return left, shares
 
@@ -142,7 +143,7 @@ def _read_only(signal: Array) -> Array:
 
 
 @_compiled
-def _survey(velocity, stride, sums, lowest, highest):  # type: ignore[no-untyped-def]
+def _survey(velocity, stride, sums, lowest, highest):
     for k in range(len(sums)):
         piece = velocity[k * stride : (k + 1) * stride]
         total = 0.0
@@ -156,7 +157,7 @@ def _survey(velocity, stride, sums, lowest, highest):  # type: ignore[no-untyped
 
 
 @_compiled
-def _integrate(velocity, half_step, start, angle):  # type: ignore[no-untyped-def]
+def _integrate(velocity, half_step, start, angle):
     total = start
     before = np.float64(velocity[0])
     angle[0] = total
@@ -168,7 +169,7 @@ def _integrate(velocity, half_step, start, angle):  # type: ignore[no-untyped-de
 
 
 @_compiled
-def _shares(travel, first, scale, offset, kernel, n_points, weights, cells):  # type: ignore[no-untyped-def]
+def _shares(travel, first, scale, offset, kernel, n_points, weights, cells):
     a0, a1, a2, a3, a4, a5 = kernel[0]
     b0, b1, b2, b3, b4, b5 = kernel[1]
     half_scale = 0.5 * abs(scale)
@@ -195,7 +196,7 @@ def _shares(travel, first, scale, offset, kernel, n_points, weights, cells):  # 
 
 
 @_compiled
-def _spread_one(signal, mean, weights, cells, row):  # type: ignore[no-untyped-def]
+def _spread_one(signal, mean, weights, cells, row):
     w0, w1, w2, w3 = weights
     zero = mean - mean
     s0 = s1 = s2 = s3 = zero
@@ -220,9 +221,7 @@ def _spread_one(signal, mean, weights, cells, row):  # type: ignore[no-untyped-d
 
 
 @_compiled
-def _spread_two(  # type: ignore[no-untyped-def]
-    first, second, first_mean, second_mean, weights, cells, first_row, second_row
-):
+def _spread_two(first, second, first_mean, second_mean, weights, cells, first_row, second_row):
     w0, w1, w2, w3 = weights
     zero = first_mean - first_mean
     s0 = s1 = s2 = s3 = zero
@@ -262,7 +261,7 @@ def _spread_two(  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _spread(  # type: ignore[no-untyped-def]
+def _spread(
     travel, scale, offset, kernel, x0, x1, x2, x3, x4, x5, x6, x7, places, means, grid, n_points
 ):
     signals = (x0, x1, x2, x3, x4, x5, x6, x7)
@@ -286,7 +285,7 @@ def _spread(  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _decimate(grid, used, first, taps, means, outputs):  # type: ignore[no-untyped-def]
+def _decimate(grid, used, first, taps, means, outputs):
     n_outputs = outputs.shape[1]
     even = np.empty(n_outputs + 20, grid.dtype)
     odd = np.empty(n_outputs + 20, grid.dtype)
@@ -310,7 +309,7 @@ def _decimate(grid, used, first, taps, means, outputs):  # type: ignore[no-untyp
 
 
 @_compiled
-def _places(reached, first, theta_s, left, shares):  # type: ignore[no-untyped-def]
+def _places(reached, first, theta_s, left, shares):
     i, last = 0, len(reached) - 2
     low, high = reached[0], reached[1]
     for j in range(len(left)):
@@ -323,14 +322,14 @@ def _places(reached, first, theta_s, left, shares):  # type: ignore[no-untyped-d
 
 
 @_compiled
-def _blend(signal, left, shares, out):  # type: ignore[no-untyped-def]
+def _blend(signal, left, shares, out):
     for j in range(len(left)):
         low = signal[left[j]]
         out[j] = low + shares[j] * (signal[left[j] + 1] - low)
 
 
 @_compiled
-def _windowed(signals, first, step, window, remove_mean, segments):  # type: ignore[no-untyped-def]
+def _windowed(signals, first, step, window, remove_mean, segments):
     n_signals, n_segments, length = segments.shape
     for c in range(n_signals):
         for s in range(n_segments):
@@ -346,7 +345,7 @@ def _windowed(signals, first, step, window, remove_mean, segments):  # type: ign
 
 
 @_compiled
-def _powers(lines, total):  # type: ignore[no-untyped-def]
+def _powers(lines, total):
     n_signals, n_segments, _ = lines.shape
     n_orders = total.shape[1]
     for c in range(n_signals):
@@ -359,7 +358,7 @@ def _powers(lines, total):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _fold(segments, places, even, odd):  # type: ignore[no-untyped-def]
+def _fold(segments, places, even, odd):
     n_segments, n_parts, n_half = even.shape
     n_places = places.shape[1]
     for s in range(n_segments):
@@ -375,7 +374,7 @@ def _fold(segments, places, even, odd):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _join(real, imaginary, places, signs, cosines, sines, lines):  # type: ignore[no-untyped-def]
+def _join(real, imaginary, places, signs, cosines, sines, lines):
     n_segments, n_parts, _ = real.shape
     n_lines = len(places)
     re, im = np.empty(n_lines, real.dtype), np.empty(n_lines, real.dtype)

@@ -51,7 +51,7 @@ class OrderTable(np.ndarray):
     Parameters
     ----------
     values : array-like of shape (n_recordings, n_columns)
-        The table.
+        The table; float32 stays float32, all other numbers become float64.
     columns : sequence of str
         One name for each column.
 
@@ -68,8 +68,10 @@ class OrderTable(np.ndarray):
         columns = tuple(columns)
         # joblib hashes an array by its class, dtype and bytes, and so would take two tables
         # with equal numbers and different axes for one; metadata of the dtype it does hash.
-        dtype = np.dtype(np.float64, metadata={"columns": _digest(columns)})
-        table = np.asarray(values).astype(dtype).view(cls)
+        values = np.asarray(values)
+        precision = np.float32 if values.dtype == np.float32 else np.float64
+        dtype = np.dtype(precision, metadata={"columns": _digest(columns)})
+        table = values.astype(dtype).view(cls)
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(f"{len(columns)} names do not fit values of shape {table.shape}.")
         table.columns = columns

@@ -156,7 +156,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_recordings, n_bins_of_all_channels)
-            Mean square within each bin [U²], channel by channel.
+            Mean square within each bin [U²], channel by channel; float32 where `X` is.
 
         Raises
         ------
@@ -166,12 +166,14 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         check_is_fitted(self)
         names = column_names(X)
         self._refuse_lost_axis(X)
+        options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
         if self._same_axis(names):
-            psd = check_array(X, dtype=np.float64, ensure_all_finite=False)
+            psd = check_array(X, **options)
         else:
-            psd = validate_data(self, X, reset=False, dtype=np.float64, ensure_all_finite=False)
+            psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
-        return np.ascontiguousarray((self.operator_ @ psd.T).T)
+        # Summed in float64 in any case.
+        return np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the bins, ``channel@low-high`` or ``channel@name``.

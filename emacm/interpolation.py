@@ -46,7 +46,7 @@ def interpolated(
     first, last = path.sample_range(fs, len(rows[0]))
     dtype = np.result_type(*rows)
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    at_once = kernels().BLOCK
+    at_once = max(2, int(kernels().BLOCK / max(1.0, path.fastest / (fs * theta_s))))
     for start in range(first, last - 1, at_once):
         stop = min(start + at_once + 1, last)
         travel = path.travel_at(fs, start, stop)

@@ -50,7 +50,7 @@ class LazySeries:
             start, stop, step = key.indices(self._length)
             if step != 1:
                 return np.asarray(self)[key]
-            return self._read(start, max(start, stop))
+            return self._read(start, stop) if start < stop else np.empty(0)
         index = range(self._length)[key]
         return self._read(index, index + 1)[0]
 

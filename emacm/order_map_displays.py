@@ -286,5 +286,5 @@ def _segments(stroke: AngleStroke, plan: SegmentPlan) -> Iterator[tuple[Any, Any
 def _times_at(path: Path, travel: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return when the shaft has run these angles [s]."""
     # Below min_speed it may turn back a little, and interpolation needs a rising angle.
-    run = np.maximum.accumulate(path.travel)
+    run = np.maximum.accumulate(np.asarray(path.travel))
     return path.start_time + np.interp(travel, run, np.arange(len(run))) / path.fs

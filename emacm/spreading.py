@@ -108,7 +108,9 @@ def _dense_blocks(
     # Made denser, the signal goes on, mirrored, to the end of the path.
     n_times = len(rows[0]) if factor == 1 else factor * (len(rows[0]) + 1)
     first, last = path.sample_range(rate, n_times)
-    at_once = kernels().BLOCK
+    # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
+    density = 2 * path.fastest / (rate * theta_s)  # points of the fine grid for each sample
+    at_once = max(1, int(kernels().BLOCK / max(1.0, 2 * density)))
     for start in range(first, last, at_once):
         stop = min(start + at_once, last)
         travel = path.travel_at(rate, max(start - 1, first), min(stop + 1, last))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_number, check_signal
-from emacm.motion import IntegratedAngle, LazySeries, Series, blocks
+from emacm.motion import IntegratedAngle, Series, blocks
 from emacm.paths import JoinedTravel, Path, Stroke, StrokeTravel
 
 __all__ = ["DIRECTIONS", "Path", "Stroke", "find_strokes", "stroke_paths"]
@@ -16,7 +16,7 @@ __all__ = ["DIRECTIONS", "Path", "Stroke", "find_strokes", "stroke_paths"]
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 
 
-def find_strokes(velocity: ArrayLike | Series, *, min_speed: float = 0.0) -> list[Stroke]:
+def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]:
     """Find the stretches in which the shaft turns one way.
 
     A stroke is cut only where the direction changes. Samples at or below
@@ -46,10 +46,8 @@ def find_strokes(velocity: ArrayLike | Series, *, min_speed: float = 0.0) -> lis
     >>> find_strokes([0.0, 2.0, 0.0, 2.0, 0.0, -1.0, -1.0])
     [Stroke(start=1, stop=4, direction=1), Stroke(start=5, stop=7, direction=-1)]
     """
-    if not isinstance(velocity, LazySeries):
-        velocity = check_signal(velocity, "velocity", min_length=1)
-    min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
-    return _strokes(velocity, min_speed)
+    speed: Series = check_signal(velocity, "velocity", min_length=1)
+    return _strokes(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
 
 
 def stroke_paths(

@@ -7,6 +7,7 @@ import pytest
 from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm._kernels import using
 
 FS = 10_000
 N_TIMES = 300_000
@@ -70,19 +71,43 @@ def test_fifty_recordings_need_no_more_memory_than_five(antialias):
     assert many < 1.1 * few + 3 * 45 * row
 
 
-def test_a_recording_needs_but_a_few_times_its_resampled_size(recordings):
-    pipe = steps().fit(recordings)
-    peak = peak_bytes(pipe.transform, recordings[:1])
-    # Measured: 6.2, most of it the motion of the shaft; finding the strokes takes 4.
-    assert UNIT < peak < 7.5 * UNIT
+def spectra_peak(recording, kernels, **options):
+    pytest.importorskip(kernels)
+    pipe = make_pipeline(OrderResampler(THETA_S, **options), OrderPSD(16, max_order=40))
+    with using(kernels):
+        pipe.fit_transform([recording])
+        return peak_bytes(pipe.transform, [recording])
 
 
-def test_more_channels_add_but_their_own_size(recordings):
-    velocity = np.full(N_TIMES, SPEED)
-    four = Recording(dict.fromkeys("abcd", recordings[0].signals["a"]), FS, velocity=velocity)
-    one = peak_bytes(steps().fit_transform, recordings[:1])
-    # Measured: 1.3 for each further channel, of which 1 is what it is resampled to.
-    assert peak_bytes(steps().fit_transform, [four]) - one < 3 * 2 * UNIT
+def recording_of(n_times, n_channels=5):
+    rng = np.random.default_rng(0)
+    signal = rng.standard_normal(n_times)
+    signal.flags.writeable = False  # so that the channels share it
+    velocity = np.full(n_times, SPEED)
+    return Recording(dict.fromkeys("abcdefgh"[:n_channels], signal), FS, velocity=velocity)
+
+
+both_kernels = pytest.mark.parametrize("kernels", ["numpy", "numba"])
+both_ways = pytest.mark.parametrize("options", [{}, {"antialias": False}])
+
+
+@both_kernels
+@both_ways
+def test_a_recording_needs_less_memory_than_it_takes_itself(kernels, options):
+    # Measured: 0.4 to 0.8 of a recording, in which there are as many angles as times.
+    recording = recording_of(480_000)
+    assert spectra_peak(recording, kernels, **options) < 5 * 480_000 * 8
+
+
+@both_kernels
+@both_ways
+def test_memory_does_not_grow_with_the_length_of_a_recording(kernels, options):
+    short, long = (
+        spectra_peak(recording_of(n, n_channels=1), kernels, **options)
+        for n in (400_000, 2_000_000)
+    )
+    # Of the shaft, the angle at every 256th sample is held, and two speeds.
+    assert long < 1.05 * short + 8 * 8 * 1_600_000 / 256
 
 
 def test_fitting_resamples_nothing(recordings):

@@ -10,10 +10,12 @@ import pytest
 import sklearn
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
+from sklearn.pipeline import make_pipeline
 from sklearn.utils import get_tags
 
 import emacm.angle_recordings
-from emacm import OrderResampler, Recording
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm._kernels import using
 
 FS = 1000
 THETA_S = 2 * np.pi / 32
@@ -628,3 +630,32 @@ def test_quality_warns_of_noise_at_rest_beside_a_long_stroke():
     assert "strokes of less than a revolution: raise min_speed" in words
     (words,) = OrderResampler(2 * np.pi / 16, min_speed=1).quality([recording])["warnings"]
     assert words == ""
+
+
+# float32
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize(
+    "options", [{}, {"antialias": False}, {"antialias": False, "interpolation": "linear"}]
+)
+@pytest.mark.parametrize("fs", [10_000, 300])
+def test_float32_recordings_stay_float32_and_give_the_same_features(kernels, options, fs):
+    pytest.importorskip(kernels)
+    time = np.arange(4 * fs) / fs
+    angle = 2 * np.pi * (6 * time + 1.5 * np.sin(np.pi * time))
+    rng = np.random.default_rng(0)
+    signal = np.sin(7.3 * angle) + 0.01 * rng.standard_normal(len(time))
+    exact = Recording({"x": signal.astype(np.float32).astype(float)}, fs, angle=angle)
+    single = Recording({"x": signal.astype(np.float32)}, fs, angle=angle)
+    pipe = make_pipeline(
+        OrderResampler(2 * np.pi / 64, **options),
+        OrderPSD(8, max_order=20),
+        BinTransformer(max_order=20),
+    )
+    with using(kernels):
+        features = pipe.fit_transform([exact])
+        assert pipe[0].transform([single])[0].strokes[0].signals.dtype == np.float32
+        found = pipe.transform([single])
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, features, rtol=1e-5)

@@ -285,6 +285,26 @@ def reversing_recording(fault):
     return Recording({"x": fault(angle, np.mod(time, 2) < 1)}, fs, angle=angle, meta={"unit": "B"})
 
 
+@settings(deadline=None)
+@given(
+    sizes=st.lists(st.integers(1, 400), min_size=1, max_size=12),
+    length=st.integers(8, 300),
+    overlap=st.sampled_from([0.0, 0.25, 0.5, 0.9]),
+    average=st.sampled_from(["mean", "median"]),
+)
+def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average):
+    signal = np.random.default_rng(sum(sizes)).standard_normal((2, sum(sizes)))
+    plan = segment_plan(32.0, n_per_segment=length, overlap=overlap, average=average)
+    cuts = np.cumsum(sizes)[:-1]
+    blocks = np.split(signal, cuts, axis=1)
+    if sum(sizes) < length:
+        with pytest.raises(ValueError, match="no signal holds a segment"):
+            plan.average_of([iter(blocks)])
+        return
+    expected = plan.average_of([signal])
+    np.testing.assert_allclose(plan.average_of([iter(blocks)]), expected, rtol=1e-9, atol=1e-15)
+
+
 def test_by_direction_a_fault_of_forward_strokes_stands_in_forward_columns_only():
     recording = reversing_recording(lambda angle, forward: np.where(forward, np.sin(9 * angle), 0))
     psd = OrderPSD(8, by_direction=True, scaling="spectrum")

@@ -1,0 +1,230 @@
+"""Facts about the inner loops: the compiled ones do what those in NumPy do."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from emacm import _kernels, _kernels_numpy
+from emacm.spreading import _decimating_filter, _kernel_halves
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("numba") is None, reason="numba is not installed (extra 'fast')"
+)
+both_precisions = pytest.mark.parametrize(
+    ("dtype", "tolerance"), [(np.float64, 1e-12), (np.float32, 1e-5)]
+)
+
+
+@pytest.fixture
+def compiled():
+    from emacm import _kernels_numba
+
+    return _kernels_numba
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def agree(one, other, tolerance=1e-12):
+    np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance * np.abs(other).max())
+
+
+@both_precisions
+def test_surveys_agree(compiled, rng, dtype, tolerance):
+    velocity = rng.standard_normal(1000).astype(dtype)
+    for one, other in zip(
+        compiled.survey(velocity, 256), _kernels_numpy.survey(velocity, 256), strict=True
+    ):
+        assert one.dtype == other.dtype == np.float64
+        assert len(one) == 4
+        agree(one, other)
+
+
+@both_precisions
+def test_integrals_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
+    velocity = rng.standard_normal(5000).astype(dtype)
+    one = compiled.integrate(velocity, 0.01, 3.0)
+    other = _kernels_numpy.integrate(velocity, 0.01, 3.0)
+    assert one.dtype == other.dtype == np.float64
+    assert one[0] == other[0] == 3.0
+    agree(one, other)
+
+
+@both_precisions
+@pytest.mark.parametrize("n_signals", [1, 2, 5, 8, 11])
+@pytest.mark.parametrize("scale", [3.0, -3.0])
+def test_spreading_agrees(compiled, rng, dtype, tolerance, n_signals, scale):
+    travel = np.sort(rng.uniform(0, 100, 10_002))
+    signals = [rng.standard_normal(10_000).astype(dtype) for _ in range(n_signals)]
+    means = rng.standard_normal(n_signals)
+    grids = np.zeros((2, n_signals, 290), dtype)  # the last samples lie beyond
+    offset = 2.5 if scale > 0 else 280.0
+    for module, grid in zip((compiled, _kernels_numpy), grids, strict=True):
+        module.spread(travel, scale, offset, _kernel_halves(), signals, means, grid, 280)
+    assert np.all(grids[:, :, 280:] == 0)
+    assert np.abs(grids).max() > 0
+    agree(grids[0], grids[1], tolerance)
+
+
+@both_precisions
+def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng, dtype, tolerance):
+    grid = rng.standard_normal((3, 500)).astype(dtype)
+    means = np.array([1.0, -2.0, 30.0])
+    grids = [grid.copy(), grid.copy()]
+    outputs = [
+        module.decimate(held, 480, 2, _decimating_filter(), means, 200)
+        for module, held in zip((compiled, _kernels_numpy), grids, strict=True)
+    ]
+    assert outputs[0].dtype == outputs[1].dtype == dtype
+    agree(*outputs, tolerance)
+    np.testing.assert_array_equal(grids[0], grids[1])
+    np.testing.assert_array_equal(grids[0][:, :80], grid[:, 400:480])
+    assert not grids[0][:, 80:480].any()
+
+
+def test_decimation_is_a_convolution_of_which_every_other_point_is_kept(rng):
+    grid, taps = rng.standard_normal(200), _decimating_filter()
+    (found,) = _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, taps, np.zeros(1), 50)
+    np.testing.assert_allclose(found, np.convolve(grid, taps)[43 : 43 + 100 : 2], atol=1e-12)
+
+
+@both_precisions
+def test_reading_off_between_samples_agrees(compiled, rng, dtype, tolerance):
+    reached = np.maximum.accumulate(np.cumsum(rng.uniform(-0.2, 1, 3000)))
+    n_angles = int((reached[-1] - reached[0]) / 0.3)
+    signal = rng.standard_normal(3000).astype(dtype)
+    found = []
+    for module in (compiled, _kernels_numpy):
+        left, shares = module.places(reached, 4, n_angles, 0.3, dtype)
+        assert (left.dtype, shares.dtype) == (np.int32, dtype)
+        values = np.empty(n_angles, dtype)
+        module.blend(signal, left, shares, values)
+        found.append(values)
+    agree(*found, tolerance)
+
+
+def test_straight_lines_are_read_off_as_by_numpy_interp(rng):
+    reached = np.cumsum(rng.uniform(0.1, 1, 500))
+    signal = rng.standard_normal(500)
+    left, shares = _kernels_numpy.places(reached, 2, 400, 0.5, np.float64)
+    values = np.empty(400)
+    _kernels_numpy.blend(signal, left, shares, values)
+    expected = np.interp(0.5 * np.arange(2, 402), reached, signal)
+    np.testing.assert_allclose(values, expected, atol=1e-12)
+
+
+@both_precisions
+@pytest.mark.parametrize("remove_mean", [True, False])
+def test_windowed_segments_agree(compiled, rng, dtype, tolerance, remove_mean):
+    signals = (rng.standard_normal((2, 1000)) + 5).astype(dtype)
+    window = np.hanning(128).astype(dtype)
+    one, other = (
+        module.windowed(signals, 7, 50, window, 17, remove_mean)
+        for module in (compiled, _kernels_numpy)
+    )
+    assert one.dtype == other.dtype == dtype
+    assert one.shape == (2, 17, 128)
+    agree(one, other, tolerance)
+
+
+@both_precisions
+def test_powers_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
+    lines = np.fft.rfft(rng.standard_normal((2, 9, 64))).astype(np.result_type(dtype, np.complex64))
+    one, other = compiled.powers(lines), _kernels_numpy.powers(lines)
+    assert one.dtype == other.dtype == np.float64
+    assert one.shape == (2, 33)
+    agree(one, other)
+
+
+@both_precisions
+def test_folding_and_joining_agree(compiled, rng, dtype, tolerance):
+    segments = rng.standard_normal((6, 33)).astype(dtype)
+    places = rng.permutation(33).reshape(3, 11).astype(np.int32)
+    folded = [module.fold(segments, places) for module in (compiled, _kernels_numpy)]
+    for one, other in zip(*folded, strict=True):
+        assert one.dtype == other.dtype == dtype
+        agree(one, other, tolerance)
+    where = rng.integers(0, 6, 12).astype(np.int32)
+    signs = rng.choice([-1, 1], 12).astype(dtype)
+    twiddles = np.exp(1j * rng.uniform(0, 6, (3, 12))).astype(np.result_type(dtype, np.complex64))
+    one, other = (
+        module.join(*folded[1], where, signs, twiddles) for module in (compiled, _kernels_numpy)
+    )
+    assert one.dtype == other.dtype == twiddles.dtype
+    agree(one, other, tolerance)
+
+
+# Which of them are used
+
+
+def test_both_modules_offer_the_same_loops(compiled):
+    def offered(module):
+        return {name for name in vars(module) if not name.startswith("_") and name.islower()}
+
+    loops = {"survey", "integrate", "spread", "decimate", "places", "blend", "windowed", "powers"}
+    assert loops | {"fold", "join"} <= offered(compiled) & offered(_kernels_numpy)
+
+
+def test_kernels_can_be_named_for_a_while():
+    with _kernels.using("numpy"):
+        assert _kernels.kernels() is _kernels_numpy
+        with _kernels.using("numba"):
+            assert _kernels.kernels().COMPILED
+        assert _kernels.kernels() is _kernels_numpy
+
+
+def test_unknown_kernels_are_refused():
+    with (
+        pytest.raises(ValueError, match="kernels must be one of 'numpy', 'numba'; got 'fortran'"),
+        _kernels.using("fortran"),
+    ):
+        pass
+
+
+def in_a_new_process(code, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+def test_the_environment_chooses(name):
+    code = "from emacm._kernels import kernels; print(kernels().__name__)"
+    assert in_a_new_process(code, EMACM_KERNELS=name).stdout == f"emacm._kernels_{name}\n"
+
+
+def test_an_unknown_choice_in_the_environment_is_refused():
+    found = in_a_new_process("from emacm._kernels import kernels; kernels()", EMACM_KERNELS="c")
+    assert "EMACM_KERNELS must be one of 'numpy', 'numba'; got 'c'" in found.stderr
+
+
+def test_without_numba_its_kernels_name_the_extra():
+    code = (
+        "import sys; sys.modules['numba'] = None\n"
+        "from emacm._kernels import kernels, using\n"
+        "with using('numba'): pass"
+    )
+    assert "install emacm[fast]" in in_a_new_process(code).stderr
+
+
+def test_numba_is_imported_only_when_something_is_resampled():
+    code = (
+        "import sys, emacm, numpy as np\n"
+        "run = emacm.Recording({'a': np.ones(99)}, 10, velocity=np.ones(99))\n"
+        "resampled = emacm.OrderResampler().fit_transform([run])\n"
+        "assert 'numba' not in sys.modules\n"
+        "resampled[0].strokes\n"
+        "assert 'numba' in sys.modules"
+    )
+    found = in_a_new_process(code, EMACM_KERNELS="numba")
+    assert found.returncode == 0, found.stderr
