@@ -13,6 +13,7 @@ from emacm.paths import Path
 
 INTERPOLATIONS = ("linear", "cubic")
 
+_SPLINE_BLOCK = 1 << 15  # samples in work at once; a spline needs ten times their memory
 _SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0.27**n
 
 
@@ -46,7 +47,9 @@ def interpolated(
     first, last = path.sample_range(fs, len(rows[0]))
     dtype = np.result_type(*rows)
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    at_once = max(2, int(kernels().BLOCK / max(1.0, path.fastest / (fs * theta_s))))
+    at_once = kernels().BLOCK if interpolation == "linear" else _SPLINE_BLOCK
+    # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
+    at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start in range(first, last - 1, at_once):
         stop = min(start + at_once + 1, last)
         travel = path.travel_at(fs, start, stop)
