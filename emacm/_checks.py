@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from numbers import Integral, Real
 from typing import Any
 
@@ -92,34 +93,29 @@ def check_number(
     unit: str = "",
 ) -> float:
     """Return `value` as a finite float within the stated limits."""
-    limits = [
-        f"{word} {limit:.6g}"
-        for word, limit in (
-            ("above", above),
-            ("at least", at_least),
-            ("below", below),
-            ("at most", at_most),
-        )
-        if limit is not None
-    ]
-    expected = " ".join(
-        filter(None, [f"{name} must be a number", unit and f"of {unit},", " and ".join(limits)])
-    )
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise TypeError(f"{expected}, got {value!r}.")
+        raise TypeError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
     try:
         number = float(value)
     except OverflowError:
         number = np.inf
     if (
-        not np.isfinite(number)
+        not isfinite(number)
         or (above is not None and not number > above)
         or (at_least is not None and not number >= at_least)
         or (below is not None and not number < below)
         or (at_most is not None and not number <= at_most)
     ):
-        raise ValueError(f"{expected}, got {value!r}.")
+        raise ValueError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
     return number
+
+
+def _wanted(name: str, unit: str, *limits: float | None) -> str:
+    """Say what number was expected; only an error asks for it, as checks are many."""
+    words = ("above", "at least", "below", "at most")
+    stated = [f"{word} {x:.6g}" for word, x in zip(words, limits, strict=True) if x is not None]
+    parts = [f"{name} must be a number", unit and f"of {unit},", " and ".join(stated)]
+    return " ".join(filter(None, parts))
 
 
 def check_count(value: Any, name: str, *, at_least: int = 1) -> int:

@@ -122,16 +122,12 @@ def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
 
 
 def join(
-    real: Array,
-    imaginary: Array,
-    places: Numbers,
-    signs: Array,
-    twiddles: NDArray[np.complexfloating],
+    real: Array, imaginary: Array, twiddles: NDArray[np.complexfloating]
 ) -> NDArray[np.complexfloating]:
     """Join the transforms of the parts of segments to lines of the whole."""
-    lines = np.empty((len(real), len(places)), twiddles.dtype)
+    lines = np.empty((len(real), twiddles.shape[1]), twiddles.dtype)
     halves = lines.view(real.dtype).reshape(*lines.shape, 2)
-    _join(real, imaginary, places, signs, twiddles.real.copy(), twiddles.imag.copy(), halves)
+    _join(real, imaginary, twiddles.real.copy(), twiddles.imag.copy(), halves)
     return lines
 
 
@@ -374,20 +370,30 @@ def _fold(segments, places, even, odd):
 
 
 @_compiled
-def _join(real, imaginary, places, signs, cosines, sines, lines):
-    n_segments, n_parts, _ = real.shape
-    n_lines = len(places)
+def _join(real, imaginary, cosines, sines, lines):
+    n_segments, n_parts, n_half = real.shape
+    n_lines, prime = lines.shape[1], 2 * n_half - 1
     re, im = np.empty(n_lines, real.dtype), np.empty(n_lines, real.dtype)
+    x, y = np.empty(prime, real.dtype), np.empty(prime, real.dtype)
     for s in range(n_segments):
         re[:] = 0
         im[:] = 0
         for part in range(n_parts):
             a, b = real[s, part], imaginary[s, part]
-            cosine, sine = cosines[part], sines[part]
-            for k in range(n_lines):
-                x, y = a[places[k]], signs[k] * b[places[k]]
-                re[k] += cosine[k] * x - sine[k] * y
-                im[k] += cosine[k] * y + sine[k] * x
+            x[0], y[0] = a[0], -b[0]
+            for j in range(1, n_half):
+                x[j], y[j] = a[j], -b[j]
+                x[prime - j], y[prime - j] = a[j], b[j]
+            for start in range(0, n_lines, prime):  # the lines of a part repeat
+                stop = min(start + prime, n_lines)
+                cosine, sine = cosines[part, start:stop], sines[part, start:stop]
+                re_part, im_part = re[start:stop], im[start:stop]
+                for k in range(stop - start):
+                    re_part[k] += cosine[k] * x[k] - sine[k] * y[k]
+                for k in range(
+                    stop - start
+                ):  # apart, for the compiler to see that nothing overlaps
+                    im_part[k] += cosine[k] * y[k] + sine[k] * x[k]
         for k in range(n_lines):
             lines[s, k, 0] = re[k]
             lines[s, k, 1] = im[k]

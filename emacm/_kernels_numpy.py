@@ -6,8 +6,8 @@ Every function here has its twin in `_kernels_numba`, with the same arguments an
 from __future__ import annotations
 
 import numpy as np
+import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import NDArray
-from scipy import signal as filters
 from scipy import sparse
 
 COMPILED = False
@@ -155,7 +155,7 @@ def decimate(
     ndarray of shape (n_signals, n_outputs)
     """
     part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
-    filtered = filters.upfirdn(taps.astype(grid.dtype), part, down=2)
+    filtered = scipy.signal.upfirdn(taps.astype(grid.dtype), part, down=2)
     half = len(taps) // 2
     outputs = filtered[:, half : half + n_outputs] + means.astype(grid.dtype)[:, np.newaxis]
     kept = used - 2 * n_outputs
@@ -280,22 +280,15 @@ def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
 
 
 def join(
-    real: Array,
-    imaginary: Array,
-    places: Numbers,
-    signs: Array,
-    twiddles: NDArray[np.complexfloating],
+    real: Array, imaginary: Array, twiddles: NDArray[np.complexfloating]
 ) -> NDArray[np.complexfloating]:
     """Join the transforms of the parts of segments to lines of the whole.
 
     Parameters
     ----------
     real, imaginary : ndarray of shape (n_segments, n_parts, n_half)
-        Sums of the folded parts times cosines and times sines.
-    places : ndarray of shape (n_lines,)
-        Which of them belong to a line.
-    signs : ndarray of shape (n_lines,)
-        Of the imaginary part.
+        Sums of the folded parts times cosines and times sines: the first lines of real signals of
+        ``2 * n_half - 1`` samples, whose other lines are conjugates of these.
     twiddles : ndarray of shape (n_parts, n_lines)
         Factor of each part in each line.
 
@@ -303,5 +296,8 @@ def join(
     -------
     ndarray of shape (n_segments, n_lines)
     """
-    parts = real[..., places] + 1j * (signs * imaginary[..., places])
+    n_half, n_lines = real.shape[2], twiddles.shape[1]
+    half = real - 1j * imaginary
+    period = np.concatenate([half, half[..., :0:-1].conj()], axis=-1)
+    parts = period[..., np.arange(n_lines) % (2 * n_half - 1)]
     return (parts * twiddles).sum(axis=1)

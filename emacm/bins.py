@@ -13,6 +13,7 @@ from emacm._checks import check_number, check_real_array, check_signal
 
 Band = tuple[float, float]
 
+_AT_ONCE = 1 << 20  # weights in work at once
 _SLACK = 1e-9  # orders; an edge this near to the end of the axis lies on it
 _MOST_BINS = 10_000  # far narrower than any line
 
@@ -189,14 +190,15 @@ def bin_operator(
         _check_band(band, f"bin {number}")
     stops = check_stop_bands(stop_bands)
     _check_range(orders, bins)
-    rows = np.zeros((len(bins), len(orders)))
-    for row, band in zip(rows, bins, strict=True):
-        for low, high in kept_intervals(band, stops):
-            first = max(int(np.searchsorted(orders, low, side="right")) - 1, 0)
-            near = slice(first, int(np.searchsorted(orders, high)) + 1)  # no other line has a part
-            below = _weights_below(orders[near], np.array([low, high]))
-            row[near] += below[1] - below[0]
-    return rows
+    parts = [(k, *part) for k, band in enumerate(bins) for part in kept_intervals(band, stops)]
+    operator = np.zeros((len(bins), len(orders)))
+    at_once = max(1, _AT_ONCE // len(orders))
+    for start in range(0, len(parts), at_once):
+        number, low, high = (np.array(c) for c in zip(*parts[start : start + at_once], strict=True))
+        weights = _weights_below(orders, high) - _weights_below(orders, low)
+        cut, first = np.unique(number.astype(np.intp), return_index=True)  # a stop band may cut one
+        operator[cut] += np.add.reduceat(weights, first)
+    return operator
 
 
 def round_edge(order: float) -> float:

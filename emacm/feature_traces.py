@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.feature_selection import SelectorMixin
 
 Array = NDArray[np.float64]
 Steps = tuple[tuple[str, Any], ...]
@@ -126,7 +125,7 @@ def with_names(estimator: Any, values: Array) -> Any:
 
 def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
     """Return the one column that each output depends on; None if columns are mixed."""
-    if isinstance(step, SelectorMixin):
+    if hasattr(step, "get_support"):  # scikit-learn's selectors
         return np.flatnonzero(step.get_support())
     sources: NDArray[np.intp] | None = None
     # A hundredth more leaves a power a power, so that its logarithm exists.

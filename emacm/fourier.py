@@ -52,7 +52,7 @@ def lowest_lines(segments: NDArray[np.floating], n_lines: int) -> NDArray[np.com
     even, odd = kernels().fold(rows, split.places)
     real = _product(even, split.cosines)
     imaginary = _product(odd, split.sines)
-    lines = kernels().join(real, imaginary, split.lines, split.signs, split.twiddles)
+    lines = kernels().join(real, imaginary, split.twiddles)
     return lines.reshape(*segments.shape[:-1], n_lines)
 
 
@@ -65,10 +65,6 @@ class _Split(NamedTuple):
         Which sample stands where: Good's map.
     cosines, sines : ndarray of shape (p // 2 + 1, p // 2 + 1)
         Of the products of sample and line.
-    lines : ndarray of shape (n_lines,)
-        Where in the transforms of the parts a line is found; they are symmetric.
-    signs : ndarray of shape (n_lines,)
-        1 where it is the conjugate that is found, -1 where it is not: of the sines' products.
     twiddles : ndarray of shape (a, n_lines)
         Factors with which the parts are joined.
     """
@@ -76,8 +72,6 @@ class _Split(NamedTuple):
     places: NDArray[np.int32]
     cosines: NDArray[np.floating]
     sines: NDArray[np.floating]
-    lines: NDArray[np.int32]
-    signs: NDArray[np.floating]
     twiddles: NDArray[np.complexfloating]
 
 
@@ -94,15 +88,11 @@ def _split(length: int, n_lines: int, dtype: str) -> _Split | None:
     folded = np.arange(prime // 2 + 1)
     # Multiples of the whole are taken off first, as sin and cos of large angles are less exact.
     angles = 2 * np.pi / prime * (np.outer(folded, folded) % prime)
-    line = np.arange(n_lines) % prime
-    conjugate = line > prime // 2
     turns = np.outer(np.arange(others), np.arange(n_lines)) % others
     return _Split(
         places,
         np.cos(angles).astype(dtype),
         np.sin(angles).astype(dtype),
-        np.where(conjugate, prime - line, line).astype(np.int32),
-        np.where(conjugate, 1, -1).astype(dtype),
         np.exp(-2j * np.pi / others * turns).astype(np.result_type(dtype, np.complex64)),
     )
 
@@ -119,7 +109,7 @@ def _largest_prime(number: int) -> int:
 def _product(rows: NDArray[np.floating], matrix: NDArray[np.floating]) -> NDArray[np.floating]:
     """Multiply rows (..., n) by a matrix (n, n), a few rows in each call of the library."""
     flat = rows.reshape(-1, rows.shape[-1])
-    at_once = max(1, _PRODUCT // matrix.size)
+    at_once = max(8, _PRODUCT // matrix.size // 8 * 8)
     product = np.empty_like(flat)
     whole = len(flat) - len(flat) % at_once
     stack = (-1, at_once, matrix.shape[0])

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
-from scipy import signal as filters
 
 from emacm._checks import (
     check_choice,
@@ -158,7 +158,7 @@ class SegmentPlan:
                 raise ValueError(
                     "short='pad' needs a window by name, as an array cannot be shortened."
                 )
-            window = filters.get_window(self.window, n_angles)
+            window = scipy.signal.get_window(self.window, n_angles)
             lines = fft.rfft(_detrended(signal, self.detrend) * window, self.n_per_segment)
             part = np.abs(lines[..., : self.n_orders]) ** 2
             power = part if power is None else power + part
@@ -207,7 +207,7 @@ class SegmentPlan:
             if self.detrend == "linear":
                 ones = np.ones_like(window)
                 segments = kernels().windowed(rows, first, self.step, ones, count, False)
-                segments = filters.detrend(segments, axis=-1, type="linear") * window
+                segments = scipy.signal.detrend(segments, axis=-1, type="linear") * window
             else:
                 remove_mean = self.detrend == "constant"
                 segments = kernels().windowed(rows, first, self.step, window, count, remove_mean)
@@ -430,7 +430,7 @@ def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any
 def _window_values(window: Any, length: int) -> NDArray[np.floating]:
     if isinstance(window, str | tuple):
         try:
-            named = np.asarray(filters.get_window(window, length), dtype=np.float64)
+            named = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
         except (ValueError, TypeError, IndexError, AttributeError) as error:
             raise ValueError(
                 f"window must be what scipy.signal.get_window takes, such as 'hann' or "
@@ -459,7 +459,7 @@ def _detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.float
         return segments
     if detrend == "constant":
         return segments - segments.mean(axis=-1, keepdims=True)
-    return filters.detrend(segments, axis=-1, type=detrend)
+    return scipy.signal.detrend(segments, axis=-1, type=detrend)
 
 
 def _median_bias(n_segments: int) -> float:

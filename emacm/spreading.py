@@ -21,9 +21,9 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
+import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from scipy import signal as filters
 
 from emacm._kernels import kernels
 from emacm.paths import Path
@@ -164,7 +164,7 @@ def _upsampled(
     dense = []
     for row in rows:
         taps = _upsampling_filter(factor).astype(row.dtype)
-        made = filters.upfirdn(taps, row[index], up=factor)
+        made = scipy.signal.upfirdn(taps, row[index], up=factor)
         dense.append(made[offset : offset + stop - start])
     return dense
 
@@ -326,11 +326,11 @@ def _decimating_filter() -> NDArray[np.floating]:
     bands = [*passed, stopped, 1.0]
     gains = [*(1 / _kernel_spectrum(passed / 2)), 0.0, 0.0]
     importance = [1.0] * (len(passed) // 2) + [10.0]
-    return filters.firls(2 * _HALF + 1, bands, gains, weight=importance)
+    return scipy.signal.firls(2 * _HALF + 1, bands, gains, weight=importance)
 
 
 @lru_cache(maxsize=32)
 def _upsampling_filter(factor: int) -> NDArray[np.floating]:
     """Low pass at the old Nyquist frequency; Kaiser's window for 80 dB."""
-    taps = 2 * _UPSAMPLING_HALF * factor + 1
-    return factor * filters.firwin(taps, 1 / factor, window=("kaiser", filters.kaiser_beta(80)))
+    taps, window = 2 * _UPSAMPLING_HALF * factor + 1, ("kaiser", scipy.signal.kaiser_beta(80))
+    return factor * scipy.signal.firwin(taps, 1 / factor, window=window)

@@ -1,0 +1,102 @@
+"""What the benchmarks share: timing in turns, the machine they ran on, writing results."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+import sklearn
+
+import emacm
+
+
+def medians(
+    variants: Mapping[str, Callable[[], object]],
+    repeats: int,
+    *,
+    clock: Callable = time.perf_counter,
+) -> dict[str, float]:
+    """Return the median seconds of each variant, measured in turns after one to warm up."""
+    spent: dict[str, list[float]] = {name: [] for name in variants}
+    for turn in range(repeats + 1):
+        for name, run in variants.items():
+            start = clock()
+            run()
+            if turn:
+                spent[name].append(clock() - start)
+    return {name: statistics.median(values) for name, values in spent.items()}
+
+
+def machine() -> dict[str, str]:
+    """Say what it was measured on."""
+    threads = os.environ.get("OPENBLAS_NUM_THREADS", "all")
+    return {
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "threads of the linear algebra": threads,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "scikit-learn": sklearn.__version__,
+        "numba": _version("numba"),
+        "emacm": emacm.__version__,
+    }
+
+
+def header() -> str:
+    """Return the machine and the versions on one line."""
+    return ", ".join(f"{name} {value}" for name, value in machine().items())
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows as text, a column for each of their keys."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [columns] + [[_cell(row.get(column)) for column in columns] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if k == 0 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in cells
+    ]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def write_json(path: Path | None, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows, and what they were measured on, if a path is given."""
+    if path is not None:
+        found = {"machine": machine(), "rows": list(rows)}
+        path.write_text(json.dumps(found, indent=1), encoding="utf-8")
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _version(package: str) -> str:
+    if find_spec(package) is None:
+        return "none"
+    return __import__(package).__version__
+
+
+def _processor() -> str:
+    """Return the name of the processor, as Linux has it where it does."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
