@@ -1,9 +1,10 @@
 """Time from a recording to its order bins, against what a user would write otherwise.
 
-Five channels at 48 kHz, the shaft at 48 rev/s with 15 % ripple; Hann windows of 4.096 revolutions,
-half overlapping; bins of one order up to 50. Prints medians of interleaved repeats and their ratios,
-and for each variant how wrong it is: a tone at order 49.5, the noise floor, a tone of order 130.5
-that folds, so that nothing fast is wrong. Run from the repository, with one thread:
+Five channels at 48 kHz, the shaft at 48 rev/s with 15 % ripple; Hann windows of 4.096
+revolutions, half overlapping; bins of one order up to 50. Prints medians of interleaved repeats
+and their ratios, and for each variant how wrong it is: a tone at order 49.5, the noise floor, a
+tone of order 130.5 that folds, so that nothing fast is wrong. Run from the repository, with one
+thread:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/pipeline.py [--quick] [--json FILE]
 """
@@ -11,8 +12,7 @@ that folds, so that nothing fast is wrong. Run from the repository, with one thr
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -114,7 +114,7 @@ def made(seconds: float, kind: str, n_channels: int = 5) -> tuple[Recording, flo
 
 
 def single(recording: Recording) -> Recording:
-    """The same in float32."""
+    """Return the same in float32."""
     signals = {name: row.astype(np.float32) for name, row in recording.signals.items()}
     return Recording(signals, FS, velocity=recording.velocity)
 
@@ -125,18 +125,9 @@ def errors(variant: Bins, seconds: float) -> dict[str, float]:
     for kind, chosen in (("tone", slice(47, 50)), ("noise", slice(1, 48)), ("fold", slice(0, 50))):
         recording, true = made(seconds, kind, n_channels=1)
         bins = variant(recording)[chosen]
-        if kind == "tone":
-            # Half of the line's foot lies above 50, where bins end; a lower tone shows the whole.
-            bins = bins * 2 if TONE == TOP else bins
         power = bins.mean() if kind == "noise" else bins.sum()
         found[f"{kind} [dB]"] = float(10 * np.log10(max(power, 1e-20) / true))
     return found
-
-
-@contextmanager
-def nothing() -> Iterator[None]:
-    """Stand for a step that is left out."""
-    yield
 
 
 def main() -> None:

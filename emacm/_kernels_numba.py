@@ -25,20 +25,28 @@ Numbers = NDArray[np.int32]
 
 
 def _compiled(function: Any) -> Any:
-    """Compile at the first call, and keep the result on disk where that is possible."""
-    # Sums may be taken in another order, and products fused into them: 1e-15 of the result.
-    options: dict[str, Any] = {"nogil": True, "fastmath": {"reassoc", "contract", "nsz", "arcp"}}
+    """Compile at the first call; sums may be taken in another order, which costs 1e-15."""
+    return _compile(function, fastmath={"reassoc", "contract", "nsz", "arcp"})
+
+
+def _compiled_exactly(function: Any) -> Any:
+    """Compile at the first call; every sum is taken as it is written."""
+    return _compile(function)
+
+
+def _compile(function: Any, **options: Any) -> Any:
+    """Keep what was compiled on disk where that is possible."""
     try:
-        return njit(cache=True, **options)(function)
+        return njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's can be written to
-        return njit(**options)(function)
+        return njit(nogil=True, **options)(function)
 
 
-def survey(velocity: Array, stride: int) -> tuple[Array, Array, Array]:
+def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array, Array]:
     """Look once through a velocity."""
-    sums, lowest, highest = np.empty((3, -(-len(velocity) // stride)))
-    _survey(_read_only(velocity), stride, sums, lowest, highest)
-    return sums, lowest, highest
+    angles, lowest, highest = np.empty((3, -(-len(velocity) // stride)))
+    _survey(_read_only(velocity), half_step, stride, angles, lowest, highest)
+    return angles, lowest, highest
 
 
 def integrate(velocity: Array, half_step: float, start: float) -> Array:
@@ -61,9 +69,8 @@ def spread(
     """Add each sample, less the mean of its signal, to the grid points around it."""
     travel = _read_only(travel)
     for first in range(0, len(signals), _AT_ONCE):
-        rows = [_read_only(signal) for signal in signals[first : first + _AT_ONCE]]
-        places = np.arange(first, first + len(rows))
-        rows += rows[:1] * (_AT_ONCE - len(rows))  # not looked at, but compiled for
+        rows = _eight(signals[first : first + _AT_ONCE])
+        places = np.arange(first, min(first + _AT_ONCE, len(signals)))
         _spread(
             travel, scale, offset, kernel, *rows, places, means.astype(grid.dtype), grid, n_points
         )
@@ -87,13 +94,18 @@ def places(
     """Say between which samples the angle grid is passed."""
     left: Numbers = np.empty(n_angles, np.int32)
     shares: Array = np.empty(n_angles, dtype)
-    _places(_read_only(reached), first, theta_s, left, shares)
+    _places(_read_only(reached), 0, first, theta_s, left, shares)
     return left, shares
 
 
-def blend(signal: Array, left: Numbers, shares: Array, out: Array) -> None:
-    """Read a signal off between its samples, by straight lines; Eq. (2.13) of Chirico."""
-    _blend(_read_only(signal), left, shares, out)
+def read_off(
+    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
+) -> None:
+    """Read signals off between their samples, by straight lines; Eq. (2.13) of Chirico."""
+    reached = _read_only(reached)
+    for start in range(0, len(signals), _AT_ONCE):
+        rows = _eight(signals[start : start + _AT_ONCE])
+        _read_off(reached, first, theta_s, *rows, values[start : start + _AT_ONCE])
 
 
 def windowed(
@@ -131,6 +143,12 @@ def join(
     return lines
 
 
+def _eight(signals: list[Array]) -> list[Array]:
+    """Return as many rows as are compiled for; the last ones are not looked at."""
+    rows = [_read_only(signal) for signal in signals]
+    return rows + rows[:1] * (_AT_ONCE - len(rows))
+
+
 def _read_only(signal: Array) -> Array:
     """Return a contiguous view that cannot be written to, so that one kind is compiled."""
     view = np.ascontiguousarray(signal)[:]
@@ -138,21 +156,26 @@ def _read_only(signal: Array) -> Array:
     return view
 
 
-@_compiled
-def _survey(velocity, stride, sums, lowest, highest):
-    for k in range(len(sums)):
+@_compiled_exactly
+def _survey(velocity, half_step, stride, angles, lowest, highest):
+    total = 0.0
+    before = np.float64(velocity[0])
+    for k in range(len(angles)):
         piece = velocity[k * stride : (k + 1) * stride]
-        total = 0.0
         low = high = np.float64(piece[0])
         for i in range(len(piece)):
-            value = np.float64(piece[i])
-            total += value
-            low = value if value < low else low
-            high = value if value > high else high
-        sums[k], lowest[k], highest[k] = total, low, high
+            now = np.float64(piece[i])
+            if i or k:
+                total += (before + now) * half_step
+            if not i:
+                angles[k] = total
+            before = now
+            low = now if now < low else low
+            high = now if now > high else high
+        lowest[k], highest[k] = low, high
 
 
-@_compiled
+@_compiled_exactly
 def _integrate(velocity, half_step, start, angle):
     total = start
     before = np.float64(velocity[0])
@@ -305,9 +328,9 @@ def _decimate(grid, used, first, taps, means, outputs):
 
 
 @_compiled
-def _places(reached, first, theta_s, left, shares):
-    i, last = 0, len(reached) - 2
-    low, high = reached[0], reached[1]
+def _places(reached, before, first, theta_s, left, shares):
+    i, last = before, len(reached) - 2
+    low, high = reached[i], reached[i + 1]
     for j in range(len(left)):
         angle = theta_s * (first + j)
         while i < last and high <= angle:
@@ -315,13 +338,28 @@ def _places(reached, first, theta_s, left, shares):
             low, high = high, reached[i + 1]
         left[j] = i
         shares[j] = 1.0 if angle >= high else max(0.0, (angle - low) / (high - low))
+    return i
 
 
 @_compiled
-def _blend(signal, left, shares, out):
+def _blend(signal, left, shares, values):
     for j in range(len(left)):
         low = signal[left[j]]
-        out[j] = low + shares[j] * (signal[left[j] + 1] - low)
+        values[j] = low + shares[j] * (signal[left[j] + 1] - low)
+
+
+@_compiled
+def _read_off(reached, first, theta_s, x0, x1, x2, x3, x4, x5, x6, x7, values):
+    signals = (x0, x1, x2, x3, x4, x5, x6, x7)
+    n_signals, n_angles = values.shape
+    left = np.empty(_PART, np.int32)
+    shares = np.empty(_PART, values.dtype)
+    before = 0
+    for start in range(0, n_angles, _PART):
+        count = min(_PART, n_angles - start)
+        before = _places(reached, before, first + start, theta_s, left[:count], shares[:count])
+        for k in range(n_signals):
+            _blend(signals[k], left[:count], shares[:count], values[k, start : start + count])
 
 
 @_compiled

@@ -18,24 +18,35 @@ Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
 
 
-def survey(velocity: Array, stride: int) -> tuple[Array, Array, Array]:
+def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array, Array]:
     """Look once through a velocity.
 
     Parameters
     ----------
     velocity : ndarray of shape (n_times,)
         Speed [rad/s].
+    half_step : float
+        Half a sampling interval [s].
     stride : int
         Samples in a piece; the last piece may be shorter.
 
     Returns
     -------
-    sums, lowest, highest : ndarray of shape (n_pieces,)
-        Of each piece, in float64.
+    angles : ndarray of shape (n_pieces,)
+        Angle at the first sample of each piece [rad], summed from 0 sample by sample, so that it
+        is the same to the last bit as a running sum over the whole.
+    lowest, highest : ndarray of shape (n_pieces,)
+        Speeds in each piece.
     """
+    angles, total = [], 0.0
+    at_once = max(1, BLOCK // stride) * stride
+    for start in range(0, len(velocity), at_once):
+        angle = integrate(velocity[start : start + at_once + 1], half_step, total)
+        angles.append(angle[: min(at_once, len(velocity) - start) : stride].copy())
+        total = angle[-1]
     starts = np.arange(0, len(velocity), stride)
     return (
-        np.add.reduceat(velocity, starts, dtype=np.float64),
+        np.concatenate(angles),
         np.minimum.reduceat(velocity, starts).astype(np.float64),
         np.maximum.reduceat(velocity, starts).astype(np.float64),
     )
@@ -192,22 +203,30 @@ def places(
     angles = theta_s * np.arange(first, first + n_angles)
     indices = np.interp(angles, reached, np.arange(len(reached)))
     left = np.minimum(indices.astype(np.int32), np.int32(len(reached) - 2))
-    return left, (indices - left).astype(dtype)
+    low = reached[left]
+    # From the angles once more: the index has lost the digits of its whole part.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = (angles - low) / (reached[left + 1] - low)
+    return left, np.where(shares > 0, np.minimum(shares, 1), 0).astype(dtype)
 
 
-def blend(signal: Array, left: Numbers, shares: Array, out: Array) -> None:
-    """Read a signal off between its samples, by straight lines; Eq. (2.13) of Chirico.
+def read_off(
+    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
+) -> None:
+    """Read signals off between their samples, by straight lines; Eq. (2.13) of Chirico.
 
     Parameters
     ----------
-    signal : ndarray of shape (n_times,)
-    left, shares : ndarray of shape (n_angles,)
-        As `places` returns them.
-    out : ndarray of shape (n_angles,)
+    reached, first, theta_s
+        As for `places`.
+    signals : list of ndarray of shape (n_times,)
+    values : ndarray of shape (n_signals, n_angles)
         The result.
     """
-    low = signal[left]
-    out[:] = low + shares * (signal[left + 1] - low)
+    left, shares = places(reached, first, values.shape[1], theta_s, values.dtype.type)
+    for signal, value in zip(signals, values, strict=True):
+        low = signal[left]
+        value[:] = low + shares * (signal[left + 1] - low)
 
 
 def windowed(

@@ -61,13 +61,14 @@ def interpolated(
         end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
         if end <= done:
             continue
-        left, shares = kernels().places(travel, done, end - done, theta_s, dtype)
         values = np.empty((len(rows), end - done), dtype)
-        for value, row in zip(values, rows, strict=True):
-            if interpolation == "linear":
-                kernels().blend(row[start:stop], left, shares, value)
-            else:
-                value[:] = _spline(row, start, stop, left + shares.astype(np.float64))
+        if interpolation == "linear":
+            parts = [row[start:stop] for row in rows]
+            kernels().read_off(travel, done, theta_s, parts, values)
+        else:
+            left, shares = kernels().places(travel, done, end - done, theta_s, np.float64)
+            for value, row in zip(values, rows, strict=True):
+                value[:] = _spline(row, start, stop, left + shares)
         yield values
         done = end
 

@@ -83,11 +83,9 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
-        sums, self._lowest, self._highest = kernels().survey(velocity, _STRIDE)
-        ends = velocity[::_STRIDE].astype(np.float64)
-        # A trapezoid's sum is that of its samples, less half of the first, plus half of the next.
-        whole = np.cumsum(sums)[: len(ends) - 1]
-        self._known = np.concatenate([[0.0], (2 * whole - ends[0] + ends[1:]) * self._half_step])
+        self._known, self._lowest, self._highest = kernels().survey(
+            velocity, self._half_step, _STRIDE
+        )
 
     def one_way(self, min_speed: float) -> int:
         """Return 1 or -1 if the shaft turns that way all the time, faster than `min_speed`."""

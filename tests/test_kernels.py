@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from emacm import _kernels, _kernels_numpy
 from emacm.spreading import _decimating_filter, _kernel_halves
@@ -36,14 +37,20 @@ def agree(one, other, tolerance=1e-12):
 
 
 @both_precisions
-def test_surveys_agree(compiled, rng, dtype, tolerance):
-    velocity = rng.standard_normal(1000).astype(dtype)
-    for one, other in zip(
-        compiled.survey(velocity, 256), _kernels_numpy.survey(velocity, 256), strict=True
-    ):
-        assert one.dtype == other.dtype == np.float64
-        assert len(one) == 4
-        agree(one, other)
+@pytest.mark.parametrize("n_times", [1, 2, 256, 257, 100_000])
+def test_surveys_agree_and_hold_the_running_sum_to_the_last_bit(
+    compiled, rng, dtype, tolerance, n_times
+):
+    velocity = rng.standard_normal(n_times).astype(dtype)
+    running = cumulative_trapezoid(velocity.astype(float), dx=1 / 48_000, initial=0)
+    padded = np.pad(velocity.astype(float), (0, -n_times % 256), mode="edge").reshape(-1, 256)
+    for module in (compiled, _kernels_numpy):
+        angles, lowest, highest = module.survey(velocity, 0.5 / 48_000, 256)
+        np.testing.assert_array_equal(angles, running[::256])
+        np.testing.assert_array_equal(lowest, padded.min(axis=1))
+        np.testing.assert_array_equal(highest, padded.max(axis=1))
+        whole = module.integrate(velocity, 0.5 / 48_000, 0.0)
+        np.testing.assert_array_equal(whole, running)
 
 
 @both_precisions
@@ -95,28 +102,26 @@ def test_decimation_is_a_convolution_of_which_every_other_point_is_kept(rng):
 
 
 @both_precisions
-def test_reading_off_between_samples_agrees(compiled, rng, dtype, tolerance):
-    reached = np.maximum.accumulate(np.cumsum(rng.uniform(-0.2, 1, 3000)))
+@pytest.mark.parametrize("n_signals", [1, 5, 9])
+def test_reading_off_between_samples_agrees(compiled, rng, dtype, tolerance, n_signals):
+    reached = np.maximum.accumulate(np.cumsum(rng.uniform(-0.2, 1, 30_000)))
     n_angles = int((reached[-1] - reached[0]) / 0.3)
-    signal = rng.standard_normal(3000).astype(dtype)
-    found = []
-    for module in (compiled, _kernels_numpy):
+    signals = [rng.standard_normal(30_000).astype(dtype) for _ in range(n_signals)]
+    found = np.empty((2, n_signals, n_angles), dtype)
+    for module, values in zip((compiled, _kernels_numpy), found, strict=True):
         left, shares = module.places(reached, 4, n_angles, 0.3, dtype)
         assert (left.dtype, shares.dtype) == (np.int32, dtype)
-        values = np.empty(n_angles, dtype)
-        module.blend(signal, left, shares, values)
-        found.append(values)
+        module.read_off(reached, 4, 0.3, signals, values)
     agree(*found, tolerance)
 
 
 def test_straight_lines_are_read_off_as_by_numpy_interp(rng):
     reached = np.cumsum(rng.uniform(0.1, 1, 500))
     signal = rng.standard_normal(500)
-    left, shares = _kernels_numpy.places(reached, 2, 400, 0.5, np.float64)
-    values = np.empty(400)
-    _kernels_numpy.blend(signal, left, shares, values)
+    values = np.empty((1, 400))
+    _kernels_numpy.read_off(reached, 2, 0.5, [signal], values)
     expected = np.interp(0.5 * np.arange(2, 402), reached, signal)
-    np.testing.assert_allclose(values, expected, atol=1e-12)
+    np.testing.assert_allclose(values[0], expected, atol=1e-12)
 
 
 @both_precisions
@@ -163,7 +168,16 @@ def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in vars(module) if not name.startswith("_") and name.islower()}
 
-    loops = {"survey", "integrate", "spread", "decimate", "places", "blend", "windowed", "powers"}
+    loops = {
+        "survey",
+        "integrate",
+        "spread",
+        "decimate",
+        "places",
+        "read_off",
+        "windowed",
+        "powers",
+    }
     assert loops | {"fold", "join"} <= offered(compiled) & offered(_kernels_numpy)
 
 
