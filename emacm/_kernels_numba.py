@@ -18,7 +18,7 @@ BLOCK = 1 << 17  # time samples
 SEGMENT_BYTES = 3 << 19  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
-_PART = 4096  # samples whose shares are held meanwhile
+_PART = 8192  # samples whose shares are held meanwhile
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]

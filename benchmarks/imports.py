@@ -1,0 +1,50 @@
+"""How long an import takes beyond scikit-learn's own.
+
+Each runs in an interpreter of its own, in turns. Run from the repository:
+
+    python benchmarks/imports.py [--quick] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from measure import header, medians, table, write_json
+
+STATEMENTS = ("import sklearn", "import sklearn.pipeline", "import emacm")
+OPTIONAL = ("numba", "matplotlib", "polars", "tqdm")
+
+
+def interpreter(code: str) -> Callable[[], str]:
+    """Return a function that runs code in a new interpreter, and returns what it prints."""
+
+    def run() -> str:
+        command = [sys.executable, "-W", "error", "-c", code]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+    return run
+
+
+def main() -> None:
+    """Measure, print the table and write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="two repeats")
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    options = parser.parse_args()
+    repeats = 2 if options.quick else 15
+    spent = medians({code: interpreter(code) for code in STATEMENTS}, repeats)
+    base = spent["import sklearn"]
+    rows = [{"statement": c, "s": t, "beyond sklearn [s]": t - base} for c, t in spent.items()]
+    print(header())
+    print(table(rows))
+    code = f"import sys, emacm; print(*sorted(set({OPTIONAL}) & set(sys.modules)))"
+    print("optional packages imported with emacm:", interpreter(code)().strip() or "none")
+    write_json(options.json, rows)
+
+
+if __name__ == "__main__":
+    main()
