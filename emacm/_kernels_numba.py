@@ -76,6 +76,17 @@ def spread(
         )
 
 
+def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+    """Make a signal denser in time."""
+    phases = np.zeros((factor, 33), signal.dtype)
+    for phase, row in enumerate(phases):
+        part = taps[phase::factor]
+        row[: len(part)] = part
+    outputs = np.empty(n_outputs, signal.dtype)
+    _upsample(_read_only(signal), phases[:, ::-1].copy(), first, outputs)
+    return outputs
+
+
 def decimate(
     grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
 ) -> Array:
@@ -301,6 +312,21 @@ def _spread(
             i = places[n_signals - 1]
             last = signals[n_signals - 1][start : start + count]
             _spread_one(last, means[i], w, c, grid[i])
+
+
+@_compiled
+def _upsample(signal, phases, first, outputs):
+    factor = len(phases)
+    for start in range(min(factor, len(outputs))):
+        taps = phases[(first + start) % factor]
+        behind = (first + start) // factor - 16
+        part = outputs[start::factor]
+        for i in range(len(part)):
+            total = taps[0] * signal[behind + i]
+            for k in range(1, 32):  # of constant length, so that the loop over i is vectorised
+                total += taps[k] * signal[behind + i + k]
+            # The last tap is not zero in the first phase alone, where it meets a sample.
+            part[i] = total + taps[32] * signal[min(behind + i + 32, len(signal) - 1)]
 
 
 @_compiled

@@ -140,6 +140,31 @@ def _shares(
     return weights, cell.astype(np.intp) - 1
 
 
+def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+    """Make a signal denser in time.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,)
+        With 16 samples more on either side of what is wanted.
+    taps : ndarray of shape (32 * factor + 1,)
+        A symmetric filter.
+    factor : int
+        New samples for each old one.
+    first : int
+        New sample to begin with, counted from sample 0 of `signal`.
+    n_outputs : int
+        How many are wanted.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,), of the dtype of `signal`
+    """
+    made = scipy.signal.upfirdn(taps.astype(signal.dtype), signal, up=factor)
+    offset = first + len(taps) // 2
+    return made[offset : offset + n_outputs]
+
+
 def decimate(
     grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
 ) -> Array:

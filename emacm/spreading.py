@@ -156,17 +156,15 @@ def _upsampled(
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - _UPSAMPLING_HALF
     high = -(-stop // factor) + _UPSAMPLING_HALF + 1
-    index = np.arange(low, high)
     last = len(rows[0]) - 1
-    # Mirrored at the ends of the recording.
-    index = np.abs((index + last) % (2 * last) - last)
-    offset = start - low * factor + _UPSAMPLING_HALF * factor
-    dense = []
-    for row in rows:
-        taps = _upsampling_filter(factor).astype(row.dtype)
-        made = scipy.signal.upfirdn(taps, row[index], up=factor)
-        dense.append(made[offset : offset + stop - start])
-    return dense
+    first, count = start - low * factor, stop - start
+    taps = _upsampling_filter(factor)
+    if low >= 0 and high <= last + 1:
+        parts = [row[low:high] for row in rows]
+    else:  # mirrored at the ends of the recording
+        index = np.abs((np.arange(low, high) + last) % (2 * last) - last)
+        parts = [row[index] for row in rows]
+    return [kernels().upsample(part, taps, factor, first, count) for part in parts]
 
 
 def _range(travel: NDArray[np.floating], *, onward: bool) -> tuple[float, float]:

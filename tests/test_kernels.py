@@ -80,6 +80,22 @@ def test_spreading_agrees(compiled, rng, dtype, tolerance, n_signals, scale):
 
 
 @both_precisions
+@pytest.mark.parametrize("factor", [2, 3, 7])
+@pytest.mark.parametrize("beyond", [0, 1, 2])
+@pytest.mark.parametrize("n_outputs", [1, 5, 400])
+def test_upsampling_agrees(compiled, rng, dtype, tolerance, factor, beyond, n_outputs):
+    signal = rng.standard_normal(40 + -(-n_outputs // factor)).astype(dtype)
+    taps = np.hanning(32 * factor + 3)[1:-1]
+    one, other = (
+        module.upsample(signal, taps, factor, 16 * factor + beyond, n_outputs)
+        for module in (compiled, _kernels_numpy)
+    )
+    assert one.dtype == other.dtype == dtype
+    assert one.shape == (n_outputs,)
+    agree(one, other, tolerance)
+
+
+@both_precisions
 def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng, dtype, tolerance):
     grid = rng.standard_normal((3, 500)).astype(dtype)
     means = np.array([1.0, -2.0, 30.0])
