@@ -78,6 +78,23 @@ def one_axes(ax: Any) -> Any:
     return _pyplot().subplots(figsize=(7.2, 4.8), layout="constrained")[1]
 
 
+def offscreen_panels(
+    n_rows: int = 1, n_columns: int = 1, *, size: tuple[float, float] = (7.2, 4.8), **options: Any
+) -> tuple[Any, NDArray[np.object_]]:
+    """Return a figure for a file, which no screen and no list of open figures knows, and its axes.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not there.
+    """
+    _pyplot()
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(n_rows, n_columns, squeeze=False, **options)
+
+
 def panel_axes(
     ax: Any, n_panels: int, *, height: float = 1.7, shared: str = "x"
 ) -> NDArray[np.object_]:
