@@ -80,7 +80,7 @@ def one_axes(ax: Any) -> Any:
 
 def offscreen_panels(
     n_rows: int = 1, n_columns: int = 1, *, size: tuple[float, float] = (7.2, 4.8), **options: Any
-) -> tuple[Any, NDArray[np.object_]]:
+) -> tuple[Any, Any]:
     """Return a figure for a file, which no screen and no list of open figures knows, and its axes.
 
     Raises
@@ -93,6 +93,12 @@ def offscreen_panels(
 
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots(n_rows, n_columns, squeeze=False, **options)
+
+
+def label_axes(ax: Any, x: str, y: str) -> None:
+    """Write what runs along each axis."""
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
 
 
 def panel_axes(

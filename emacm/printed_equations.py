@@ -47,10 +47,10 @@ def printed_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
 
 
 def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> NDArray[np.float64]:
-    """Resample by Eq. (2.13) as printed [1]_: from the sample after, by the angle since the one before.
+    """Resample by Eq. (2.13) as printed [1]_, which adds the slope to the sample after.
 
-    At low orders this is the signal a time sample early, and so the order of a line
-    is modulated wherever the speed varies. `emacm.resampling.interpolate_to_angle` starts
+    The angle is measured from the sample before. At low orders this is the signal a time
+    sample early, and so a line is modulated wherever the speed varies. `emacm.resampling.interpolate_to_angle` starts
     from the sample before, as linear interpolation does.
 
     Parameters

@@ -74,9 +74,20 @@ LAYERS = {
         "signal_displays",
         "spectrum_displays",
     ],
-    "reproduction": ["findings"],
+    "reproduction": [
+        "chapter2_classes",
+        "chapter2_spectra",
+        "chapter3_figures",
+        "chapter3_readings",
+        "findings",
+        "printed_equations",
+        "report",
+        "report_folder",
+        "reproduce_chapter2",
+        "reproduce_chapter3",
+    ],
     "the package": ["__init__"],
-    "programs": ["demo", "__main__"],
+    "programs": ["demo", "reproduce", "__main__"],
 }
 HEIGHT = {name: height for height, names in enumerate(LAYERS.values()) for name in names}
 MODULES = sorted(path.stem for path in FOLDER.glob("*.py"))
