@@ -50,8 +50,9 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
     """Resample by Eq. (2.13) as printed [1]_, which adds the slope to the sample after.
 
     The angle is measured from the sample before. At low orders this is the signal a time
-    sample early, and so a line is modulated wherever the speed varies. `emacm.resampling.interpolate_to_angle` starts
-    from the sample before, as linear interpolation does.
+    sample early, and so a line is modulated wherever the speed varies.
+    `emacm.resampling.interpolate_to_angle` starts from the sample before, as linear
+    interpolation does.
 
     Parameters
     ----------

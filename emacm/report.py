@@ -22,6 +22,7 @@ from emacm.report_folder import REPORT
 _DPI = 110
 _MOST_ROWS = 40  # of a table in the report; a longer one is only begun there
 _FEW_ROWS = 8
+_MANY_COLUMNS = 8  # of a table that is printed smaller
 _STYLE = """
 body { font: 16px/1.5 Georgia, serif; color: #111; max-width: 62rem; margin: 2rem auto;
   padding: 0 1rem; }
@@ -32,14 +33,18 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
 th, td { border: 1px solid #bbb; padding: 0.2rem 0.5rem; text-align: left; vertical-align: top; }
 td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
-tr.no { background: #fbe9dd; font-weight: bold; }
+tr.no { background: #fbe9dd; }
+tr.no td:nth-child(5) { font-weight: bold; }
 figure { margin: 1.5rem 0; break-inside: avoid; }
 img { max-width: 100%; height: auto; }
 figcaption { font-size: 0.9rem; }
+@page { margin: 15mm; }
 @media print {
   body { margin: 0; max-width: none; font-size: 10pt; }
   .wide { overflow-x: visible; }
   table { font-size: 7.5pt; }
+  table.many { font-size: 5.5pt; }
+  table.many th, table.many td { padding: 1pt 2pt; }
   thead { display: table-header-group; }
   tr { break-inside: avoid; }
   h2 { break-before: page; }
@@ -261,6 +266,7 @@ def _html_table(
     caption: str, heads: Sequence[str], rows: Sequence[tuple[list[tuple[str, str]], str]]
 ) -> str:
     """Lay out rows of (cells, class), a cell being (text, class)."""
+    many = "many" if len(heads) > _MANY_COLUMNS else ""
     head = "".join(f'<th scope="col">{escape(str(name))}</th>' for name in heads)
     body = "\n".join(
         f"<tr{_class(kind)}>"
@@ -269,7 +275,7 @@ def _html_table(
         for cells, kind in rows
     )
     return (
-        f'<div class="wide"><table>\n<caption>{escape(caption)}</caption>\n'
+        f'<div class="wide"><table{_class(many)}>\n<caption>{escape(caption)}</caption>\n'
         f"<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
     )
 
