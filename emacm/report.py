@@ -218,7 +218,7 @@ def flat_table(table: pd.DataFrame) -> pd.DataFrame:
     0   y1         1
     """
     names = [", ".join(map(str, n)) if isinstance(n, tuple) else str(n) for n in table.columns]
-    flat = table.set_axis(pd.Index(names, dtype=object), axis=1)
+    flat = table.set_axis(names, axis=1)
     plain = isinstance(table.index, pd.RangeIndex) and table.index.name is None
     return flat.reset_index(drop=plain)
 

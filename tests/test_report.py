@@ -172,10 +172,16 @@ def test_tables_come_back_from_their_files(tmp_path):
     read = pd.read_csv(tmp_path / "tables" / "chapter2_table_1_1.csv")
     assert read.columns.tolist() == ["axis", "run", "ours, e1", "ours, e2"]
     expected = flat_table(chapter.tables["Table 1.1"])
-    pd.testing.assert_frame_equal(read, expected, rtol=1e-14, check_dtype=False)
+    pd.testing.assert_frame_equal(
+        read, expected, rtol=1e-14, check_dtype=False, check_column_type=False
+    )
     findings = pd.read_csv(tmp_path / "tables" / "findings.csv")
     pd.testing.assert_frame_equal(
-        findings, findings_frame(report.findings), rtol=1e-14, check_dtype=False
+        findings,
+        findings_frame(report.findings),
+        rtol=1e-14,
+        check_dtype=False,
+        check_column_type=False,
     )
 
 
