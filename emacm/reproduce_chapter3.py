@@ -199,8 +199,8 @@ def _compare_decisions(chapter: Chapter, tables: dict[str, pd.DataFrame]) -> Non
             f"§3.2, {label} decided rightly, of 40",
             published,
             ours[name],
-            f"runs that were learnt from, {len(ours)} draws; of all 120, published 119, ours "
-            f"{_range(total)}. {others}.",
+            f"runs that were learnt from, {len(ours)} draws. Of all 120, published 119, ours "
+            f"{_range(total)}; which class errs is chance. {others[0].upper()}{others[1:]}.",
         )
 
 

@@ -292,6 +292,12 @@ def test_the_command_writes_a_report_and_counts_last(tmp_path, capsys, stand_in)
     assert page_of(tmp_path / "out").ids == ["chapter2", "chapter3", "chapter4"]
 
 
+def test_without_a_bar_the_seconds_passed_begin_each_line(tmp_path, capsys, monkeypatch, stand_in):
+    monkeypatch.setattr("emacm.progress._bar", lambda: None)
+    assert main(["reproduce", "--out", str(tmp_path / "out"), "--chapter", "2"]) == 0
+    assert capsys.readouterr().err == "[   0 s] chapter 2: at work\n"
+
+
 def test_the_default_folder_is_emacm_reproduction(tmp_path, monkeypatch, stand_in):
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", "--chapter", "3"]) == 0
