@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -10,75 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
-
-
-class BallContact(NamedTuple):
-    """Balls that roll between two rings, or between screw and nut.
-
-    The orders are those of rolling without slip [1]_, the outer ring (the nut) at rest.
-
-    Attributes
-    ----------
-    n_balls : int
-        Balls of a ring, or of one turn of a nut.
-    diameter_ratio : float
-        Ball diameter over pitch diameter.
-    contact_angle : float
-        Contact angle [rad].
-
-    References
-    ----------
-    .. [1] R. B. Randall and J. Antoni, Rolling element bearing diagnostics: a tutorial,
-       Mech. Syst. Signal Process. 25 (2011), Eqs. (1) to (4). Eq. (2.1) of the thesis has the sign
-       of the outer ring.
-    """
-
-    n_balls: int
-    diameter_ratio: float
-    contact_angle: float
-
-    @property
-    def gamma(self) -> float:
-        """Ball diameter over pitch diameter, times the cosine of the contact angle."""
-        return self.diameter_ratio * float(np.cos(self.contact_angle))
-
-    @property
-    def cage(self) -> float:
-        """Order of the cage (FTF)."""
-        return (1 - self.gamma) / 2
-
-    @property
-    def outer_ring(self) -> float:
-        """Order at which balls pass a point of the outer ring (BPFO)."""
-        return self.n_balls * self.cage
-
-    @property
-    def inner_ring(self) -> float:
-        """Order at which balls pass a point of the inner ring (BPFI)."""
-        return self.n_balls * (1 + self.gamma) / 2
-
-    @property
-    def ball(self) -> float:
-        """Order at which a point of a ball meets either ring: twice its spin (2 x BSF)."""
-        return (1 - self.gamma**2) / self.diameter_ratio
-
+from emacm.fault_orders import fault_orders
+from emacm.machine_parts import Bearing
 
 # Assumed: a geometry of an angular contact bearing that gives the 6.123 of the thesis, chapter 4.
-BEARING = BallContact(n_balls=10, diameter_ratio=0.2478, contact_angle=float(np.radians(25)))
-# Assumed: 20 balls of 1/8 in to a turn, on a pitch circle of 24 mm at 45 degrees.
-SCREW = BallContact(n_balls=20, diameter_ratio=0.1323, contact_angle=float(np.radians(45)))
+BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
+# Assumed: 20 balls of 1/8 in to a turn, on a pitch circle of 24 mm at 45 degrees. The nut stands
+# still like an outer ring; the lead, which moves its order by 0.05 %, is not taken into account.
+SCREW = Bearing(20, 0.1323, 1.0, math.radians(45))
 POLE_PAIRS = 6  # Table 4.1: 12 poles
+_LINES = fault_orders(BEARING)["order"]
+CAGE_ORDER = float(_LINES["FTF"])
 
 # Orders in torque, motion and housing vibration; further lines lie at their multiples, and, of
 # what turns through a load zone, beside them. In a phase current an order o stands at |6 +- o|,
 # Eq. (2.4). Empty: the fault has no order of its own.
 FAULT_ORDERS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {
-        "inner ring": (BEARING.inner_ring,),  # one per revolution beside it
-        "outer ring": (BEARING.outer_ring,),
-        "ball": (BEARING.ball,),  # the cage's order beside it
-        "cage": (BEARING.cage,),
-        "screw": (SCREW.outer_ring,),  # a spall in the nut's groove
+        "inner ring": (float(_LINES["BPFI"]),),  # one per revolution beside it
+        "outer ring": (float(_LINES["BPFO"]),),
+        "ball": (float(_LINES["2xBSF"]),),  # the cage's order beside it
+        "cage": (CAGE_ORDER,),
+        "screw": (float(fault_orders(SCREW)["order"]["BPFO"]),),  # a spall in the nut's groove
         "eccentricity": (1.0,),
         "backlash": (),  # a knock where the load changes sides
         "phase imbalance": (2.0 * POLE_PAIRS,),
@@ -203,7 +157,7 @@ def ball_passage(
     start = rng.uniform()
     slip = np.cumsum(_SLIP * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
     phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
-    turning = {"inner ring": 1.0, "ball": BEARING.cage}.get(fault)
+    turning = {"inner ring": 1.0, "ball": CAGE_ORDER}.get(fault)
     if turning is None:  # the place of the defect stands still
         return Passage(phase, np.ones_like(phase))
     psi = turning * angle + mark

@@ -11,7 +11,7 @@ from scipy import signal as filters
 
 from emacm.bench_actuator import RATED_CURRENT, Actuator
 from emacm.bench_conditions import POUND
-from emacm.bench_faults import BEARING, POLE_PAIRS, Passage
+from emacm.bench_faults import CAGE_ORDER, POLE_PAIRS, Passage
 from emacm.bench_motion import Motion, jam_torque
 
 _COGGING_ORDER = 36.0  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
@@ -191,7 +191,7 @@ def _braking(
     for name, passage in passages.items():
         braking += faults[name] * _BALL_TORQUE * (0.3 + np.abs(load) / rated) * passage.pulses
     if cage := faults.get("cage", 0.0):
-        braking += _CAGE_TORQUE * cage * np.sin(BEARING.cage * angle + actuator.mark)
+        braking += _CAGE_TORQUE * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):
         braking += dry * _DRY_TORQUE * np.sin(angle + 3 * actuator.mark)
         braking += dry * _DRY_SCATTER * actuator.coulomb * _noise_over_travel(angle, rng)

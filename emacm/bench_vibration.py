@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 
 from emacm.bench_actuator import PEAK_SPEED, RATED_CURRENT, RATED_FORCE, Actuator
-from emacm.bench_faults import BEARING, POLE_PAIRS, Passage
+from emacm.bench_faults import CAGE_ORDER, POLE_PAIRS, Passage
 from emacm.bench_motor import Torques
 
 GRAVITY = 9.80665  # m/s²
@@ -71,7 +71,7 @@ def housing_force(
     current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
     rolling = 1 + _DRY_ROLLING * faults.get("lubrication", 0.0)
     if cage := faults.get("cage", 0.0):
-        rolling = rolling * (1 + _CAGE_RUB * cage * np.sin(BEARING.cage * angle + actuator.mark))
+        rolling = rolling * (1 + _CAGE_RUB * cage * np.sin(CAGE_ORDER * angle + actuator.mark))
     white = np.sqrt(fs / _NOISE_RATE) * rng.standard_normal(len(angle))  # of one density
     force = actuator.rolling_noise * speed * pressed * rolling * white
     force += actuator.unbalance * torques.velocity**2 * np.sin(angle + 2 * actuator.mark)

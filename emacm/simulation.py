@@ -19,7 +19,7 @@ Examples
 from emacm.bench import BenchTruth, LaboratoryBench
 from emacm.bench_actuator import PEAK_SPEED, Actuator
 from emacm.bench_conditions import CONDITIONS, TRANSDUCERS, Condition, Transducer
-from emacm.bench_faults import BEARING, FAULT_ORDERS, FAULTS, SCREW, BallContact
+from emacm.bench_faults import BEARING, FAULT_ORDERS, FAULTS, SCREW
 from emacm.bench_sets import LaboratoryRecordings, laboratory_recordings, thesis_benches
 from emacm.chapter3_signals import (
     CHAPTER3_ORDERS,
@@ -50,7 +50,6 @@ __all__ = [
     "STATES",
     "TRANSDUCERS",
     "Actuator",
-    "BallContact",
     "BenchTruth",
     "Condition",
     "LaboratoryBench",

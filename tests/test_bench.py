@@ -11,9 +11,9 @@ from emacm import OrderPSD, OrderResampler, Recording
 from emacm.bench import LaboratoryBench
 from emacm.bench_actuator import PEAK_SPEED, Actuator
 from emacm.bench_conditions import CONDITIONS
-from emacm.bench_faults import BEARING, FAULT_ORDERS, FAULTS
+from emacm.bench_faults import FAULT_ORDERS, FAULTS
 
-INNER = BEARING.inner_ring
+INNER = FAULT_ORDERS["inner ring"][0]
 
 
 @cache
@@ -102,7 +102,7 @@ def test_an_inner_ring_defect_has_sidebands_one_order_away(side):
     bad = record(3, faults=(("inner ring", 0.5),))
     assert contrast(bad, "accelerometer", 6 * INNER + side) > 3
     round_the_ring = record(3, faults=(("outer ring", 0.5),))
-    line = 9 * BEARING.outer_ring
+    line = 9 * FAULT_ORDERS["outer ring"][0]
     assert contrast(round_the_ring, "accelerometer", line) > 4
     assert contrast(round_the_ring, "accelerometer", line + side) < 2.5
 
@@ -126,8 +126,8 @@ def test_the_envelope_of_a_resonance_shows_the_inner_ring():
 
 
 ORDER_OF_SIGHT = {
-    "outer ring": ("accelerometer", 3, 8 * BEARING.outer_ring),
-    "ball": ("accelerometer", 3, 9 * BEARING.ball),
+    "outer ring": ("accelerometer", 3, 8 * FAULT_ORDERS["outer ring"][0]),
+    "ball": ("accelerometer", 3, 9 * FAULT_ORDERS["ball"][0]),
     "screw": ("accelerometer", 3, 2 * FAULT_ORDERS["screw"][0]),
     "eccentricity": ("accelerometer", 3, 1.0),
     "phase imbalance": ("current_a", 4, 18.0),

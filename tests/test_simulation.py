@@ -25,6 +25,7 @@ def test_the_names_of_the_demo_are_still_there():
     assert simulation.STATES == ("healthy", "screw", "bearing")
     assert simulation.SCREW_ORDER == 3.125
     # The demo's bearing is that of the thesis, whose geometry the bench assumes.
-    assert pytest.approx(simulation.BEARING.inner_ring, abs=5e-4) == simulation.BEARING_ORDER
+    (inner_ring,) = simulation.FAULT_ORDERS["inner ring"]
+    assert inner_ring == pytest.approx(simulation.BEARING_ORDER, abs=5e-4)
     recordings, states, units = simulation.simulate_fleet(1, 1)
     assert len(recordings) == len(states) == len(units) == 3
