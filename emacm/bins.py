@@ -194,10 +194,11 @@ def bin_operator(
     operator = np.zeros((len(bins), len(orders)))
     at_once = max(1, _AT_ONCE // len(orders))
     for start in range(0, len(parts), at_once):
-        number, low, high = (np.array(c) for c in zip(*parts[start : start + at_once], strict=True))
-        weights = _weights_below(orders, high) - _weights_below(orders, low)
-        cut, first = np.unique(number.astype(np.intp), return_index=True)  # a stop band may cut one
-        operator[cut] += np.add.reduceat(weights, first)
+        part = np.array(parts[start : start + at_once])
+        weights = _weights_below(orders, part[:, 2]) - _weights_below(orders, part[:, 1])
+        # A stop band may have cut a bin in two.
+        numbers, first = np.unique(part[:, 0].astype(np.intp), return_index=True)
+        operator[numbers] += np.add.reduceat(weights, first)
     return operator
 
 
