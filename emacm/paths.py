@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,12 +123,27 @@ class Path:
         Between the samples of the shaft, by the cubic through the four around.
         """
         last = len(self.travel) - 1
-        if fs == self.fs:
-            offset = self.start_time * fs
-            shift = round(offset)
-            inside = start - shift >= 0 and stop - 1 - shift <= last
-            if inside and abs(offset - shift) < 1e-6:
-                return self.travel[start - shift : stop - shift]
+        offset, factor = self.start_time * fs, round(fs / self.fs)
+        shift = round(offset)
+        if fs != factor * self.fs or abs(offset - shift) > 1e-6:
+            return self._cubic(fs, start, stop)
+        if factor == 1 and start >= shift and stop - 1 - shift <= last:
+            return self.travel[start - shift : stop - shift]
+        # In between, the cubics of all intervals are read at the same places.
+        low = min(max(start, shift + factor), stop)
+        high = max(min(stop, shift + (last - 1) * factor), low)
+        parts = [
+            self._cubic(fs, start, low),
+            self._denser(factor, low - shift, high - shift),
+            self._cubic(fs, high, stop),
+        ]
+        return np.concatenate(parts)
+
+    def _cubic(self, fs: float, start: int, stop: int) -> NDArray[np.floating]:
+        """Angle run at any times, by the cubic through the four samples around each."""
+        if start >= stop:
+            return np.empty(0)
+        last = len(self.travel) - 1
         position = (np.arange(start, stop) / fs - self.start_time) * self.fs
         position = np.clip(position, 0, last)
         nearest = np.rint(position)
@@ -136,16 +151,32 @@ class Path:
         if last < 3:
             return np.interp(position, np.arange(last + 1), self.travel[:])
         left = np.clip(position.astype(np.intp), 1, last - 2)
-        u = position - left
         low = int(left[0]) - 1
         near = self.travel[low : int(left[-1]) + 3]
-        before, here, there, after = (near[left - low + k] for k in (-1, 0, 1, 2))
-        return (
-            -u * (u - 1) * (u - 2) / 6 * before
-            + (u + 1) * (u - 1) * (u - 2) / 2 * here
-            - (u + 1) * u * (u - 2) / 2 * there
-            + (u + 1) * u * (u - 1) / 6 * after
-        )
+        weights = _lagrange(position - left)
+        return sum(weight * near[left - low + k] for k, weight in enumerate(weights, start=-1))
+
+    def _denser(self, factor: int, start: int, stop: int) -> NDArray[np.floating]:
+        """Angle run at `factor` places in each interval, from place `start` to `stop`."""
+        if start >= stop:
+            return np.empty(0)
+        first, last = start // factor, (stop - 1) // factor
+        near, count = self.travel[first - 1 : last + 3], last - first + 1
+        travel = np.empty((count, factor))
+        for place in range(factor):
+            weights = _lagrange(np.float64(place / factor))
+            travel[:, place] = sum(w * near[k : k + count] for k, w in enumerate(weights))
+        return travel.ravel()[start - first * factor : stop - first * factor]
+
+
+def _lagrange(u: Any) -> tuple[Any, Any, Any, Any]:
+    """Weights of the samples at -1, 0, 1 and 2 in the cubic through them, read at `u`."""
+    return (
+        -u * (u - 1) * (u - 2) / 6,
+        (u + 1) * (u - 1) * (u - 2) / 2,
+        -(u + 1) * u * (u - 2) / 2,
+        (u + 1) * u * (u - 1) / 6,
+    )
 
 
 class StrokeTravel(LazySeries):

@@ -126,3 +126,21 @@ def test_the_largest_step_and_its_place_are_found(monkeypatch):
     path = Path(travel, FS, 0.0, 0.0, 1)
     assert path.largest_step() == (51.0, 699)
     assert path.fastest == 51 * FS
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 5])
+@pytest.mark.parametrize("start", [0, 40])
+@settings(deadline=None)
+@given(limits=st.tuples(st.integers(-9, 260), st.integers(0, 400)))
+def test_travel_at_a_multiple_of_the_rate_is_the_cubic_through_the_samples(factor, start, limits):
+    travel = ANGLE[:50] - ANGLE[0]
+    path = Path(travel, FS, start / FS, 0.0, 1)
+    first, stop = start * factor + limits[0], start * factor + limits[0] + limits[1]
+    found = path.travel_at(factor * FS, first, stop)
+    position = np.clip(np.arange(first, stop) / factor - start, 0, 49)
+    left = np.clip(np.floor(position + 1e-9).astype(int), 1, 47)
+    expected = [
+        np.polynomial.Polynomial.fit([-1, 0, 1, 2], travel[k - 1 : k + 3], 3)(x - k)
+        for k, x in zip(left, position, strict=True)
+    ]
+    np.testing.assert_allclose(found, expected, atol=1e-10)
