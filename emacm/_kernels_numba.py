@@ -317,16 +317,22 @@ def _spread(
 @_compiled
 def _upsample(signal, phases, first, outputs):
     factor = len(phases)
+    line = np.empty(len(outputs) // factor + 1, signal.dtype)
     for start in range(min(factor, len(outputs))):
-        taps = phases[(first + start) % factor]
-        behind = (first + start) // factor - 16
-        part = outputs[start::factor]
-        for i in range(len(part)):
-            total = taps[0] * signal[behind + i]
-            for k in range(1, 32):  # of constant length, so that the loop over i is vectorised
-                total += taps[k] * signal[behind + i + k]
-            # The last tap is not zero in the first phase alone, where it meets a sample.
-            part[i] = total + taps[32] * signal[min(behind + i + 32, len(signal) - 1)]
+        phase = (first + start) % factor
+        taps = phases[phase]
+        count = (len(outputs) - start - 1) // factor + 1
+        part = signal[(first + start) // factor - 16 :]
+        for i in range(count):
+            total = taps[1] * part[i + 1]
+            for k in range(2, 33):  # of constant length, so that the loop over i is vectorised
+                total += taps[k] * part[i + k]
+            line[i] = total
+        if phase == 0:  # where new samples meet old ones, a tap more
+            for i in range(count):
+                line[i] += taps[0] * part[i]
+        for i in range(count):
+            outputs[start + i * factor] = line[i]
 
 
 @_compiled
