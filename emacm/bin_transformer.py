@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -135,12 +136,9 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         if not kept:
             raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
         self.bins_ = tuple(bins[i] for i in kept)
-        made: dict[bytes, sparse.csr_array] = {}  # channels with the same orders share theirs
-        for orders in (block.orders for block in blocks):
-            if orders.tobytes() not in made:
-                operator = bin_operator(orders, self.bins_, stop_bands=stops)
-                made[orders.tobytes()] = sparse.csr_array(operator)
-        operators = [made[block.orders.tobytes()] for block in blocks]
+        operators = [
+            _operator(block.orders.tobytes(), self.bins_, tuple(stops)) for block in blocks
+        ]
         self.operator_ = _block_diagonal(operators)
         self._columns_out = [f"{block.channel}@{labels[i]}" for block in blocks for i in kept]
         return self
@@ -253,6 +251,12 @@ class BinTransformer(TransformerMixin, BaseEstimator):
 def _names_orders(names: Sequence[Any]) -> bool:
     """Tell by the first name whether these are columns of an order spectrum."""
     return parse_order_columns(names[:1]) is not None
+
+
+@lru_cache(maxsize=64)
+def _operator(orders: bytes, bins: tuple[Band, ...], stops: tuple[Band, ...]) -> sparse.csr_array:
+    """Make the operator of one channel; channels share it, and the folds of a search."""
+    return sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
 
 
 def _block_diagonal(blocks: list[sparse.csr_array]) -> sparse.csr_array:
