@@ -89,7 +89,7 @@ def _reading(conditions: pd.DataFrame) -> str:
 
 def _per_condition(table: pd.DataFrame) -> str:
     found = ", ".join(f"{signal} {_range(table, signal)}" for signal in SIGNALS.values())
-    weak = table.xs("correct", level=1)["published"].astype(float).idxmin()
+    weak = str(table.xs("correct", level=1)["published"].astype(float).idxmin())
     ours = table.xs("correct", level=1)["ours"].astype(float)
     said = (
         "is also the weakest here"
@@ -98,8 +98,8 @@ def _per_condition(table: pd.DataFrame) -> str:
     )
     return (
         f"A classifier for each condition is right in these per cent of the test runs: {found}. "
-        f"The thesis' weakest signal, {weak.lower()}, {said}. Both units carry marks of their own "
-        "that repeat from run to run, and within a condition nothing else varies."
+        f"The thesis' weakest signal, {weak.lower()}, {said}. What tells the units apart, fault "
+        "or not, repeats from run to run; within a condition little else differs."
     )
 
 
@@ -109,10 +109,11 @@ def _single(tables: Mapping[str, pd.DataFrame]) -> str:
     between = carried.xs("all", level="conditions")["feature 1 between conditions [%]"]
     shares = ", ".join(f"{signal} {share:.0f} %" for signal, share in between.items())
     return (
-        f"One classifier for all conditions: {found}. Why it falls: components of raw power follow "
-        "the conditions with the most power. Of the variance of the first feature, the part that "
-        f"lies between conditions and not between units or runs is {shares}; one Gaussian per "
-        "class then covers five clusters, and conditions of little power are all called one class."
+        f"One classifier for all conditions: {found}. Where it falls, components of raw power have "
+        "followed the conditions with the most power: of the variance of the first feature, the "
+        f"part between conditions, and not between units or runs, is {shares}. One Gaussian per "
+        "class then covers five clusters; a condition whose runs all fall on one side is half "
+        "right (table 'outcomes by condition')."
     )
 
 
@@ -152,7 +153,7 @@ def _velocity(tables: Mapping[str, pd.DataFrame]) -> str:
         text += (
             f" Stroke by stroke the jump is gone, and the electrical noise carries "
             f"{noise['per condition']:.0f} % (mean over conditions) and {noise['single']:.0f} % "
-            f"(one classifier, then {shares.loc['single', 'correct']:.0f} % correct)."
+            f"(one classifier, then {shares['correct']['single']:.0f} % correct)."
         )
     return text
 
@@ -213,14 +214,12 @@ def _others(readings: pd.DataFrame) -> str:
     first = readings["reading"].iloc[0]
     found = []
     for name, table in readings.groupby("reading", sort=False):
-        correct = table.set_index(["classifier", "signal"])["correct"]
-        found.append(
-            f"{name}: "
-            + ", ".join(
-                f"{signal} {correct['per condition', signal]:.0f} and {correct['single', signal]:.0f}"
-                for signal in SIGNALS.values()
-            )
+        shares = table.set_index(["classifier", "signal"])["correct"]
+        pairs = (
+            f"{signal} {shares['per condition', signal]:.0f} and {shares['single', signal]:.0f}"
+            for signal in SIGNALS.values()
         )
+        found.append(f"{name}: {', '.join(pairs)}")
     return (
         "Other readings, first pair of units, % correct by a classifier per condition and by a "
         f"single one ({first!r} is what is compared above): "

@@ -156,7 +156,7 @@ def run_campaign(
 
     Examples
     --------
-    >>> campaign = run_campaign(0, n_runs=2, duration=0.5)
+    >>> campaign = run_campaign(0, n_runs=2, duration=0.1)
     >>> campaign.frame["health"].value_counts().to_dict()
     {'healthy': 10, 'degraded': 10}
     >>> campaign.spectra["thesis"]["lvdt"].shape

@@ -160,7 +160,7 @@ def _compare(chapter: Chapter, decisions: pd.DataFrame) -> None:
     for scheme, table in SCHEMES.items():
         rows = {}
         for channel, published in PUBLISHED[scheme].items():
-            ours = shares.loc[(scheme, channel)]
+            ours = shares.xs((scheme, channel), level=(0, 1))
             for name, value in zip(OUTCOME_NAMES, published, strict=True):
                 note = f"{len(ours)} pairs of units on the bench" if len(ours) > 1 else "one pair"
                 finding = chapter.compare(
@@ -205,12 +205,14 @@ def _carried(
 def _over_seeds(carried: pd.DataFrame) -> pd.DataFrame:
     """Median of each number, and the range of the shares, over the pairs of units."""
     groups = carried.drop(columns="seed").groupby(["signal", "conditions"], sort=False)
-    table = groups.median()
-    for group in GROUPS:
-        place = table.columns.get_loc(f"{group} [%]") + 1
-        table.insert(place, f"{group}, highest", groups[f"{group} [%]"].max())
-        table.insert(place, f"{group}, lowest", groups[f"{group} [%]"].min())
-    return table
+    medians, lowest, highest = groups.median(), groups.min(), groups.max()
+    columns = {}
+    for name in map(str, medians):
+        columns[name] = medians[name]
+        if name.removesuffix(" [%]") in GROUPS:
+            columns[f"{name}, lowest"] = lowest[name]
+            columns[f"{name}, highest"] = highest[name]
+    return pd.DataFrame(columns)
 
 
 def _lines(models: list[Model], explanations: list[pd.DataFrame], n_lines: int = 8) -> pd.DataFrame:
@@ -241,12 +243,15 @@ def _readings(campaign: Campaign, readings: tuple[str, ...]) -> pd.DataFrame:
         models = train(campaign, reading)
         decisions = decide(campaign, models, reading)
         table = outcome_shares(decisions, ["scheme", "channel"])
-        for group in GROUPS:  # of the explanations, the mean over conditions
-            table[f"{group} [%]"] = 0.0
-        for model in models:
-            n_models = 1 if model.scheme == "single" else len(models) // len(SIGNALS) - 1
-            for group, share in explained_shares(explain(campaign, model, reading)).items():
-                table.loc[(model.scheme, model.channel), f"{group} [%]"] += share / n_models
+        carried = pd.DataFrame(
+            [
+                {"scheme": model.scheme, "channel": model.channel}
+                | explained_shares(explain(campaign, model, reading))
+                for model in models
+            ]
+        )
+        means = carried.groupby(["scheme", "channel"])[list(GROUPS)].mean()  # over conditions
+        table = table.join(means.add_suffix(" [%]"))
         tables.append(table)
     table = pd.concat(tables, keys=readings, names=["reading"])
     table = table.rename(index=SIGNALS, level="channel").reset_index()
