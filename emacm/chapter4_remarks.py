@@ -231,7 +231,7 @@ def _others(readings: pd.DataFrame) -> str:
 def _range(table: pd.DataFrame, signal: str) -> str:
     row = table.xs("correct", level=1).loc[signal]
     span = "" if row["lowest"] == row["highest"] else f", {row['lowest']:g} to {row['highest']:g}"
-    return f"{row['ours']:g} (published {row['published']:g}{span})"
+    return f"{row['ours']:g}{span} (published {row['published']:g})"
 
 
 def _listed(shares: pd.Series) -> str:

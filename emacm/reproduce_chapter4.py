@@ -142,9 +142,10 @@ def run_chapter4(
             first_pair = campaign, models, explanations
     decisions = pd.concat(decided, ignore_index=True)
     draw_summary(chapter, *first_pair, decisions)
-    _compare(chapter, decisions)
+    over_seeds = _over_seeds(pd.concat(carried))
+    _compare(chapter, decisions, over_seeds)
     chapter.tables["outcomes by condition"] = _by_condition(decisions)
-    chapter.tables["what carries the decisions"] = _over_seeds(pd.concat(carried))
+    chapter.tables["what carries the decisions"] = over_seeds
     chapter.remarks = remarks(
         chapter.tables,
         n_pairs=len(extent.seeds),
@@ -154,7 +155,7 @@ def run_chapter4(
     return chapter
 
 
-def _compare(chapter: Chapter, decisions: pd.DataFrame) -> None:
+def _compare(chapter: Chapter, decisions: pd.DataFrame, carried: pd.DataFrame) -> None:
     """Set Tables 4.5 and 4.6 beside ours, a finding for each cell."""
     shares = outcome_shares(decisions, ["scheme", "channel", "seed"])
     for scheme, table in SCHEMES.items():
@@ -163,12 +164,26 @@ def _compare(chapter: Chapter, decisions: pd.DataFrame) -> None:
             ours = shares.xs((scheme, channel), level=(0, 1))
             for name, value in zip(OUTCOME_NAMES, published, strict=True):
                 note = f"{len(ours)} pairs of units on the bench" if len(ours) > 1 else "one pair"
-                finding = chapter.compare(
-                    f"{table}, {SIGNALS[channel]}, % {name}", value, ours[name], note
-                )
+                where = f"{table}, {SIGNALS[channel]}, % {name}"
+                finding = chapter.compare(where, value, ours[name], note)
+                if not finding.agrees:
+                    why = _why(carried.xs(SIGNALS[channel], level="signal"), scheme)
+                    chapter.findings[-1] = finding._replace(note=f"{note}; {why}")
                 rows[SIGNALS[channel], name] = finding[1:6]
         frame = pd.DataFrame(rows, index=["published", "ours", "lowest", "highest", "agrees"]).T
         chapter.tables[table] = frame.rename_axis(["signal", "% of the test runs"])
+
+
+def _why(carried: pd.DataFrame, scheme: str) -> str:
+    """Say in numbers what a signal's decisions rest on, where they are not the thesis'."""
+    single = scheme == "single"
+    rows = carried[(carried.index == "all") == single]
+    shares = ", ".join(f"{group} {rows[f'{group} [%]'].mean():.0f} %" for group in GROUPS)
+    text = f"decided on {shares}"
+    if single:
+        between = rows["feature 1 between conditions [%]"].iloc[0]
+        text += f"; {between:.0f} % of the first feature's variance is between conditions"
+    return text
 
 
 def _by_condition(decisions: pd.DataFrame) -> pd.DataFrame:

@@ -242,3 +242,8 @@ def test_progress_is_reported_in_lines():
     lines = []
     run_campaign(1, n_runs=5, duration=0.05, report=lines.append)
     assert lines == ["chapter 4, units of seed 1: 50 of 50 recordings"]
+
+
+def test_a_finding_that_does_not_agree_says_what_was_decided_on(chapter):
+    for finding in chapter.findings:
+        assert ("decided on inner ring" in finding.note) == (not finding.agrees)
