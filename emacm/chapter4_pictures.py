@@ -171,7 +171,8 @@ def _draw_features(
             )
             title = f"{SIGNALS[model.channel]}, {'training' if training else 'test'}"
             ax.set_title(title, loc="right")  # on the left stands the power of ten
-            ax.ticklabel_format(scilimits=(-2, 3))
+            ax.locator_params(nbins=4)
+            ax.ticklabel_format(scilimits=(-2, 3), useOffset=False)
             if (row, column) != (0, 1):
                 ax.get_legend().remove()
     caption = f"Condition {condition}, feature plane and decisions, {_TITLES[models[0].scheme]}."
