@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,13 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_choice, check_number, check_real_array
-from emacm.costs import check_weights, conditional_risk, cost_table, expected_cost, least_risk
-from emacm.gaussians import (
-    FLOOR,
-    ClassMoments,
-    class_moments,
-    fit_gaussians,
-    ledoit_wolf_coefficients,
-    oas_coefficient,
-)
+from emacm._checks import check_choice, check_number
+from emacm.costs import check_weights, cost_table, expected_cost
+from emacm.gaussians import FLOOR, fit_gaussians
+from emacm.moments import ClassMoments, class_moments
+from emacm.priors import class_priors
+from emacm.risks import conditional_risk, least_risk
+from emacm.shrinkage import ledoit_wolf_coefficients, oas_coefficient
 
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
 _FEWER = "Use fewer features (by PCA), or more recordings: two of a class at the least."
@@ -382,67 +378,6 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         if self._moments.pooled:
             return "all classes"
         return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
-
-
-def class_priors(
-    priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Bring any form of stating priors to one probability per class.
-
-    Parameters
-    ----------
-    priors : None, "uniform", array-like or mapping
-        None: shares of the counts. An array is in the order of `classes`; a mapping or
-        Series {class: probability} names every class.
-    classes : ndarray of shape (n_classes,)
-        The classes.
-    counts : ndarray of shape (n_classes,)
-        Recordings of each class.
-
-    Returns
-    -------
-    probabilities : ndarray of shape (n_classes,)
-        They add up to 1, Eq. (2.37).
-
-    Raises
-    ------
-    ValueError
-        If they are negative, do not add up to 1 (to 1e-6), or do not fit the classes.
-    TypeError
-        If they are not numbers.
-
-    Examples
-    --------
-    >>> class_priors({"worn": 0.01, "healthy": 0.99}, np.array(["healthy", "worn"]), np.ones(2))
-    array([0.99, 0.01])
-    """
-    known = classes.tolist()
-    if priors is None:
-        return counts / counts.sum()
-    if isinstance(priors, str):
-        check_choice(priors, "priors as a word", ("uniform",))
-        return np.full(len(known), 1 / len(known))
-    if isinstance(priors, Mapping | pd.Series):
-        named = dict(priors.items())
-        unknown = [label for label in named if label not in known]
-        missing = [label for label in known if label not in named]
-        if unknown or missing:
-            raise ValueError(
-                f"priors must name every class of {known} and no other; "
-                f"unknown: {unknown}, missing: {missing}."
-            )
-        priors = [named[label] for label in known]
-    values = check_real_array(priors, "priors").astype(np.float64)
-    if values.shape != (len(known),):
-        raise ValueError(
-            f"priors must hold one probability for each of the {len(known)} classes {known}, "
-            f"got shape {values.shape}."
-        )
-    for label, value in zip(known, values, strict=True):
-        check_number(float(value), f"the prior of class {label!r}", at_least=0)
-    if abs(values.sum() - 1) > 1e-6:
-        raise ValueError(f"priors must add up to 1, got {values.tolist()}, sum {values.sum():.8g}.")
-    return values / values.sum()
 
 
 def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:

@@ -1,0 +1,170 @@
+"""Moments of the recordings of each class: counts, means and scatter, which merge exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_LARGEST = 1e150  # of a feature, so that its square stays finite
+
+
+@dataclass(frozen=True)
+class ClassMoments:
+    """Counts, means and scatter of the recordings of each class.
+
+    Attributes
+    ----------
+    counts : ndarray of shape (n_classes,)
+        Sum of the weights of the recordings, their number if every weight is 1.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class, Eq. (2.45); zero for a class without recordings.
+    scatter : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
+        Sum of the outer products of the deviations from the mean of the class; without
+        the products of two features in the second shape.
+    pooled : bool
+        If True, the scatter is summed over all classes (`n_groups` = 1).
+    """
+
+    counts: Array
+    means: Array
+    scatter: Array
+    pooled: bool
+
+    def merge(self, other: ClassMoments) -> ClassMoments:
+        """Return the moments of both sets of recordings together, exactly [1]_.
+
+        References
+        ----------
+        .. [1] Chan, Golub and LeVeque, Updating formulae and a pairwise algorithm for
+           computing sample variances, COMPSTAT 1982.
+        """
+        if self.scatter.shape != other.scatter.shape or self.pooled != other.pooled:
+            raise ValueError(
+                f"Moments to be merged must be of one kind, got scatter of shapes "
+                f"{self.scatter.shape} and {other.scatter.shape}."
+            )
+        counts = self.counts + other.counts
+        share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)
+        step = np.where(self.counts[:, np.newaxis] > 0, other.means - self.means, 0.0)
+        means = np.where(
+            self.counts[:, np.newaxis] > 0, self.means + share[:, np.newaxis] * step, other.means
+        )
+        between = _scatter_of_rows(step, self.counts * share, self.scatter.ndim)
+        if self.pooled:
+            between = between.sum(axis=0, keepdims=True)
+        return ClassMoments(counts, means, self.scatter + other.scatter + between, self.pooled)
+
+    @property
+    def group_counts(self) -> Array:
+        """Number of recordings behind each scatter, shape (n_groups,)."""
+        return self.counts.sum(keepdims=True) if self.pooled else self.counts
+
+    @property
+    def divisors(self) -> Array:
+        """N - 1 of each class, Eq. (2.46), or N - K of the K classes seen, if pooled."""
+        if self.pooled:
+            return self.group_counts - np.count_nonzero(self.counts)
+        return self.counts - 1
+
+    @property
+    def feature_variances(self) -> Array:
+        """Variance of each feature over all recordings, whatever their class, divided by N."""
+        shares = self.counts / self.counts.sum()
+        spread = self.means - shares @ self.means
+        return diagonals(self.scatter).sum(axis=0) / self.counts.sum() + shares @ spread**2
+
+
+def class_moments(
+    X: Array,
+    codes: NDArray[np.intp],
+    n_classes: int,
+    *,
+    sample_weight: Array | None = None,
+    pooled: bool = False,
+    variances_only: bool = False,
+) -> ClassMoments:
+    """Count, average and spread of the recordings of each class.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes : ndarray of shape (n_recordings,)
+        Number of the class of each recording, 0..n_classes-1.
+    n_classes : int
+        Number of classes; some may have no recordings.
+    sample_weight : ndarray of shape (n_recordings,), default=None
+        How often each recording counts; None counts each once.
+    pooled : bool, default=False
+        Sum the scatter over the classes.
+    variances_only : bool, default=False
+        Leave out the products of two features.
+
+    Returns
+    -------
+    moments : ClassMoments
+        Counts, means and scatter.
+
+    Raises
+    ------
+    ValueError
+        If a feature is so large that its variance may overflow.
+
+    Examples
+    --------
+    >>> X = np.array([[0.0], [2.0], [5.0]])
+    >>> moments = class_moments(X, np.array([0, 0, 1]), 2)
+    >>> moments.counts, moments.means.ravel(), moments.scatter.ravel()
+    (array([2., 1.]), array([1., 5.]), array([2., 0.]))
+    """
+    _check_range(X)
+    weight = np.ones(len(X)) if sample_weight is None else sample_weight
+    n_features = X.shape[1]
+    counts, means = np.zeros(n_classes), np.zeros((n_classes, n_features))
+    shape = (n_features,) if variances_only else (n_features, n_features)
+    scatter = np.zeros((1 if pooled else n_classes, *shape))
+    for k in range(n_classes):
+        chosen = (codes == k) & (weight > 0)
+        if not chosen.any():
+            continue
+        rows, w = X[chosen], weight[chosen]
+        counts[k] = w.sum()
+        means[k] = w @ rows / counts[k]
+        means[k] += w @ (rows - means[k]) / counts[k]  # a constant feature has no spread
+        scaled = (rows - means[k]) * np.sqrt(w)[:, np.newaxis]
+        spread = np.sum(scaled**2, axis=0) if variances_only else scaled.T @ scaled
+        scatter[0 if pooled else k] += spread
+    return ClassMoments(counts, means, scatter, pooled)
+
+
+def diagonals(matrices: Array) -> Array:
+    """Return the diagonals of a stack of matrices, or a stack of diagonals as it is.
+
+    Examples
+    --------
+    >>> diagonals(np.array([[[1.0, 2.0], [3.0, 4.0]]]))
+    array([[1., 4.]])
+    """
+    return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
+
+
+def _check_range(X: Array) -> None:
+    bad = np.abs(X) > _LARGEST
+    if bad.any():
+        recording, feature = np.unravel_index(int(np.argmax(bad)), bad.shape)
+        raise ValueError(
+            f"Features must be at most {_LARGEST:g} in size, so that their variances are finite; "
+            f"got {X[recording, feature]:g} at recording {recording}, feature {feature}. "
+            f"Bring the features to ordinary units first."
+        )
+
+
+def _scatter_of_rows(rows: Array, weight: Array, ndim: int) -> Array:
+    """Return one weighted outer product (or square, if `ndim` is 2) per row."""
+    if ndim == 2:
+        return weight[:, np.newaxis] * rows**2
+    return weight[:, np.newaxis, np.newaxis] * rows[:, :, np.newaxis] * rows[:, np.newaxis, :]

@@ -1,0 +1,78 @@
+"""Prior probabilities of the classes, however they are stated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from emacm._checks import check_choice, check_number, check_real_array
+
+
+def class_priors(
+    priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Bring any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
+
+    Parameters
+    ----------
+    priors : None, "uniform", array-like or mapping
+        None: shares of the counts. An array is in the order of `classes`; a mapping or
+        Series {class: probability} names every class.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    counts : ndarray of shape (n_classes,)
+        Recordings of each class.
+
+    Returns
+    -------
+    probabilities : ndarray of shape (n_classes,)
+        They add up to 1.
+
+    Raises
+    ------
+    ValueError
+        If they are negative, do not add up to 1 (to 1e-6), or do not fit the classes.
+    TypeError
+        If they are not numbers.
+
+    References
+    ----------
+    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+       Condition Monitoring, section 2.2.1.
+
+    Examples
+    --------
+    >>> class_priors({"worn": 0.01, "healthy": 0.99}, np.array(["healthy", "worn"]), np.ones(2))
+    array([0.99, 0.01])
+    """
+    known = classes.tolist()
+    if priors is None:
+        return counts / counts.sum()
+    if isinstance(priors, str):
+        check_choice(priors, "priors as a word", ("uniform",))
+        return np.full(len(known), 1 / len(known))
+    if isinstance(priors, Mapping | pd.Series):
+        named = dict(priors.items())
+        unknown = [label for label in named if label not in known]
+        missing = [label for label in known if label not in named]
+        if unknown or missing:
+            raise ValueError(
+                f"priors must name every class of {known} and no other; "
+                f"unknown: {unknown}, missing: {missing}."
+            )
+        priors = [named[label] for label in known]
+    values = check_real_array(priors, "priors").astype(np.float64)
+    if values.shape != (len(known),):
+        raise ValueError(
+            f"priors must hold one probability for each of the {len(known)} classes {known}, "
+            f"got shape {values.shape}."
+        )
+    for label, value in zip(known, values, strict=True):
+        check_number(float(value), f"the prior of class {label!r}", at_least=0)
+    if abs(values.sum() - 1) > 1e-6:
+        raise ValueError(f"priors must add up to 1, got {values.tolist()}, sum {values.sum():.8g}.")
+    return values / values.sum()
