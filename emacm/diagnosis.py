@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_softmax, softmax
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
@@ -17,8 +16,8 @@ from emacm._checks import check_choice, check_number
 from emacm.costs import check_weights, cost_table, expected_cost
 from emacm.gaussians import FLOOR, fit_gaussians
 from emacm.moments import ClassMoments, class_moments
+from emacm.posteriors import BayesRule
 from emacm.priors import class_priors
-from emacm.risks import conditional_risk, least_risk
 from emacm.shrinkage import ledoit_wolf_coefficients, oas_coefficient
 
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
@@ -224,20 +223,18 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
             If an input is invalid, or after `partial_fit`, if a class with a prior has no
             recordings or a covariance is singular and `shrinkage` is not None.
         """
-        check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        if not self._judged:
-            self._judge()
-        with np.errstate(divide="ignore"):
-            return np.log(self.priors_) + self._gaussians.log_densities(X)
+        X = self._features(X)
+        return self._rule.joint(X)
 
     def predict_log_proba(self, X):
         """Logarithm of the posterior, Eq. (2.42), shape (n_recordings, n_classes)."""
-        return log_softmax(self.predict_joint_log_proba(X), axis=1)
+        X = self._features(X)
+        return self._rule.log_posterior(X)
 
     def predict_proba(self, X):
         """Posterior probability of each class, Eq. (2.42), shape (n_recordings, n_classes)."""
-        return softmax(self.predict_joint_log_proba(X), axis=1)
+        X = self._features(X)
+        return self._rule.posterior(X)
 
     def risk(self, X):
         """Conditional risk of each decision, Eq. (2.39), in the unit of the cost.
@@ -252,7 +249,8 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         risk : ndarray of shape (n_recordings, n_decisions)
             Posterior times `cost_`, columns in the order of `decisions_`.
         """
-        return conditional_risk(self.predict_proba(X), self.cost_)
+        X = self._features(X)
+        return self._rule.risk(X, self.cost_)
 
     def predict(self, X):
         """Take the decision of least risk, Eq. (2.43).
@@ -270,8 +268,8 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         decisions : ndarray of shape (n_recordings,)
             One of `decisions_` for each recording.
         """
-        posterior = self.predict_proba(X)
-        return self.decisions_[least_risk(posterior, self.cost_)]
+        X = self._features(X)
+        return self.decisions_.take(self._rule.decide(X, self.cost_))
 
     def score(self, X, y, sample_weight=None):
         """Share of recordings whose decision is their class; "inspect" is never right.
@@ -293,6 +291,13 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         pairs = zip(self.predict(X).tolist(), column_or_1d(y).tolist(), strict=True)
         right = [decision == truth for decision, truth in pairs]
         return float(np.average(right, weights=check_weights(sample_weight, len(right))))
+
+    def _features(self, X) -> NDArray[np.float64]:
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if not self._judged:
+            self._judge(depth=4)
+        return X
 
     def _measure(self, X, codes, weight, classes) -> ClassMoments:
         return class_moments(
@@ -334,10 +339,12 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         self.classes_, self.decisions_, self.cost_, self.priors_ = classes, decisions, cost, priors
         self.class_count_, self.means_ = moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances
-        self._moments, self._gaussians, self._judged = moments, gaussians, False
+        with np.errstate(divide="ignore"):
+            self._rule = BayesRule(gaussians, np.log(priors))
+        self._moments, self._judged = moments, False
 
-    def _judge(self) -> None:
-        """Raise or warn if the densities are not fit for use."""
+    def _judge(self, depth: int = 3) -> None:
+        """Raise or warn if the densities are not fit for use; the warning names the caller."""
         seen = self._moments.counts > 0
         unknown = (self.priors_ > 0) & ~seen
         if unknown.any():
@@ -359,7 +366,7 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
                 f"one, but {self._named(thin)} has a total weight of "
                 f"{self._moments.group_counts[thin].tolist()}. Scale the weights up."
             )
-        singular = self._gaussians.singular & (self._moments.group_counts > 0)
+        singular = self._rule.gaussians.singular & (self._moments.group_counts > 0)
         if singular.any() and self.shrinkage is not None:
             raise ValueError(
                 f"The covariance of {self._named(singular)} is singular with "
@@ -371,7 +378,7 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
                 f"The covariance of {self._named(singular)} is singular; its eigenvalues were "
                 f"raised to {FLOOR:g} of the largest feature variance. {_REMEDY}",
                 UserWarning,
-                stacklevel=3,
+                stacklevel=depth,
             )
 
     def _named(self, groups: NDArray[np.bool_]) -> str:

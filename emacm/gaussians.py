@@ -11,12 +11,15 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
+from emacm.blocks import in_blocks
+from emacm.discriminants import LinearDiscriminants, linear_discriminants
+from emacm.distances import ClassDistances, class_distances
 from emacm.moments import ClassMoments, class_moments, diagonals
 from emacm.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
 
@@ -35,7 +38,6 @@ __all__ = [
 Array = NDArray[np.float64]
 
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
-_FARTHEST = np.finfo(np.float64).max / 4  # squared distance that stands for an overflow
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,10 @@ class GaussianClasses:
     singular : ndarray of bool, shape (n_groups,)
         Where the covariance was singular; raised to the floor if there was one, else its
         factor is zero and means nothing.
+    distances : ClassDistances
+        The same means and factors, prepared for evaluation.
+    discriminants : LinearDiscriminants or None
+        If one covariance serves all classes, and they are accurate.
     """
 
     means: Array
@@ -62,19 +68,38 @@ class GaussianClasses:
     factors: Array
     log_determinants: Array
     singular: NDArray[np.bool_]
+    distances: ClassDistances = field(init=False, repr=False)
+    discriminants: LinearDiscriminants | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        linear = None
+        if len(self.factors) < len(self.means) and self.factors.ndim == 3:
+            deviations = np.sqrt(np.diagonal(self.covariances[0]))
+            linear = linear_discriminants(self.means, self.factors[0], deviations)
+        object.__setattr__(self, "distances", class_distances(self.means, self.factors))
+        object.__setattr__(self, "discriminants", linear)
 
     def log_densities(self, X: Array) -> Array:
         """Logarithm of the density of each class, Eq. (2.44), shape (n_recordings, n_classes)."""
-        distances = np.empty((len(X), len(self.means)))
-        with np.errstate(over="ignore", invalid="ignore"):
-            for k, mean in enumerate(self.means):
-                factor = self.factors[k % len(self.factors)]  # the only one, if tied
-                centred = X - mean
-                white = centred * factor if factor.ndim == 1 else centred @ factor
-                distances[:, k] = np.sum(white**2, axis=1)
-        distances[~(distances < _FARTHEST)] = _FARTHEST
+        n_rows, n_classes = self.distances.n_rows, len(self.means)
+        return in_blocks(lambda rows: self.log_terms(rows).T, X, n_rows, n_classes)
+
+    def log_terms(self, X: Array, log_weights: ArrayLike = 0.0) -> Array:
+        """Logarithm of weight times density for a block, shape (n_classes, n_rows).
+
+        Classes first, as the work arrays of `emacm.distances` have them.
+        """
         constant = X.shape[1] * np.log(2 * np.pi) + self.log_determinants
-        return -0.5 * (distances + constant)
+        terms = self.distances.squares(X)
+        terms *= -0.5
+        terms += np.reshape(log_weights - 0.5 * constant, (-1, 1))
+        return terms
+
+    def log_scores(self, X: Array, log_weights: Array) -> Array:
+        """As `log_terms`, up to one number per recording, which no posterior depends on."""
+        linear = self.discriminants
+        scores = None if linear is None else linear.scores(X, log_weights)
+        return self.log_terms(X, log_weights) if scores is None else scores
 
 
 def fit_gaussians(

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from sklearn.pipeline import make_pipeline
 
-from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+)
 from emacm._kernels import using
 
 FS = 10_000
@@ -143,3 +149,10 @@ def test_reading_one_stroke_after_the_other_keeps_none(recordings):
         assert over_angle.strokes[0].signals.any()
 
     assert peak_bytes(read) < 1.1 * peak_bytes(read_once)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_decisions_need_less_memory_than_the_features_they_are_made_of(covariance):
+    X = np.random.default_rng(0).normal(size=(60_000, 30))
+    model = CostSensitiveGaussianBayes(covariance=covariance).fit(X[:600], np.arange(600) % 5)
+    assert peak_bytes(model.predict, X) < X.nbytes
