@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.covariance import ledoit_wolf_shrinkage
-from sklearn.preprocessing import StandardScaler
 
 from emacm.moments import diagonals
 
@@ -80,6 +78,10 @@ def ledoit_wolf_coefficients(
     >>> ledoit_wolf_coefficients(X, np.zeros(8, int), X.mean(axis=0)[None], pooled=False)[0]
     array([1.])
     """
+    # Imported here, as it takes a tenth of a second and few ask for it.
+    from sklearn.covariance import ledoit_wolf_shrinkage
+    from sklearn.preprocessing import StandardScaler
+
     groups = [X - means[codes]] if pooled else [X[codes == k] for k in range(len(means))]
     coefficients, squared_scales = np.zeros(len(groups)), np.ones((len(groups), X.shape[1]))
     for group, rows in enumerate(groups):
