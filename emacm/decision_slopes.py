@@ -115,7 +115,7 @@ def mean_slope_of_cost(
 def _slopes(classifier: CostSensitiveGaussianBayes, features: Array, code: int) -> Array:
     """Gradient of the log density of a class, Eq. (2.44): -S^-1 (z - mean)."""
     # The factors that the densities were computed with, so that contributions add up to them.
-    factors = classifier._gaussians.factors
+    factors = classifier._rule.gaussians.factors
     factor, centred = factors[code % len(factors)], features - classifier.means_[code]
     return -(centred * factor**2 if factor.ndim == 1 else centred @ factor @ factor.T)
 
