@@ -59,6 +59,8 @@ class Chapter:
         Pictures by name, such as "Fig. 2.7"; with their captions in `captions`.
     captions : dict of str to str
         What a picture shows.
+    opening : str
+        What the reader must know before anything else; empty if nothing.
     """
 
     number: int
@@ -68,6 +70,7 @@ class Chapter:
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
     captions: dict[str, str] = field(default_factory=dict)
+    opening: str = ""
 
     def draw(self, name: str, figure: Any, caption: str) -> None:
         """Keep a picture and what it shows."""

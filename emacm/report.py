@@ -86,6 +86,7 @@ class Report:
         self.folder = Path(folder)
         self.quick = quick
         self.findings: list[Finding] = []
+        self._openings: list[str] = []
         self._sections: list[tuple[int, str, str]] = []
         for name in ("figures", "tables"):
             (self.folder / name).mkdir()
@@ -104,7 +105,10 @@ class Report:
             If two of its tables or pictures would be files of one name.
         """
         self.findings += chapter.findings
-        parts = [_paragraphs([counted(chapter.findings)] if chapter.findings else [])]
+        if chapter.opening:
+            self._openings.append(f"Chapter {chapter.number}: {chapter.opening}")
+        opening = [chapter.opening] if chapter.opening else []
+        parts = [_paragraphs(opening + ([counted(chapter.findings)] if chapter.findings else []))]
         parts += [_findings_html(chapter.findings)] if chapter.findings else []
         parts += [_paragraphs(chapter.remarks)]
         parts += [self._picture(chapter, name) for name in chapter.figures]
@@ -177,6 +181,7 @@ class Report:
         )
 
     def _introduction(self) -> Iterator[str]:
+        yield from self._openings
         yield (
             "The figures of A. J. Chirico III, A Data Driven Frequency Based Method for "
             "Electrical-Mechanical Actuator Condition Monitoring (M.S. thesis, Rochester Institute "

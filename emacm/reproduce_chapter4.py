@@ -146,7 +146,7 @@ def run_chapter4(
     _compare(chapter, decisions, over_seeds)
     chapter.tables["outcomes by condition"] = _by_condition(decisions)
     chapter.tables["what carries the decisions"] = over_seeds
-    chapter.remarks = remarks(
+    chapter.opening, *chapter.remarks = remarks(
         chapter.tables,
         n_pairs=len(extent.seeds),
         n_runs=extent.n_runs,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -145,6 +146,17 @@ def test_words_are_shown_as_they_are(tmp_path):
         "1 of 2 published figures lies within the range of ours",
     ):
         assert words in text
+
+
+def test_what_a_reader_must_know_first_opens_the_report_and_its_chapter(tmp_path):
+    chapter = small_chapter(4)
+    chapter.opening = "All of it was simulated."
+    write(tmp_path, small_chapter(), chapter)
+    text = page_of(tmp_path).text
+    assert text.count("All of it was simulated.") == 2
+    first, second = (part.start() for part in re.finditer("All of it was simulated", text))
+    assert first < text.index("computed anew")
+    assert text.rindex("Chapter 4: Spectra") < second < text.rindex("Table 1, a")
 
 
 def test_only_a_quick_run_is_called_one(tmp_path):

@@ -217,8 +217,8 @@ def test_outcomes_are_named_by_the_truth():
 
 
 def test_the_first_remark_says_that_no_data_were_published(chapter):
-    assert chapter.remarks[0].startswith("No data of the laboratory were published.")
-    text = " ".join(chapter.remarks)
+    assert chapter.opening.startswith("No data of the laboratory were published.")
+    text = " ".join([chapter.opening, *chapter.remarks])
     for word in ("0.01π", "quick form", "travel", "condition 1 is", "nan"):
         assert (word in text) == (word != "nan")
 
