@@ -63,7 +63,7 @@ class ExplainedVarianceDisplay:
 
     def __init__(self, shares: ArrayLike, *, n_shown: int = 20) -> None:
         self.shares = check_values(shares, "shares", (None,), least=0)
-        if not len(self.shares) or self.shares.sum() > 1 + 1e-9:
+        if not len(self.shares) or self.shares.sum() > 1 + 1e-5:  # as float32 may
             raise ValueError(
                 f"shares must hold at least one, and add up to at most 1; got "
                 f"{len(self.shares)} that add up to {self.shares.sum():.6g}."

@@ -98,7 +98,7 @@ class SegmentPlan:
         Returns
         -------
         psd : ndarray of shape (n_channels, n_orders)
-            Accumulated in float64; float32 where the signals are.
+            In float64, of float32 signals too: powers span more digits than signals.
 
         Raises
         ------
@@ -107,9 +107,8 @@ class SegmentPlan:
         """
         window = _window_values(self.window, self.n_per_segment)
         kept: list[NDArray[np.floating]] = []
-        count, dtype = 0, None
+        count = 0
         for stretch, first, n_segments in self._stretches(signals):
-            dtype = stretch.dtype
             count += n_segments
             at_once = self._at_once(stretch)
             groups = [stretch[i : i + at_once] for i in range(0, len(stretch), at_once)]
@@ -125,7 +124,7 @@ class SegmentPlan:
             psd = np.median(np.concatenate(kept, axis=1), axis=1) / _median_bias(count)
         else:
             psd = kept[0] / count
-        return (psd * (self._sides() / self._window_factor(window))).astype(dtype)
+        return psd * (self._sides() / self._window_factor(window))
 
     def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Estimate from signals that are shorter than a segment.
