@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 Array = NDArray[np.float64]
 
 _NUMBERS = 1 << 18  # in the largest work array: 2 MiB
-_MOST, _LEAST = 1 << 14, 64  # recordings in a block
+_MOST, _LEAST = 1 << 15, 64  # recordings in a block
 # Multiplications in one product: BLAS does so many on one thread. Waiting for others takes
 # longer than such products do, above all where the cores are busy with other recordings.
 _PRODUCT = 519_000
@@ -112,7 +112,7 @@ def product(matrix: Array, columns: Array) -> Array:
     if n * columns.size <= _PRODUCT:
         return matrix @ columns
     result = np.empty((n, n_rows))
-    height = 8 * math.ceil(n / math.ceil(n / _TALL) / 8)
+    height = min(n, 8 * math.ceil(n / math.ceil(n / _TALL) / 8))
     width = max(8, _PRODUCT // (height * len(columns)) // 8 * 8)
     for left in range(0, n_rows, width):
         part = columns[:, left : left + width]

@@ -48,8 +48,7 @@ class LinearDiscriminants:
     @property
     def n_rows(self) -> int:
         """Recordings in one block."""
-        n_others, n_features = self.weights.shape
-        return block_rows(n_others + n_features)
+        return block_rows(1 + len(self.weights))
 
     def scores(self, X: Array, log_weights: Array) -> Array | None:
         """Logarithm of weight times density for a block, up to one number per recording.

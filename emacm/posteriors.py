@@ -114,10 +114,9 @@ class BayesRule:
 def _of_two(scores: Array) -> Array:
     """Posterior of two classes, by one exponential instead of two."""
     gap = scores[1] - scores[0]
-    ratio = np.exp(-np.abs(gap))
-    larger = 1 / (1 + ratio)
-    ratio *= larger
-    second = gap > 0
-    scores[0] = np.where(second, ratio, larger)
-    scores[1] = np.where(second, larger, ratio)
+    second = (gap > 0).astype(np.float64)
+    ratio = np.exp(-np.abs(gap))  # of the smaller to the larger, which is 1 at first
+    np.maximum(1 - second, ratio, out=scores[0])
+    np.maximum(second, ratio, out=scores[1])
+    scores /= 1 + ratio
     return scores
