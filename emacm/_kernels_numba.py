@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 COMPILED = True
 # The more is done at once, the less do threads wait for each other.
-BLOCK = 1 << 17  # time samples
+BLOCK = 1 << 18  # time samples
 SEGMENT_BYTES = 3 << 19  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
@@ -135,23 +135,27 @@ def powers(lines: NDArray[np.complexfloating]) -> Array:
     return total
 
 
-def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
-    """Reorder segments into parts, and fold each about its middle."""
-    n_parts, n_places = places.shape
-    shape = (len(segments), n_parts, n_places // 2 + 1)
-    even, odd = np.empty(shape, segments.dtype), np.empty(shape, segments.dtype)
-    _fold(segments, places, even, odd)
-    return even, odd
+def split_powers(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    remove_mean: bool,
+    n_lines: int,
+    *split: Any,
+) -> Array:
+    """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`."""
+    total = np.zeros((len(signals), n_lines))
+    _split_powers(_read_only(signals), first, step, window, n_segments, remove_mean, *split, total)
+    return total
 
 
-def join(
-    real: Array, imaginary: Array, twiddles: NDArray[np.complexfloating]
-) -> NDArray[np.complexfloating]:
-    """Join the transforms of the parts of segments to lines of the whole."""
-    lines = np.empty((len(real), twiddles.shape[1]), twiddles.dtype)
-    halves = lines.view(real.dtype).reshape(*lines.shape, 2)
-    _join(real, imaginary, twiddles.real.copy(), twiddles.imag.copy(), halves)
-    return lines
+def joined_powers(parts: NDArray[np.complexfloating], real: Array, imaginary: Array) -> Array:
+    """Sum the powers of segments whose interleaved parts were transformed."""
+    total = np.zeros((len(parts), len(real)))
+    _joined_powers(parts.view(real.dtype), real, imaginary, total)
+    return total
 
 
 def _eight(signals: list[Array]) -> list[Array]:
@@ -424,46 +428,94 @@ def _powers(lines, total):
 
 
 @_compiled
-def _fold(segments, places, even, odd):
-    n_segments, n_parts, n_half = even.shape
-    n_places = places.shape[1]
-    for s in range(n_segments):
-        segment = segments[s]
-        for part in range(n_parts):
-            place, sums, differences = places[part], even[s, part], odd[s, part]
-            sums[0] = segment[place[0]]
-            differences[0] = 0
-            for j in range(1, n_half):
-                near, far = segment[place[j]], segment[place[n_places - j]]
-                sums[j] = near + far
-                differences[j] = near - far
+def _split_powers(
+    signals,
+    first,
+    step,
+    window,
+    n_segments,
+    remove_mean,
+    places,
+    cosines,
+    sines,
+    real_twiddles,
+    imaginary_twiddles,
+    at_once,
+    total,
+):
+    n_parts, prime = places.shape
+    segment = np.empty((1, 1, len(window)), signals.dtype)
+    even = np.empty((at_once * n_parts, prime // 2 + 1), signals.dtype)
+    odd, real, imaginary = np.empty_like(even), np.empty_like(even), np.empty_like(even)
+    for c in range(len(signals)):
+        for start in range(0, n_segments, at_once):
+            count = min(at_once, n_segments - start)
+            for s in range(count):
+                _windowed(
+                    signals[c : c + 1],
+                    first + (start + s) * step,
+                    step,
+                    window,
+                    remove_mean,
+                    segment,
+                )
+                _fold(segment[0, 0], places, even[s * n_parts :], odd[s * n_parts :])
+            used = count * n_parts
+            np.dot(even[:used], cosines, real[:used])
+            np.dot(odd[:used], sines, imaginary[:used])
+            for s in range(count):
+                x, y = real[s * n_parts :], imaginary[s * n_parts :]
+                _join(x, y, prime, real_twiddles, imaginary_twiddles, total[c])
 
 
 @_compiled
-def _join(real, imaginary, cosines, sines, lines):
-    n_segments, n_parts, n_half = real.shape
-    n_lines, prime = lines.shape[1], 2 * n_half - 1
-    re, im = np.empty(n_lines, real.dtype), np.empty(n_lines, real.dtype)
+def _fold(segment, places, even, odd):
+    n_parts, prime = places.shape
+    for part in range(n_parts):
+        place, sums, differences = places[part], even[part], odd[part]
+        sums[0] = segment[place[0]]
+        differences[0] = 0
+        for j in range(1, prime // 2 + 1):
+            near, far = segment[place[j]], segment[place[prime - j]]
+            sums[j] = near + far
+            differences[j] = near - far
+
+
+@_compiled
+def _join(real, imaginary, prime, cosines, sines, total):
+    n_parts, n_lines = cosines.shape
+    re, im = np.zeros(n_lines, real.dtype), np.zeros(n_lines, real.dtype)
     x, y = np.empty(prime, real.dtype), np.empty(prime, real.dtype)
-    for s in range(n_segments):
-        re[:] = 0
-        im[:] = 0
-        for part in range(n_parts):
-            a, b = real[s, part], imaginary[s, part]
-            x[0], y[0] = a[0], -b[0]
-            for j in range(1, n_half):
-                x[j], y[j] = a[j], -b[j]
-                x[prime - j], y[prime - j] = a[j], b[j]
-            for start in range(0, n_lines, prime):  # the lines of a part repeat
-                stop = min(start + prime, n_lines)
-                cosine, sine = cosines[part, start:stop], sines[part, start:stop]
-                re_part, im_part = re[start:stop], im[start:stop]
-                for k in range(stop - start):
-                    re_part[k] += cosine[k] * x[k] - sine[k] * y[k]
-                for k in range(
-                    stop - start
-                ):  # apart, for the compiler to see that nothing overlaps
-                    im_part[k] += cosine[k] * y[k] + sine[k] * x[k]
-        for k in range(n_lines):
-            lines[s, k, 0] = re[k]
-            lines[s, k, 1] = im[k]
+    for part in range(n_parts):
+        a, b = real[part], imaginary[part]
+        x[0], y[0] = a[0], -b[0]
+        for j in range(1, prime // 2 + 1):
+            x[j], y[j] = a[j], -b[j]
+            x[prime - j], y[prime - j] = a[j], b[j]
+        for start in range(0, n_lines, prime):  # the lines of a part repeat
+            stop = min(start + prime, n_lines)
+            cosine, sine = cosines[part, start:stop], sines[part, start:stop]
+            re_part, im_part = re[start:stop], im[start:stop]
+            for k in range(stop - start):
+                re_part[k] += cosine[k] * x[k] - sine[k] * y[k]
+            for k in range(stop - start):  # apart, for the compiler to see that nothing overlaps
+                im_part[k] += cosine[k] * y[k] + sine[k] * x[k]
+    for k in range(n_lines):
+        wide_re, wide_im = np.float64(re[k]), np.float64(im[k])
+        total[k] += wide_re * wide_re + wide_im * wide_im
+
+
+@_compiled
+def _joined_powers(parts, real, imaginary, total):
+    for c in range(len(parts)):
+        row = total[c]
+        for s in range(parts.shape[1]):
+            lines = parts[c, s]
+            for k in range(len(row)):
+                line, a, b = lines[k], real[k], imaginary[k]
+                re, im = line[0] * a[0], line[0] * b[0]
+                for j in range(1, 8):
+                    re += line[j] * a[j]
+                    im += line[j] * b[j]
+                wide_re, wide_im = np.float64(re), np.float64(im)
+                row[k] += wide_re * wide_re + wide_im * wide_im

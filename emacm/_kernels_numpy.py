@@ -300,48 +300,63 @@ def powers(lines: NDArray[np.complexfloating]) -> Array:
     return squared.sum(axis=1)
 
 
-def fold(segments: Array, places: Numbers) -> tuple[Array, Array]:
-    """Reorder segments into parts, and fold each about its middle.
+def split_powers(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    remove_mean: bool,
+    n_lines: int,
+    places: Numbers,
+    cosines: Array,
+    sines: Array,
+    real_twiddles: Array,
+    imaginary_twiddles: Array,
+    at_once: int,
+) -> Array:
+    """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`.
 
     Parameters
     ----------
-    segments : ndarray of shape (n_segments, length)
-    places : ndarray of shape (n_parts, n_places)
-        Sample that goes to each place of each part; `n_places` is odd.
+    signals, first, step, window, n_segments, remove_mean
+        As for `windowed`.
+    n_lines : int
+        Lines wanted.
+    places, cosines, sines, real_twiddles, imaginary_twiddles, at_once
+        How the length is split.
 
     Returns
     -------
-    even, odd : ndarray of shape (n_segments, n_parts, n_places // 2 + 1)
-        Sums and differences of places j and n_places - j; place 0 itself, and 0.
+    ndarray of shape (n_signals, n_lines)
     """
-    parts = segments[:, places]
-    half = places.shape[1] // 2
+    segments = windowed(signals, first, step, window, n_segments, remove_mean)
+    parts = segments[..., places]  # (n_signals, n_segments, n_parts, prime)
+    half = len(cosines) - 1
     even, odd = parts[..., : half + 1].copy(), parts[..., : half + 1].copy()
     even[..., 1:] += parts[..., :half:-1]
     odd[..., 1:] -= parts[..., :half:-1]
     odd[..., 0] = 0
-    return even, odd
+    lowest = even @ cosines - 1j * (odd @ sines)
+    period = np.concatenate([lowest, lowest[..., :0:-1].conj()], axis=-1)
+    lines = period[..., np.arange(n_lines) % places.shape[1]]
+    return powers((lines * (real_twiddles + 1j * imaginary_twiddles)).sum(axis=2))
 
 
-def join(
-    real: Array, imaginary: Array, twiddles: NDArray[np.complexfloating]
-) -> NDArray[np.complexfloating]:
-    """Join the transforms of the parts of segments to lines of the whole.
+def joined_powers(parts: NDArray[np.complexfloating], real: Array, imaginary: Array) -> Array:
+    """Sum the powers of segments whose interleaved parts were transformed.
 
     Parameters
     ----------
-    real, imaginary : ndarray of shape (n_segments, n_parts, n_half)
-        Sums of the folded parts times cosines and times sines: the first lines of real signals of
-        ``2 * n_half - 1`` samples, whose other lines are conjugates of these.
-    twiddles : ndarray of shape (n_parts, n_lines)
-        Factor of each part in each line.
+    parts : ndarray of shape (n_signals, n_segments, n_part_lines, 4)
+        Fourier transforms of samples 0, 4, 8...; 1, 5, 9...; and so on.
+    real, imaginary : ndarray of shape (n_lines, 8)
+        Weights of their real and imaginary parts in those of the lines wanted.
 
     Returns
     -------
-    ndarray of shape (n_segments, n_lines)
+    ndarray of shape (n_signals, n_lines)
     """
-    n_half, n_lines = real.shape[2], twiddles.shape[1]
-    half = real - 1j * imaginary
-    period = np.concatenate([half, half[..., :0:-1].conj()], axis=-1)
-    parts = period[..., np.arange(n_lines) % (2 * n_half - 1)]
-    return (parts * twiddles).sum(axis=1)
+    halves = parts[:, :, : len(real)].view(real.dtype)
+    lines = (halves * real).sum(axis=-1) + 1j * (halves * imaginary).sum(axis=-1)
+    return powers(lines)

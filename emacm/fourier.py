@@ -1,10 +1,12 @@
-"""The lowest lines of the Fourier transform of segments, at any length.
+"""Powers of the lowest spectral lines of segments, summed over segments, at any length.
 
 `scipy.fft` is as fast as anything where a length has small factors only. Segments are cut to a
 wanted number of revolutions, so their length is what it is: 524 samples are 4 times 131, and that
 prime makes the transform four times as slow as that of 512. Such a length is split by the prime
 factor algorithm (Good 1958, Thomas 1963), and the transforms of prime length are done as products
-with cosines and sines, of real signals folded about their middle.
+with cosines and sines, of real signals folded about their middle. Where only the lowest quarter of
+the lines is wanted, a segment is transformed as four interleaved ones, of which only those lines
+are joined (Sorensen and Burrus, IEEE Trans. Signal Process. 41(3), 1184-1200, 1993).
 """
 
 from __future__ import annotations
@@ -22,38 +24,80 @@ from emacm._kernels import kernels
 # Measured: outside of these ranges, and without compiled kernels, scipy.fft is faster.
 _LEAST_PRIME, _LARGEST_PRIME, _MOST_PARTS = 101, 310, 4
 _PRODUCT = 250_000  # multiplications in one product: more, and the library would start threads
+_INTERLEAVED = 4  # parts of a segment of which only the lowest lines are wanted
 
 
-def lowest_lines(segments: NDArray[np.floating], n_lines: int) -> NDArray[np.complexfloating]:
-    """Return the first lines of the Fourier transform of real segments.
+def summed_powers(
+    signals: NDArray[np.floating],
+    first: int,
+    step: int,
+    window: NDArray[np.floating],
+    n_segments: int,
+    n_lines: int,
+    *,
+    remove_mean: bool,
+) -> NDArray[np.floating]:
+    """Sum the squared size of the first spectral lines over segments.
 
     Parameters
     ----------
-    segments : ndarray of shape (..., length)
-        May be overwritten.
+    signals : ndarray of shape (n_signals, n_angles)
+    first : int
+        Start of the first segment.
+    step : int
+        Samples from one segment to the next.
+    window : ndarray of shape (length,)
+        Weights of a segment's samples.
+    n_segments : int
+        How many; the last one ends within the signals.
     n_lines : int
         Lines wanted, at most ``length // 2 + 1``.
+    remove_mean : bool
+        Subtract the mean of each segment first.
 
     Returns
     -------
-    ndarray of shape (..., n_lines)
-        As the first columns of `scipy.fft.rfft`.
+    ndarray of shape (n_signals, n_lines)
+        In float64, of float32 signals too.
 
     Examples
     --------
-    >>> segments = np.random.default_rng(0).standard_normal((3, 524))
-    >>> bool(np.allclose(lowest_lines(segments, 200), fft.rfft(segments)[:, :200]))
+    >>> signals = np.random.default_rng(0).standard_normal((2, 524))
+    >>> window = np.ones(524)
+    >>> powers = summed_powers(signals, 0, 524, window, 1, 200, remove_mean=False)
+    >>> bool(np.allclose(powers, np.abs(fft.rfft(signals)[:, :200]) ** 2))
     True
     """
-    split = _split(segments.shape[-1], n_lines, segments.dtype.str)
-    if split is None or not kernels().COMPILED:
-        return fft.rfft(segments, overwrite_x=True)[..., :n_lines]
-    rows = np.ascontiguousarray(segments).reshape(-1, segments.shape[-1])
-    even, odd = kernels().fold(rows, split.places)
-    real = _product(even, split.cosines)
-    imaginary = _product(odd, split.sines)
-    lines = kernels().join(real, imaginary, split.twiddles)
-    return lines.reshape(*segments.shape[:-1], n_lines)
+    window = window.astype(signals.dtype, copy=False)
+    length = len(window)
+    cut = signals, first, step, window, n_segments, remove_mean
+    if kernels().COMPILED:
+        split = _split(length, n_lines, signals.dtype.str)
+        if split is not None:
+            return kernels().split_powers(*cut, n_lines, *split)
+    quarter = None
+    few = length % _INTERLEAVED == 0 and n_lines <= length // (2 * _INTERLEAVED) + 1
+    if few and kernels().COMPILED:
+        quarter = _turns(length, n_lines, signals.dtype.str)
+    total = np.zeros((len(signals), n_lines))
+    at_once = segments_at_once(signals, length)
+    for start in range(0, n_segments, at_once):
+        count = min(at_once, n_segments - start)
+        segments = kernels().windowed(
+            signals, first + start * step, step, window, count, remove_mean
+        )
+        if quarter is None:
+            lines = fft.rfft(segments, overwrite_x=True)[..., :n_lines]
+            total += kernels().powers(lines)
+        else:
+            interleaved = segments.reshape(*segments.shape[:2], -1, _INTERLEAVED)
+            total += kernels().joined_powers(fft.rfft(interleaved, axis=2), *quarter)
+    return total
+
+
+def segments_at_once(signals: NDArray[np.floating], length: int) -> int:
+    """Return how many segments of each signal fit into the processor's cache."""
+    return max(1, kernels().SEGMENT_BYTES // (signals.itemsize * length) // len(signals))
 
 
 class _Split(NamedTuple):
@@ -65,14 +109,18 @@ class _Split(NamedTuple):
         Which sample stands where: Good's map.
     cosines, sines : ndarray of shape (p // 2 + 1, p // 2 + 1)
         Of the products of sample and line.
-    twiddles : ndarray of shape (a, n_lines)
+    real_twiddles, imaginary_twiddles : ndarray of shape (a, n_lines)
         Factors with which the parts are joined.
+    at_once : int
+        Segments in one product.
     """
 
     places: NDArray[np.int32]
     cosines: NDArray[np.floating]
     sines: NDArray[np.floating]
-    twiddles: NDArray[np.complexfloating]
+    real_twiddles: NDArray[np.floating]
+    imaginary_twiddles: NDArray[np.floating]
+    at_once: int
 
 
 @lru_cache(maxsize=64)
@@ -88,13 +136,30 @@ def _split(length: int, n_lines: int, dtype: str) -> _Split | None:
     folded = np.arange(prime // 2 + 1)
     # Multiples of the whole are taken off first, as sin and cos of large angles are less exact.
     angles = 2 * np.pi / prime * (np.outer(folded, folded) % prime)
-    turns = np.outer(np.arange(others), np.arange(n_lines)) % others
+    turns = 2 * np.pi / others * (np.outer(np.arange(others), np.arange(n_lines)) % others)
     return _Split(
         places,
         np.cos(angles).astype(dtype),
         np.sin(angles).astype(dtype),
-        np.exp(-2j * np.pi / others * turns).astype(np.result_type(dtype, np.complex64)),
+        np.cos(turns).astype(dtype),
+        -np.sin(turns).astype(dtype),
+        at_once=max(1, _PRODUCT // len(folded) ** 2 // others),
     )
+
+
+@lru_cache(maxsize=64)
+def _turns(
+    length: int, n_lines: int, dtype: str
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Weights of real and imaginary parts of the interleaved transforms in a line's two parts.
+
+    Shapes (n_lines, 2 * _INTERLEAVED): real, imaginary, real, ...
+    """
+    products = np.outer(np.arange(n_lines), np.arange(_INTERLEAVED)) % length
+    turns = np.exp(-2j * np.pi / length * products)
+    real = np.stack([turns.real, -turns.imag], axis=-1).reshape(n_lines, -1)
+    imaginary = np.stack([turns.imag, turns.real], axis=-1).reshape(n_lines, -1)
+    return real.astype(dtype), imaginary.astype(dtype)
 
 
 def _largest_prime(number: int) -> int:
@@ -104,16 +169,3 @@ def _largest_prime(number: int) -> int:
             largest, number = factor, number // factor
         factor += 1
     return max(largest, number)
-
-
-def _product(rows: NDArray[np.floating], matrix: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Multiply rows (..., n) by a matrix (n, n), a few rows in each call of the library."""
-    flat = rows.reshape(-1, rows.shape[-1])
-    at_once = max(8, _PRODUCT // matrix.size // 8 * 8)
-    product = np.empty_like(flat)
-    whole = len(flat) - len(flat) % at_once
-    stack = (-1, at_once, matrix.shape[0])
-    np.matmul(flat[:whole].reshape(stack), matrix, out=product[:whole].reshape(stack))
-    if whole < len(flat):
-        np.matmul(flat[whole:], matrix, out=product[whole:])
-    return product.reshape(rows.shape)

@@ -195,8 +195,10 @@ class StrokeTravel(LazySeries):
 
     def _read(self, start: int, stop: int) -> NDArray[np.floating]:
         angle = self.angle[self.start + start : self.start + stop]
-        travel = np.subtract(angle, self.start_angle, dtype=np.float64)
-        return travel if self._sign > 0 else np.negative(travel, out=travel)
+        travel = np.asarray(angle, np.float64)
+        if self.start_angle:
+            travel = travel - self.start_angle
+        return travel if self._sign > 0 else -travel
 
 
 class JoinedTravel(LazySeries):

@@ -19,7 +19,7 @@ from emacm._checks import (
     check_real_array,
 )
 from emacm._kernels import kernels
-from emacm.fourier import lowest_lines
+from emacm.fourier import segments_at_once, summed_powers
 
 # Whole, or in blocks that continue one another; shape (n_channels, n_angles).
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
@@ -110,10 +110,10 @@ class SegmentPlan:
         count = 0
         for stretch, first, n_segments in self._stretches(signals):
             count += n_segments
-            at_once = self._at_once(stretch)
+            at_once = segments_at_once(stretch[:1], self.n_per_segment)
             groups = [stretch[i : i + at_once] for i in range(0, len(stretch), at_once)]
             power = np.concatenate(
-                [self._powers(self._lines(rows, first, n_segments, window)) for rows in groups]
+                [self._powers(rows, first, n_segments, window) for rows in groups]
             )
             if kept and self.average == "mean":
                 power += kept.pop()
@@ -187,9 +187,27 @@ class SegmentPlan:
                     yield block, first, count
                 rest = block[:, first + count * step :].copy()
 
-    def _at_once(self, stretch: NDArray[np.floating]) -> int:
-        """How many segments fit into the processor's cache."""
-        return max(1, kernels().SEGMENT_BYTES // (stretch.itemsize * self.n_per_segment))
+    def _powers(
+        self,
+        rows: NDArray[np.floating],
+        first: int,
+        n_segments: int,
+        window: NDArray[np.floating],
+    ) -> NDArray[np.floating]:
+        """Squared lines, summed over segments or, for the median, of each.
+
+        Shape (n_rows, n_orders) or (n_rows, n_segments, n_orders).
+        """
+        if self.average == "mean" and self.detrend != "linear":
+            remove_mean = self.detrend == "constant"
+            return summed_powers(
+                rows, first, self.step, window, n_segments, self.n_orders, remove_mean=remove_mean
+            )
+        parts = self._lines(rows, first, n_segments, window)
+        if self.average == "mean":
+            return sum(kernels().powers(lines) for lines in parts)
+        wanted = np.concatenate(list(parts), axis=1)
+        return wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
 
     def _lines(
         self,
@@ -200,7 +218,7 @@ class SegmentPlan:
     ) -> Iterator[Lines]:
         """Yield the Fourier transforms of a few segments of each row at a time."""
         window = window.astype(rows.dtype, copy=False)
-        at_once = max(1, self._at_once(rows) // len(rows))
+        at_once = segments_at_once(rows, self.n_per_segment)
         for start in range(0, n_segments, at_once):
             first, count = origin + start * self.step, min(at_once, n_segments - start)
             if self.detrend == "linear":
@@ -210,17 +228,7 @@ class SegmentPlan:
             else:
                 remove_mean = self.detrend == "constant"
                 segments = kernels().windowed(rows, first, self.step, window, count, remove_mean)
-            yield lowest_lines(segments, self.n_orders)
-
-    def _powers(self, parts: Iterable[Lines]) -> NDArray[np.floating]:
-        """Squared lines, summed over segments or, for the median, of each.
-
-        Shape (n_rows, n_orders) or (n_rows, n_segments, n_orders).
-        """
-        if self.average == "mean":
-            return sum(kernels().powers(lines) for lines in parts)
-        wanted = np.concatenate(list(parts), axis=1)
-        return wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
+            yield fft.rfft(segments, overwrite_x=True)[..., : self.n_orders]
 
     def _window_factor(self, window: NDArray[np.floating]) -> float:
         # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import fft
 from scipy.integrate import cumulative_trapezoid
 
 from emacm import _kernels, _kernels_numpy
@@ -164,16 +165,45 @@ def test_powers_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
 
 
 @both_precisions
-def test_folding_and_joining_agree(compiled, rng, dtype, tolerance):
-    segments = rng.standard_normal((6, 33)).astype(dtype)
+@pytest.mark.parametrize("remove_mean", [True, False])
+@pytest.mark.parametrize("at_once", [1, 4, 100])
+def test_powers_of_segments_split_by_a_prime_agree(
+    compiled, rng, dtype, tolerance, remove_mean, at_once
+):
+    signals = (rng.standard_normal((2, 200)) + 1).astype(dtype)
+    window = rng.uniform(0.5, 1, 33).astype(dtype)
     places = rng.permutation(33).reshape(3, 11).astype(np.int32)
-    folded = [module.fold(segments, places) for module in (compiled, _kernels_numpy)]
-    for one, other in zip(*folded, strict=True):
-        assert one.dtype == other.dtype == dtype
-        agree(one, other, tolerance)
-    twiddles = np.exp(1j * rng.uniform(0, 6, (3, 30))).astype(np.result_type(dtype, np.complex64))
-    one, other = (module.join(*folded[1], twiddles) for module in (compiled, _kernels_numpy))
-    assert one.dtype == other.dtype == twiddles.dtype
+    cosines, sines = rng.standard_normal((2, 6, 6)).astype(dtype)
+    twiddles = rng.standard_normal((2, 3, 15)).astype(dtype)
+    one, other = (
+        module.split_powers(
+            signals,
+            2,
+            15,
+            window,
+            10,
+            remove_mean,
+            15,
+            places,
+            cosines,
+            sines,
+            *twiddles,
+            at_once,
+        )
+        for module in (compiled, _kernels_numpy)
+    )
+    assert one.dtype == other.dtype == np.float64
+    agree(one, other, tolerance)
+
+
+@both_precisions
+def test_powers_of_joined_lines_agree(compiled, rng, dtype, tolerance):
+    kind = np.result_type(dtype, np.complex64)
+    parts = fft.rfft(rng.standard_normal((2, 9, 64, 4)), axis=2).astype(kind)
+    weights = rng.standard_normal((2, 20, 8)).astype(dtype)
+    one, other = (module.joined_powers(parts, *weights) for module in (compiled, _kernels_numpy))
+    assert one.dtype == other.dtype == np.float64
+    assert one.shape == (2, 20)
     agree(one, other, tolerance)
 
 
@@ -193,8 +223,10 @@ def test_both_modules_offer_the_same_loops(compiled):
         "read_off",
         "windowed",
         "powers",
+        "split_powers",
+        "joined_powers",
     }
-    assert loops | {"fold", "join"} <= offered(compiled) & offered(_kernels_numpy)
+    assert loops <= offered(compiled) & offered(_kernels_numpy)
 
 
 def test_kernels_can_be_named_for_a_while():
