@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 COMPILED = True
 # The more is done at once, the less do threads wait for each other.
-BLOCK = 1 << 18  # time samples
+BLOCK = 1 << 17  # time samples
 SEGMENT_BYTES = 3 << 19  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass

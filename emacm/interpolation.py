@@ -49,7 +49,7 @@ def interpolated(
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
     at_once = kernels().BLOCK if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
-    at_once = max(2, int(at_once / max(1.0, 2 * path.fastest / (fs * theta_s))))
+    at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start in range(first, last - 1, at_once):
         stop = min(start + at_once + 1, last)
         travel = path.travel_at(fs, start, stop)
