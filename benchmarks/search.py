@@ -11,8 +11,6 @@ alone, each once, and the same grid with the spectra given. Without memory and w
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -22,15 +20,13 @@ from typing import Any
 
 import joblib
 import numpy as np
-import scipy
-import sklearn
+from measure import header, table, write_json
 from numpy.typing import NDArray
 from sklearn.decomposition import PCA
 from sklearn.model_selection import GridSearchCV, KFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-import emacm
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
@@ -112,7 +108,7 @@ def timed(run: Callable[[], Any]) -> dict[str, Any]:
         start, worked = time.perf_counter(), time.process_time()
         result = run()
         seconds, cpu = time.perf_counter() - start, time.process_time() - worked
-    return {"seconds": seconds, "cpu": cpu, "spectra": len(calls), "result": result}
+    return {"s": seconds, "cpu s": cpu, "spectra": len(calls), "result": result}
 
 
 def every_spectrum(X: list[Recording], grid: dict[str, Any]) -> dict[tuple[float, float], Any]:
@@ -187,27 +183,6 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
     return rows
 
 
-def header(options: argparse.Namespace, X: list[Recording], grid: dict[str, Any]) -> dict[str, Any]:
-    """Say what was measured on what."""
-    return {
-        "machine": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "scikit-learn": sklearn.__version__,
-        "joblib": joblib.__version__,
-        "emacm": emacm.__version__,
-        "recordings": f"{len(X)} of {len(X[0].channels)} channels, {len(X[0].velocity)} samples",
-        "grid": " x ".join(str(len(values)) for values in grid.values()) + f" x {FOLDS.n_splits}",
-        "quick": options.quick,
-    }
-
-
-def write_json(path: Path, head: dict[str, Any], rows: list[dict[str, Any]]) -> None:
-    """Write the figures with what they were measured on."""
-    path.write_text(json.dumps({"header": head, "rows": rows}, indent=1), encoding="utf-8")
-
-
 def main() -> None:
     """Measure, print the table and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -216,21 +191,18 @@ def main() -> None:
     options = parser.parse_args()
     grid = QUICK if options.quick else GRID
     X, y = recordings(20, 12_000) if options.quick else recordings(40, 96_000)
-    head = header(options, X, grid)
-    for name, value in head.items():
-        print(f"{name}: {value}")
     rows = measured(X, y, grid)
-    least = rows[0]["cpu"] + rows[1]["cpu"]  # the spectra, and the grid without them
-    print(f"\n{'':34}{'s':>9}{'cpu s':>9}{'spectra':>9}{'of least':>9}{'MB kept':>9}")
+    least = rows[0]["cpu s"] + rows[1]["cpu s"]  # the spectra, and the grid without them
     for row in rows:
-        row["of least"] = row["cpu"] / least  # on a busy machine, steadier than the seconds
-        mark = f"  (timed on a part, x {row['scaled']})" if row["scaled"] > 1 else ""
-        print(
-            f"{row['variant']:34}{row['seconds']:9.2f}{row['cpu']:9.2f}{row['spectra']:9d}"
-            f"{row['of least']:9.2f}{row.get('MB kept', 0):9.0f}{mark}"
-        )
-    if options.json:
-        write_json(options.json, head, rows)
+        row["of least"] = row["cpu s"] / least  # on a busy machine, steadier than the seconds
+    print(header())
+    candidates = " x ".join(str(len(values)) for values in grid.values())
+    print(
+        f"{len(X)} recordings of {len(X[0].channels)} channels, {len(X[0].velocity)} samples; "
+        f"{candidates} candidates x {FOLDS.n_splits} folds; scaled: times what was timed"
+    )
+    print(table(rows))
+    write_json(options.json, rows)
 
 
 if __name__ == "__main__":
