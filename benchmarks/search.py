@@ -125,15 +125,15 @@ def given_spectra(tables: dict[tuple[float, float], Any], grid: dict[str, Any], 
     """Search the same grid with the spectra given; return the best score."""
     sizes = {"bintransformer__bin_size": grid["bintransformer__bin_size"]}
     steps = make_pipeline(BinTransformer(max_order=TOP), *classifier())
-    return max(searched(steps, sizes, table, y).best_score_ for table in tables.values())
+    return max(searched(steps, sizes, spectra, y).best_score_ for spectra in tables.values())
 
 
 def given_bins(tables: dict[tuple[float, float], Any], grid: dict[str, Any], y: Any) -> float:
     """Search the same grid with the bins given; return the best score."""
     steps, best = make_pipeline(*classifier()), 0.0
-    for table in tables.values():
+    for spectra in tables.values():
         for size in grid["bintransformer__bin_size"]:
-            bins = BinTransformer(size, max_order=TOP).fit_transform(table)
+            bins = BinTransformer(size, max_order=TOP).fit_transform(spectra)
             best = max(best, searched(steps, {"pca__n_components": [5]}, bins, y).best_score_)
     return best
 
