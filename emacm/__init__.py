@@ -9,6 +9,7 @@ from emacm.fault_orders import fault_orders, order_bands
 from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
 from emacm.order_psd import OrderPSD
 from emacm.order_resampler import OrderResampler
+from emacm.recording_statistics import RecordingStatistics
 from emacm.recordings import Recording
 from emacm.shaft import (
     angle_from_currents,
@@ -17,6 +18,8 @@ from emacm.shaft import (
     angle_from_velocity,
     angle_from_wrapped,
 )
+from emacm.shaft_harmonics import ShaftHarmonics
+from emacm.stroke_profile import StrokeProfile
 from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 __all__ = [
@@ -29,6 +32,9 @@ __all__ = [
     "OrderPSD",
     "OrderResampler",
     "Recording",
+    "RecordingStatistics",
+    "ShaftHarmonics",
+    "StrokeProfile",
     "__version__",
     "angle_from_currents",
     "angle_from_position",
