@@ -143,9 +143,9 @@ class ShaftHarmonics(StrokeFeatures):
                 weights.append(found.revolutions)
         if not coefficients:
             longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / (2 * np.pi)
-            of = f"{self.n_parts} parts of a stroke" if self.n_parts > 1 else "stroke"
+            of = f"each of {self.n_parts} parts of a stroke" if self.n_parts > 1 else "a stroke"
             raise ValueError(
-                f"a shaft-locked line needs a whole revolution of each of the {of}, but the "
+                f"a shaft-locked line needs a whole revolution of {of}, but the "
                 f"longest stroke runs {longest:.4g} revolutions. Lower n_parts, check min_speed, "
                 f"or leave the recording out."
             )

@@ -1,0 +1,182 @@
+"""Facts about shaft-locked lines of recordings: amplitude and phase at any motion."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emacm import OrderResampler, Recording, ShaftHarmonics
+
+FS = 1000
+TURN = 2 * np.pi
+TIMES = np.arange(6 * FS) / FS
+MOTIONS = {
+    "constant": 40 * TIMES + 0.8,
+    "ramping": 5 * TIMES + 8 * TIMES**2,
+    "reversing": 80 * np.sin(TURN * TIMES / 6) + 3,
+}
+motions = pytest.mark.parametrize("motion", MOTIONS)
+
+
+def line(angle, amplitude=2.0, phase=0.6, order=1):
+    return amplitude * np.cos(order * angle - phase)
+
+
+def recording(angle, signal, **options):
+    return Recording({"current": signal}, FS, angle=angle, **options)
+
+
+def lines(recordings, **options):
+    options = {"by_direction": False, **options}
+    return ShaftHarmonics(**options).fit_transform(recordings)
+
+
+@motions
+@pytest.mark.parametrize("resample", [False, True])
+def test_amplitude_and_phase_of_a_tone_are_found_at_any_motion(motion, resample):
+    angle = MOTIONS[motion]
+    signal = 5 + 0.01 * TIMES + line(angle) + line(angle, 0.5, 2.0, order=3)
+    X = [recording(angle, signal)]
+    X = OrderResampler(TURN / 64).fit_transform(X) if resample else X
+    found = lines(X, orders=(1, 3)).reshape(2, 2)
+    known = [[2 * np.cos(0.6), 2 * np.sin(0.6)], [0.5 * np.cos(2), 0.5 * np.sin(2)]]
+    np.testing.assert_allclose(found, known, atol=5e-3)
+
+
+@motions
+def test_amplitude_and_phase_are_exact_where_the_model_is(motion):
+    angle = MOTIONS[motion]
+    found = lines([recording(angle, 5 - 0.02 * angle + line(angle))], orders=(1,))
+    np.testing.assert_allclose(found, [[2 * np.cos(0.6), 2 * np.sin(0.6)]], atol=1e-9)
+
+
+def test_a_line_stands_at_the_same_place_of_the_shaft_in_both_directions():
+    angle = MOTIONS["reversing"]
+    found = lines([recording(angle, line(angle))], orders=(1,), by_direction=True)
+    np.testing.assert_allclose(found.reshape(2, 2), [[2 * np.cos(0.6), 2 * np.sin(0.6)]] * 2)
+
+
+def test_what_is_not_locked_to_the_shaft_averages_out():
+    angle = MOTIONS["constant"]
+    hum = 2 * np.cos(TURN * 50 * TIMES)  # order 7.85
+    noise = np.random.default_rng(0).normal(size=angle.size)
+    found = lines([recording(angle, hum), recording(angle, noise)], orders=(1,), phase=False)
+    # Of n samples of noise a line keeps sqrt(2 / n) or so on each axis.
+    assert found[0, 0] < 0.02
+    assert found[1, 0] < 5 * np.sqrt(2 / angle.size)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(-20, 20))
+def test_an_amplitude_knows_no_zero_of_the_shaft(shift):
+    angle = MOTIONS["reversing"]
+    rough = line(angle) + np.random.default_rng(1).normal(size=angle.size)
+    X = [recording(angle, rough), recording(angle + shift, rough)]
+    for n_parts in (1, 3):
+        found = lines(X, phase=False, n_parts=n_parts, by_direction=True)
+        np.testing.assert_allclose(found[0], found[1], atol=1e-8)
+
+
+def test_a_phase_turns_with_the_zero_of_the_shaft():
+    angle = MOTIONS["constant"]
+    found = lines([recording(angle + 0.9, line(angle))], orders=(1,))
+    np.testing.assert_allclose(found, [[2 * np.cos(1.5), 2 * np.sin(1.5)]], atol=1e-9)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(-9, 9), st.floats(-9, 9))
+def test_lines_scale_with_the_signal_and_know_no_offset(scale, offset):
+    angle = MOTIONS["ramping"]
+    rough = line(angle) + np.random.default_rng(1).normal(size=angle.size)
+    one, other = lines([recording(angle, rough), recording(angle, scale * rough + offset)])
+    np.testing.assert_allclose(other, scale * one, atol=1e-9)
+
+
+def test_parts_of_the_stroke_have_lines_of_their_own():
+    angle = np.linspace(0, 40 * TURN, 8000)
+    growing = np.where(angle < 20 * TURN, 1.0, 3.0) * np.cos(angle)
+    found = ShaftHarmonics((1,), n_parts=4, by_direction=False).set_output(transform="pandas")
+    table = found.fit_transform([recording(angle, growing)])
+    assert table.columns.tolist() == [
+        f"current:{part}of4:{wave}1" for part in (1, 2, 3, 4) for wave in ("cos", "sin")
+    ]
+    np.testing.assert_allclose(table.to_numpy()[0, ::2], [1, 1, 3, 3], atol=0.01)
+
+
+def test_columns_name_amplitudes_and_orders_in_the_shortest_way():
+    X = [recording(MOTIONS["constant"], line(MOTIONS["constant"]))]
+    names = ShaftHarmonics((1, 0.5), by_direction=False, phase=False).fit(X)
+    assert names.get_feature_names_out().tolist() == [
+        "current:amplitude1",
+        "current:amplitude0.5",
+    ]
+
+
+def test_an_amplitude_is_the_length_of_the_vector():
+    X = [recording(MOTIONS["reversing"], line(MOTIONS["reversing"]))]
+    vector = lines(X, orders=(1, 2), by_direction=True).reshape(-1, 2)
+    amplitude = lines(X, orders=(1, 2), by_direction=True, phase=False).ravel()
+    np.testing.assert_allclose(amplitude, np.hypot(*vector.T))
+
+
+def test_strokes_are_averaged_as_vectors_so_that_opposite_ones_cancel():
+    speed = np.repeat([TURN, -TURN], 21 * FS // 2)  # ten whole revolutions and a half
+    angle = np.cumsum(np.tile(speed, 2)) / FS
+    sign = np.repeat([1.0, -1.0], 21 * FS)
+    found = lines([recording(angle, sign * np.cos(angle))], orders=(1,), phase=False, min_speed=1)
+    assert found[0, 0] == pytest.approx(0, abs=1e-3)
+
+
+def test_a_stroke_too_short_for_a_revolution_is_passed_over():
+    speed = np.repeat([TURN, -TURN, TURN], [10 * FS, FS // 2, 3 * FS])
+    angle = np.cumsum(speed) / FS
+    assert lines([recording(angle, np.cos(angle))], orders=(1,))[0, 0] == pytest.approx(1)
+    with pytest.raises(
+        ValueError, match=r"'current', reverse strokes: .* the longest stroke runs 0\.498"
+    ):
+        lines([recording(angle, np.cos(angle))], by_direction=True)
+
+
+def test_parts_of_less_than_a_revolution_are_refused():
+    angle = np.linspace(0, 5 * TURN, 1000)
+    with pytest.raises(ValueError, match=r"each of 6 parts of a stroke, .* runs 5 revolutions"):
+        lines([recording(angle, np.cos(angle))], n_parts=6)
+
+
+def test_orders_that_the_samples_do_not_hold_are_refused():
+    angle = np.linspace(0, 20 * TURN, 101)  # five samples a revolution
+    with pytest.raises(ValueError, match=r"recording 0: .* order 3 does not exist in samples"):
+        lines([recording(angle, np.cos(angle))], orders=(1, 3))
+
+
+def test_the_phase_of_an_integrated_velocity_is_refused_and_its_amplitude_is_not():
+    moving = Recording({"current": line(MOTIONS["constant"])}, FS, velocity=np.full(6 * FS, 40.0))
+    for X in ([moving], OrderResampler(TURN / 32).fit_transform([moving])):
+        with pytest.raises(ValueError, match=r"recording 0: its shaft reference is a velocity"):
+            lines(X)
+        assert lines(X, orders=(1,), phase=False)[0, 0] == pytest.approx(2, rel=1e-3)
+
+
+def test_joined_directions_have_no_shaft_angle():
+    X = [recording(MOTIONS["reversing"], line(MOTIONS["reversing"]))]
+    joined = OrderResampler(TURN / 32, direction="travel").fit_transform(X)
+    with pytest.raises(ValueError, match="'travel', which has no shaft angle"):
+        lines(joined)
+
+
+def test_the_docstring_says_what_a_phase_may_tell():
+    assert "same assemblies only" in ShaftHarmonics.__doc__
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"orders": 1}, TypeError, "orders must be a list of numbers"),
+        ({"orders": (1, -1)}, ValueError, "an order must be a number above 0, got -1"),
+        ({"phase": "yes"}, ValueError, "phase must be one of True, False"),
+        ({"n_parts": 0}, ValueError, "n_parts must be a whole number of at least 1"),
+    ],
+)
+def test_wrong_parameters_are_refused(parameters, error, message):
+    with pytest.raises(error, match=message):
+        lines([recording(MOTIONS["constant"], TIMES)], **parameters)

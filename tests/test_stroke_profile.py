@@ -1,0 +1,123 @@
+"""Facts about the course of a channel along the strokes of recordings."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emacm import OrderResampler, Recording, StrokeProfile
+
+FS = 1000
+TURN = 2 * np.pi
+SPEED = np.repeat([0.0, 40.0, 0.0, -40.0, 0.0], FS)
+
+
+def out_and_back(shape, speed=None):
+    """A channel that is `shape` of the position of the screw, out as back."""
+    speed = SPEED if speed is None else speed
+    angle = np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / FS
+    return Recording({"force": shape(angle / np.ptp(angle))}, FS, angle=angle)
+
+
+def profile(recording, n=4, **options):
+    options = {"min_speed": 10, **options}
+    return StrokeProfile(n, **options).fit_transform([recording])[0].reshape(-1, n)
+
+
+def test_the_profile_runs_in_the_direction_of_motion():
+    forth, back = profile(out_and_back(lambda p: p), 4, basis="mean")
+    np.testing.assert_allclose(forth, [0.125, 0.375, 0.625, 0.875], atol=1e-3)
+    np.testing.assert_allclose(back, forth[::-1], atol=2e-3)
+
+
+def test_a_constant_has_a_mean_alone():
+    np.testing.assert_allclose(
+        profile(out_and_back(lambda p: np.full_like(p, 3.0))), [[3, 0, 0, 0]] * 2, atol=1e-12
+    )
+
+
+def test_a_ramp_has_its_known_cosines():
+    forth, back = profile(out_and_back(lambda p: p), 4)
+    known = np.array([0.5, -2 * np.sqrt(2) / np.pi**2, 0, -2 * np.sqrt(2) / (3 * np.pi) ** 2])
+    np.testing.assert_allclose(forth, known, atol=1e-3)
+    np.testing.assert_allclose(back, known * [1, -1, 1, -1], atol=2e-3)
+
+
+@pytest.mark.parametrize("basis", ["cosine", "mean"])
+def test_speed_does_not_change_a_profile_over_the_position(basis):
+    def shape(p):
+        return np.sin(3 * p) + p**2
+
+    steady = np.repeat([40.0, -40.0], 2 * FS)
+    swinging = 40 * np.pi / 2 * np.sin(np.pi * np.arange(4 * FS) / FS / 2)
+    found = [
+        profile(out_and_back(shape, speed), 5, basis=basis, min_speed=0)[0]
+        for speed in (steady, swinging)
+    ]
+    np.testing.assert_allclose(found[1], found[0], atol=2e-3)
+
+
+def test_over_the_angle_the_profile_is_that_over_time():
+    recording = out_and_back(lambda p: np.sin(3 * p) + p**2)
+    (row,) = OrderResampler(TURN / 64, min_speed=10).fit_transform([recording])
+    found = StrokeProfile(5).fit_transform([row])[0].reshape(2, 5)
+    np.testing.assert_allclose(found, profile(recording, 5), atol=0.01)
+
+
+def test_few_coefficients_do_not_see_the_phase_of_the_first_order():
+    angle = np.linspace(0, 24 * TURN, 5000)
+    waves = [Recording({"force": np.sin(angle + phase)}, FS, angle=angle) for phase in (0, 1, 2, 3)]
+    found = StrokeProfile(8, by_direction=False).fit_transform(waves)
+    # A wave of amplitude 1; all low cosines together see less than a hundredth of its power.
+    assert np.max(np.sum(found**2, axis=1)) < 0.005
+
+
+def test_strokes_of_one_direction_are_averaged_by_their_lengths():
+    speed = np.repeat([40.0, -40.0, 40.0], [1000, 4000, 3000])
+    force = np.repeat([8.0, 0.0, 0.0], [1000, 4000, 3000])
+    found = StrokeProfile(1).fit_transform([Recording({"force": force}, FS, velocity=speed)])
+    assert found[0, 0] == pytest.approx(2, rel=2e-3)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(-9, 9), st.floats(-9, 9))
+def test_profiles_are_linear_in_the_signal(scale, offset):
+    rough = np.random.default_rng(0).normal(size=SPEED.size)
+    angle = np.cumsum(SPEED) / FS
+    one, other = (
+        profile(Recording({"force": x}, FS, angle=angle)) for x in (rough, scale * rough + offset)
+    )
+    np.testing.assert_allclose(other, scale * one + [[offset, 0, 0, 0]] * 2, atol=1e-10)
+
+
+def test_the_columns_say_what_they_are():
+    recording = out_and_back(lambda p: p)
+    assert StrokeProfile(2, by_direction=False).fit(
+        [recording]
+    ).get_feature_names_out().tolist() == [
+        "force:cosine0",
+        "force:cosine1",
+    ]
+    names = StrokeProfile(2, basis="mean").fit([recording]).get_feature_names_out().tolist()
+    assert names == ["force+:segment0", "force+:segment1", "force-:segment0", "force-:segment1"]
+
+
+def test_strokes_of_a_single_angle_have_no_profile():
+    (row,) = OrderResampler(4.0).fit_transform(
+        [Recording({"force": np.arange(100.0)}, FS, velocity=np.full(100, 30.0))]
+    )
+    with pytest.raises(ValueError, match="channel 'force', strokes: no stroke holds two samples"):
+        StrokeProfile(by_direction=False).fit_transform([row])
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"n_coefficients": 0}, ValueError, "n_coefficients must be a whole number of at least 1"),
+        ({"n_coefficients": 2.5}, TypeError, "n_coefficients must be a whole number"),
+        ({"basis": "sine"}, ValueError, "basis must be one of 'cosine', 'mean'; got 'sine'"),
+    ],
+)
+def test_wrong_parameters_are_refused(parameters, error, message):
+    with pytest.raises(error, match=message):
+        StrokeProfile(**parameters).fit([out_and_back(lambda p: p)])
