@@ -18,7 +18,7 @@ _TURN = 2 * np.pi
 
 
 class Harmonics(NamedTuple):
-    """Coefficients of cosines and sines, each of shape (..., n_orders), and the length of the fit.
+    """Coefficients of cosines and sines, each of shape (n_orders,), and the length of the fit.
 
     Coefficients are in the unit of the signal; a cosine of -2 and a sine of 0 is a line whose
     crests stand half a cycle from the zero of the shaft.
@@ -30,69 +30,69 @@ class Harmonics(NamedTuple):
 
 
 def harmonic_coefficients(
-    angle: ArrayLike, signal: ArrayLike, orders: Sequence[float]
+    angles: Sequence[ArrayLike], signals: Sequence[ArrayLike], orders: Sequence[float]
 ) -> Harmonics:
-    """Fit cosines and sines of the shaft angle to a signal, by least squares.
+    """Fit cosines and sines of the shaft angle to stretches of a signal, by least squares.
 
     Parameters
     ----------
-    angle : array-like of shape (n_samples,)
-        Shaft angle [rad], rising or falling, evenly sampled or not.
-    signal : array-like of shape (..., n_samples)
-        Signal there, in any unit U.
+    angles : sequence of array-like of shape (n_samples,)
+        Shaft angle in each stretch [rad], rising or falling, evenly sampled or not.
+    signals : sequence of array-like of shape (n_samples,)
+        Signal there, in any unit U; stretches may be unequally long.
     orders : sequence of float
         Orders, in cycles per revolution.
 
     Returns
     -------
     Harmonics
-        `cosines` and `sines` [U] of ``signal = level + trend * angle + Σ c cos(order * angle)
-        + s sin(order * angle)``, and `revolutions`, the length of the fit.
+        `cosines` and `sines` [U], of shape (n_orders,), of ``signal = level + trend * angle
+        + Σ c cos(order * angle) + s sin(order * angle)``, where each stretch has a level and a
+        trend of its own; and `revolutions`, the length of all stretches.
 
     Raises
     ------
     TypeError, ValueError
         If the shapes do not fit, an order is not positive, or the samples are too few or span
-        too little to tell the orders, the level and the trend apart.
+        too little to tell the orders, the levels and the trends apart.
 
     Notes
     -----
     Each sample counts by the angle that it stands for, so that over whole revolutions the
     coefficients are those of the synchronous average, and other orders stay out, even if the
-    speed changes. With order 1 alone, at even angles and without a trend, they are the
-    first Fourier coefficients of a revolution (assumed: no source is followed).
+    speed changes. At even angles, but for the trend, they are Fourier coefficients of the average
+    revolution (assumed: no source is followed).
 
     Examples
     --------
     >>> angle = 2 * np.pi * np.linspace(0, 5, 500)
     >>> signal = 7 + 2 * np.cos(angle) + np.sin(angle) - np.cos(2 * angle) - 3 * np.sin(2 * angle)
-    >>> found = harmonic_coefficients(angle, signal, (1, 2))
+    >>> found = harmonic_coefficients([angle], [signal], (1, 2))
     >>> found.cosines.round(9).tolist(), found.sines.round(9).tolist()
     ([2.0, -1.0], [1.0, -3.0])
     """
-    theta = check_signal(angle, "angle").astype(np.float64)
-    x = np.asarray(signal, dtype=np.float64)
-    if x.ndim == 0 or x.shape[-1] != len(theta):
-        raise ValueError(f"a signal of shape {x.shape} does not fit {len(theta)} angles.")
     chosen = np.array(check_orders(orders))
-    farthest = np.maximum.accumulate(np.abs(theta - theta[0]))
-    revolutions = float(farthest[-1]) / _TURN
-    _check_density(len(theta), revolutions, chosen)
-    weight = np.sqrt(np.gradient(farthest))
-    trend = (theta - theta.mean()) / (np.ptp(theta) or 1.0)
-    waves = chosen[:, np.newaxis] * theta
-    model = np.concatenate([[np.ones_like(theta), trend], np.cos(waves), np.sin(waves)])
+    models, targets, run, n_steps = [], [], 0.0, 0
+    for angle, signal in zip(angles, signals, strict=True):
+        theta, x = _checked(angle, signal)
+        farthest = np.maximum.accumulate(np.abs(theta - theta[0]))
+        waves = chosen[:, np.newaxis] * theta
+        rows = np.column_stack([np.cos(waves).T, np.sin(waves).T, x])
+        left = _without_trend(rows, theta, np.sqrt(np.gradient(farthest)))
+        models.append(left[:, :-1])
+        targets.append(left[:, -1])
+        run, n_steps = run + farthest[-1] / _TURN, n_steps + len(theta) - 1
+    _check_density(n_steps, run, chosen)
     solution, _, rank, _ = np.linalg.lstsq(
-        (model * weight).T, (x.reshape(-1, len(theta)) * weight).T, rcond=1e-9
+        np.concatenate(models), np.concatenate(targets), rcond=1e-9
     )
-    if rank < len(model):
+    if rank < len(solution):
         raise ValueError(
-            f"{len(theta)} samples over {revolutions:.4g} revolutions do not tell the orders "
+            f"{n_steps + len(models)} samples over {run:.4g} revolutions do not tell the orders "
             f"{chosen.tolist()} apart from each other and from a trend. Use longer stretches or "
             f"fewer orders."
         )
-    found = solution[2:].T.reshape(*x.shape[:-1], 2, len(chosen))
-    return Harmonics(found[..., 0, :], found[..., 1, :], revolutions)
+    return Harmonics(solution[: len(chosen)], solution[len(chosen) :], float(run))
 
 
 def whole_revolutions(travel: ArrayLike, part: int = 0, n_parts: int = 1) -> slice | None:
@@ -108,7 +108,7 @@ def whole_revolutions(travel: ArrayLike, part: int = 0, n_parts: int = 1) -> sli
     Returns
     -------
     slice or None
-        None if the part holds no whole revolution.
+        None if the part holds no whole revolution, or a single sample.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def whole_revolutions(travel: ArrayLike, part: int = 0, n_parts: int = 1) -> sli
         return None
     spare = (high - low - revolutions * _TURN) / 2
     first, last = np.searchsorted(run, np.array([low + spare, high - spare]) - 1e-6 * step)
-    return slice(int(first), int(last))
+    return slice(int(first), int(last)) if last - first > 1 else None
 
 
 def check_orders(orders: Any) -> tuple[float, ...]:
@@ -137,11 +137,28 @@ def check_orders(orders: Any) -> tuple[float, ...]:
     return found
 
 
-def _check_density(n_samples: int, revolutions: float, orders: Array) -> None:
+def _checked(angle: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
+    theta = check_signal(angle, "angle").astype(np.float64)
+    x = check_signal(signal, "signal").astype(np.float64)
+    if len(x) != len(theta):
+        raise ValueError(f"a signal of {len(x)} samples does not fit {len(theta)} angles.")
+    return theta, x
+
+
+def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
+    """Weigh columns, and take a level and a trend out of each of them."""
+    trend = np.column_stack([np.ones_like(theta), theta - theta.mean()]) * weight[:, np.newaxis]
+    basis, size = np.linalg.qr(trend / (np.linalg.norm(trend, axis=0) + np.finfo(float).tiny))
+    basis = basis[:, np.abs(np.diag(size)) > 1e-9]
+    weighted = rows * weight[:, np.newaxis]
+    return weighted - basis @ (basis.T @ weighted)
+
+
+def _check_density(n_steps: int, revolutions: float, orders: Array) -> None:
     """Refuse orders of which there are less than two samples a cycle."""
     if not revolutions > 0:
         raise ValueError("the shaft does not turn, so that nothing is locked to it.")
-    density = (n_samples - 1) / revolutions
+    density = n_steps / revolutions
     if not orders.max() < density / 2:
         raise ValueError(
             f"order {orders.max():g} does not exist in samples of which there are {density:.4g} "

@@ -37,9 +37,12 @@ class RecordingStatistics(StrokeFeatures):
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
         the shaft angle that one's holds.
+    min_revolutions : float
+        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
+        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
     parts : sequence of {"stroke", "start", "stop", "rest"}
         What is described: whole strokes; their first and last `transient` seconds; what belongs
-        to no stroke, as far as `min_speed` tells. All but "stroke" need recordings over time.
+        to no stroke (or to one passed over). All but "stroke" need recordings over time.
     part_statistics : sequence of str
         Statistics of start, stop and rest.
     transient : float
@@ -87,6 +90,7 @@ class RecordingStatistics(StrokeFeatures):
         channels: Sequence[str] | None = None,
         by_direction: bool = True,
         min_speed: float = 0.0,
+        min_revolutions: float = 0.0,
         parts: Sequence[str] = ("stroke",),
         part_statistics: Sequence[str] = ("mean", "rms", "peak"),
         transient: float = 0.5,
@@ -96,6 +100,7 @@ class RecordingStatistics(StrokeFeatures):
         self.channels = channels
         self.by_direction = by_direction
         self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
         self.parts = parts
         self.part_statistics = part_statistics
         self.transient = transient

@@ -46,6 +46,9 @@ class ShaftHarmonics(StrokeFeatures):
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
         the shaft angle that one's holds.
+    min_revolutions : float
+        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
+        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
     n_jobs : int, optional
         Recordings in work at the same time, under joblib's active backend (by default, threads).
 
@@ -58,11 +61,11 @@ class ShaftHarmonics(StrokeFeatures):
     -----
     `X` is a list of `Recording`, or what `OrderResampler` returns (its filter lowers orders above
     0.78 π/theta_s). In the middle of each stroke, or part of it, the most whole revolutions are
-    taken, and level, linear trend and all lines are fitted together by least squares, each
-    sample counting by the angle it stands for. Coefficients of the strokes of one direction are
-    averaged as vectors, by their revolutions; strokes too short for a revolution are passed
-    over. The columns are ``channel+:cos1``, ``channel+:sin1``, or ``channel+:amplitude1``;
-    with parts ``channel+:1of4:cos1``.
+    taken. One set of lines is fitted to all strokes of a direction by least squares, each
+    sample counting by the angle it stands for, and each stroke having a level and a linear trend
+    of its own; strokes too short for a revolution are passed over. The columns are
+    ``channel+:cos1``, ``channel+:sin1``, or ``channel+:amplitude1``; with parts
+    ``channel+:1of4:cos1``.
 
     With ``phase=True`` the shaft's reference must be an angle. One that is integrated
     from a velocity starts at 0 wherever the shaft stood.
@@ -89,6 +92,7 @@ class ShaftHarmonics(StrokeFeatures):
         phase: bool = True,
         n_parts: int = 1,
         min_speed: float = 0.0,
+        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
         self.orders = orders
@@ -97,6 +101,7 @@ class ShaftHarmonics(StrokeFeatures):
         self.phase = phase
         self.n_parts = n_parts
         self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
@@ -132,16 +137,10 @@ class ShaftHarmonics(StrokeFeatures):
         return (found if self.phase else np.hypot(found[..., 0], found[..., 1])).ravel()
 
     def _of_part(self, strokes: Sequence[StrokeSignal], part: int) -> NDArray[np.float64]:
-        """Average over strokes, shape (n_orders, 2)."""
-        coefficients, weights = [], []
-        for stroke in strokes:
-            whole = whole_revolutions(stroke.travel, part, self.n_parts)
-            if whole is not None:
-                cut = stroke.cut(whole)
-                found = harmonic_coefficients(cut.angle, cut.signal, self.orders)
-                coefficients.append(np.stack([found.cosines, found.sines], axis=-1))
-                weights.append(found.revolutions)
-        if not coefficients:
+        """Fit one part of all strokes, shape (n_orders, 2)."""
+        found = [(s, whole_revolutions(s.travel, part, self.n_parts)) for s in strokes]
+        cut = [stroke.cut(whole) for stroke, whole in found if whole is not None]
+        if not cut:
             longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / (2 * np.pi)
             of = f"each of {self.n_parts} parts of a stroke" if self.n_parts > 1 else "a stroke"
             raise ValueError(
@@ -149,4 +148,7 @@ class ShaftHarmonics(StrokeFeatures):
                 f"longest stroke runs {longest:.4g} revolutions. Lower n_parts, check min_speed, "
                 f"or leave the recording out."
             )
-        return np.average(coefficients, axis=0, weights=weights)
+        lines = harmonic_coefficients(
+            [stroke.angle for stroke in cut], [stroke.signal for stroke in cut], self.orders
+        )
+        return np.stack([lines.cosines, lines.sines], axis=-1)

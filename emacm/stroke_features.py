@@ -32,13 +32,15 @@ WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
 class StrokeFeatures(TransformerMixin, BaseEstimator):
     """Base of transformers of recordings into columns named after channels and strokes.
 
-    Subclasses have the parameters `channels`, `by_direction`, `min_speed` and `n_jobs`, and
+    Subclasses have the parameters `channels`, `by_direction`, `min_speed`,
+    `min_revolutions` and `n_jobs`, and
     supply `_check_own_parameters`, `_feature_names` and `_features`.
     """
 
     channels: Sequence[str] | None
     by_direction: bool
     min_speed: float
+    min_revolutions: float
     n_jobs: int | None
 
     def fit(self: Self, X: Any, y: Any = None) -> Self:
@@ -146,6 +148,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
     def _check_parameters(self) -> None:
         check_choice(self.by_direction, "by_direction", (True, False))
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
+        check_number(self.min_revolutions, "min_revolutions", at_least=0)
         self._check_own_parameters()
 
     def _keys(self) -> list[tuple[str, ...]]:
@@ -189,7 +192,12 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
 
     def _row(self, row: Row, index: int) -> NDArray[np.float64]:
         with located(partial(described, row, index)), np.errstate(over="ignore", invalid="ignore"):
-            seen = see_recording(row, self.channels_, min_speed=self.min_speed)
+            seen = see_recording(
+                row,
+                self.channels_,
+                min_speed=self.min_speed,
+                min_revolutions=self.min_revolutions,
+            )
             blocks = [
                 block for k in range(len(self.channels_)) for block in self._of_channel(seen, k)
             ]
@@ -208,7 +216,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
             kind = f"{way} stroke".strip()
             strokes = [s for s in seen.strokes[number] if sign in (0, s.direction)]
             if not strokes:
-                raise ValueError(_no_stroke(kind))
+                raise ValueError(_no_stroke(kind, self.min_revolutions))
             with located(f"channel {channel!r}, {kind}s"):
                 blocks.append(self._features(strokes))
         if seen.rest is not None:
@@ -217,11 +225,15 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         return blocks
 
 
-def _no_stroke(kind: str) -> str:
-    remedy = "Leave it out, or check min_speed and the shaft's reference"
+def _no_stroke(kind: str, min_revolutions: float) -> str:
+    wanted, parameters = f"{kind} of two samples", "min_speed"
+    if min_revolutions > 0:
+        wanted += f" and {min_revolutions:g} revolutions"
+        parameters += ", min_revolutions"
+    remedy = f"Leave it out, or check {parameters} and the shaft's reference"
     if kind != "stroke":
         remedy += ", or do not keep directions apart (by_direction=False)"
-    return f"it has no {kind} of two samples. {remedy}."
+    return f"it has no {wanted}. {remedy}."
 
 
 def _checked_rows(X: Any, name: str) -> list[Row]:

@@ -35,6 +35,9 @@ class StrokeProfile(StrokeFeatures):
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
         the shaft angle that one's holds.
+    min_revolutions : float
+        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
+        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
     n_jobs : int, optional
         Recordings in work at the same time, under joblib's active backend (by default, threads).
 
@@ -74,6 +77,7 @@ class StrokeProfile(StrokeFeatures):
         by_direction: bool = True,
         basis: str = "cosine",
         min_speed: float = 0.0,
+        min_revolutions: float = 0.0,
         n_jobs: int | None = None,
     ) -> None:
         self.n_coefficients = n_coefficients
@@ -81,6 +85,7 @@ class StrokeProfile(StrokeFeatures):
         self.by_direction = by_direction
         self.basis = basis
         self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:

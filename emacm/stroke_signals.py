@@ -13,6 +13,8 @@ from emacm.paths import Path
 from emacm.recordings import Recording
 from emacm.strokes import stroke_paths
 
+_TURN = 2 * np.pi
+
 Samples = NDArray[np.floating]
 
 
@@ -66,7 +68,11 @@ class SeenRecording(NamedTuple):
 
 
 def see_recording(
-    recording: Recording | AngleRecording, channels: Sequence[str], *, min_speed: float = 0.0
+    recording: Recording | AngleRecording,
+    channels: Sequence[str],
+    *,
+    min_speed: float = 0.0,
+    min_revolutions: float = 0.0,
 ) -> SeenRecording:
     """Cut channels of a recording into its strokes.
 
@@ -80,6 +86,8 @@ def see_recording(
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s]; a recording over the angle
         has its own.
+    min_revolutions : float
+        Strokes shorter than this [revolutions] are passed over; over time they belong to rest.
 
     Returns
     -------
@@ -93,8 +101,12 @@ def see_recording(
     ([([1.0, 2.0], 1), ([4.0, 5.0], -1)], [0.0, 3.0])
     """
     if isinstance(recording, AngleRecording):
-        return SeenRecording(_over_angle(recording, channels), None)
-    paths = stroke_paths(*recording.motion, recording.shaft_fs, min_speed=min_speed)
+        return SeenRecording(_over_angle(recording, channels, min_revolutions), None)
+    paths = [
+        path
+        for path in stroke_paths(*recording.motion, recording.shaft_fs, min_speed=min_speed)
+        if path.length >= min_revolutions * _TURN
+    ]
     strokes, rest = [], []
     for name in channels:
         signal, fs = recording.signals[name], recording.fs[name]
@@ -117,10 +129,14 @@ def _over_time(signal: Samples, fs: float, path: Path, first: int, last: int) ->
     return StrokeSignal(signal[first:last], travel, path.start_angle, path.direction, fs)
 
 
-def _over_angle(recording: AngleRecording, channels: Sequence[str]) -> list[list[StrokeSignal]]:
+def _over_angle(
+    recording: AngleRecording, channels: Sequence[str], min_revolutions: float
+) -> list[list[StrokeSignal]]:
     rows = [recording.channels.index(name) for name in channels]
     strokes: list[list[StrokeSignal]] = [[] for _ in rows]
     for stroke in recording.strokes:
+        if stroke.revolutions < min_revolutions:
+            continue
         signals = stroke.signals  # resampled here, once
         travel = recording.theta_s * np.arange(stroke.n_angles)
         for found, row in zip(strokes, rows, strict=True):

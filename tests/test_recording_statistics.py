@@ -152,6 +152,17 @@ def test_rest_is_what_belongs_to_no_stroke_at_the_rate_of_each_channel():
     np.testing.assert_allclose(levels.fit_transform(X)[0], [7, 7], rtol=0.003)
 
 
+def test_a_stroke_that_is_passed_over_belongs_to_rest():
+    speed = np.repeat([0.0, 40.0, 0.0, -1.0, 0.0], FS)
+    X = [Recording({"current": np.where(speed < 0, 9.0, speed / 40)}, FS, velocity=speed)]
+    levels = RecordingStatistics(
+        ("mean",), parts=("stroke", "rest"), by_direction=False, min_revolutions=1
+    )
+    found = levels.fit_transform(X)[0]
+    assert found[0] == pytest.approx(1)
+    np.testing.assert_allclose(found[1:], [9 / 4, 9 / 2, 9])
+
+
 def test_a_transient_as_long_as_the_stroke_is_the_stroke():
     names = ("mean", "rms", "peak")
     signal = np.random.default_rng(1).normal(size=SPEED.size)

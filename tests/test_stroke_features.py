@@ -304,6 +304,7 @@ def test_what_is_no_list_of_recordings_is_refused(kind, X, error, message):
         ({"channels": []}, ValueError, "name each channel once"),
         ({"channels": ["current", "current"]}, ValueError, "name each channel once"),
         ({"by_direction": "yes"}, ValueError, "by_direction must be one of True, False"),
+        ({"min_revolutions": -1}, ValueError, "min_revolutions must be a number at least 0"),
         ({"min_speed": -1}, ValueError, "min_speed must be a number of rad/s, at least 0"),
     ],
 )
@@ -328,6 +329,27 @@ def test_strokes_over_the_angle_keep_the_min_speed_they_were_found_with(kind):
     np.testing.assert_array_equal(agreeing, clone(kind).fit_transform(resampled))
     with pytest.raises(ValueError, match="min_speed = 5 contradicts OrderResampler"):
         clone(kind).set_params(min_speed=5).fit(resampled)
+
+
+@kinds
+def test_strokes_shorter_than_min_revolutions_are_passed_over(kind):
+    # At rest the shaft jitters by a hundredth of a revolution.
+    jitter = 0.06 * np.random.default_rng(3).uniform(-1, 1, 300)
+    velocity = np.repeat([0.0, 40.0, 0.0, -40.0, 0.0], [300, 1000, 300, 1000, 300])
+    angle = np.cumsum(velocity) / 500
+    rest, noisy = np.flatnonzero(velocity == 0).reshape(3, 300), angle.copy()
+    noisy[rest] += jitter
+    signal = 2 + np.cos(angle) + 0.1 * np.sin(np.arange(len(angle)))
+    calm, jittery = (Recording({"current": signal}, 500, angle=way) for way in (angle, noisy))
+    long = clone(kind).set_params(min_revolutions=1, min_speed=20)
+    expected = clone(kind).set_params(min_speed=20).fit_transform([calm])
+    np.testing.assert_allclose(long.fit_transform([jittery]), expected, rtol=0.05, atol=0.02)
+    seen = over_angle([jittery], min_speed=20)
+    assert len(seen[0].strokes) > 2
+    resampled = long.set_params(min_speed=0).fit_transform(seen)
+    np.testing.assert_allclose(resampled, expected, rtol=0.05, atol=0.05)
+    with pytest.raises(ValueError, match=r"no forward stroke of two samples and 30 revolutions"):
+        long.set_params(min_revolutions=30).fit_transform(seen)
 
 
 @kinds
