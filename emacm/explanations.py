@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 def explain_decision(
     pipeline: Any, x: Any, *, decision: Any = None, against: Any = None, background: Any = None
 ) -> pd.DataFrame:
-    """Say which order bins carry the decision on one recording.
+    """Say which order bins, or other named features, carry the decision on one recording.
 
     The difference that is explained is split over the bins by integrated gradients [1]_
     along the straight line from a baseline, which stands for the alternative, to the
@@ -62,8 +62,9 @@ def explain_decision(
     Returns
     -------
     DataFrame
-        A row a bin, the largest contribution first: "column", "channel", "low" and "high"
-        [orders], "contribution" and "share" (of the sum of their sizes). In `attrs`:
+        A row a bin or feature, the largest contribution first: "column", "channel", "low" and
+        "high" [orders; NaN of what is no band], "contribution" and "share" (of the sum of their
+        sizes). In `attrs`:
         "decision", "against", "baseline" (its class), "quantity" (what is explained),
         "value" (at the recording) and "baseline_value"; the contributions add
         up to the difference of the two.
@@ -84,6 +85,11 @@ def explain_decision(
     is no class ("inspect"), no odds exist; then the difference in expected cost is explained,
     risk(against) - risk(decision) [unit of the cost], integrated numerically, and the baseline is
     the class for which `against` is the best compared with `decision`.
+
+    A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
+    Any other is explained by the columns of the step that makes a table of the recordings, such as
+    a `FeatureUnion` of order bins, `RecordingStatistics` and others, under the names it gives them
+    and as they leave it (logarithms inside the union belong to the column).
 
     The line is drawn in the space of the last element-wise step (logarithms, a scaler): there each
     number belongs to one bin. Behind a projection to fewer features the bins at a class's mean are
@@ -106,9 +112,10 @@ def explain_decision(
     >>> bool(np.isclose(table["contribution"].sum(), value - baseline))
     True
     """
-    opened = OpenedPipeline.of(pipeline)
+    x = one_recording(x)
+    opened = OpenedPipeline.of(pipeline, x)
     classifier = opened.classifier
-    traced = _Traced.of(opened, one_recording(x))
+    traced = _Traced.of(opened, x)
     decision, against = _question(classifier, traced.features, decision, against)
     prices, code = _prices(classifier, decision, against)
     centre = None
@@ -137,7 +144,7 @@ def explain_decision(
 
 
 def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataFrame:
-    """Say which order bins carry a whole model, over many recordings.
+    """Say which order bins, or other named features, carry a whole model, over many recordings.
 
     Each recording's log odds of its own class against each other class are split over the
     bins as by `explain_decision`; the sizes of the contributions are averaged.
@@ -156,8 +163,9 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     Returns
     -------
     DataFrame
-        A row a bin, the largest contribution first: "column", "channel", "low" and "high"
-        [orders], "contribution" (mean size over recordings and other classes [nats]),
+        A row a bin or feature, the largest contribution first: "column", "channel", "low" and
+        "high" [orders; NaN of what is no band], "contribution" (mean size over recordings and
+        other classes [nats]),
         "share", and the mean size for each pair of classes, "a vs b". In `attrs`:
         "quantity".
 
@@ -177,7 +185,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
     0  torque@1-2   0.93
     1  torque@0-1   0.07
     """
-    opened = OpenedPipeline.of(pipeline)
+    opened = OpenedPipeline.of(pipeline, X)
     classifier = opened.classifier
     traced = _Traced.of(opened, X)
     if y is None:

@@ -1,4 +1,4 @@
-"""Fitted pipelines, cut open at their table of order bins."""
+"""Fitted pipelines, cut open at their table of order bins or other named features."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table
+from emacm.angle_recordings import AngleRecording
 from emacm.axes import column_names
 from emacm.bin_transformer import BinTransformer
 from emacm.diagnosis import CostSensitiveGaussianBayes
@@ -27,14 +28,14 @@ _RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class OpenedPipeline:
-    """A fitted pipeline, cut behind its last `BinTransformer`, if it has one.
+    """A fitted pipeline, cut behind its last `BinTransformer`, or where recordings become a table.
 
     Attributes
     ----------
     before : tuple of transformers
-        Steps up to the table of bins.
-    bins : BinTransformer or None
-        The last of them.
+        Steps up to the table of bins, or of other named features.
+    maker : transformer or None
+        The last of them, which names the columns; None if the pipeline takes a table.
     steps : tuple of (name, transformer)
         Steps from the table to the classifier.
     classifier : CostSensitiveGaussianBayes
@@ -42,13 +43,17 @@ class OpenedPipeline:
     """
 
     before: tuple[Any, ...]
-    bins: BinTransformer | None
+    maker: Any
     steps: tuple[tuple[str, Any], ...]
     classifier: CostSensitiveGaussianBayes
 
     @classmethod
-    def of(cls, pipeline: Any) -> OpenedPipeline:
-        """Open a fitted pipeline, search or classifier; pipelines within it are laid flat."""
+    def of(cls, pipeline: Any, X: Any) -> OpenedPipeline:
+        """Open a fitted pipeline, search or classifier, for what it takes.
+
+        Pipelines within it are laid flat. Where no step is a `BinTransformer`, the first step
+        that makes a table of the recordings `X` is where it is cut: a `FeatureUnion`, say.
+        """
         while hasattr(pipeline, "best_estimator_"):
             pipeline = pipeline.best_estimator_
         steps = _flat_steps(pipeline)
@@ -60,26 +65,26 @@ class OpenedPipeline:
             )
         check_is_fitted(classifier)
         places = [i for i, (_, step) in enumerate(steps) if isinstance(step, BinTransformer)]
-        if not places:
+        if places:
+            cut = places[-1]
+        elif _are_recordings(X):
+            cut = _first_table(steps[:-1], X)
+        else:
             return cls((), None, tuple(steps[:-1]), classifier)
-        cut = places[-1]
         before = tuple(step for _, step in steps[: cut + 1])
         return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
 
     def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
-        """Return the bins of recordings, and what each column of them is."""
-        if self.bins is None:
-            if isinstance(X, list) and X and isinstance(X[0], Recording):
-                raise ValueError(
-                    "X holds recordings, but the pipeline has no BinTransformer that makes a "
-                    "table of them. Pass the table, or the whole pipeline."
-                )
+        """Return the bins or features of recordings, and what each column of them is."""
+        if self.maker is None:
             return self._own_table(X)
         for step in self.before:
-            X = X if step is None or isinstance(step, str) else step.transform(X)
-        frame = _bin_frame(self.bins.get_feature_names_out())
-        edges = np.tile(self.bins.bins_, (len(frame) // len(self.bins.bins_), 1))
-        return np.asarray(X, dtype=np.float64), frame.assign(low=edges[:, 0], high=edges[:, 1])
+            X = X if _is_passed_over(step) else step.transform(X)
+        frame = _bin_frame(_names_of(self.maker))
+        if isinstance(self.maker, BinTransformer):
+            edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
+            frame = frame.assign(low=edges[:, 0], high=edges[:, 1])
+        return np.asarray(X, dtype=np.float64), frame
 
     def _own_table(self, X: Any) -> tuple[Array, pd.DataFrame]:
         names = column_names(X)
@@ -108,7 +113,7 @@ def one_recording(x: Any) -> Any:
     >>> one_recording(np.array([1.0, 2.0])).shape
     (1, 2)
     """
-    if isinstance(x, Recording):
+    if isinstance(x, Recording | AngleRecording):
         return [x]
     if isinstance(x, pd.Series):
         return x.to_frame().T
@@ -133,11 +138,54 @@ def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
     ]
 
 
+def _are_recordings(X: Any) -> bool:
+    return isinstance(X, list | tuple) and bool(X) and isinstance(X[0], Recording | AngleRecording)
+
+
+def _is_passed_over(step: Any) -> bool:
+    return step is None or isinstance(step, str)
+
+
+def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
+    """Find the step that makes a table of recordings, by giving it one of them."""
+    seen = list(X[:1])
+    try:
+        for place, (_, step) in enumerate(steps):
+            if not _is_passed_over(step):
+                seen = step.transform(seen)
+                if len(getattr(seen, "shape", ())) == 2:
+                    return place
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"X holds recordings, of which the pipeline makes no table: {error} Pass its table, "
+            f"or the whole pipeline."
+        ) from error
+    raise ValueError(
+        "X holds recordings, but the pipeline has no step that makes a table of them. Pass the "
+        "table, or the whole pipeline."
+    )
+
+
+def _names_of(maker: Any) -> NDArray[Any]:
+    """Return the names of the columns that a step makes."""
+    try:
+        return maker.get_feature_names_out()
+    except AttributeError as error:
+        raise ValueError(
+            f"the columns of {type(maker).__name__} have no names to explain a decision by: "
+            f"{error} Within it, write FunctionTransformer(np.log10, "
+            f"feature_names_out='one-to-one')."
+        ) from error
+
+
 def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:
-    """Read channel and orders off the names of bins, or of single lines."""
+    """Read channel and orders off the names of bins or single lines; the channel off others."""
     rows = []
     for name in map(str, names):
         channel, at, label = name.rpartition("@")
+        if not at:  # channel+:feature
+            channel, colon, _ = name.partition(":")
+            channel = channel if colon else ""
         found = _RANGE.fullmatch(label) if at else None
         low, high = (np.nan, np.nan) if found is None else (found[1], found[2] or found[1])
         rows.append((name, channel, float(low), float(high)))

@@ -26,6 +26,7 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    RecordingStatistics,
     explain_decision,
     explain_model,
     fault_orders,
@@ -463,6 +464,90 @@ def test_named_bands_keep_their_orders(rig):
     assert table.loc["position@supply", "channel"] == "position"
 
 
+def knocking(seed, knocks):
+    """A screw drive out and back; where it knocks, the current peaks on the way out."""
+    rng = np.random.default_rng(seed)
+    speed = np.repeat([0.0, 60.0, 0.0, -60.0], 500)
+    current = 3 + rng.normal(size=2000)
+    if knocks:
+        current[rng.integers(500, 1000, 5)] = 30
+    return Recording({"current": current}, 500, velocity=speed)
+
+
+def named_features(*between, log_names="one-to-one"):
+    bins = make_pipeline(
+        OrderResampler(2 * np.pi / 16),
+        OrderPSD(2, by_direction=True),
+        BinTransformer(1, max_order=6),
+        FunctionTransformer(np.log10, feature_names_out=log_names),
+    )
+    union = FeatureUnion([("psd", bins), ("levels", RecordingStatistics(("mean", "kurtosis")))])
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    return make_pipeline(union, *between, classifier)
+
+
+KNOCKING = [knocking(seed, seed % 2) for seed in range(24)]
+KNOCKS = np.array(["smooth", "knocking"] * 12)
+
+
+@pytest.mark.parametrize("between", [(), (StandardScaler(),), (StandardScaler(), PCA(5))])
+def test_several_kinds_of_features_are_explained_by_their_names(between):
+    model = named_features(*between).fit(KNOCKING, KNOCKS)
+    table = explain_decision(model, KNOCKING[1])
+    adds_up(table)
+    assert set(table["column"]) == set(model[0].get_feature_names_out())
+    rows = table.set_index("column")
+    assert rows.loc["levels__current+:kurtosis", "channel"] == "levels__current+"
+    assert np.isnan(rows.loc["levels__current+:kurtosis", "low"])
+    assert rows.loc["psd__current-@1-2", ["low", "high"]].tolist() == [1, 2]
+    adds_up(explain_decision(model, KNOCKING[1], background=KNOCKING[::2]))
+
+
+def test_a_model_that_hears_knocks_is_carried_by_the_kurtosis_of_that_direction():
+    model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING, KNOCKS)
+    assert table["column"][0] == "levels__current+:kurtosis"
+    assert table["share"].sum() == pytest.approx(1)
+    named = model.set_output(transform="pandas").fit(KNOCKING, KNOCKS)
+    again = explain_model(named, KNOCKING, KNOCKS)
+    np.testing.assert_allclose(again["contribution"], table["contribution"])
+
+
+def test_features_need_no_union():
+    model = make_pipeline(
+        RecordingStatistics(("mean", "kurtosis")), CostSensitiveGaussianBayes(shrinkage=0.1)
+    ).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING)
+    assert table["column"][0] == "current+:kurtosis"
+    assert set(table["channel"]) == {"current+", "current-"}
+
+
+def test_lines_without_bins_are_explained_by_their_orders():
+    resampler, psd = OrderResampler(2 * np.pi / 16), OrderPSD(2)
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = make_pipeline(resampler, psd, log(), classifier).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING)
+    assert set(table["low"]) == set(psd.orders_)
+    over_angle = resampler.transform(KNOCKING)
+    pd.testing.assert_frame_equal(explain_model(model[1:], over_angle), table)
+    pd.testing.assert_frame_equal(
+        explain_decision(model[1:], over_angle[3]), explain_decision(model, KNOCKING[3])
+    )
+
+
+def test_features_without_names_are_refused_with_the_remedy():
+    model = named_features(log_names=None).fit(KNOCKING, KNOCKS)
+    with pytest.raises(ValueError, match=r"have no names to explain .* feature_names_out='one-to"):
+        explain_model(model, KNOCKING)
+
+
+def test_what_a_recording_lacks_is_said_when_it_is_explained():
+    model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
+    one_way = Recording({"current": np.arange(999.0)}, 500, velocity=np.full(999, 60.0))
+    with pytest.raises(ValueError, match="it has no reverse stroke"):
+        explain_decision(model, one_way)
+
+
 def test_what_the_names_of_columns_do_not_say_is_not_invented():
     X, y = powers()
     X.columns = ["a@1e-05-0.5", "a@BPFI", "a@3.5", "plain", *COLUMNS[4:]]
@@ -639,8 +724,13 @@ def test_columns_in_another_order_are_refused():
 def test_recordings_need_bins_and_tables_need_two_dimensions():
     model, X, _ = fitted("log")
     recording = Recording({"a": np.ones(9)}, 1.0, velocity=np.ones(9))
-    with pytest.raises(ValueError, match="the pipeline has no BinTransformer"):
+    with pytest.raises(
+        ValueError, match=r"recordings, of which the pipeline makes no table: .* Pass"
+    ):
         explain_decision(model, recording)
+    bare = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, fitted("log")[2])
+    with pytest.raises(ValueError, match="has no step that makes a table of them"):
+        explain_decision(bare, recording)
     with pytest.raises(ValueError, match=r"a table of recordings, got shape \(8,\)"):
         explain_model(model, X.to_numpy()[0])
     bad = X.copy()
