@@ -115,7 +115,9 @@ def whole_revolutions(travel: ArrayLike, part: int = 0, n_parts: int = 1) -> sli
     >>> whole_revolutions(2 * np.pi * np.arange(0, 5.5, 0.25))
     slice(1, 21, None)
     """
-    run = np.maximum.accumulate(check_signal(travel, "travel"))
+    run = np.maximum.accumulate(check_signal(travel, "travel", min_length=1))
+    if len(run) < 2:
+        return None
     # A sample stands for the angle up to the next one, so the last ends beyond the last sample.
     step = (run[-1] - run[0]) / (len(run) - 1)
     low, high = run[0] + (run[-1] + step - run[0]) * np.array([part, part + 1]) / n_parts

@@ -119,6 +119,8 @@ def test_parts_of_whole_revolutions_share_no_sample(n_parts):
 
 def test_less_than_a_revolution_holds_none():
     assert whole_revolutions(STEP * np.arange(60)) is None
+    assert whole_revolutions([0.0]) is None
+    assert whole_revolutions([0.0, 7.0], 1, 2) is None
     assert whole_revolutions(STEP * np.arange(64 * 2), 0, 3) is None
 
 

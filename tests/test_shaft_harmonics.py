@@ -137,6 +137,16 @@ def test_a_stroke_too_short_for_a_revolution_is_passed_over():
         lines([recording(angle, np.cos(angle))], by_direction=True)
 
 
+def test_strokes_of_a_single_angle_are_passed_over():
+    # Rest between strokes, at which the shaft's angle flickers in its last digits.
+    speed = np.repeat([0.0, TURN, 0.0, -TURN, 0.0], [FS, 10 * FS, FS, 10 * FS, FS])
+    angle = np.cumsum(speed) / FS + 1e-9 * np.random.default_rng(0).uniform(size=speed.size)
+    over_angle = OrderResampler(TURN / 32).fit_transform([recording(angle, np.cos(angle))])
+    assert min(stroke.n_angles for stroke in over_angle[0].strokes) == 1
+    found = lines(over_angle, orders=(1,), by_direction=True)
+    np.testing.assert_allclose(found, [[1, 0, 1, 0]], atol=5e-3)
+
+
 def test_parts_of_less_than_a_revolution_are_refused():
     angle = np.linspace(0, 5 * TURN, 1000)
     with pytest.raises(ValueError, match=r"each of 6 parts of a stroke, .* runs 5 revolutions"):
