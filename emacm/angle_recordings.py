@@ -176,3 +176,41 @@ class AngleStroke:
             antialias=settings.antialias,
             interpolation=settings.interpolation,
         )
+
+    def joint_blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
+        """Resample channels of any sampling rates a block at a time, side by side.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Numbers of channels, in any order.
+
+        Returns
+        -------
+        iterator of ndarray of shape (n_rows, n_angles)
+            Blocks that continue one another.
+        """
+        wanted = [[row for row in rows if row in group] for group in self.recording.rate_groups]
+        groups = [group for group in wanted if group]
+        if len(groups) == 1:
+            return self.blocks(rows)
+        places = [[list(rows).index(row) for row in group] for group in groups]
+        return _abreast([self.blocks(group) for group in groups], places)
+
+
+def _abreast(
+    streams: Sequence[Iterator[NDArray[np.floating]]], places: Sequence[Sequence[int]]
+) -> Iterator[NDArray[np.floating]]:
+    """Yield streams of blocks of unequal lengths as blocks of all rows, each at its place."""
+    held: list[NDArray[np.floating] | None] = [next(stream, None) for stream in streams]
+    while all(block is not None for block in held):
+        parts = [block for block in held if block is not None]
+        length = min(part.shape[1] for part in parts)
+        joint = np.empty((sum(map(len, places)), length), np.result_type(*parts))
+        for place, part in zip(places, parts, strict=True):
+            joint[place] = part[:, :length]
+        if length:
+            yield joint
+        for number, part in enumerate(parts):
+            more = part.shape[1] > length
+            held[number] = part[:, length:] if more else next(streams[number], None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import isclose
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,12 @@ from emacm._checks import (
     located,
 )
 from emacm._version import __version__
+from emacm.angle_checks import (
+    check_theta_s,
+    check_ways_apart,
+    too_short,
+    strokes_by_kind,
+)
 from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.axes import BARE_CHANNEL, OrderTable, check_input_names, order_columns
 from emacm.recalled_spectra import recalled_spectra
@@ -293,16 +298,9 @@ class OrderPSD(TransformerMixin, BaseEstimator):
                     f"{described(row, index)} has channels {list(row.channels)}, expected were "
                     f"{list(self.channels_)}."
                 )
-            if self.theta_s_ is None or not isclose(row.theta_s, self.theta_s_, rel_tol=1e-12):
-                raise ValueError(
-                    f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
-                    f"OrderPSD was fitted on {self.theta_s_!r}. Resample it alike, or fit again."
-                )
-            if self.by_direction and row.direction == "travel":
-                raise ValueError(
-                    "by_direction needs strokes, but direction='travel' of OrderResampler joins "
-                    "both directions. Use direction='strokes'."
-                )
+        check_theta_s(rows, self.theta_s_, "OrderPSD")
+        if self.by_direction:
+            check_ways_apart(rows)
 
     def _stated_theta_s(self, first: Any) -> float | None:
         stated = self.theta_s
@@ -397,14 +395,11 @@ def _spectra(
     if isinstance(row, np.ndarray):
         return _estimate([_Row(row[np.newaxis])], [[0]], plan, short, "row")
     strokes, groups = row.strokes, row.rate_groups
-    if not by_direction:
-        return _estimate(strokes, groups, plan, short, "stroke")
-    ways = ((1, "forward stroke"), (-1, "reverse stroke"))
-    both = [
-        _estimate([s for s in strokes if s.direction == sign], groups, plan, short, kind)
-        for sign, kind in ways
+    kinds = [
+        _estimate(some, groups, plan, short, kind)
+        for kind, some in strokes_by_kind(strokes, by_direction)
     ]
-    return np.stack(both, axis=1)
+    return np.stack(kinds, axis=1) if by_direction else kinds[0]
 
 
 def _estimate(
@@ -426,17 +421,7 @@ def _estimate(
     longest = max((stroke.n_angles for stroke in strokes), default=0)
     if short == "pad" and longest > 1:
         return plan.padded(stroke.signals for stroke in strokes)
-    if not strokes:
-        remedy = "Leave it out"
-        if kind != "stroke":
-            remedy += ", or do not keep directions apart (by_direction=False)"
-        raise ValueError(f"it has no {kind} of two samples. {remedy}.")
-    came = f"its longest {kind} holds {longest / plan.samples_per_rev:.4g}"
-    raise ValueError(
-        f"no {kind} holds a segment of {plan.revolutions:g} revolutions "
-        f"({plan.n_per_segment} samples): {came}. Lower revolutions (or n_per_segment) of "
-        f"OrderPSD, set short='pad', or leave it out."
-    )
+    raise too_short(strokes, plan, kind, "OrderPSD")
 
 
 def _located_call(estimate: Callable[..., Any], row: Any, index: int) -> NDArray[np.floating]:

@@ -25,6 +25,7 @@ from emacm.fourier import segments_at_once, summed_powers
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
 Stretch = tuple[NDArray[np.floating], int, int]
 Lines = NDArray[np.complexfloating]  # shape (n_rows, n_segments, n_lines)
+WeightedLines = tuple[Lines, float]
 
 DETRENDS = ("constant", "linear", None, False)
 SCALINGS = ("density", "spectrum")
@@ -124,7 +125,7 @@ class SegmentPlan:
             psd = np.median(np.concatenate(kept, axis=1), axis=1) / _median_bias(count)
         else:
             psd = kept[0] / count
-        return psd * (self._sides() / self._window_factor(window))
+        return psd * (self.sides / self._window_factor(window))
 
     def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Estimate from signals that are shorter than a segment.
@@ -148,7 +149,58 @@ class SegmentPlan:
             If none has two samples, or the window is an array (which has no
             shorter form).
         """
-        power, factor = None, 0.0
+        power, total = None, 0.0
+        for lines, weight in self.padded_lines(signals):
+            part = np.abs(lines[:, 0]) ** 2
+            power = part if power is None else power + part
+            total += weight
+        if power is None:
+            raise ValueError("no stroke has two samples.")
+        return power * (self.sides / total)
+
+    def lines_of(self, signals: Iterable[Signal]) -> Iterator[WeightedLines]:
+        """Yield the Fourier transforms of all segments, those of all channels together.
+
+        A product of lines, summed over all segments, divided by the sum of the weights and
+        multiplied by `sides`, is a spectral density (or spectrum, as `scaling` says).
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles), or of their blocks
+            As for `average_of`.
+
+        Yields
+        ------
+        lines : ndarray of shape (n_channels, n_segments, n_orders)
+            Of a few segments at a time.
+        weight : float
+            Their weight.
+        """
+        window = _window_values(self.window, self.n_per_segment)
+        factor = self._window_factor(window)
+        for stretch, first, n_segments in self._stretches(signals):
+            for lines in self._lines(stretch, first, n_segments, window):
+                yield lines, factor * lines.shape[1]
+
+    def padded_lines(self, signals: Iterable[NDArray[np.floating]]) -> Iterator[WeightedLines]:
+        """Yield the Fourier transform of each signal, padded with zeros to a segment.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles)
+            Signals of at most `n_per_segment` samples; less than two are passed over.
+
+        Yields
+        ------
+        lines : ndarray of shape (n_channels, 1, n_orders)
+        weight : float
+            As in `lines_of`.
+
+        Raises
+        ------
+        ValueError
+            If the window is an array, which has no shorter form.
+        """
         for signal in signals:
             n_angles = signal.shape[-1]
             if n_angles < 2:
@@ -159,12 +211,7 @@ class SegmentPlan:
                 )
             window = scipy.signal.get_window(self.window, n_angles)
             lines = fft.rfft(_detrended(signal, self.detrend) * window, self.n_per_segment)
-            part = np.abs(lines[..., : self.n_orders]) ** 2
-            power = part if power is None else power + part
-            factor += self._window_factor(window)
-        if power is None:
-            raise ValueError("no stroke has two samples.")
-        return power * (self._sides() / factor)
+            yield lines[:, np.newaxis, : self.n_orders], self._window_factor(window)
 
     def _stretches(self, signals: Iterable[Signal]) -> Iterator[Stretch]:
         """Yield stretches of the signals, where segments begin in them, and how many."""
@@ -236,7 +283,8 @@ class SegmentPlan:
             return float(self.samples_per_rev * np.sum(window**2))
         return float(np.sum(window) ** 2)
 
-    def _sides(self) -> NDArray[np.floating]:
+    @property
+    def sides(self) -> NDArray[np.floating]:
         """Weights that fold the two-sided spectrum over, Eqs. (2.20) and (2.21) of Chirico."""
         sides = np.full(self.n_orders, 2.0)
         sides[0] = 1.0

@@ -48,6 +48,7 @@ LAYERS = {
     "recordings": [
         "recordings",
         "angle_recordings",
+        "angle_checks",
         "progress",
         "recalled_spectra",
         "spectrum_store",
