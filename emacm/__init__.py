@@ -7,6 +7,7 @@ from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
 from emacm.explanations import explain_decision, explain_model, match_fault_orders
 from emacm.fault_orders import fault_orders, order_bands
 from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
+from emacm.order_cross_spectrum import OrderCrossSpectrum
 from emacm.order_psd import OrderPSD
 from emacm.order_resampler import OrderResampler
 from emacm.recording_statistics import RecordingStatistics
@@ -29,6 +30,7 @@ __all__ = [
     "CostSensitiveGaussianBayes",
     "Gear",
     "Motor",
+    "OrderCrossSpectrum",
     "OrderPSD",
     "OrderResampler",
     "Recording",

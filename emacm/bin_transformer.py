@@ -19,16 +19,13 @@ from emacm.axes import (
     check_input_names,
     column_names,
     lost_axis,
-    number_name,
     parse_order_columns,
 )
 from emacm.bins import (
     Band,
-    bin_edges,
     bin_operator,
-    check_edges,
     check_stop_bands,
-    kept_intervals,
+    named_bins,
 )
 
 
@@ -130,17 +127,14 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             )
         check_finite_table(psd, "recording", names)
         blocks = self._blocks(names)
+        bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         stops = check_stop_bands(self.stop_bands)
-        bins, labels = self._bins()
-        kept = [i for i, band in enumerate(bins) if kept_intervals(band, stops)]
-        if not kept:
-            raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
-        self.bins_ = tuple(bins[i] for i in kept)
+        self.bins_ = tuple(bins.values())
         operators = [
             _operator(block.orders.tobytes(), self.bins_, tuple(stops)) for block in blocks
         ]
         self.operator_ = _block_diagonal(operators)
-        self._columns_out = [f"{block.channel}@{labels[i]}" for block in blocks for i in kept]
+        self._columns_out = [f"{block.channel}@{name}" for block in blocks for name in bins]
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -235,17 +229,6 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                     f"orders lie {np.diff(block.orders)[0]:g} apart. Leave order_step out."
                 )
         return blocks
-
-    def _bins(self) -> tuple[list[Band], list[str]]:
-        """Return the bins and what follows the @ in their names."""
-        if self.edges is None:
-            bins = bin_edges(self.bin_size, self.max_order)
-        else:
-            own = check_edges(self.edges)
-            if isinstance(own, dict):
-                return list(own.values()), list(own)
-            bins = own
-        return bins, [f"{number_name(low)}-{number_name(high)}" for low, high in bins]
 
 
 def _names_orders(names: Sequence[Any]) -> bool:

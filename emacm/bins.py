@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, check_real_array, check_signal
+from emacm.axes import number_name
 
 Band = tuple[float, float]
 
@@ -147,6 +148,47 @@ def kept_intervals(band: Band, stop_bands: Sequence[Band]) -> list[Band]:
     else:
         kept.append((low, band[1]))
     return [(a, b) for a, b in kept if b > a]
+
+
+def named_bins(
+    bin_size: float,
+    max_order: float,
+    edges: ArrayLike | Mapping[str, Band] | None,
+    stop_bands: Sequence[Band],
+) -> dict[str, Band]:
+    """Return the bins of which stop bands leave something, by what follows the @ in columns.
+
+    Parameters
+    ----------
+    bin_size, max_order : float
+        As for `bin_edges`; without a say where `edges` are given.
+    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
+        As for `check_edges`.
+    stop_bands : sequence of (low, high)
+        Bands that are taken out [orders].
+
+    Returns
+    -------
+    dict of str to (low, high)
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one of these is not what it should be, or nothing is left.
+
+    Examples
+    --------
+    >>> named_bins(0.5, 1.5, None, [(0, 0.5)])
+    {'0.5-1': (0.5, 1.0), '1-1.5': (1.0, 1.5)}
+    """
+    stops = check_stop_bands(stop_bands)
+    bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
+    if not isinstance(bins, dict):
+        bins = {f"{number_name(low)}-{number_name(high)}": (low, high) for low, high in bins}
+    kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
+    if not kept:
+        raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
+    return kept
 
 
 def bin_operator(

@@ -22,8 +22,8 @@ from emacm._version import __version__
 from emacm.angle_checks import (
     check_theta_s,
     check_ways_apart,
-    too_short,
     strokes_by_kind,
+    too_short,
 )
 from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.axes import BARE_CHANNEL, OrderTable, check_input_names, order_columns

@@ -20,6 +20,7 @@ LAYERS = {
         "bins",
         "blocks",
         "costs",
+        "cross_spectrum",
         "digests",
         "discriminants",
         "distances",
@@ -63,6 +64,13 @@ LAYERS = {
         "shaft_harmonics",
         "stroke_features",
         "stroke_profile",
+    ],
+        "bin_transformer",
+        "diagnosis",
+        "order_cross_spectrum",
+        "order_psd",
+        "order_resampler",
+    "estimators": [
     ],
     "explanations": ["decision_slopes", "explanations", "feature_traces", "opened_pipelines"],
     "simulation": [
