@@ -4,6 +4,7 @@ from emacm._version import __version__
 from emacm.bin_transformer import BinTransformer
 from emacm.costs import expected_cost
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.envelope_detector import EnvelopeDetector
 from emacm.explanations import explain_decision, explain_model, match_fault_orders
 from emacm.fault_orders import fault_orders, order_bands
 from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
@@ -28,6 +29,7 @@ __all__ = [
     "Bearing",
     "BinTransformer",
     "CostSensitiveGaussianBayes",
+    "EnvelopeDetector",
     "Gear",
     "Motor",
     "OrderCrossSpectrum",

@@ -68,7 +68,7 @@ class AngleRecording:
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Type of the resampled signals: float32 if all channels are."""
-        return np.result_type(*(self.recording.signals[name] for name in self.channels))
+        return np.result_type(*(self.recording.series[name].dtype for name in self.channels))
 
     @property
     def rate_groups(self) -> list[list[int]]:
@@ -166,10 +166,10 @@ class AngleStroke:
         """
         settings, recording = self.recording, self.recording.recording
         names = [settings.channels[row] for row in rows]
-        channels = [recording.signals[name] for name in names]
+        channels = [recording.series[name] for name in names]
         n_times = min(map(len, channels))  # equal to within one sample
         return angle_blocks(
-            [channel[:n_times] for channel in channels],
+            [c if len(c) == n_times else c[:n_times] for c in channels],
             recording.fs[names[0]],
             self.path,
             theta_s=settings.theta_s,

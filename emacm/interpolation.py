@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from emacm._kernels import kernels
+from emacm.motion import Series
 from emacm.paths import Path
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -18,7 +19,7 @@ _SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0
 
 
 def interpolated(
-    rows: Sequence[NDArray[np.floating]],
+    rows: Sequence[Series],
     fs: float,
     path: Path,
     theta_s: float,
@@ -28,7 +29,7 @@ def interpolated(
 
     Parameters
     ----------
-    rows : sequence of ndarray of shape (n_times,)
+    rows : sequence of ndarray of shape (n_times,), or of what slices like one
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
@@ -45,7 +46,7 @@ def interpolated(
         The next angles; together they are all that the path holds.
     """
     first, last = path.sample_range(fs, len(rows[0]))
-    dtype = np.result_type(*rows)
+    dtype = np.result_type(*(row.dtype for row in rows))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
     at_once = kernels().BLOCK if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
@@ -84,7 +85,7 @@ def _passed(angle: float, theta_s: float) -> int:
 
 
 def _spline(
-    row: NDArray[np.floating], start: int, stop: int, indices: NDArray[np.floating]
+    row: Series, start: int, stop: int, indices: NDArray[np.floating]
 ) -> NDArray[np.floating]:
     """Read a cubic spline off at fractional indices counted from `start`."""
     low, high = max(0, start - _SPLINE_MARGIN), min(len(row), stop + _SPLINE_MARGIN)

@@ -22,6 +22,11 @@ _STRIDE = 256  # samples from one remembered angle to the next
 class Series(Protocol):
     """What slices like a 1-D array."""
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        ...
+
     def __len__(self) -> int:
         """Return the number of samples."""
         ...
@@ -32,13 +37,21 @@ class Series(Protocol):
 
 
 class LazySeries:
-    """A 1-D array of float64 of which slices are computed when they are read.
+    """A 1-D array of which slices are computed when they are read.
 
     Subclasses supply `_read`.
+
+    Parameters
+    ----------
+    length : int
+        Number of samples.
+    dtype : dtype
+        Their type.
     """
 
-    def __init__(self, length: int) -> None:
+    def __init__(self, length: int, dtype: Any = np.float64) -> None:
         self._length = length
+        self.dtype = np.dtype(dtype)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -50,7 +63,7 @@ class LazySeries:
             start, stop, step = key.indices(self._length)
             if step != 1:
                 return np.asarray(self)[key]
-            return self._read(start, stop) if start < stop else np.empty(0)
+            return self._read(start, stop) if start < stop else np.empty(0, self.dtype)
         index = range(self._length)[key]
         return self._read(index, index + 1)[0]
 

@@ -92,7 +92,7 @@ class Recording:
 
     __slots__ = (*_CONTENT, "_remembered")
 
-    _signals: dict[str, NDArray[np.floating]]
+    _signals: Mapping[str, NDArray[np.floating]]
     _fs: dict[str, float]
     _shaft: NDArray[np.floating]
     _meta: dict[Any, Any]
@@ -136,6 +136,11 @@ class Recording:
     def signals(self) -> Mapping[str, NDArray[np.floating]]:
         """The channels by name; read-only."""
         return MappingProxyType(self._signals)
+
+    @property
+    def series(self) -> Mapping[str, Series]:
+        """The channels by name, to be read slice by slice; of measured ones, `signals`."""
+        return self.signals
 
     @property
     def fs(self) -> Mapping[str, float]:
@@ -206,7 +211,7 @@ class Recording:
 
     def __hash__(self) -> int:
         """Agree for equal recordings, without reading the signals."""
-        lengths = tuple(len(signal) for signal in self._signals.values())
+        lengths = tuple(map(len, self.series.values()))
         return hash((self.channels, tuple(self._fs.values()), lengths, len(self._shaft)))
 
     def __copy__(self) -> Recording:
@@ -388,7 +393,7 @@ def _check_shaft_rate(shaft_fs: Any, rates: dict[str, float]) -> float:
 
 def _durations(recording: Recording) -> Iterator[tuple[str, float, float]]:
     """Yield the name, duration [s] and sampling interval [s] of every series."""
-    for name, signal in recording._signals.items():
+    for name, signal in recording.series.items():
         rate = recording._fs[name]
         yield f"channel {name!r}", len(signal) / rate, 1 / rate
     shaft, rate = recording._shaft, recording.shaft_fs

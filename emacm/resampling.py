@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_finite, check_number, check_real_array
 from emacm.interpolation import INTERPOLATIONS, interpolated
+from emacm.motion import Series
 from emacm.paths import Path
 from emacm.spreading import PASS, spread_rows
 
@@ -35,7 +36,7 @@ def angle_count(path: Path, theta_s: float) -> int:
 
 
 def angle_blocks(
-    rows: Sequence[NDArray[np.floating]],
+    rows: Sequence[Series],
     fs: float,
     path: Path,
     *,
@@ -47,7 +48,7 @@ def angle_blocks(
 
     Parameters
     ----------
-    rows : sequence of ndarray of shape (n_times,)
+    rows : sequence of ndarray of shape (n_times,), or of what slices like one
         Finite signals at times ``n / fs``, equally long; they may be memory maps.
     fs : float
         Their sampling rate [Hz].

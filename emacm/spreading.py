@@ -26,6 +26,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm._kernels import kernels
+from emacm.motion import Series
 from emacm.paths import Path
 
 # All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
@@ -45,13 +46,13 @@ _MEAN_OF, _MEAN_BELOW = 480, 5000  # samples that a mean is taken of, of a signa
 
 
 def spread_rows(
-    rows: Sequence[NDArray[np.floating]], fs: float, path: Path, theta_s: float
+    rows: Sequence[Series], fs: float, path: Path, theta_s: float
 ) -> Iterator[NDArray[np.floating]]:
     """Yield the rows at the grid angles with their orders limited to what the grid holds.
 
     Parameters
     ----------
-    rows : sequence of ndarray of shape (n_times,)
+    rows : sequence of ndarray of shape (n_times,), or of what slices like one
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
@@ -67,7 +68,7 @@ def spread_rows(
     """
     n_angles = path.count(theta_s)
     first, last = path.sample_range(fs, len(rows[0]))
-    dtype = np.result_type(*rows)
+    dtype = np.result_type(*(row.dtype for row in rows))
     # Set aside, so that a large offset comes out exact whatever the ripple of the filter.
     means = _means(rows, first, last)
     step = theta_s / 2
@@ -90,14 +91,14 @@ def spread_rows(
     yield grid.finish(grid.end + 2)
 
 
-def _means(rows: Sequence[NDArray[np.floating]], first: int, last: int) -> NDArray[np.floating]:
+def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating]:
     """Mean of each signal, or of some of its samples where it is long: close, at no cost."""
     stride = max(1, (last - first) // _MEAN_OF) if last - first > _MEAN_BELOW else 1
     return np.array([row[first:last:stride].mean(dtype=np.float64) for row in rows])
 
 
 def _dense_blocks(
-    rows: Sequence[NDArray[np.floating]], fs: float, path: Path, theta_s: float
+    rows: Sequence[Series], fs: float, path: Path, theta_s: float
 ) -> Iterator[tuple[NDArray[np.floating], list[NDArray[np.floating]]]]:
     """Yield dense time samples in blocks: angle run, with a neighbour at either end, and values.
 
@@ -151,7 +152,7 @@ def _upsampling(fs: float, path: Path, theta_s: float) -> int:
 
 
 def _upsampled(
-    rows: Sequence[NDArray[np.floating]], factor: int, start: int, stop: int
+    rows: Sequence[Series], factor: int, start: int, stop: int
 ) -> list[NDArray[np.floating]]:
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - _UPSAMPLING_HALF
