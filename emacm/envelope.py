@@ -22,6 +22,7 @@ Band = tuple[float, float]
 
 _STOP = 80.0  # dB, by which the filter has fallen outside of its transitions
 _TRANSITION = 0.25  # of the band: width of a transition, half of it on either side of an edge
+_LEAST = 1e-300  # Hz; a transition is never 0
 _MOST_TAPS = 1 << 60  # where a band is next to nothing; more than any signal holds
 _GATHERED = 1 << 20  # samples gathered at once for single values
 
@@ -83,7 +84,7 @@ def filter_length(low: float, high: float, fs: float) -> int:
     """
     transition = min(_TRANSITION * (high - low), 2 * low, fs - 2 * high)
     # Kaiser's estimate, Eq. (7.76) of Oppenheim and Schafer.
-    n_taps = (_STOP - 7.95) / (2.285 * 2 * np.pi * transition / fs)
+    n_taps = (_STOP - 7.95) / (2.285 * 2 * np.pi) * fs / max(transition, _LEAST)
     return 2 * int(np.ceil(min(n_taps, _MOST_TAPS) / 2)) + 1
 
 
