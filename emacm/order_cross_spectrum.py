@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from joblib import delayed
@@ -14,31 +13,19 @@ from scipy import sparse
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import check_choice
 from emacm.angle_checks import (
     check_angle_recordings,
     check_present,
     check_theta_s,
     check_ways_apart,
-    strokes_by_kind,
-    too_short,
 )
-from emacm.angle_recordings import AngleRecording, AngleStroke
+from emacm.angle_recordings import AngleRecording
 from emacm.axes import OrderTable, check_input_names, order_columns
 from emacm.bins import Band, bin_operator, named_bins
-from emacm.cross_spectrum import CrossAverages, Pair, cross_averages
+from emacm.pair_columns import FORMS, PairColumns, check_kinds
 from emacm.progress import run
-from emacm.recordings import described
-from emacm.spectrum import SHORTS, SegmentPlan, samples_per_revolution, segment_plan
-
-KINDS = ("response", "coherence", "cross")
-Part = tuple[str, Callable[[Any], NDArray[np.floating]]]
-# Which real columns a complex quantity becomes.
-FORMS: dict[str, tuple[Part, ...]] = {
-    "rectangular": (("real", np.real), ("imag", np.imag)),
-    "polar": (("magnitude", np.abs), ("phase", np.angle)),
-    "log": (("log", lambda values: np.log(np.abs(values))), ("phase", np.angle)),
-}
+from emacm.spectrum import SHORTS, samples_per_revolution, segment_plan
 
 
 class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
@@ -199,6 +186,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         self.theta_s_ = rows[0].theta_s
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
+        self._channels_in = rows[0].channels
         self._check_rows(rows)
         plan = segment_plan(
             samples_per_revolution(self.theta_s_),
@@ -214,18 +202,21 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         bins = self._bins()
         self.bins_ = None if bins is None else tuple(bins.values())
         places = [self.channels_.index(name) for pair in self.pairs_ for name in pair]
-        self._settings = _Settings(
+        self._columns = PairColumns(
             plan,
             self.channels_,
             tuple(zip(places[::2], places[1::2], strict=True)),
-            _checked_kinds(self.kind),
+            check_kinds(self.kind),
             check_choice(self.form, "form", tuple(FORMS)),
-            None if bins is None else tuple(bins),
             None if bins is None else self._operator(list(bins.values())),
             self.by_direction,
             self.short,
         )
-        self._columns_out = self._column_names()
+        self._columns_out = (
+            order_columns(self._columns.names, self.orders_)
+            if bins is None
+            else tuple(f"{name}@{band}" for name in self._columns.names for band in bins)
+        )
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -250,7 +241,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         check_is_fitted(self)
         rows = check_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        tasks = (delayed(_located_features)(row, i, self._settings) for i, row in enumerate(rows))
+        tasks = (delayed(self._columns.of)(row, index) for index, row in enumerate(rows))
         features = run(tasks, len(rows), n_jobs=self.n_jobs, verbose=self.verbose)
         table = np.stack(features).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
@@ -261,7 +252,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         input_features : array-like of str, optional
-            Names of the channels; if given, they must be those of `fit`.
+            Names of the channels; if given, they must be those of the first recording in `fit`.
 
         Returns
         -------
@@ -269,7 +260,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         if input_features is not None:
-            check_input_names(input_features, self.channels_, len(self.channels_))
+            check_input_names(input_features, self._channels_in, len(self._channels_in))
         return np.array(self._columns_out, dtype=object)
 
     def __sklearn_tags__(self) -> Any:
@@ -295,52 +286,6 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
 
     def _operator(self, bins: list[Band]) -> sparse.csr_array:
         return sparse.csr_array(bin_operator(self.orders_, bins, stop_bands=self.stop_bands))
-
-    def _column_names(self) -> tuple[str, ...]:
-        settings = self._settings
-        signs = "+-" if self.by_direction else ("",)
-        channels = [
-            f"{x}*{y}:{quantity}{sign}"
-            for x, y in self.pairs_
-            for quantity in settings.quantities
-            for sign in signs
-        ]
-        if settings.bins is None:
-            return order_columns(channels, self.orders_)
-        return tuple(f"{channel}@{name}" for channel in channels for name in settings.bins)
-
-
-class _Settings(NamedTuple):
-    """All that the features of a recording depend on."""
-
-    plan: SegmentPlan
-    channels: tuple[str, ...]
-    pairs: tuple[Pair, ...]
-    kinds: tuple[str, ...]
-    form: str
-    bins: tuple[str, ...] | None
-    operator: sparse.csr_array | None
-    by_direction: bool
-    short: str
-
-    @property
-    def quantities(self) -> list[str]:
-        """Names of the columns' quantities, in order."""
-        parts = [name for name, _ in FORMS[self.form]]
-        return [
-            name
-            for kind in self.kinds
-            for name in ([kind] if kind == "coherence" else [f"{kind}.{part}" for part in parts])
-        ]
-
-
-def _checked_kinds(kind: Any) -> tuple[str, ...]:
-    kinds = (kind,) if isinstance(kind, str) else tuple(kind) if np.iterable(kind) else (kind,)
-    for one in kinds:
-        check_choice(one, "kind", KINDS)
-    if not kinds or len(set(kinds)) < len(kinds):
-        raise ValueError(f"kind must name one or more of {KINDS}, each once; got {kind!r}.")
-    return kinds
 
 
 def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -372,56 +317,3 @@ def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str]
     if not checked or len(set(checked)) < len(checked):
         raise ValueError(f"pairs must name one or more pairs, each once; got {pairs!r}.")
     return tuple(checked)
-
-
-def _located_features(row: AngleRecording, index: int, settings: _Settings) -> NDArray[np.floating]:
-    with located(partial(described, row, index)):
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            features = _features(row, settings)
-        if not np.all(np.isfinite(features)):
-            raise ValueError(
-                "some value is beyond what a float can hold, or the logarithm of 0. State the "
-                "channels in other units, or use form='rectangular'."
-            )
-        return features
-
-
-def _features(row: AngleRecording, settings: _Settings) -> NDArray[np.floating]:
-    """Estimate the quantities, shape (n_pairs, n_quantities, n_directions, n_orders)."""
-    kinds = strokes_by_kind(row.strokes, settings.by_direction)
-    both = []
-    for kind, strokes in kinds:
-        averages = _averages(row, strokes, settings, kind)
-        if settings.operator is not None:
-            averages = averages.gathered(settings.operator)
-        both.append(_quantities(averages, settings))
-    return np.stack(both, axis=2)
-
-
-def _averages(
-    row: AngleRecording, strokes: list[AngleStroke], settings: _Settings, kind: str
-) -> CrossAverages:
-    """Average over the strokes that hold a segment, resampling them a block at a time."""
-    plan = settings.plan
-    rows = [row.channels.index(name) for name in settings.channels]
-    whole = [stroke for stroke in strokes if stroke.n_angles >= plan.n_per_segment]
-    if whole:
-        segments = plan.lines_of(stroke.joint_blocks(rows) for stroke in whole)
-    elif settings.short == "pad" and any(stroke.n_angles > 1 for stroke in strokes):
-        signals = (np.concatenate(list(s.joint_blocks(rows)), axis=1) for s in strokes)
-        segments = plan.padded_lines(signals)
-    else:
-        raise too_short(strokes, plan, kind, "OrderCrossSpectrum")
-    return cross_averages(plan, segments, settings.pairs, settings.channels)
-
-
-def _quantities(averages: CrossAverages, settings: _Settings) -> NDArray[np.floating]:
-    """Return the real columns of all kinds, shape (n_pairs, n_quantities, n_orders)."""
-    columns: list[NDArray[np.floating]] = []
-    for kind in settings.kinds:
-        if kind == "coherence":
-            columns.append(averages.coherence())
-        else:
-            values = averages.response() if kind == "response" else averages.cross
-            columns += [part(values) for _, part in FORMS[settings.form]]
-    return np.stack(columns, axis=1)

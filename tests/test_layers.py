@@ -52,6 +52,7 @@ LAYERS = {
         "angle_recordings",
         "angle_checks",
         "envelope_recordings",
+        "pair_columns",
         "progress",
         "recalled_spectra",
         "spectrum_store",

@@ -423,6 +423,14 @@ def test_the_logarithm_of_nothing_is_refused():
         OrderCrossSpectrum(4, form="log").fit_transform(rows)
 
 
+def test_a_pipeline_names_the_columns_of_chosen_pairs():
+    pipe = make_pipeline(
+        RESAMPLER, OrderCrossSpectrum(4, pairs=[("error", "torque")], edges={"low": (1, 2)})
+    ).fit([drive()])
+    names = ["error*torque:response.real@low", "error*torque:response.imag@low"]
+    assert list(pipe.get_feature_names_out()) == names
+
+
 def test_names_of_other_channels_are_refused(over_angle):
     estimator = OrderCrossSpectrum(4).fit(over_angle)
     with pytest.raises(ValueError, match="input_features is not equal"):
