@@ -2,7 +2,8 @@
 
 from emacm._version import __version__
 from emacm.bin_transformer import BinTransformer
-from emacm.costs import expected_cost
+from emacm.condition_router import ConditionRouter
+from emacm.costs import expected_cost, group_costs, group_labels
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
 from emacm.envelope_detector import EnvelopeDetector
 from emacm.explanations import explain_decision, explain_model, match_fault_orders
@@ -28,6 +29,7 @@ __all__ = [
     "BallScrew",
     "Bearing",
     "BinTransformer",
+    "ConditionRouter",
     "CostSensitiveGaussianBayes",
     "EnvelopeDetector",
     "Gear",
@@ -51,6 +53,8 @@ __all__ = [
     "explain_decision",
     "explain_model",
     "fault_orders",
+    "group_costs",
+    "group_labels",
     "match_fault_orders",
     "neg_expected_cost",
     "order_bands",

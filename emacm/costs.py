@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_real_array
+from emacm._checks import check_number, check_real_array, located
 from emacm.risks import canonical_cost, conditional_risk, least_risk
 
 __all__ = [
@@ -27,6 +27,8 @@ __all__ = [
     "conditional_risk",
     "cost_table",
     "expected_cost",
+    "group_costs",
+    "group_labels",
     "least_risk",
 ]
 
@@ -155,6 +157,122 @@ def expected_cost(
     return float(np.average(matrix[rows, columns], weights=weight))
 
 
+def group_costs(
+    groups: Mapping[Any, Any],
+    costs: Any = None,
+    *,
+    extra: Mapping[Any, float] | None = None,
+    healthy: Any = None,
+    missed: float = 1.0,
+    false_alarm: float = 1.0,
+) -> pd.DataFrame:
+    """Price decisions on families of classes, for a classifier that is trained on the classes.
+
+    A family of faults is seldom one Gaussian: eight severities of spalling are eight. Trained
+    on the states and priced by families, the classifier sums the posteriors of a family's states.
+
+    Parameters
+    ----------
+    groups : mapping of family to a state or a collection of states
+        Families, or the maintenance action that each calls for; each state in one of them.
+    costs : None, array-like, DataFrame or mapping, default=None
+        Costs between families, as `cost_table` takes them between classes: None is 0-1, a
+        mapping is {(decision, true family): cost} with the rest 0-1 (or as below).
+    extra : mapping of decision to cost, optional
+        Further decisions that cost the same whatever is true, such as {"inspect": 0.3}.
+    healthy : family, optional
+        The family to which `missed` and `false_alarm` refer.
+    missed, false_alarm : float, default=1
+        Cost of deciding `healthy` when another family is true, and of the reverse.
+        Prices in a mapping `costs` go before them.
+
+    Returns
+    -------
+    DataFrame
+        Index = decisions, columns = states; what `CostSensitiveGaussianBayes`, `expected_cost`
+        and `least_risk` take as `cost`.
+
+    Raises
+    ------
+    TypeError
+        If `groups` or `extra` is no mapping, or a cost is no number.
+    ValueError
+        If there is no family, a family is empty, a state is in two families or twice in one, a
+        family is unknown, a further decision is a family, or `missed` or `false_alarm` is given
+        without `healthy` or beside a whole table of costs.
+
+    Notes
+    -----
+    Scores that compare labels (accuracy, `score` of a classifier) find no family among the states,
+    and call every decision wrong. Compare families with families,
+    ``balanced_accuracy_score(group_labels(y, groups), model.predict(X))``, or use
+    `expected_cost`, `neg_expected_cost`.
+
+    Examples
+    --------
+    >>> groups = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
+    >>> group_costs(groups, extra={"inspect": 0.3}, healthy="normal", missed=10)
+              normal  spalling1  spalling2
+    normal       0.0       10.0       10.0
+    spalling     1.0        0.0        0.0
+    inspect      0.3        0.3        0.3
+    """
+    families = _checked_groups(groups)
+    if missed != 1 or false_alarm != 1 or healthy is not None:
+        costs = _alarm_costs(costs, list(families), healthy, missed, false_alarm)
+    with located("costs between families, which stand for classes here"):
+        decisions, matrix = cost_table(costs, _as_labels(list(families)))
+    rows = _plain(decisions)
+    place = [k for k, states in enumerate(families.values()) for _ in states]
+    states = [state for states in families.values() for state in states]
+    if extra is not None and not isinstance(extra, Mapping):
+        raise TypeError(f"extra must be a mapping such as {{'inspect': 0.3}}, got {extra!r}.")
+    matrix = matrix[:, place]
+    for decision, cost in (extra or {}).items():
+        if decision in rows:
+            raise ValueError(f"extra names the decision {decision!r}, which costs price already.")
+        price = check_number(cost, f"the cost of {decision!r} in extra")
+        rows, matrix = [*rows, decision], np.vstack([matrix, np.full(len(states), price)])
+    index, columns = (pd.Index(labels, tupleize_cols=False) for labels in (rows, states))
+    return pd.DataFrame(matrix, index=index, columns=columns)
+
+
+def group_labels(y: ArrayLike, groups: Mapping[Any, Any]) -> NDArray[Any]:
+    """Return the family of each label, to be compared with decisions on families.
+
+    Parameters
+    ----------
+    y : array-like of shape (n_recordings,)
+        States.
+    groups : mapping of family to a state or a collection of states
+        As for `group_costs`.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings,)
+
+    Raises
+    ------
+    ValueError
+        If a label is in no family (with its position), or as `group_costs` has it.
+
+    Examples
+    --------
+    >>> groups = {"normal": "normal", "spalling": ["spalling1", "spalling2"]}
+    >>> group_labels(["spalling2", "normal"], groups).tolist()
+    ['spalling', 'normal']
+    """
+    family_of = {s: family for family, states in _checked_groups(groups).items() for s in states}
+    labels = _label_list(y, "y")
+    for position, label in enumerate(labels):
+        if label not in family_of:
+            raise ValueError(
+                f"y holds {label!r} at position {position}, which is in no family. "
+                f"Known: {list(family_of)}."
+            )
+    return _as_labels([family_of[label] for label in labels])
+
+
 def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
     """Return one finite weight of at least 0 per recording; None is a weight of 1.
 
@@ -186,6 +304,59 @@ def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray
             f"recording {first}."
         )
     return weight
+
+
+def _checked_groups(groups: Any) -> dict[Any, list[Any]]:
+    """Return the states of each family, each in one."""
+    if not isinstance(groups, Mapping):
+        raise TypeError(
+            f"groups must be a mapping of family to states, such as "
+            f"{{'spalling': ['spalling1', 'spalling2']}}, got {groups!r}."
+        )
+    if not groups:
+        raise ValueError("groups must hold at least one family, got none.")
+    families: dict[Any, list[Any]] = {}
+    family_of: dict[Any, Any] = {}
+    for family, states in groups.items():
+        listed = isinstance(states, list | tuple | set | frozenset | np.ndarray | pd.Series)
+        families[family] = _plain(states if listed else [states])
+        if not families[family]:
+            raise ValueError(f"family {family!r} has no states. Name some, or leave it out.")
+        for state in families[family]:
+            if state in family_of:
+                raise ValueError(
+                    f"state {state!r} is in family {family_of[state]!r} and in {family!r}; each "
+                    f"state belongs to one family, once."
+                )
+            family_of[state] = family
+    return families
+
+
+def _alarm_costs(
+    costs: Any, families: list[Any], healthy: Any, missed: Any, false_alarm: Any
+) -> dict[Any, Any]:
+    """Return costs between families with the price of missing a fault and of a false alarm."""
+    if healthy not in families:
+        raise ValueError(
+            f"missed and false_alarm need healthy, one of the families {families}; "
+            f"got healthy={healthy!r}."
+        )
+    if not isinstance(costs, Mapping | None):
+        raise ValueError(
+            "costs is a whole table and prices missed faults and false alarms itself. Leave out "
+            "healthy, missed and false_alarm, or state costs as a mapping."
+        )
+    prices = {"missed": missed, "false_alarm": false_alarm}
+    missed, false_alarm = (check_number(price, name) for name, price in prices.items())
+    others = [family for family in families if family != healthy]
+    alarms = {(healthy, family): missed for family in others}
+    alarms |= {(family, healthy): false_alarm for family in others}
+    return alarms | dict(costs or {})
+
+
+def _as_labels(labels: list[Any]) -> NDArray[Any]:
+    """Return labels as an array that holds them as they are."""
+    return _decision_labels(labels, np.empty(0, dtype=object))
 
 
 def _from_array(cost: Any, known: list[Any]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from emacm._checks import check_finite_table
 from emacm.angle_recordings import AngleRecording
 from emacm.axes import column_names
 from emacm.bin_transformer import BinTransformer
+from emacm.condition_router import ConditionRouter
 from emacm.diagnosis import CostSensitiveGaussianBayes
 from emacm.recordings import Recording
 
@@ -58,6 +59,8 @@ class OpenedPipeline:
             pipeline = pipeline.best_estimator_
         steps = _flat_steps(pipeline)
         name, classifier = steps[-1]
+        if isinstance(classifier, ConditionRouter):
+            _refuse_router(classifier)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
             raise TypeError(
                 f"the last step must be a CostSensitiveGaussianBayes, whose densities can be "
@@ -103,6 +106,16 @@ class OpenedPipeline:
             labels = [f"x{i}" for i in range(values.shape[1])]
         check_finite_table(values, "recording", list(labels))
         return values, _bin_frame(labels)
+
+
+def _refuse_router(router: ConditionRouter) -> NoReturn:
+    check_is_fitted(router)
+    known = list(router.conditions_)
+    raise TypeError(
+        f"a ConditionRouter has a pipeline for each condition {known}, and each leans on orders "
+        f"of its own. Explain one of them, router.estimators_[{known[0]!r}] say, with "
+        f"recordings of its condition."
+    )
 
 
 def one_recording(x: Any) -> Any:

@@ -1,0 +1,498 @@
+"""Facts about routing: each condition has its own estimator, and rows keep their places."""
+
+import pickle
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+import sklearn
+from sklearn.base import BaseEstimator, clone, is_classifier, is_regressor
+from sklearn.linear_model import LinearRegression, LogisticRegression
+from sklearn.model_selection import GridSearchCV, cross_val_predict, cross_validate
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.svm import LinearSVC
+
+from emacm import (
+    BinTransformer,
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    explain_decision,
+    explain_model,
+    neg_expected_cost,
+)
+
+THETA_S = 2 * np.pi / 16
+INSPECT = {("inspect", "healthy"): 0.1, ("inspect", "worn"): 0.1}
+
+
+def run(load, worn, seed, **meta):
+    """Under more load the whole current is higher, as it is in a worn one."""
+    rng = np.random.default_rng(seed)
+    angle = 2 * np.pi * 6 * np.arange(600) / 200
+    current = (1 + load / 20) * np.sin(2 * angle) * (1.4 if worn else 1.0)
+    current = current * (1 + 0.05 * rng.standard_normal()) + 0.1 * rng.standard_normal(600)
+    return Recording(
+        {"current": current}, 200, angle=angle, meta={"load": load, "seed": seed, **meta}
+    )
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    loads = [-40, 20, 40] * 12
+    y = np.array(["healthy"] * 18 + ["worn"] * 18)
+    return [
+        run(load, label == "worn", i) for i, (load, label) in enumerate(zip(loads, y, strict=True))
+    ], y
+
+
+def chain(**options):
+    return make_pipeline(
+        OrderResampler(THETA_S),
+        OrderPSD(4),
+        BinTransformer(1, max_order=6),
+        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
+        CostSensitiveGaussianBayes(**{"covariance": "tied", "shrinkage": "oas"} | options),
+    )
+
+
+def loads_of(X):
+    return np.array([recording.meta["load"] for recording in X])
+
+
+def table(loads, levels):
+    return pd.DataFrame({"load": loads, "level": np.asarray(levels, dtype=float)})
+
+
+LOADED = table([20] * 4 + [40] * 4, [1, 2, 5, 6, 5, 6, 9, 10])
+STATES = np.array(["healthy", "healthy", "worn", "worn"] * 2)
+
+
+def test_it_predicts_what_an_estimator_fitted_on_that_condition_alone_predicts(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    loads = loads_of(X)
+    for load in (-40, 20, 40):
+        of_load = np.flatnonzero(loads == load)
+        own = [X[i] for i in of_load]
+        alone = chain().fit(own, y[of_load])
+        np.testing.assert_array_equal(router.predict(X)[of_load], alone.predict(own))
+        np.testing.assert_array_equal(router.predict_proba(X)[of_load], alone.predict_proba(own))
+        np.testing.assert_array_equal(
+            router.predict_log_proba(X)[of_load], alone.predict_log_proba(own)
+        )
+
+
+def test_rows_follow_their_recordings_whatever_their_order(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    mixed = np.random.default_rng(0).permutation(len(X))
+    again = router.predict_proba([X[i] for i in mixed])
+    np.testing.assert_allclose(again, router.predict_proba(X)[mixed], rtol=1e-12)
+
+
+def test_the_order_of_training_recordings_does_not_matter_to_the_conditions(fleet):
+    X, y = fleet
+    assert ConditionRouter(chain()).fit(X, y).conditions_ == (-40, 20, 40)
+    assert ConditionRouter(chain()).fit(X[::-1], y[::-1]).conditions_ == (-40, 20, 40)
+
+
+def test_levels_that_one_model_confuses_are_told_apart_by_load(fleet):
+    X, y = fleet
+    router = cross_val_predict(ConditionRouter(chain()), X, y, cv=3)
+    pooled = cross_val_predict(chain(), X, y, cv=3)
+    assert np.mean(router == y) > 0.95 > np.mean(pooled == y)
+
+
+def test_a_table_has_its_condition_in_a_column_that_the_estimator_does_not_see():
+    router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied")).fit(LOADED, STATES)
+    assert router.estimators_[20].feature_names_in_.tolist() == ["level"]
+    assert router.predict(table([40, 20], [5.5, 5.5])).tolist() == ["healthy", "worn"]
+
+
+def test_several_keys_make_conditions_of_tuples(fleet):
+    X, y = fleet
+    X = [
+        run(loads_of(X)[i], label == "worn", i, unit="AB"[i // 3 % 2]) for i, label in enumerate(y)
+    ]
+    router = ConditionRouter(chain(), ("unit", "load")).fit(X, y)
+    assert router.conditions_[0] == ("A", -40)
+    assert len(router.estimators_) == 6
+
+
+def test_a_function_may_read_the_condition(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain(), lambda recording: recording.meta["load"] > 0).fit(X, y)
+    assert router.conditions_ == (False, True)
+    assert router.predict(X).shape == (36,)
+
+
+def test_a_function_may_read_rows_of_a_bare_array():
+    X = LOADED.to_numpy()
+    router = ConditionRouter(LogisticRegression(), lambda row: row[0]).fit(X, STATES)
+    assert router.conditions_ == (20.0, 40.0)
+    assert router.score(X, STATES) == 1.0
+
+
+# Classes that not all conditions have
+
+
+UNEVEN = table([20] * 6 + [40] * 4, [1, 1.2, 5, 5.2, 9, 9.2, 1, 1.2, 9, 9.2])
+UNEVEN_STATES = ["a", "a", "b", "b", "c", "c", "a", "a", "c", "c"]
+
+
+def test_a_class_that_a_condition_has_not_is_impossible_there():
+    router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied"))
+    router.fit(UNEVEN, UNEVEN_STATES)
+    assert router.classes_.tolist() == ["a", "b", "c"]
+    proba = router.predict_proba(table([40, 20], [5.1, 5.1]))
+    np.testing.assert_allclose(proba.sum(axis=1), 1)
+    assert proba[0, 1] == 0
+    assert proba[1, 1] > 0.99
+    assert router.predict_log_proba(table([40], [5.1]))[0, 1] == -np.inf
+
+
+def test_a_decision_that_a_condition_has_not_is_never_the_least_risk():
+    router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied"))
+    router.fit(UNEVEN, UNEVEN_STATES)
+    risk = router.risk(UNEVEN)
+    assert np.all(np.isinf(risk[6:, 1]))
+    np.testing.assert_array_equal(router.decisions_[risk.argmin(axis=1)], router.predict(UNEVEN))
+
+
+def test_decision_functions_of_two_classes_are_spread_over_three():
+    router = ConditionRouter(LinearSVC()).fit(UNEVEN, UNEVEN_STATES)
+    values = router.decision_function(UNEVEN)
+    own = router.estimators_[40].decision_function(UNEVEN.iloc[6:].drop(columns="load"))
+    np.testing.assert_array_equal(values[6:], np.stack([-own, 0 * own - np.inf, own], axis=1))
+
+
+def test_a_decision_function_of_two_classes_stays_one_column():
+    router = ConditionRouter(LinearSVC()).fit(LOADED, STATES)
+    assert router.decision_function(LOADED).shape == (8,)
+
+
+# Decisions
+
+
+def test_decisions_that_are_no_class_come_through(fleet):
+    X, y = fleet
+    cost = {("healthy", "worn"): 1000, ("worn", "healthy"): 1000} | INSPECT
+    router = ConditionRouter(chain(cost=cost)).fit(X, y)
+    assert router.decisions_.tolist() == ["healthy", "worn", "inspect"]
+    assert "inspect" in router.predict(X)
+    np.testing.assert_array_equal(
+        router.decisions_[router.risk(X).argmin(axis=1)], router.predict(X)
+    )
+
+
+def test_the_risk_of_a_pipeline_is_that_of_its_last_step(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain(cost=INSPECT)).fit(X, y)
+    of_load = np.flatnonzero(loads_of(X) == 20)
+    model = router.estimators_[20]
+    own = model[-1].risk(model[:-1].transform([X[i] for i in of_load]))
+    np.testing.assert_array_equal(router.risk(X)[of_load], own)
+
+
+def test_decisions_of_text_and_classes_of_numbers_stay_what_they_are():
+    cost = {("inspect", 0): 0.01, ("inspect", 1): 0.01}
+    model = CostSensitiveGaussianBayes(cost, covariance="tied")
+    router = ConditionRouter(model).fit(LOADED, [0, 0, 1, 1] * 2)
+    answers = router.predict(table([20, 40, 20], [3.5, 4, 6])).tolist()
+    assert answers == ["inspect", 0, 1]
+
+
+def test_the_mean_cost_of_its_decisions_is_a_score(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain(cost={("healthy", "worn"): 10} | INSPECT)).fit(X, y)
+    expected = np.mean(
+        [
+            router.cost_[router.decisions_.tolist().index(decision), int(truth == "worn")]
+            for decision, truth in zip(router.predict(X), y, strict=True)
+        ]
+    )
+    assert neg_expected_cost(router, X, y) == pytest.approx(-expected)
+
+
+# Conditions not seen
+
+
+def test_an_unseen_condition_is_an_error_that_names_recording_and_conditions(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    with pytest.raises(ValueError, match=r"recording 1 \(load=30, seed=0\) has load=30, .*\[-40, "):
+        router.predict([X[0], run(30, False, 0)])
+
+
+def test_the_nearest_condition_may_answer_for_an_unseen_one():
+    model = CostSensitiveGaussianBayes(covariance="tied")
+    router = ConditionRouter(model, unseen="nearest").fit(LOADED, STATES)
+    near = router.predict_proba(table([31, 29, 30, -5], [5.2] * 4))
+    known = router.predict_proba(table([40, 20, 20, 20], [5.2] * 4))
+    np.testing.assert_array_equal(near, known)
+
+
+def test_nothing_is_nearest_among_words():
+    frame = LOADED.assign(load=["low"] * 4 + ["high"] * 4)
+    with pytest.raises(ValueError, match="conditions that are numbers, but there is load='high'"):
+        ConditionRouter(LogisticRegression(), unseen="nearest").fit(frame, STATES)
+
+
+def test_a_word_is_not_near_a_number():
+    router = ConditionRouter(LogisticRegression(), unseen="nearest").fit(LOADED, STATES)
+    with pytest.raises(ValueError, match="numbers, but there is load='high'"):
+        router.predict(pd.DataFrame({"load": ["high"], "level": [1.0]}))
+
+
+def test_a_pooled_estimator_knows_all_recordings():
+    model = CostSensitiveGaussianBayes(covariance="tied")
+    router = ConditionRouter(model, unseen="pooled").fit(LOADED, STATES)
+    alone = clone(model).fit(LOADED[["level"]], STATES)
+    levels = table([30, 20, 50], [4.0, 4.0, 9.0])
+    proba = router.predict_proba(levels)
+    np.testing.assert_array_equal(proba[[0, 2]], alone.predict_proba(levels[["level"]])[[0, 2]])
+    assert proba[1].tolist() != proba[0].tolist()
+
+
+def test_a_second_fit_forgets_the_pooled_estimator():
+    router = ConditionRouter(LogisticRegression(), unseen="pooled").fit(LOADED, STATES)
+    router.set_params(unseen="error").fit(LOADED, STATES)
+    assert not hasattr(router, "pooled_")
+
+
+# scikit-learn
+
+
+def test_a_search_reaches_parameters_of_the_inner_steps(fleet):
+    X, y = fleet
+    pipe = make_pipeline(ConditionRouter(chain()))
+    name = "conditionrouter__estimator__bintransformer__bin_size"
+    search = GridSearchCV(pipe, {name: [1, 2]}, cv=3, scoring=neg_expected_cost).fit(X, y)
+    assert set(search.cv_results_[f"param_{name}"].tolist()) == {1, 2}
+    inner = search.best_estimator_[-1].estimators_[20]
+    assert inner["bintransformer"].bin_size == search.best_params_[name]
+
+
+def test_a_search_may_run_for_each_condition(fleet):
+    X, y = fleet
+    search = GridSearchCV(chain(cost=INSPECT), {"bintransformer__bin_size": [1, 2]}, cv=2)
+    router = ConditionRouter(search).fit(X, y)
+    assert router.risk(X).shape == (36, 3)
+    assert router.estimators_[20].best_params_
+
+
+def test_cloning_keeps_parameters_and_forgets_what_was_learnt(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain(), "load", unseen="nearest", n_jobs=2).fit(X, y)
+    copy = clone(router)
+    assert not hasattr(copy, "estimators_")
+    assert (copy.unseen, copy.n_jobs) == ("nearest", 2)
+    assert not hasattr(router.estimator[-1], "classes_")
+
+
+def test_folds_and_files_change_nothing(fleet, tmp_path):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    joblib.dump(router, tmp_path / "router.joblib")
+    for same in (joblib.load(tmp_path / "router.joblib"), pickle.loads(pickle.dumps(router))):
+        np.testing.assert_array_equal(same.predict_proba(X), router.predict_proba(X))
+    scores = cross_validate(ConditionRouter(chain(), n_jobs=2), X, y, cv=3)["test_score"]
+    assert scores.min() > 0.9
+
+
+def test_threads_change_nothing(fleet):
+    X, y = fleet
+    one, two = (ConditionRouter(chain(), n_jobs=n).fit(X, y).predict_proba(X) for n in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_it_is_what_its_estimator_is():
+    assert is_classifier(ConditionRouter(chain()))
+    assert is_regressor(ConditionRouter(LinearRegression()))
+    assert not is_classifier(ConditionRouter(StandardScaler()))
+
+
+def test_it_has_the_methods_of_its_estimator_alone():
+    assert not hasattr(ConditionRouter(chain()), "transform")
+    assert not hasattr(ConditionRouter(chain()), "decision_function")
+    assert hasattr(ConditionRouter(chain()), "risk")
+    assert not hasattr(ConditionRouter(LinearSVC()), "predict_proba")
+    assert not hasattr(ConditionRouter(LinearSVC()), "risk")
+    assert not hasattr(ConditionRouter(StandardScaler()), "predict")
+    assert not hasattr(ConditionRouter(StandardScaler()), "score")
+
+
+def test_a_regressor_is_scored_by_its_explained_variance():
+    levels = np.array([1.0, 2, 3, 4, 2, 4, 6, 8])
+    frame = table([1] * 4 + [2] * 4, [1, 2, 3, 4] * 2)
+    router = ConditionRouter(LinearRegression()).fit(frame, levels)
+    assert router.score(frame, levels) == pytest.approx(1)
+
+
+class Weighed(BaseEstimator):
+    """Remembers what `fit` was given."""
+
+    def fit(self, X, y=None, sample_weight=None, names=None, order=None):
+        self.given_ = np.asarray(sample_weight).tolist(), names, order
+        return self
+
+
+def test_arguments_with_an_entry_for_each_recording_are_cut_by_condition():
+    router = ConditionRouter(Weighed())
+    router.fit(LOADED, sample_weight=np.arange(8), names=list("abcdefgh"), order="strictly")
+    assert router.estimators_[20].given_ == ([0, 1, 2, 3], list("abcd"), "strictly")
+    assert router.estimators_[40].given_ == ([4, 5, 6, 7], list("efgh"), "strictly")
+
+
+def test_weights_reach_a_step_of_the_inner_pipeline(fleet):
+    X, y = fleet
+    weight = np.random.default_rng(0).uniform(1, 3, len(y))
+    name = "costsensitivegaussianbayes__sample_weight"
+    router = ConditionRouter(chain()).fit(X, y, **{name: weight})
+    counts = [model[-1].class_count_.sum() for model in router.estimators_.values()]
+    by_load = [weight[loads_of(X) == load].sum() for load in (-40, 20, 40)]
+    np.testing.assert_allclose(counts, by_load)
+
+
+def test_weights_are_routed_where_scikit_learn_routes_metadata():
+    weight = np.arange(1.0, 9)
+    with sklearn.config_context(enable_metadata_routing=True):
+        model = CostSensitiveGaussianBayes(covariance="tied").set_fit_request(sample_weight=True)
+        result = cross_validate(
+            ConditionRouter(model).set_score_request(sample_weight=True),
+            LOADED,
+            STATES,
+            cv=[(np.arange(8), np.arange(8))],
+            params={"sample_weight": weight},
+            return_estimator=True,
+        )
+        router = ConditionRouter(model).fit(LOADED, STATES, sample_weight=weight)
+    assert router.estimators_[20].class_count_.tolist() == [3, 7]
+    assert result["estimator"][0].estimators_[20].class_count_.tolist() == [3, 7]
+
+
+# Transformers
+
+
+def test_a_transformer_standardises_by_condition():
+    router = ConditionRouter(StandardScaler()).set_output(transform="pandas")
+    frame = router.fit_transform(LOADED)
+    assert frame.columns.tolist() == router.get_feature_names_out().tolist() == ["level"]
+    assert frame.index.tolist() == list(range(8))
+    np.testing.assert_allclose(frame["level"][:4], frame["level"][4:])
+
+
+def test_order_tables_keep_their_axis_and_recordings_their_order(fleet):
+    X, _ = fleet
+    over_angle = ConditionRouter(OrderResampler(THETA_S)).fit_transform(X)
+    assert [entry.recording for entry in over_angle] == X
+    routed = ConditionRouter(OrderPSD(4)).fit_transform(over_angle)
+    plain = OrderPSD(4).fit_transform(over_angle)
+    assert routed.columns == plain.columns
+    np.testing.assert_array_equal(routed, plain)
+
+
+def test_transformers_that_return_different_columns_are_refused(fleet):
+    over_angle = OrderResampler(THETA_S).fit_transform(fleet[0])
+    router = ConditionRouter(OrderPSD(4)).fit(over_angle)
+    router.estimators_[20].set_params(max_order=3).fit(over_angle)
+    with pytest.raises(ValueError, match=r"return different columns: .*'current@0' to 'current@8'"):
+        router.transform(over_angle)
+
+
+# Errors
+
+
+def test_a_missing_key_names_recording_and_key(fleet):
+    X, y = fleet
+    bare = Recording({"current": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"unit": "A"})
+    with pytest.raises(ValueError, match=r"recording 1 \(unit='A'\) has no meta key 'load', only"):
+        ConditionRouter(chain()).fit([X[0], bare], y[:2])
+
+
+def test_a_missing_column_names_row_and_column():
+    with pytest.raises(ValueError, match="recording 0 has no column 'speed', only"):
+        ConditionRouter(chain(), "speed").fit(LOADED, STATES)
+
+
+@pytest.mark.parametrize(
+    ("load", "error", "message"),
+    [
+        (None, ValueError, "its meta key 'load' is None, which is no condition"),
+        (np.nan, ValueError, "its meta key 'load' is nan, which is no condition"),
+        ([20], TypeError, r"its meta key 'load' is \[20\], which cannot be looked up"),
+    ],
+)
+def test_what_is_no_condition_is_refused(load, error, message):
+    bare = Recording({"current": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"load": load})
+    with pytest.raises(error, match=rf"recording 0 .*: {message}"):
+        ConditionRouter(chain()).fit([bare], ["a"])
+
+
+def test_bare_rows_have_no_meta():
+    with pytest.raises(TypeError, match="recording 0 is a ndarray, which has no meta to tell its"):
+        ConditionRouter(LogisticRegression()).fit(LOADED.to_numpy(), STATES)
+
+
+@pytest.mark.parametrize("X", ["recordings", {"a": 1}, 3])
+def test_what_is_no_list_is_refused(X):
+    with pytest.raises(TypeError, match="X must be a list of recordings, got"):
+        ConditionRouter(chain()).fit(X, STATES)
+
+
+def test_nothing_to_predict_is_refused(fleet):
+    router = ConditionRouter(chain()).fit(*fleet)
+    with pytest.raises(ValueError, match="X holds no recording"):
+        router.predict([])
+
+
+def test_a_condition_of_a_single_class_is_named():
+    with pytest.raises(ValueError, match="all 4 recordings of load=40 are of class 'worn'"):
+        ConditionRouter(LogisticRegression()).fit(LOADED, ["a", "b", "a", "b"] + ["worn"] * 4)
+
+
+def test_a_classifier_needs_y():
+    with pytest.raises(ValueError, match=r"a classifier needs y, .* call fit\(X, y\)"):
+        ConditionRouter(LogisticRegression()).fit(LOADED)
+
+
+def test_as_many_labels_as_recordings_are_needed():
+    with pytest.raises(ValueError, match="y has 7 entries for 8 recordings"):
+        ConditionRouter(LogisticRegression()).fit(LOADED, STATES[:7])
+
+
+def test_an_unknown_choice_is_refused():
+    with pytest.raises(ValueError, match="unseen must be one of 'error', 'nearest', 'pooled'"):
+        ConditionRouter(LogisticRegression(), unseen="guess").fit(LOADED, STATES)
+
+
+def test_an_error_inside_tells_the_condition():
+    frame = LOADED.assign(level=[1.0, 2, 3, 4, 7, 7, 7, 7])
+    model = CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied")
+    with pytest.raises(ValueError, match="among the recordings of load=40: The largest variance"):
+        ConditionRouter(model).fit(frame, STATES)
+
+
+# Explanations
+
+
+def test_a_router_says_how_to_explain_it(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    for explain in (explain_decision, explain_model):
+        with pytest.raises(TypeError, match=r"router\.estimators_\[-40\]"):
+            explain(router, X)
+        with pytest.raises(TypeError, match=r"pipeline for each condition \[-40, 20, 40\]"):
+            explain(make_pipeline(router), X)
+
+
+def test_the_pipeline_of_a_condition_can_be_explained(fleet):
+    X, y = fleet
+    router = ConditionRouter(chain()).fit(X, y)
+    table = explain_decision(router.estimators_[-40], X[0])
+    assert table["column"].tolist()[0] in {"current@1-2", "current@2-3"}
