@@ -1,6 +1,7 @@
 """Condition monitoring of electro-mechanical actuators and other rotating machines."""
 
 from emacm._version import __version__
+from emacm.baseline_normalizer import BaselineNormalizer
 from emacm.bin_transformer import BinTransformer
 from emacm.condition_router import ConditionRouter
 from emacm.costs import expected_cost, group_costs, group_labels
@@ -27,6 +28,7 @@ from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
 
 __all__ = [
     "BallScrew",
+    "BaselineNormalizer",
     "Bearing",
     "BinTransformer",
     "ConditionRouter",

@@ -26,6 +26,7 @@ LAYERS = {
         "distances",
         "envelope",
         "fault_orders",
+        "feature_baselines",
         "fourier",
         "gaussians",
         "harmonics",
@@ -51,6 +52,7 @@ LAYERS = {
     "recordings": [
         "recordings",
         "angle_recordings",
+        "angle_baselines",
         "angle_checks",
         "conditions",
         "envelope_recordings",
@@ -73,6 +75,7 @@ LAYERS = {
         "stroke_profile",
     ],
         "bin_transformer",
+        "baseline_normalizer",
         "condition_router",
         "diagnosis",
         "order_psd",
