@@ -63,7 +63,9 @@ LAYERS = {
         "stroke_signals",
     ],
     "estimators": [
+        "baseline_normalizer",
         "bin_transformer",
+        "condition_router",
         "diagnosis",
         "envelope_detector",
         "order_cross_spectrum",
@@ -73,14 +75,6 @@ LAYERS = {
         "shaft_harmonics",
         "stroke_features",
         "stroke_profile",
-    ],
-        "bin_transformer",
-        "baseline_normalizer",
-        "condition_router",
-        "diagnosis",
-        "order_psd",
-        "order_resampler",
-    "estimators": [
     ],
     "explanations": ["decision_slopes", "explanations", "feature_traces", "opened_pipelines"],
     "simulation": [
