@@ -7,6 +7,7 @@ from emacm.condition_router import ConditionRouter
 from emacm.costs import expected_cost, group_costs, group_labels
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
 from emacm.envelope_detector import EnvelopeDetector
+from emacm.evaluation import evaluate
 from emacm.explanations import explain_decision, explain_model, match_fault_orders
 from emacm.fault_orders import fault_orders, order_bands
 from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
@@ -51,6 +52,7 @@ __all__ = [
     "angle_from_tacho",
     "angle_from_velocity",
     "angle_from_wrapped",
+    "evaluate",
     "expected_cost",
     "explain_decision",
     "explain_model",
