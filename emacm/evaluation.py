@@ -171,7 +171,7 @@ def _schemes(
     runs, units, conditions = known.values()
     singly = Grouping("recording", np.arange(len(y)))
     resampled = runs or units or singly
-    schemes = [random_scheme(y, resampled, **options)]
+    schemes = [random_scheme(y, labels, resampled, **options)]
     if runs is not None:
         schemes.append(group_scheme(y, labels, runs, runs, **options))
     if units is not None:

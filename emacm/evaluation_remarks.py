@@ -68,8 +68,8 @@ def _optimism(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
     if not said:
         return []
     return [
-        f"Balanced accuracy: {'; '.join(said)}. What the random split has more is owed to "
-        f"recordings of the same kind on both sides, not to the classifier."
+        f"Balanced accuracy: {'; '.join(said)}. Believe the split that holds out what will be new "
+        f"in service; a random split has recordings of every kind on both sides."
     ]
 
 
@@ -81,13 +81,13 @@ def _resampling(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
             "Limits come from resampling single recordings, as no groups= or units= were given; "
             "if recordings of one run are alike, they are too narrow."
         )
-    for scheme, score in done:
-        n_groups, what = score.row["groups"], scheme.resampled.name
-        if what != "recording" and n_groups < _FEW:
-            said.append(
-                f"Limits of '{scheme.name}' rest on few groups ({n_groups}, by {what})"
-                + (": one gives none." if n_groups < 2 else " and are rough.")
-            )
+    few = [
+        f"{score.row['groups']} of {scheme.resampled.name} in '{scheme.name}'"
+        for scheme, score in done
+        if scheme.resampled.name != "recording" and score.row["groups"] < _FEW
+    ]
+    if few:
+        said.append(f"Limits rest on few groups and are rough (none of one): {', '.join(few)}.")
     sure = [scheme.name for scheme, score in done if score.row["accuracy"] in (0, 1)]
     if sure:
         said.append(

@@ -24,7 +24,9 @@ from emacm._checks import check_count, check_number
 Array = NDArray[np.float64]
 
 _BLOCK = 1 << 22  # draws held at a time
-_LEAST = 100  # replicates in which every cell occurs, below which there is no interval
+_FEW = 5  # groups, below which draws repeat so often that their percentiles say little
+_LEAST = 100  # draws
+_SHARE = 0.1  # of the draws that must hold every cell, or there is no interval
 
 
 def cell_mean(values: ArrayLike, cells: ArrayLike) -> float:
@@ -86,15 +88,17 @@ def group_intervals(
     -------
     intervals : ndarray of shape (n_figures, 2)
         Lower and upper end. NaN where fewer than two groups hold recordings that count, or
-        where most draws miss one of the cells.
+        where more than nine in ten draws miss one of the cells.
 
     Notes
     -----
     Percentiles of n groups are too narrow by sqrt((n-1)/n), and as much again as a normal
     distribution is narrower than Student's; they are taken further out to make up for it
-    ([2]_, "expanded percentile interval"). For two groups these are the extremes. A draw
-    without any recording of a cell is left out. Values that never differ give an interval of no
-    width, which is no certainty.
+    ([2]_, "expanded percentile interval"). No percentile lies beyond the draws, though, and of
+    few groups there are few different ones: below five groups the interval is that of Student's
+    t with the standard deviation of the draws, cut where no value lies. A draw without any
+    recording of a cell is left out. Values that never differ give an interval of no width, which
+    is no certainty.
 
     Examples
     --------
@@ -110,13 +114,18 @@ def group_intervals(
     codes = np.unique(np.asarray(groups), return_inverse=True)[1]
     tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
     replicates = _replicates(tables, n_resamples, np.random.default_rng(random_state))
-    counting = [int((counts.sum(axis=1) > 0).sum()) for _, counts in tables]
-    return np.array(
-        [
-            _expanded_percentiles(drawn, n_groups, confidence)
-            for drawn, n_groups in zip(replicates, counting, strict=True)
-        ]
-    ).reshape(-1, 2)
+    intervals = []
+    for value, cell, (_, counts), drawn in zip(values, cells, tables, replicates, strict=True):
+        n_groups, drawn = int((counts.sum(axis=1) > 0).sum()), drawn[np.isfinite(drawn)]
+        if n_groups < 2 or len(drawn) < _SHARE * n_resamples:
+            intervals.append((np.nan, np.nan))
+        elif n_groups < _FEW:
+            low, high = _student(cell_mean(value, cell), drawn, n_groups, confidence)
+            extremes = value[cell >= 0].min(), value[cell >= 0].max()
+            intervals.append((max(low, extremes[0]), min(high, extremes[1])))
+        else:
+            intervals.append(_expanded_percentiles(drawn, n_groups, confidence))
+    return np.array(intervals).reshape(-1, 2)
 
 
 def check_limits(confidence: float, n_resamples: int) -> None:
@@ -163,10 +172,13 @@ def _replicates(
     return [ratio.mean(axis=1) if ratio.shape[1] else np.empty(0) for ratio in ratios]
 
 
+def _student(mean: float, drawn: Array, n_groups: int, confidence: float) -> tuple[float, float]:
+    spread = drawn.std() * np.sqrt(n_groups / (n_groups - 1))
+    reach = float(spread * t.ppf((1 + confidence) / 2, n_groups - 1))
+    return mean - reach, mean + reach
+
+
 def _expanded_percentiles(drawn: Array, n_groups: int, confidence: float) -> tuple[float, float]:
-    drawn = drawn[np.isfinite(drawn)]
-    if n_groups < 2 or len(drawn) < _LEAST:
-        return np.nan, np.nan
     # Hesterberg (2015): Phi^-1(a') = -sqrt(n / (n - 1)) t_{a, n-1}.
     reach = np.sqrt(n_groups / (n_groups - 1)) * t.ppf((1 + confidence) / 2, n_groups - 1)
     tail = float(norm.cdf(-reach))

@@ -59,7 +59,9 @@ class Scheme:
     impossible: str = ""
 
 
-def random_scheme(y: NDArray[Any], resampled: Grouping, n_splits: int, seed: Any) -> Scheme:
+def random_scheme(
+    y: NDArray[Any], labels: Sequence[Any], resampled: Grouping, n_splits: int, seed: Any
+) -> Scheme:
     """Hold out at random, as many of each class in every fold.
 
     Raises
@@ -75,7 +77,7 @@ def random_scheme(y: NDArray[Any], resampled: Grouping, n_splits: int, seed: Any
         # A class of fewer recordings than folds is still in every training set, if it has two.
         warnings.filterwarnings("ignore", "The least populated class")
         folds = [Fold(train, test) for train, test in split.split(y, y)]
-    return Scheme(RANDOM, folds, resampled)
+    return Scheme(RANDOM, folds, resampled, _absent(folds, labels))
 
 
 def group_scheme(
