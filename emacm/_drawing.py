@@ -148,6 +148,42 @@ def panel_axes(
     return axes.reshape(-1)
 
 
+def panels_beside(ax: Any, widths: Sequence[float], *, height: float) -> NDArray[np.object_]:
+    """Return one axes a panel: those given, or new ones beside each other.
+
+    Parameters
+    ----------
+    ax : None, Axes or sequence of Axes
+        Where to draw.
+    widths : sequence of float
+        Of new panels [inches].
+    height : float
+        Of new panels [inches].
+
+    Returns
+    -------
+    ndarray of Axes, shape (n_panels,)
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not there.
+    ValueError
+        If others than `n_panels` were given.
+    """
+    if ax is not None:
+        return panel_axes(ax, len(widths))
+    _, axes = _pyplot().subplots(
+        1,
+        len(widths),
+        squeeze=False,
+        width_ratios=widths,
+        figsize=(sum(widths), height),
+        layout="constrained",
+    )
+    return axes.reshape(-1)
+
+
 def name_panels_below(axes: NDArray[np.object_], name: str) -> None:
     """Write what runs along x below each panel, or below the last of those that share it."""
     for ax in axes:

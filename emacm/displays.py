@@ -6,6 +6,7 @@
 - `ExplainedVarianceDisplay`, `LoadingsDisplay`: what principal components are made of.
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: how often decisions were right, by signal and condition.
+- `EvaluationDisplay`: what a random split and splits by run, unit and condition say.
 - `ContributionsDisplay`: which orders carried a decision, beside those of known faults.
 
 A picture is made by one of its ``from_`` methods, or from numbers and ``plot()``. What it drew
@@ -18,6 +19,7 @@ from emacm.bin_displays import OrderBinsDisplay
 from emacm.component_displays import ExplainedVarianceDisplay, LoadingsDisplay
 from emacm.contribution_displays import ContributionsDisplay
 from emacm.decision_displays import DecisionRegionsDisplay
+from emacm.evaluation_displays import EvaluationDisplay
 from emacm.feature_displays import FeatureDensityDisplay
 from emacm.order_map_displays import OrderMapDisplay
 from emacm.outcome_displays import OutcomesDisplay
@@ -31,6 +33,7 @@ __all__ = [
     "STYLES",
     "ContributionsDisplay",
     "DecisionRegionsDisplay",
+    "EvaluationDisplay",
     "ExplainedVarianceDisplay",
     "FeatureDensityDisplay",
     "LoadingsDisplay",

@@ -116,6 +116,7 @@ LAYERS = {
         "contribution_displays",
         "decision_displays",
         "displays",
+        "evaluation_displays",
         "feature_displays",
         "order_map_displays",
         "outcome_displays",
