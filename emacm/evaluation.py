@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,12 +64,13 @@ def evaluate(
     y : array-like of shape (n_recordings,)
         True classes.
     groups : str or array-like of shape (n_recordings,), optional
-        Run of each recording (what belongs together in time), or the key of `meta` that tells
-        it. Recordings of one run must not stand on both sides.
+        Run of each recording (what belongs together in time), or the key of `meta` (the column,
+        if X is a DataFrame) that tells it. Recordings of one run must not stand on both sides.
     units : str or array-like of shape (n_recordings,), optional
         Machine or assembly of each recording.
     conditions : str or array-like of shape (n_recordings,), optional
-        Operating condition, such as load; each is left out in turn.
+        Operating condition, such as load; each is left out in turn. An estimator that refuses
+        conditions it never saw is not scored by it.
     splits : mapping of str to split, optional
         Further ways of holding out, by name: a tuple (train, test) of numbers or masks, as for
         "later runs"; a list of such tuples; or an object with ``split(X, y, groups)``.
@@ -125,13 +127,13 @@ def evaluate(
     Examples
     --------
     >>> from sklearn.neighbors import KNeighborsClassifier
-    >>> rng = np.random.default_rng(0)
-    >>> X = np.repeat(rng.normal(size=(20, 2)), 5, axis=0)  # 20 runs of 5 copies
-    >>> y = np.repeat(["healthy", "worn"] * 10, 5)  # unrelated to X
-    >>> runs = pd.Series(np.repeat(np.arange(20), 5), name="run")
+    >>> rng = np.random.default_rng(2)
+    >>> X = np.repeat(rng.normal(size=(10, 2)), 9, axis=0)  # 10 runs of 9 copies
+    >>> y = np.repeat(["healthy", "worn"] * 5, 9)  # unrelated to X
+    >>> runs = pd.Series(np.repeat(np.arange(10), 9), name="run")
     >>> found = evaluate(KNeighborsClassifier(1), X, y, groups=runs, healthy="healthy")
     >>> found.table["accuracy"].to_dict()
-    {'random split': 1.0, 'by run': 0.4}
+    {'random split': 1.0, 'by run': 0.5}
     """
     classes = _checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
@@ -147,7 +149,7 @@ def evaluate(
     }
     schemes = _schemes(classes, labels, known, splits, n_splits=n_splits, seed=random_state)
     limits = {"confidence": confidence, "n_resamples": n_resamples, "random_state": random_state}
-    decided = decide_held_out(estimator, X, classes, schemes, n_jobs=n_jobs)
+    schemes, decided = decide_held_out(estimator, X, classes, schemes, n_jobs=n_jobs)
     parts = [
         None if scheme.impossible else scored(scheme, folds, classes, rule, limits)
         for scheme, folds in zip(schemes, decided, strict=True)
@@ -178,7 +180,8 @@ def _schemes(
         schemes.append(group_scheme(y, labels, units, units, **options))
     if conditions is not None:
         singles = options | {"n_splits": None}
-        schemes.append(group_scheme(y, labels, conditions, resampled, **singles))
+        left_out = group_scheme(y, labels, conditions, resampled, **singles)
+        schemes.append(replace(left_out, may_refuse=True))
     if splits is not None and not isinstance(splits, Mapping):
         raise TypeError(
             f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."

@@ -33,7 +33,7 @@ def read_grouping(values: Any, X: Any, n_recordings: int, role: str, name: str) 
     Parameters
     ----------
     values : None, str or array-like of shape (n_recordings,)
-        A string is a key of `meta`.
+        A string is a key of `meta`, or a column if X is a DataFrame.
     X : sequence of Recording, or anything if `values` is an array
         The recordings.
     n_recordings : int
@@ -58,7 +58,11 @@ def read_grouping(values: Any, X: Any, n_recordings: int, role: str, name: str) 
     if values is None:
         return None
     if isinstance(values, str):
-        name, values = values, [_meta_label(X, i, values, role) for i in range(n_recordings)]
+        name, columns = values, getattr(X, "columns", ())
+        if values in columns:
+            values = X[values]
+        else:
+            values = [_meta_label(X, i, values, role) for i in range(n_recordings)]
     elif isinstance(values, pd.Series) and isinstance(values.name, str):
         name = values.name
     labels = np.asarray(values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import joblib
@@ -15,10 +16,12 @@ from sklearn.base import clone
 from emacm._checks import located
 from emacm.hold_out import Fold, Scheme
 
+Decided = tuple[list[Any], pd.DataFrame | None]
+
 
 def decide_held_out(
     estimator: Any, X: Any, y: NDArray[Any], schemes: Sequence[Scheme], *, n_jobs: int | None = None
-) -> list[list[tuple[list[Any], pd.DataFrame | None]]]:
+) -> tuple[list[Scheme], list[list[Decided]]]:
     """Fit a clone for each fold, and let it decide on what the fold holds out.
 
     Parameters
@@ -36,7 +39,9 @@ def decide_held_out(
 
     Returns
     -------
-    list of list of (decisions, probabilities)
+    schemes : list of Scheme
+        Those given; where the estimator refused what was held out, `impossible` says so.
+    decided : list of list of (decisions, probabilities)
         For each scheme and fold, the decisions on the recordings of `test`, and a DataFrame of
         their posteriors (columns: classes), None without `predict_proba`.
 
@@ -52,13 +57,21 @@ def decide_held_out(
     one of its sub-states was never seen.
     """
     tasks = [
-        delayed(_decide)(estimator, X, y, fold, f"{scheme.name}, fold {number}")
+        delayed(_decide)(estimator, X, y, fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
         for scheme in schemes
         if not scheme.impossible
         for number, fold in enumerate(scheme.folds)
     ]
     found = iter(Parallel(n_jobs=n_jobs)(tasks))
-    return [[] if scheme.impossible else [next(found) for _ in scheme.folds] for scheme in schemes]
+    judged, decided = [], []
+    for scheme in schemes:
+        folds = [] if scheme.impossible else [next(found) for _ in scheme.folds]
+        refusals = [fold for fold in folds if isinstance(fold, str)]
+        if refusals:
+            scheme = replace(scheme, impossible=f"The estimator refuses: {refusals[0]}")
+        judged.append(scheme)
+        decided.append([fold for fold in folds if not isinstance(fold, str)])
+    return judged, decided
 
 
 def stated_cost(estimator: Any) -> Any:
@@ -88,8 +101,8 @@ def chosen_recordings(X: Any, numbers: NDArray[np.intp]) -> Any:
 
 
 def _decide(
-    estimator: Any, X: Any, y: NDArray[Any], fold: Fold, where: str
-) -> tuple[list[Any], pd.DataFrame | None]:
+    estimator: Any, X: Any, y: NDArray[Any], fold: Fold, where: str, may_refuse: bool
+) -> Decided | str:
     out = f" ({fold.left_out} left out)" if fold.left_out else ""
     with located(where + out):
         model = clone(estimator)
@@ -101,7 +114,12 @@ def _decide(
         model.set_params(**narrower)
         model.fit(chosen_recordings(X, fold.train), y[fold.train])
         held_out = chosen_recordings(X, fold.test)
-        decisions = np.asarray(model.predict(held_out)).tolist()
+        try:
+            decisions = np.asarray(model.predict(held_out)).tolist()
+        except ValueError as error:
+            if not may_refuse:
+                raise
+            return f"{where + out}: {error}"
         if not hasattr(model, "predict_proba"):
             return decisions, None
         known = np.asarray(getattr(model, "classes_", classes)).tolist()

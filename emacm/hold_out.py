@@ -51,12 +51,16 @@ class Scheme:
         Groups that count as one observation each.
     impossible : str
         Why it cannot be scored; empty if it can.
+    may_refuse : bool
+        Whether a ValueError in `predict` means that the estimator refuses what is held out, as
+        it may a condition that it never saw, rather than that something is wrong.
     """
 
     name: str
     folds: list[Fold]
     resampled: Grouping
     impossible: str = ""
+    may_refuse: bool = False
 
 
 def random_scheme(

@@ -274,7 +274,8 @@ def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_s
         "'by unit' cannot be scored. In 1 of 7 folds a label is absent from training: without "
         "unit S, training has no 'spalled'."
     )
-    assert found.table.loc["by unit"].drop("resampled").fillna(0).eq(0).all()
+    assert np.isnan(found.table.loc["by unit", "balanced_accuracy"])
+    assert found.table.loc["by unit", ["recordings", "folds", "groups"]].tolist() == [0, 0, 0]
     assert "by unit" not in found.confusions
     assert "by unit" not in set(found.predictions["scheme"])
 
@@ -306,6 +307,41 @@ def test_a_condition_is_left_out_at_a_time():
     held = found.predictions.query("scheme == 'by load'")
     assert held["left_out"].unique().tolist() == ["load -40", "load 20", "load 40"]
     assert found.table.loc["by load", ["groups", "resampled"]].tolist() == [8, "group"]
+
+
+class OnlyKnownLoads(GaussianNB):
+    """Refuses a load, its first feature, that it was not trained on."""
+
+    def fit(self, X, y):
+        self.loads_ = set(X[:, 0])
+        return super().fit(X, y)
+
+    def predict(self, X):
+        if not set(X[:, 0]) <= self.loads_:
+            raise ValueError(f"no model for the load {X[0, 0]:g}")
+        return super().predict(X)
+
+
+def test_who_refuses_a_load_never_seen_is_not_scored_by_load():
+    X, y, runs = sub_states()
+    loads = np.tile([20.0, 40.0], len(y) // 2)
+    found = evaluate(
+        OnlyKnownLoads(), np.column_stack([loads, X]), y, groups=runs, conditions=loads
+    )
+    assert found.remarks[0].startswith(
+        "'by condition' cannot be scored. The estimator refuses: by condition, fold 0 (condition "
+        "20.0 left out): no model for the load 20"
+    )
+    assert list(found.confusions) == ["random split", "by group"]
+
+
+def test_a_column_of_a_table_names_the_groups():
+    X, y, runs = sub_states()
+    table = pd.DataFrame(X, columns=["a", "b"]).assign(run=runs)
+    by_name = evaluate(GaussianNB(), table, y, groups="run").table
+    pd.testing.assert_frame_equal(
+        by_name, evaluate(GaussianNB(), table, y, groups=table["run"]).table
+    )
 
 
 def test_labels_are_read_from_the_meta_of_recordings():
