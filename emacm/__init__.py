@@ -14,6 +14,7 @@ from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
 from emacm.order_cross_spectrum import OrderCrossSpectrum
 from emacm.order_psd import OrderPSD
 from emacm.order_resampler import OrderResampler
+from emacm.posterior_product import PosteriorProduct
 from emacm.recording_statistics import RecordingStatistics
 from emacm.recordings import Recording
 from emacm.shaft import (
@@ -40,6 +41,7 @@ __all__ = [
     "OrderCrossSpectrum",
     "OrderPSD",
     "OrderResampler",
+    "PosteriorProduct",
     "Recording",
     "RecordingStatistics",
     "ShaftHarmonics",

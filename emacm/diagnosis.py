@@ -18,6 +18,7 @@ from emacm.gaussians import FLOOR, fit_gaussians
 from emacm.moments import ClassMoments, class_moments
 from emacm.posteriors import BayesRule
 from emacm.priors import class_priors
+from emacm.right_decisions import right_decisions
 from emacm.shrinkage import ledoit_wolf_coefficients, oas_coefficient
 
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
@@ -272,7 +273,12 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         return self.decisions_.take(self._rule.decide(X, self.cost_))
 
     def score(self, X, y, sample_weight=None):
-        """Share of recordings whose decision is their class; "inspect" is never right.
+        """Share of recordings that are decided rightly.
+
+        A decision is right if it is the true class ("inspect" never is); for a true class
+        that is no decision, as a sub-state where families are decided for, if it costs
+        least. The metrics of scikit-learn (``scoring="accuracy"``) compare labels: where
+        decisions are no classes, they call every one of them wrong. `neg_expected_cost` does not.
 
         Parameters
         ----------
@@ -287,9 +293,15 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         -------
         share : float
             Accuracy, 0..1.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or what is right is not known: some decisions are no
+            classes, and `y` holds a label that is neither.
         """
-        pairs = zip(self.predict(X).tolist(), column_or_1d(y).tolist(), strict=True)
-        right = [decision == truth for decision, truth in pairs]
+        table = self.decisions_, self.classes_, self.cost_
+        right = right_decisions(column_or_1d(y), self.predict(X), *table)
         return float(np.average(right, weights=check_weights(sample_weight, len(right))))
 
     def _features(self, X) -> NDArray[np.float64]:
