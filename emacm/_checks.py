@@ -151,6 +151,26 @@ def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
     return value
 
 
+def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
+    """Say why classes may be numbers where the user has names; nothing, if that is not it.
+
+    Examples
+    --------
+    >>> numbered_hint([0, 1], ["worn"])[:36]
+    ' Parts of scikit-learn number the cl'
+    >>> numbered_hint(["healthy", "worn"], ["wron"])
+    ''
+    """
+    if list(known) != list(range(len(known))) or not all(isinstance(k, str) for k in named):
+        return ""
+    return (
+        " Parts of scikit-learn number the classes before they fit (StackingClassifier, "
+        "VotingClassifier, cross_val_predict of probabilities). They want posteriors, which "
+        "no cost changes: leave the cost out there, state priors in the order of the classes, "
+        "and decide by PosteriorProduct([(name, classifier)], cost=...) or emacm.costs.least_risk."
+    )
+
+
 def _first_word(values: Any, array: NDArray[Any]) -> str:
     """Say which of the values is no number, and where."""
     if array.ndim == 1:

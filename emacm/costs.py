@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_real_array, located
+from emacm._checks import check_number, check_real_array, located, numbered_hint
 from emacm.risks import canonical_cost, conditional_risk, least_risk
 
 __all__ = [
@@ -512,4 +512,5 @@ def _check_pairs(cost: Mapping[Any, Any]) -> None:
 def _refuse_class(label: Any, known: list[Any]) -> NoReturn:
     raise ValueError(
         f"cost names the class {label!r} as a truth, which is unknown. Known classes: {known}."
+        f"{numbered_hint(known, [label])}"
     )

@@ -109,7 +109,7 @@ def weight_parameter(name: str, member: Any) -> str:
     return f"{prefix}sample_weight"
 
 
-def member_prior(name: str, member: Any, classes: NDArray[Any], shares: Array) -> Array:
+def member_prior(name: str, member: Any, classes: NDArray[Any], counts: Array) -> Array:
     """Return the prior within the posterior of a fitted member.
 
     Parameters
@@ -120,9 +120,10 @@ def member_prior(name: str, member: Any, classes: NDArray[Any], shares: Array) -
         Fitted.
     classes : ndarray of shape (n_classes,)
         The classes it must know.
-    shares : ndarray of shape (n_classes,)
-        Shares of the classes in training: the prior of a member that states none (assumed:
-        what learns posteriors directly learns those of its training set).
+    counts : ndarray of shape (n_classes,)
+        Recordings of each class in training, as weighted. Their shares are the prior of a
+        member that states none (assumed: what learns posteriors directly learns those of
+        its training set).
 
     Returns
     -------
@@ -153,7 +154,7 @@ def member_prior(name: str, member: Any, classes: NDArray[Any], shares: Array) -
     for attribute in ("priors_", "class_prior_"):
         if hasattr(final, attribute):
             return np.asarray(getattr(final, attribute), dtype=np.float64)
-    return shares
+    return counts / counts.sum()
 
 
 def log_posterior(name: str, member: Any, X: Any) -> Array:
@@ -164,12 +165,11 @@ def log_posterior(name: str, member: Any, X: Any) -> Array:
     ValueError
         If the member refuses X, or answers NaN; the message names it.
     """
-    with located(f"member {name!r}"):
+    with located(f"member {name!r}"), np.errstate(divide="ignore"):
         if hasattr(member, "predict_log_proba"):
             logs = np.asarray(member.predict_log_proba(X), dtype=np.float64)
         else:
-            with np.errstate(divide="ignore"):
-                logs = np.log(np.asarray(member.predict_proba(X), dtype=np.float64))
+            logs = np.log(np.asarray(member.predict_proba(X), dtype=np.float64))
         unknown = np.isnan(logs).any(axis=1)
         if unknown.any():
             raise ValueError(

@@ -9,7 +9,7 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.utils import Bunch, check_consistent_length, get_tags
+from sklearn.utils import Bunch, assert_all_finite, check_consistent_length, get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
@@ -184,6 +184,7 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
             raise ValueError("PosteriorProduct requires y to be passed, but the target y is None.")
         members = checked_members(self.estimators, self._own_parameters())
         exponents = _exponents(self.weights, [*members])
+        assert_all_finite(y, input_name="y")
         check_classification_targets(y)
         y = column_or_1d(y, warn=True)
         check_consistent_length(X, y)
@@ -196,8 +197,9 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
             delayed(fitted_member)(name, member, X, y, handed[name])
             for name, member in members.items()
         )
+        plain = np.bincount(codes).astype(np.float64)
         own = [
-            member_prior(name, member, classes, counts / counts.sum())
+            member_prior(name, member, classes, counts if _weighted(handed[name]) else plain)
             for name, member in zip(members, fitted, strict=True)
         ]
         self.priors_ = _shared_prior(stated, np.array(own), [*members], classes.tolist())
@@ -344,6 +346,10 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
             name: {weight_parameter(name, member): sample_weight}
             for name, member in members.items()
         }
+
+
+def _weighted(handed: dict[str, Any]) -> bool:
+    return any(name.endswith("sample_weight") for name in handed)
 
 
 def _exponents(weights: Any, names: list[str]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_number, check_real_array
+from emacm._checks import check_choice, check_number, check_real_array, numbered_hint
 
 
 def class_priors(
@@ -63,6 +63,7 @@ def class_priors(
             raise ValueError(
                 f"priors must name every class of {known} and no other; "
                 f"unknown: {unknown}, missing: {missing}."
+                f"{numbered_hint(known, unknown)}"
             )
         priors = [named[label] for label in known]
     values = check_real_array(priors, "priors").astype(np.float64)

@@ -1,0 +1,591 @@
+"""Facts about the product of posteriors: one classifier per channel, one diagnosis."""
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+import sklearn
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
+from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.compose import make_column_selector, make_column_transformer
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from sklearn.ensemble import StackingClassifier, VotingClassifier
+from sklearn.frozen import FrozenEstimator
+from sklearn.linear_model import LogisticRegression, RidgeClassifier
+from sklearn.model_selection import (
+    GridSearchCV,
+    GroupKFold,
+    StratifiedKFold,
+    cross_val_predict,
+    cross_val_score,
+)
+from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.tree import DecisionTreeClassifier
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    PosteriorProduct,
+    Recording,
+    neg_expected_cost,
+)
+
+STATES = ["dry 1", "dry 2", "healthy", "spall"]
+FAMILIES = pd.DataFrame(
+    [[8, 8, 0, 20], [0, 0, 1, 2], [3, 3, 3, 0]], index=["fly", "grease", "change"], columns=STATES
+)
+COLUMNS = ["current@0-1", "current@1-2", "position@0-1", "position@1-2"]
+
+
+def table(seed, n_each=15):
+    """Two channels of two bins, dependent within each state, and the states."""
+    rng = np.random.default_rng(seed)
+    y = np.repeat(STATES, n_each)
+    centres = np.repeat(rng.normal(size=(len(STATES), 4)), n_each, axis=0)
+    X = rng.normal(size=(len(y), 4)) @ rng.normal(size=(4, 4)) + 2 * centres
+    return pd.DataFrame(X, columns=COLUMNS), y
+
+
+def uncorrelated(seed, n_each=15):
+    """The same, with no correlation between the channels within any state, to rounding."""
+    X, y = table(seed, n_each)
+    for state in STATES:
+        rows = X.loc[y == state]
+        current, position = (rows.filter(like=name) for name in ("current", "position"))
+        basis = np.linalg.qr(current - current.mean())[0]
+        X.loc[y == state, position.columns] = position - basis @ (basis.T @ position.to_numpy())
+    return X, y
+
+
+def seeing(channel, classifier):
+    columns = make_column_selector(f"^{channel}[+-]?@")
+    return make_pipeline(make_column_transformer(("passthrough", columns)), clone(classifier))
+
+
+def product(classifier=None, channels=("current", "position"), **options):
+    classifier = CostSensitiveGaussianBayes() if classifier is None else classifier
+    return PosteriorProduct([(name, seeing(name, classifier)) for name in channels], **options)
+
+
+MEMBERS = [
+    ("one", CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1)),
+    ("other", LogisticRegression()),
+]
+CHECKS = parametrize_with_checks([PosteriorProduct(MEMBERS)])
+
+
+@pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+# Known answers
+
+
+@pytest.mark.parametrize("priors", [None, "uniform", [0.1, 0.2, 0.6, 0.1]])
+@pytest.mark.parametrize("covariance", ["full", "tied"])
+def test_of_uncorrelated_channels_it_is_one_gaussian_classifier_of_all(covariance, priors):
+    X, y = uncorrelated(0)
+    model = CostSensitiveGaussianBayes(covariance=covariance, priors=priors)
+    at = table(1)[0]
+    one = clone(model).set_params(cost=FAMILIES).fit(X, y)
+    fused = product(model, cost=FAMILIES).fit(X, y)
+    np.testing.assert_allclose(
+        fused.predict_log_proba(at), one.predict_log_proba(at), rtol=1e-10, atol=1e-10
+    )
+    np.testing.assert_allclose(fused.risk(at), one.risk(at), rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(fused.predict(at), one.predict(at))
+    np.testing.assert_array_equal(fused.priors_, one.priors_)
+
+
+def test_of_any_channels_it_is_bayes_rule_with_block_diagonal_covariances():
+    X, y = table(2)
+    fused = product(priors=[0.4, 0.1, 0.3, 0.2]).fit(X, y)
+    joint = []
+    for state, prior in zip(STATES, fused.priors_, strict=True):
+        rows = X[y == state].to_numpy()
+        blocks = block_diag(np.cov(rows[:, :2].T), np.cov(rows[:, 2:].T))
+        joint.append(np.log(prior) + multivariate_normal(rows.mean(axis=0), blocks).logpdf(X))
+    expected = np.exp(np.transpose(joint) - np.max(joint, axis=0)[:, np.newaxis])
+    expected /= expected.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(fused.predict_proba(X), expected, atol=1e-10)
+
+
+def test_one_member_per_feature_is_naive_bayes():
+    X, y = table(3)
+    naive = CostSensitiveGaussianBayes(covariance="diag").fit(X, y)
+    fused = product(channels=["current@0", "current@1", "position@0", "position@1"])
+    fused.set_params(
+        estimators=[
+            (
+                f"x{i}",
+                make_pipeline(
+                    make_column_transformer(("passthrough", [i])), CostSensitiveGaussianBayes()
+                ),
+            )
+            for i in range(4)
+        ]
+    ).fit(X, y)
+    np.testing.assert_allclose(
+        fused.predict_log_proba(X), naive.predict_log_proba(X), rtol=1e-10, atol=1e-10
+    )
+
+
+def test_it_is_no_mean_of_posteriors_as_soft_voting_is():
+    X, y = table(4)
+    members = product().estimators
+    voted = VotingClassifier(members, voting="soft").fit(X, y).predict_proba(X)
+    fused = PosteriorProduct(members).fit(X, y).predict_proba(X)
+    assert np.abs(voted - fused).max() > 0.1
+
+
+def test_a_channel_given_twice_makes_it_too_sure_and_half_weights_cure_that():
+    X, y = table(5)
+    members = [("a", seeing("current", GaussianNB())), ("b", seeing("current", GaussianNB()))]
+    single = members[0][1].fit(X, y).predict_proba(X)
+    twice = PosteriorProduct(members).fit(X, y)
+    # Uniform prior: the product squares the odds, and the most probable stays the same.
+    np.testing.assert_allclose(
+        twice.predict_proba(X), single**2 / (single**2).sum(axis=1, keepdims=True), atol=1e-12
+    )
+    assert (twice.predict_proba(X).max(axis=1) > single.max(axis=1)).all()
+    halved = twice.set_params(weights=[0.5, 0.5]).fit(X, y)
+    np.testing.assert_allclose(halved.predict_proba(X), single, atol=1e-12)
+
+
+# Priors
+
+
+def test_members_trained_with_other_priors_agree_once_those_in_service_are_stated():
+    X, y = table(6)
+    service = {"dry 1": 0.01, "dry 2": 0.01, "healthy": 0.97, "spall": 0.01}
+    told = product(CostSensitiveGaussianBayes(priors=service)).fit(X, y)
+    mixed = product(priors=service)
+    mixed.set_params(
+        current__costsensitivegaussianbayes__priors="uniform",
+        position__costsensitivegaussianbayes__priors=[0.7, 0.1, 0.1, 0.1],
+    ).fit(X, y)
+    np.testing.assert_allclose(mixed.member_priors_, [[0.25] * 4, [0.7, 0.1, 0.1, 0.1]])
+    np.testing.assert_allclose(
+        mixed.predict_log_proba(X), told.predict_log_proba(X), rtol=1e-10, atol=1e-10
+    )
+
+
+@pytest.mark.parametrize(
+    ("member", "prior"),
+    [
+        (CostSensitiveGaussianBayes(priors=[0.1, 0.2, 0.3, 0.4]), [0.1, 0.2, 0.3, 0.4]),
+        (LinearDiscriminantAnalysis(priors=[0.1, 0.2, 0.3, 0.4]), [0.1, 0.2, 0.3, 0.4]),
+        (GaussianNB(priors=[0.1, 0.2, 0.3, 0.4]), [0.1, 0.2, 0.3, 0.4]),
+        (make_pipeline(StandardScaler(), GaussianNB(priors=[0.4, 0.3, 0.2, 0.1])), None),
+        (GridSearchCV(GaussianNB(priors=[0.4, 0.3, 0.2, 0.1]), {}, cv=2), None),
+        (PosteriorProduct([("a", GaussianNB())], priors=[0.4, 0.3, 0.2, 0.1]), None),
+        (LogisticRegression(), [0.2, 0.2, 0.4, 0.2]),
+        (KNeighborsClassifier(), [0.2, 0.2, 0.4, 0.2]),
+        (CalibratedClassifierCV(GaussianNB(priors=[0.4, 0.3, 0.2, 0.1])), [0.2, 0.2, 0.4, 0.2]),
+    ],
+)
+def test_the_prior_of_a_member_is_its_own_or_the_shares_in_training(member, prior):
+    X, y = table(7)
+    X, y = pd.concat([X, X[y == "healthy"]]), np.append(y, ["healthy"] * 15)
+    fused = PosteriorProduct([("one", member)]).fit(X, y)
+    np.testing.assert_allclose(fused.priors_, [0.4, 0.3, 0.2, 0.1] if prior is None else prior)
+
+
+def test_one_member_is_given_the_priors_of_service():
+    X, y = table(8)
+    service = [0.1, 0.2, 0.3, 0.4]
+    direct = CostSensitiveGaussianBayes(priors=service).fit(X, y)
+    fused = PosteriorProduct([("all", CostSensitiveGaussianBayes())], priors=service).fit(X, y)
+    np.testing.assert_allclose(fused.predict_proba(X), direct.predict_proba(X), atol=1e-12)
+
+
+def test_a_class_of_prior_zero_is_never_decided():
+    X, y = table(8)
+    fused = product(priors=[0.5, 0.5, 0, 0]).fit(X, y)
+    np.testing.assert_array_equal(fused.predict_proba(X)[:, 2:], 0)
+    np.testing.assert_array_equal(fused.predict_log_proba(X)[:, 2:], -np.inf)
+    assert set(fused.predict(X)) <= {"dry 1", "dry 2"}
+
+
+def test_different_priors_of_members_are_refused_unless_one_is_stated():
+    X, y = table(8)
+    fused = product().set_params(position__costsensitivegaussianbayes__priors=[0.4, 0.2, 0.2, 0.2])
+    message = r"'current' has \[0.25, .*'position' has \[0.4, .* State priors=\.\.\."
+    with pytest.raises(ValueError, match=message):
+        fused.fit(X, y)
+    fused.set_params(priors="uniform").fit(X, y)
+
+
+def test_a_member_that_cannot_know_a_class_is_refused():
+    X, y = table(8)
+    fused = product(CostSensitiveGaussianBayes(priors=[0, 0.3, 0.3, 0.4]), priors="uniform")
+    with pytest.raises(ValueError, match=r"'current' has the prior 0 of class 'dry 1'.*0.25"):
+        fused.fit(X, y)
+
+
+# Decisions
+
+
+def test_decisions_are_those_of_least_risk():
+    X, y = table(9)
+    fused = product(cost=FAMILIES).fit(X, y)
+    assert fused.decisions_.tolist() == ["fly", "grease", "change"]
+    risk = fused.predict_proba(X) @ FAMILIES.to_numpy().T
+    np.testing.assert_allclose(fused.risk(X), risk, rtol=1e-12)
+    np.testing.assert_array_equal(fused.predict(X), fused.decisions_[risk.argmin(axis=1)])
+    assert set(fused.predict(X)) == {"fly", "grease", "change"}
+
+
+def test_costs_of_members_play_no_part():
+    X, y = table(9)
+    priced = product(CostSensitiveGaussianBayes(FAMILIES)).fit(X, y)
+    np.testing.assert_array_equal(priced.predict(X), product().fit(X, y).predict(X))
+
+
+def test_it_is_scored_by_cost_and_by_right_families_inside_scikit_learn():
+    X, y = table(10)
+    fused, cv = product(cost=FAMILIES), StratifiedKFold(3)
+    decided = cross_val_predict(fused, X, y, cv=cv)
+    right = FAMILIES.to_numpy()[FAMILIES.index.get_indexer(decided), np.searchsorted(STATES, y)]
+    costs = cross_val_score(fused, X, y, cv=cv, scoring=neg_expected_cost, error_score="raise")
+    assert -costs.mean() == pytest.approx(right.mean())
+    shares = cross_val_score(fused, X, y, cv=cv, error_score="raise")
+    assert shares.mean() == pytest.approx((right == 0).mean())
+    weight = np.arange(len(y))
+    fused.fit(X, y)
+    found = FAMILIES.to_numpy()[
+        FAMILIES.index.get_indexer(fused.predict(X)), np.searchsorted(STATES, y)
+    ]
+    assert fused.score(X, y, weight) == pytest.approx(np.average(found == 0, weights=weight))
+
+
+def test_saturated_members_give_neither_nan_nor_a_warning():
+    X, y = table(11)
+    trees = product(DecisionTreeClassifier(random_state=0), cost=FAMILIES).fit(X, y)
+    far = X * [1e6, -1e6, -1e6, 1e6]
+    assert np.isfinite(trees.predict_log_proba(far)).all()
+    gaussians = product(cost=FAMILIES).fit(X, y)
+    np.testing.assert_allclose(gaussians.predict_proba(far).sum(axis=1), 1, rtol=1e-12)
+    assert np.isfinite(gaussians.predict_log_proba(far)).all()
+
+
+# Composition
+
+
+def test_parameters_of_members_are_those_of_voting():
+    members = product().estimators
+    names = set(VotingClassifier(members).get_params()) - {"voting", "flatten_transform", "verbose"}
+    assert set(PosteriorProduct(members).get_params()) - {"priors", "cost"} == names
+
+
+def test_members_and_their_parameters_are_set_by_name():
+    fused = product()
+    fused.set_params(current=GaussianNB(), position__costsensitivegaussianbayes__shrinkage=0.5)
+    assert isinstance(fused.estimators[0][1], GaussianNB)
+    assert fused.estimators[1][1][-1].shrinkage == 0.5
+    with pytest.raises(ValueError, match="Invalid parameter 'vibration'"):
+        fused.set_params(vibration=GaussianNB())
+
+
+def test_fitting_leaves_the_members_alone_and_clones_are_unfitted():
+    X, y = table(12)
+    fused = product().fit(X, y)
+    assert not hasattr(fused.estimators[0][1][-1], "classes_")
+    assert fused.named_estimators_["current"] is fused.estimators_[0]
+    assert not hasattr(clone(fused), "classes_")
+
+
+def test_a_search_chooses_weights_and_members_parameters():
+    X, y = table(13)
+    members = [("a", seeing("current", GaussianNB())), ("b", seeing("current", GaussianNB()))]
+    grid = {"weights": [None, [0.5, 0.5]], "a__gaussiannb__var_smoothing": [1e-9, 1e-2]}
+    search = GridSearchCV(
+        PosteriorProduct(members), grid, scoring="neg_log_loss", cv=3, error_score="raise"
+    )
+    search.fit(X, y)
+    assert search.best_params_["weights"] == [0.5, 0.5]
+
+
+def test_jobs_and_files_change_no_number(tmp_path):
+    X, y = table(14)
+    fused = product(cost=FAMILIES).fit(X, y)
+    parallel = product(cost=FAMILIES, n_jobs=2).fit(X, y)
+    np.testing.assert_array_equal(parallel.risk(X), fused.risk(X))
+    joblib.dump(fused, tmp_path / "model.joblib")
+    loaded = joblib.load(tmp_path / "model.joblib")
+    np.testing.assert_array_equal(loaded.risk(X), fused.risk(X))
+
+
+def test_names_and_number_of_features_are_those_of_the_table():
+    X, y = table(14)
+    fused = product()
+    assert not hasattr(fused, "n_features_in_")
+    fused.fit(X, y)
+    assert fused.n_features_in_ == 4
+    assert fused.feature_names_in_.tolist() == COLUMNS
+
+
+class PerCondition(ClassifierMixin, BaseEstimator):
+    """A classifier for each condition, as given by a column."""
+
+    def __init__(self, estimator):
+        self.estimator = estimator
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        self.fitted_ = {
+            load: clone(self.estimator).fit(rows.drop(columns="load"), y[X["load"] == load])
+            for load, rows in X.groupby("load")
+        }
+        return self
+
+    def predict_proba(self, X):
+        found = np.empty((len(X), len(self.classes_)))
+        for load, rows in X.groupby("load"):
+            at = (X["load"] == load).to_numpy()
+            found[at] = self.fitted_[load].predict_proba(rows.drop(columns="load"))
+        return found
+
+
+def test_routed_by_condition_inside_or_outside_it_is_the_same():
+    X, y = table(15, n_each=30)
+    X = X.assign(load=np.tile([20, 40], len(y) // 2))
+    outside = PerCondition(product()).fit(X, y)
+
+    def routed(channel):
+        return PerCondition(seeing(channel, CostSensitiveGaussianBayes()))
+
+    inside = PosteriorProduct([(name, routed(name)) for name in ("current", "position")]).fit(X, y)
+    np.testing.assert_allclose(inside.predict_proba(X), outside.predict_proba(X), atol=1e-10)
+
+
+def test_a_product_of_products_is_the_product_of_all():
+    X, y = table(16)
+    pair = PosteriorProduct([("pair", product()), ("all", GaussianNB())]).fit(X, y)
+    flat = PosteriorProduct([*product().estimators, ("all", GaussianNB())]).fit(X, y)
+    np.testing.assert_allclose(pair.predict_proba(X), flat.predict_proba(X), atol=1e-12)
+
+
+# Weights and other metadata
+
+
+def test_a_weight_of_two_is_a_recording_twice():
+    X, y = table(17)
+    weight = np.where(np.arange(len(y)) % 3, 1, 2)
+    weighted = product(cost=FAMILIES).fit(X, y, sample_weight=weight)
+    twice = product(cost=FAMILIES).fit(X.loc[X.index.repeat(weight)], np.repeat(y, weight))
+    np.testing.assert_allclose(weighted.risk(X), twice.risk(X), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(weighted.priors_, twice.priors_)
+
+
+def test_weights_for_a_member_that_takes_none_are_refused():
+    X, y = table(17)
+    fused = product(KNeighborsClassifier())
+    with pytest.raises(TypeError, match=r"member 'current' \(KNeighborsClassifier\) takes no"):
+        fused.fit(X, y, sample_weight=np.ones(len(y)))
+
+
+def test_weights_and_groups_reach_the_members_that_request_them():
+    X, y = table(18)
+    groups, weight = np.tile(np.arange(5), len(y) // 5), np.where(y == "healthy", 2.0, 1.0)
+    weighed, unweighed = LogisticRegression(), LogisticRegression()
+    members = [("search", GridSearchCV(weighed, {}, cv=GroupKFold(5))), ("plain", unweighed)]
+    fused = PosteriorProduct(members, priors="uniform")
+    with sklearn.config_context(enable_metadata_routing=True):
+        weighed.set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
+        unweighed.set_fit_request(sample_weight=False)
+        fused.fit(X, y, sample_weight=weight, groups=groups)
+    assert fused.named_estimators_["search"].n_splits_ == 5
+    np.testing.assert_allclose(fused.member_priors_, [[0.2, 0.2, 0.4, 0.2], [0.25] * 4])
+    with pytest.raises(TypeError, match=r"fit got \['groups'\].*enable_metadata_routing=True"):
+        fused.fit(X, y, groups=groups)
+
+
+# Stacking
+
+
+def test_a_stacked_gaussian_decides_by_least_risk_as_the_one_member_of_a_product():
+    X, y = table(19)
+    stack = StackingClassifier(
+        product().estimators,
+        make_pipeline(FunctionTransformer(np.log), CostSensitiveGaussianBayes(shrinkage="oas")),
+        stack_method="predict_proba",
+        cv=3,
+    )
+    fused = PosteriorProduct([("stack", stack)], cost=FAMILIES).fit(X, y)
+    posterior = fused.estimators_[0].predict_proba(X)
+    np.testing.assert_allclose(fused.predict_proba(X), posterior, atol=1e-12)
+    risk = posterior @ FAMILIES.to_numpy().T
+    np.testing.assert_array_equal(fused.predict(X), FAMILIES.index[risk.argmin(axis=1)])
+
+
+@pytest.mark.parametrize(
+    "named",
+    [
+        CostSensitiveGaussianBayes(FAMILIES),
+        CostSensitiveGaussianBayes({("healthy", "spall"): 9}),
+        CostSensitiveGaussianBayes(priors=dict.fromkeys(STATES, 0.25)),
+    ],
+)
+def test_parts_of_scikit_learn_number_the_classes_and_the_error_says_so(named):
+    X, y = table(19)
+    plain, hint = CostSensitiveGaussianBayes(shrinkage=0.1), "number the classes .*least_risk"
+    for numbering in (
+        StackingClassifier([("all", named)], plain),
+        StackingClassifier([("all", plain)], named),
+        VotingClassifier([("all", named)]),
+    ):
+        with pytest.raises(ValueError, match=hint):
+            numbering.fit(X, y)
+    with pytest.raises(ValueError, match=hint):
+        cross_val_predict(named, X, y, method="predict_proba")
+    with pytest.raises(ValueError, match=hint):
+        CalibratedClassifierCV(named, ensemble=False).fit(X, y)
+
+
+# Recordings
+
+
+def run(state, seed, fs=500, seconds=4):
+    """A drive that goes forth and back; current and position show wear at different orders."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(int(fs * seconds)) / fs
+    velocity = 2 * np.pi * (8 + rng.uniform()) * np.sin(2 * np.pi * 0.2 * times + 0.1)
+    angle = np.cumsum(velocity) / fs
+    worn = 0.3 * (state == "worn")
+    channels = {
+        "current": worn * np.sin(3 * angle) + 0.3 * rng.standard_normal(len(times)),
+        "position": worn * np.sin(5 * angle) + 0.3 * rng.standard_normal(len(times)),
+    }
+    return Recording(channels, fs, velocity=velocity)
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    y = np.array(["healthy", "worn"] * 10)
+    return [run(state, seed) for seed, state in enumerate(y)], y
+
+
+def features(**options):
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 32, **options),
+        OrderPSD(4),
+        BinTransformer(2, max_order=12),
+        FunctionTransformer(np.log, feature_names_out="one-to-one"),
+    )
+
+
+GAUSSIAN = CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1)
+
+
+def test_members_that_resample_one_channel_and_members_that_choose_columns_are_the_same(fleet):
+    X, y = fleet
+    each = PosteriorProduct(
+        [
+            (name, make_pipeline(features(channels=[name]), GAUSSIAN))
+            for name in ("current", "position")
+        ]
+    ).fit(X, y)
+    once = make_pipeline(features().set_output(transform="pandas"), product(GAUSSIAN)).fit(X, y)
+    np.testing.assert_allclose(each.predict_proba(X), once.predict_proba(X), atol=1e-10)
+    assert each.score(X, y) == 1
+
+
+def test_all_channels_in_one_classifier_is_the_pipeline_as_it_is(fleet):
+    X, y = fleet
+    pipeline = make_pipeline(features(), GAUSSIAN).fit(X, y)
+    assert pipeline[-1].n_features_in_ == 2 * 6
+    assert pipeline.score(X, y) == 1
+
+
+def test_it_is_cross_validated_over_recordings(fleet):
+    X, y = fleet
+    fused = PosteriorProduct(
+        [
+            (name, make_pipeline(features(channels=[name]), GAUSSIAN))
+            for name in ("current", "position")
+        ],
+        cost={("healthy", "worn"): 10},
+    )
+    decided = cross_val_predict(fused, X, y, cv=GroupKFold(5), groups=np.repeat(range(10), 2))
+    assert np.mean(decided == y) == 1
+
+
+def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
+    X, y = fleet
+    members = [
+        (name, make_pipeline(features(channels=[name]), GAUSSIAN))
+        for name in ("current", "position")
+    ]
+    assert VotingClassifier(members, voting="soft").fit(X, y).score(X, y) == 1
+    assert StackingClassifier(members, cv=2).fit(X, y).score(X, y) == 1
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"estimators": []}, ValueError, r"at least one pair \(name, classifier\), got \[\]"),
+        ({"estimators": GaussianNB()}, ValueError, r"list of at least one pair .*GaussianNB\(\)"),
+        ({"estimators": [GaussianNB()]}, ValueError, r"pairs .*got GaussianNB\(\) at place 0"),
+        ({"estimators": [(1, GaussianNB())]}, ValueError, "pairs .* at place 0"),
+        ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
+        ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
+        ({"estimators": [("cost", GaussianNB())]}, ValueError, "none of the parameters"),
+        ({"estimators": [("a", "drop")]}, TypeError, "member 'a' must be a classifier, got 'drop'"),
+        ({"estimators": [("a", RidgeClassifier())]}, TypeError, r"'a' \(Ridge.*no predict_proba"),
+        ({"weights": [1]}, ValueError, r"each of the members \['current', 'position'\], got 1"),
+        ({"weights": [1, -1]}, ValueError, "weight of 'position' must be a number at least 0"),
+        ({"weights": ["a", 1]}, TypeError, "weight of 'current' must be a number"),
+        ({"priors": [1.0]}, ValueError, "each of the 4 classes"),
+        ({"cost": np.eye(2)}, ValueError, r"square array of shape \(4, 4\)"),
+    ],
+)
+def test_wrong_parameters_are_refused(options, error, message):
+    X, y = table(20)
+    with pytest.raises(error, match=message):
+        product().set_params(**options).fit(X, y)
+
+
+def test_members_that_know_other_classes_are_refused():
+    X, y = table(20)
+    spalled = y == "spall"
+    old = FrozenEstimator(CostSensitiveGaussianBayes().fit(X[~spalled], y[~spalled]))
+    fused = PosteriorProduct([("new", GaussianNB()), ("old", old)])
+    message = r"member 'old' knows the classes \['dry 1', 'dry 2', 'healthy'\].*'spall'\]"
+    with pytest.raises(ValueError, match=message):
+        fused.fit(X, y)
+
+
+def test_errors_of_members_say_whose_they_are():
+    X, y = table(20)
+    with pytest.raises(ValueError, match="member 'position': shrinkage"):
+        product().set_params(position__costsensitivegaussianbayes__shrinkage=2).fit(X, y)
+    fused = product().fit(X, y)
+    with pytest.raises(ValueError, match=r"member 'position': .*NaN"):
+        fused.predict(X.assign(**{"position@0-1": np.nan}))
+    with pytest.raises(ValueError, match="inconsistent numbers of samples"):
+        fused.fit(X, y[:-1])
+
+
+def test_a_member_that_answers_nan_is_refused():
+    X, y = table(20)
+
+    class Ignorant(GaussianNB):
+        def predict_log_proba(self, X):
+            return np.where(np.arange(len(X))[:, np.newaxis] == 2, np.nan, -np.log(4)) + np.zeros(4)
+
+    fused = PosteriorProduct([("a", Ignorant())]).fit(X, y)
+    with pytest.raises(ValueError, match="member 'a': its posterior of recording 2 is NaN"):
+        fused.predict(X)
