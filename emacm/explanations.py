@@ -52,8 +52,8 @@ def explain_decision(
     decision : label, optional
         Class or decision to be explained. Default: what the pipeline decides.
     against : label, optional
-        The alternative. Default: the most probable other class, or, for a decision
-        that is no class, the decision of the next least risk.
+        The alternative. Default: the most probable other class; or, for a decision that is no
+        class, or any decision if some class is none, the decision of the next least risk.
     background : recordings or table, optional
         Recordings of the class that stands for the alternative, in training say; their
         mean is the baseline. Default: the point nearest to the recording that
@@ -84,7 +84,9 @@ def explain_decision(
     the line, and its integral is its value half-way: exact, without steps. Where one of the two
     is no class ("inspect"), no odds exist; then the difference in expected cost is explained,
     risk(against) - risk(decision) [unit of the cost], integrated numerically, and the baseline is
-    the class for which `against` is the best compared with `decision`.
+    the class for which `against` is the best compared with `decision`. Where some class is no
+    decision (families are decided for, their sub-states are the classes), two decisions are
+    always compared by cost, even if they share their names with classes.
 
     A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
     Any other is explained by the columns of the step that makes a table of the recordings, such as
@@ -362,7 +364,7 @@ def _question(
     if decision is None:
         decision = classifier.predict(with_names(classifier, features)).tolist()[0]
     if against is None:
-        if decision in classes:
+        if _as_classes(classifier, decision):
             merit, labels = joint_log_proba(classifier, features)[0], classes
         else:
             merit, labels = -classifier.risk(with_names(classifier, features))[0], decisions
@@ -373,7 +375,7 @@ def _question(
     if decision == against:
         raise ValueError(f"decision and against must differ, both are {decision!r}.")
     pair = (decision, against)
-    if all(label in classes for label in pair):
+    if _as_classes(classifier, *pair):
         never = [k for k in pair if not classifier.priors_[classes.index(k)] > 0]
         if never:
             raise ValueError(f"class {never[0]!r} has the prior 0, so its log odds are infinite.")
@@ -385,6 +387,12 @@ def _question(
     return pair
 
 
+def _as_classes(classifier: CostSensitiveGaussianBayes, *labels: Any) -> bool:
+    """Whether labels are explained as classes, by their odds, or as decisions, by their cost."""
+    classes, decisions = set(classifier.classes_.tolist()), set(classifier.decisions_.tolist())
+    return classes.issuperset(labels) and (classes <= decisions or not decisions.issuperset(labels))
+
+
 def _prices(
     classifier: CostSensitiveGaussianBayes, decision: Any, against: Any
 ) -> tuple[Array | None, int]:
@@ -392,9 +400,8 @@ def _prices(
 
     Between two classes nothing is priced, and the baseline is the other class.
     """
-    classes = classifier.classes_.tolist()
-    if decision in classes and against in classes:
-        return None, classes.index(against)
+    if _as_classes(classifier, decision, against):
+        return None, classifier.classes_.tolist().index(against)
     decisions = classifier.decisions_.tolist()
     cost = classifier.cost_
     saved = cost[decisions.index(against)] - cost[decisions.index(decision)]

@@ -20,13 +20,18 @@ from sklearn.discriminant_analysis import (
     QuadraticDiscriminantAnalysis,
 )
 from sklearn.metrics import make_scorer
-from sklearn.model_selection import GridSearchCV, cross_val_score
+from sklearn.model_selection import (
+    GridSearchCV,
+    StratifiedKFold,
+    cross_val_predict,
+    cross_val_score,
+)
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from emacm.costs import expected_cost
+from emacm.costs import expected_cost, least_risk
 from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
 
 NAMES = np.array(["ball", "healthy", "screw"])
@@ -341,6 +346,75 @@ def test_families_of_classes_can_be_the_only_decisions():
     healthy = model.predict_proba(X)[:, 1]
     np.testing.assert_array_equal(fly, 9 * (1 - healthy) <= healthy)
     assert model.risk(X).shape == (90, 2)
+
+
+STATES = ["backlash 1", "backlash 2", "dry 1", "dry 2", "healthy"]
+FAMILY = {state: state.split()[0] for state in STATES}
+FAMILIES = pd.DataFrame(
+    [[10.0 * (family != FAMILY[state]) for state in STATES] for family in ("healthy", "dry")]
+    + [[0, 0, 3, 3, 3]],
+    index=["healthy", "dry", "backlash"],
+    columns=STATES,
+)
+
+
+def states(seed, n_each=12):
+    """Recordings of sub-states that lie apart, and which they are."""
+    rng = np.random.default_rng(seed)
+    y = np.repeat(STATES, n_each)
+    centres = np.repeat(2 * rng.normal(size=(len(STATES), 3)), n_each, axis=0)
+    return centres + rng.normal(size=(len(y), 3)), y
+
+
+def by_hand(decided, y):
+    """Cost of each decision, and whether it is the family of the truth."""
+    rows, columns = FAMILIES.index.get_indexer(decided), FAMILIES.columns.get_indexer(y)
+    return FAMILIES.to_numpy()[rows, columns], decided == np.array([FAMILY[k] for k in y])
+
+
+def test_families_decided_for_sub_states_are_right_if_they_are_the_family():
+    X, y = states(30)
+    model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
+    _, right = by_hand(model.predict(X), y)
+    assert 0.5 < right.mean() < 1
+    assert model.score(X, y) == right.mean()
+    weight = np.arange(len(y))
+    assert model.score(X, y, weight) == pytest.approx(np.average(right, weights=weight))
+    assert model.score(X, [FAMILY[k] for k in y]) == right.mean()
+
+
+def test_families_are_cross_validated_scored_and_searched_for():
+    X, y = states(31)
+    model, cv = CostSensitiveGaussianBayes(FAMILIES, covariance="tied"), StratifiedKFold(4)
+    decided = cross_val_predict(model, X, y, cv=cv)
+    cost, right = by_hand(decided, y)
+    assert {"dry", "backlash"} <= set(decided) <= set(FAMILIES.index)
+    strict = {"cv": cv, "error_score": "raise"}
+    assert cross_val_score(model, X, y, **strict).mean() == pytest.approx(right.mean())
+    scores = cross_val_score(model, X, y, scoring=neg_expected_cost, **strict)
+    assert -scores.mean() == pytest.approx(cost.mean())
+    grid = {"costsensitivegaussianbayes__shrinkage": [None, 1.0]}
+    search = GridSearchCV(make_pipeline(model), grid, scoring=neg_expected_cost, **strict)
+    search.fit(X, y)
+    assert search.cv_results_["mean_test_score"][0] == pytest.approx(-cost.mean())
+    assert search.score(X, y) == -by_hand(search.predict(X), y)[0].mean()
+
+
+def test_posteriors_of_sub_states_need_no_cost_and_decide_for_families_afterwards():
+    X, y = states(32)
+    model = CostSensitiveGaussianBayes(covariance="tied")
+    posterior = cross_val_predict(model, X, y, cv=4, method="predict_proba")
+    rows = least_risk(posterior, FAMILIES)
+    decided = cross_val_predict(clone(model).set_params(cost=FAMILIES), X, y, cv=4)
+    np.testing.assert_array_equal(FAMILIES.index[rows], decided)
+
+
+def test_a_sub_state_never_trained_on_cannot_be_scored_but_its_family_can():
+    X, y = states(33)
+    model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
+    with pytest.raises(ValueError, match="y holds 'dry 3' at recording 1, which is none of the"):
+        model.score(X[:2], ["dry 1", "dry 3"])
+    assert model.score(X[:2], ["dry", "dry"]) == np.mean(model.predict(X[:2]) == "dry")
 
 
 def test_accuracy_counts_other_decisions_as_wrong_whatever_the_labels():

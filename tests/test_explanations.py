@@ -260,6 +260,37 @@ def test_the_baseline_of_a_decision_is_the_class_for_which_the_alternative_is_be
     assert saved < 0
 
 
+def families(model):
+    """A family named as its one state, one of two states, and one named as a state of another."""
+    states = [f"state {k}" for k in range(4)]
+    table = [[0, 5, 5, 5], [3, 0, 0, 1], [2, 2, 1, 0]]
+    cost = pd.DataFrame(table, index=["state 0", "dry", "state 2"], columns=states)
+    X, y = powers(n_classes=4)
+    return make_pipeline(log(), model.set_params(cost=cost)).fit(X, y), X
+
+
+def test_families_are_compared_by_cost_even_if_they_share_names_with_states():
+    model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
+    decisions, risk = model[-1].decisions_.tolist(), model[-1].risk(model[0].transform(X))
+    assert set(model.predict(X)) == set(decisions)
+    for row in range(0, len(X), 5):
+        table = explain_decision(model, X.iloc[[row]])
+        best, next_best = np.argsort(risk[row])[:2]
+        assert table.attrs["decision"] == decisions[best]
+        assert table.attrs["against"] == decisions[next_best]
+        assert table.attrs["quantity"].startswith("expected cost saved")
+        assert table.attrs["value"] == pytest.approx(risk[row, next_best] - risk[row, best])
+        adds_up(table)
+
+
+def test_states_that_are_no_decisions_are_compared_by_their_odds():
+    model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
+    table = explain_decision(model, X.iloc[[0]], decision="state 1", against="state 0")
+    logs = model.predict_log_proba(X.iloc[[0]])[0]
+    assert table.attrs["value"] == pytest.approx(logs[1] - logs[0])
+    adds_up(table)
+
+
 def test_decisions_of_which_none_is_a_class_can_be_explained():
     cost = pd.DataFrame(
         [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
