@@ -103,6 +103,9 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
     or a `CalibratedClassifierCV` (which number their classes, and cannot decide for what is
     no class) decides by least risk.
 
+    Log odds add up over the members, so each can be explained by itself:
+    ``explain_decision(product.named_estimators_[name], x)`` (but for its prior and weight).
+
     `sample_weight` reaches every member; in a `Pipeline`, the last step. Anything else goes by
     scikit-learn's metadata routing, if that is enabled.
 
@@ -266,6 +269,12 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
         -------
         share : float
             Accuracy, 0..1.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or what is right is not known: some decisions are no
+            classes, and `y` holds a label that is neither.
         """
         table = self.decisions_, self.classes_, self.cost_
         right = right_decisions(column_or_1d(y), self.predict(X), *table)

@@ -35,6 +35,7 @@ from emacm import (
     OrderResampler,
     PosteriorProduct,
     Recording,
+    explain_decision,
     neg_expected_cost,
 )
 
@@ -498,6 +499,19 @@ def test_members_that_resample_one_channel_and_members_that_choose_columns_are_t
     once = make_pipeline(features().set_output(transform="pandas"), product(GAUSSIAN)).fit(X, y)
     np.testing.assert_allclose(each.predict_proba(X), once.predict_proba(X), atol=1e-10)
     assert each.score(X, y) == 1
+
+
+def test_what_members_explain_adds_up_to_the_log_odds_of_the_product(fleet):
+    X, y = fleet
+    members = [
+        (name, make_pipeline(features(channels=[name]), GAUSSIAN))
+        for name in ("current", "position")
+    ]
+    fused = PosteriorProduct(members).fit(X, y)  # as many of each state: the prior odds are 1
+    logs = fused.predict_log_proba(X[:1])[0]
+    labels = {"decision": "healthy", "against": "worn"}
+    explained = [explain_decision(one, X[0], **labels) for one in fused.estimators_]
+    assert sum(table.attrs["value"] for table in explained) == pytest.approx(logs[0] - logs[1])
 
 
 def test_all_channels_in_one_classifier_is_the_pipeline_as_it_is(fleet):
