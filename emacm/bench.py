@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.bench_actuator import RATED_CURRENT, Actuator, draw_run, draw_unit
-from emacm.bench_conditions import CONDITIONS, load_error, load_force
+from emacm.bench_conditions import CONDITIONS, load_error, load_force, position_command
 from emacm.bench_faults import FAULT_ORDERS, ROLLING, Passage, ball_passage, check_faults
 from emacm.bench_motion import bench_motion
 from emacm.bench_motor import Torques, phase_currents, shaft_torques
@@ -30,6 +30,7 @@ _STREAMS = ("unit", "run", "load", "friction", "forces", "resolver", *FAULT_ORDE
     "current_b",
     "current_c",
     "accelerometer",
+    "load_cell",
 )
 
 
@@ -54,6 +55,10 @@ class BenchTruth(NamedTuple):
         Of the housing [g].
     passages : dict of str to Passage
         How balls pass each defect.
+    position_command : ndarray of shape (n_times,)
+        Position that is asked for [in].
+    load_command : ndarray of shape (n_times,)
+        Load that is asked for where the rod is: bias and spring of Table 4.3 [lbf].
     """
 
     actuator: Actuator
@@ -64,6 +69,8 @@ class BenchTruth(NamedTuple):
     currents: NDArray[np.floating]
     acceleration: NDArray[np.floating]
     passages: dict[str, Passage]
+    position_command: NDArray[np.floating]
+    load_command: NDArray[np.floating]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +97,9 @@ class LaboratoryBench:
         How much units differ, and runs of one unit, over the usual; 0: not at all.
     phases : str
         Phase currents that are recorded: "a" as in the thesis, or "abc".
+    commands : bool
+        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They say what
+        the bench was told, and nothing of the unit's health: keep them from a classifier.
     duration : float
         Length of a recording [s]. The text of the thesis does not give it; assumed.
     fs : float
@@ -121,6 +131,7 @@ class LaboratoryBench:
     unit_spread: float = 1.0
     run_spread: float = 1.0
     phases: str = "a"
+    commands: bool = False
     duration: float = 10.0
     fs: float = 48_000.0
     cutoff: float = 15_000.0
@@ -134,6 +145,8 @@ class LaboratoryBench:
         for name in ("electrical_noise", "unit_spread", "run_spread"):
             check_number(getattr(self, name), name, at_least=0)
         check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
+        if not isinstance(self.commands, bool | np.bool_):
+            raise TypeError(f"commands must be True or False, got {self.commands!r}.")
         check_number(self.duration, "duration", at_least=0.01, unit="s")
         check_number(self.cutoff, "cutoff", above=0, unit="Hz")
         check_number(self.fs, "fs", above=2 * self.cutoff, unit="Hz")
@@ -159,7 +172,13 @@ class LaboratoryBench:
     def channels(self) -> tuple[str, ...]:
         """Channels of a recording."""
         currents = [f"current_{phase}" for phase in self.phases]
-        return ("lvdt", "velocity", *currents, "accelerometer")
+        commands = ("position_command", "load_command", "load_cell") if self.commands else ()
+        return ("lvdt", "velocity", *currents, "accelerometer", *commands)
+
+    @property
+    def built(self) -> Actuator:
+        """The unit as it was made: `actuator`, but for what sets units apart; no run's state."""
+        return draw_unit(self.actuator, self._rng("unit"), spread=self.unit_spread)
 
     def record(self, condition: int, run: int = 1) -> Recording:
         """Make one recording.
@@ -177,7 +196,9 @@ class LaboratoryBench:
         -------
         Recording
             Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or as `phases` says)
-            and "accelerometer" [g], in float32, which holds what 16 bits say. The shaft reference
+            and "accelerometer" [g], in float32, which holds what 16 bits say; with `commands`
+            also "position_command" [in], "load_command" [lbf] and what the load cell reads
+            against it, "load_cell" [lbf]. The shaft reference
             is the angle of the resolver at a tenth of the rate: it is what the actuator
             itself measures, it does not drift, and it is free of the electrical noise that
             the velocity channel has. `meta` holds unit, condition, run, label, severity,
@@ -195,6 +216,7 @@ class LaboratoryBench:
             "velocity": truth.torques.velocity,
             **{f"current_{x}": truth.currents[PHASES.index(x)] for x in self.phases},
             "accelerometer": truth.actuator.accelerometer_gain * truth.acceleration,
+            **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
         level = self.electrical_noise * truth.actuator.electrical_noise
@@ -206,8 +228,11 @@ class LaboratoryBench:
             signals[name] = measured(
                 sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable
             )[kept]
+        if self.commands:  # numbers of the computer that gives them: no sensor, no noise
+            for name in ("position_command", "load_command"):
+                signals[name] = getattr(truth, name)[kept].astype(np.float32)
         return Recording(
-            signals,
+            {name: signals[name] for name in self.channels},
             self.fs,
             angle=resolver_angle(truth.torques.angle[kept], self._rng("resolver", condition, run)),
             shaft_fs=self.fs / SHAFT_DECIMATION,
@@ -234,8 +259,7 @@ class LaboratoryBench:
         row, faults = CONDITIONS[_known(condition)], self._present
         check_count(run, "run")
         of_run = self._rng("run", condition, run)
-        unit = draw_unit(self.actuator, self._rng("unit"), spread=self.unit_spread)
-        unit = draw_run(unit, of_run, spread=self.run_spread)
+        unit = draw_run(self.built, of_run, spread=self.run_spread)
         phase = of_run.uniform(0, 2 * np.pi)
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
         n_before = round(_BEFORE * self.fs)
@@ -243,7 +267,8 @@ class LaboratoryBench:
         motion = bench_motion(
             row, unit, times, phase=phase, load_share=share, jam=faults.get("jam", 0.0)
         )
-        force = load_force(row, motion.angle / unit.angle_per_inch, share)
+        place = motion.angle / unit.angle_per_inch
+        force = load_force(row, place, share)
         force = force + load_error(len(times), self.fs, self._rng("load", condition, run))
         passages = {
             name: ball_passage(name, motion.angle, self._rng(name, condition, run), mark=unit.mark)
@@ -267,6 +292,8 @@ class LaboratoryBench:
             phase_currents(torques.motor, torques.angle, unit, faults),
             housing_acceleration(shaking, unit, self.fs),
             passages,
+            position_command(row, times, phase),
+            load_force(row, place),
         )
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:

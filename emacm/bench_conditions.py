@@ -76,6 +76,7 @@ TRANSDUCERS: Mapping[str, Transducer] = MappingProxyType(
         "velocity": Transducer(500 * RPM, 4700 * RPM, "rad/s"),
         "current": Transducer(5.0, 50.0, "A"),
         "accelerometer": Transducer(1.0, 10.0, "g"),
+        "load": Transducer(1000.0, 5500.0, "lbf"),
     }
 )
 

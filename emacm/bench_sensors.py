@@ -11,7 +11,7 @@ from emacm.bench_faults import POLE_PAIRS
 from emacm.shaft import angle_from_resolver
 
 # RMS of a sensor's own noise over half the sampling rate at 48 kHz [V]; assumed.
-NOISE = {"lvdt": 1e-3, "velocity": 2e-3, "current": 5e-3, "accelerometer": 3e-3}
+NOISE = {"lvdt": 1e-3, "velocity": 2e-3, "current": 5e-3, "accelerometer": 3e-3, "load": 1e-3}
 # The motor in the cables [V at rated current], at 2 and 6 times the electrical order: section 4.5
 # of the thesis finds orders 12 and 36. Sizes assumed.
 PICKUP = {"lvdt": (2e-3, 1.5e-3), "velocity": (6e-3, 4e-3)}
@@ -40,8 +40,8 @@ def cable_noise(
 
     Parameters
     ----------
-    sensor : {"lvdt", "velocity", "current", "accelerometer"}
-        Current and accelerometer pick up nothing.
+    sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
+        Current, accelerometer and load cell pick up nothing.
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     current : ndarray of shape (n_times,)
@@ -81,7 +81,7 @@ def measured(
 
     Parameters
     ----------
-    sensor : {"lvdt", "velocity", "current", "accelerometer"}
+    sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
         Which transducer.
     values : ndarray of shape (n_times,)
         The true quantity, in the transducer's unit.

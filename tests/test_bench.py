@@ -65,6 +65,46 @@ def test_all_three_phases_are_there_if_wanted():
     assert np.array_equal(three.signals["current_a"], record().signals["current_a"])
 
 
+def test_commands_are_recorded_only_if_wanted_and_change_nothing_else():
+    plain, more = record(), record(commands=True)
+    assert more.channels == (*plain.channels, "position_command", "load_command", "load_cell")
+    assert same(plain, more)
+    assert np.array_equal(plain.angle, more.angle)
+
+
+@pytest.mark.parametrize("condition", [1, 2, 5])
+def test_the_rod_follows_its_command_by_a_lag_of_the_position_loop(condition):
+    # The speed is the gain of the loop, 40 / s, times the position error.
+    signals = record(condition, commands=True).signals
+    error = signals["position_command"].astype(float) - signals["lvdt"]
+    row = CONDITIONS[condition]
+    per_period = {"sine": 2 * np.pi, "triangle": 4.0}[row.shape]  # fastest, in amplitudes
+    fastest = per_period * row.frequency * abs(row.amplitude)
+    assert np.abs(error).max() == pytest.approx(fastest / 40, rel=0.25)
+
+
+def test_the_load_cell_reads_the_commanded_load_but_for_what_the_loop_leaves():
+    for condition, reach in ((1, 0), (4, 1210 * 4.4)):
+        signals = record(condition, commands=True).signals
+        asked, read = (signals[name].astype(float) for name in ("load_command", "load_cell"))
+        assert np.ptp(asked) == pytest.approx(reach, rel=0.03)
+        assert 0 < np.std(read - asked) < 3 + 0.02 * np.abs(asked).max()
+
+
+def test_the_position_command_is_that_of_table_4_3():
+    command = record(3, commands=True).signals["position_command"]
+    assert command.max() == pytest.approx(2.3, abs=1e-3)
+    assert command.min() == pytest.approx(-1.8, abs=1e-3)
+
+
+def test_a_unit_is_built_before_it_runs_and_faults_do_not_rebuild_it():
+    healthy, broken = (LaboratoryBench(unit=5, faults=faults) for faults in (None, "jam"))
+    assert healthy.built == broken.built != Actuator()
+    assert LaboratoryBench(unit=5, unit_spread=0).built == Actuator()
+    still = LaboratoryBench(unit=5, run_spread=0, duration=0.05)
+    assert still.truth(1).actuator == still.built
+
+
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_no_measured_speed_passes_4572_rpm(condition):
     assert np.abs(record(condition).signals["velocity"]).max() < PEAK_SPEED
@@ -335,6 +375,7 @@ def test_the_truth_has_what_no_sensor_sees():
         ({"run_spread": -1}, ValueError, "run_spread must be a number at least 0, got -1"),
         ({"electrical_noise": -1}, ValueError, "electrical_noise must be a number at least 0"),
         ({"phases": "d"}, ValueError, "phases must be one of 'a', 'b', 'c', .*; got 'd'"),
+        ({"commands": 1}, TypeError, "commands must be True or False, got 1"),
         ({"duration": 0}, ValueError, "duration must be a number of s, at least 0.01, got 0"),
         ({"fs": 20_000}, ValueError, "fs must be a number of Hz, above 30000, got 20000"),
         ({"cutoff": 0}, ValueError, "cutoff must be a number of Hz, above 0, got 0"),
