@@ -15,7 +15,7 @@ from emacm.bench_motor import Torques
 GRAVITY = 9.80665  # m/s²
 # Modes of the housing: frequency over that of the first, share of the motion. Assumed: the
 # fixture, the housing, the end shield, at 420, 1900 and 5200 Hz.
-_MODES = ((1.0, 0.3), (1900 / 420, 0.4), (5200 / 420, 0.3))
+MODES = ((1.0, 0.3), (1900 / 420, 0.4), (5200 / 420, 0.3))
 _NOISE_RATE = 48_000.0  # Hz, at which the rolling noise is stated
 _HIGHEST = 0.45  # of the sampling rate
 _CONTACT = 1e-4  # s that a strike lasts; assumed
@@ -112,7 +112,7 @@ def housing_acceleration(
         Acceleration [g].
     """
     acceleration = np.zeros_like(force)
-    for ratio, share in _MODES:
+    for ratio, share in MODES:
         if actuator.resonance * ratio > _HIGHEST * fs:
             continue
         omega = 2 * np.pi * actuator.resonance * ratio

@@ -1,27 +1,37 @@
-"""The pictures of chapter 4: Figs. 4.7 to 4.72, and what carries the decisions."""
+"""The pictures of chapter 4: Figs. 4.5 to 4.72, and what carries the decisions."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.decomposition import PCA
 
+from emacm._drawing import COLOURS
 from emacm.bench_faults import FAULT_ORDERS
 from emacm.bin_displays import OrderBinsDisplay
 from emacm.chapter4_spectra import SIGNALS, UNITS, Campaign
-from emacm.chapter4_study import SCHEMES, Model
+from emacm.chapter4_study import SCHEMES, Model, explained_shares
+from emacm.chapter4_tables import Study
 from emacm.component_displays import ExplainedVarianceDisplay
 from emacm.contribution_displays import ContributionsDisplay
 from emacm.decision_displays import DecisionRegionsDisplay
 from emacm.findings import Chapter
 from emacm.outcome_displays import OutcomesDisplay
+from emacm.recordings import Recording
 from emacm.signal_displays import RecordingDisplay
 from emacm.spectrum_displays import OrderSpectrumDisplay
 
 _FIRST, _PER_CONDITION = 5, 12  # Fig. 4.5 is the first of condition 1, which has 12 figures
 _SHOWN = 4.0  # s of a recording
+_COMMAND_RATE = 1000.0  # Hz, at which commands and what follows them are drawn
+_FOLLOWED = (
+    ("position [in]", "position_command", "lvdt"),
+    ("load [lbf]", "load_command", "load_cell"),
+)
+_EXPLAINED = {"thesis": "over the travel", "strokes": "stroke by stroke"}
 _RING = FAULT_ORDERS["inner ring"][0]
 # Few marks, so that they can be read: what 4.5 names, and what the accelerometer decides on.
 MARKED = {"12": 12.0, "36": 36.0} | {f"{k} x 6.123": k * _RING for k in (1, 4, 7, 10, 13)}
@@ -34,8 +44,7 @@ _TITLES = {
 def draw_condition(
     chapter: Chapter,
     campaign: Campaign,
-    models: list[Model],
-    explanations: list[pd.DataFrame],
+    studies: Mapping[str, Study],
     condition: int,
 ) -> None:
     """Draw all pictures of one condition.
@@ -46,14 +55,14 @@ def draw_condition(
         Where they are kept.
     campaign : Campaign
         Spectra, and the first runs themselves.
-    models : list of Model
-        Trained classifiers.
-    explanations : list of DataFrame
-        Of each, by `explain`.
+    studies : mapping of str to Study
+        Classifiers and their explanations, by reading; "thesis" and "strokes" are drawn.
     condition : int
         Which condition.
     """
     start = _FIRST + _PER_CONDITION * (condition - 1)
+    models = studies["thesis"].models
+    _draw_commands(chapter, campaign, condition, start)
     _draw_signals(chapter, campaign, condition, start + 2)
     frame = campaign.frame
     rows = ((frame["condition"] == condition) & (frame["run"] == 1)).to_numpy()
@@ -63,15 +72,15 @@ def draw_condition(
     for scheme, first in zip(SCHEMES, (start + 8, start + 10), strict=True):
         chosen = [m for m in models if m.scheme == scheme and condition in m.conditions]
         _draw_features(chapter, campaign, chosen, condition, first)
-    pairs = [p for p in zip(models, explanations, strict=True) if p[0] in own]
-    _draw_models(chapter, campaign, pairs, f"condition {condition}")
+    _draw_models(chapter, campaign, own, f"condition {condition}")
+    for reading in _EXPLAINED:
+        _draw_carriers(chapter, studies[reading], (condition,), f"condition {condition}")
 
 
 def draw_summary(
     chapter: Chapter,
     campaign: Campaign,
-    models: list[Model],
-    explanations: list[pd.DataFrame],
+    studies: Mapping[str, Study],
     decisions: pd.DataFrame,
 ) -> None:
     """Draw what concerns all conditions: outcomes, and the single classifier.
@@ -82,10 +91,8 @@ def draw_summary(
         Where they are kept.
     campaign : Campaign
         Spectra of the first pair of units.
-    models : list of Model
-        Trained classifiers.
-    explanations : list of DataFrame
-        Of each.
+    studies : mapping of str to Study
+        As for `draw_condition`.
     decisions : DataFrame
         Of `decide`, of all seeds.
     """
@@ -105,18 +112,51 @@ def draw_summary(
             display.figure_,
             f"Outcomes by signal and condition, {_TITLES[scheme]}: test runs of all seeds.",
         )
-    pairs = zip(models, explanations, strict=True)
-    single = [pair for pair in pairs if pair[0].scheme == "single"]
+    single = [model for model in studies["thesis"].models if model.scheme == "single"]
     _draw_models(chapter, campaign, single, "all conditions")
+    for reading in _EXPLAINED:
+        _draw_carriers(chapter, studies[reading], single[0].conditions, "all conditions")
+
+
+def _first_runs(campaign: Campaign, condition: int) -> dict[str, Recording]:
+    """Return run 1 of both units."""
+    frame = campaign.frame
+    rows = np.flatnonzero((frame["condition"] == condition) & (frame["run"] == 1))
+    return {frame["health"][row]: campaign.kept[int(row)] for row in rows}
+
+
+def _draw_commands(chapter: Chapter, campaign: Campaign, condition: int, first: int) -> None:
+    """Draw position and load as they were asked for, and as LVDT and load cell tell them."""
+    for number, (health, recording) in enumerate(_first_runs(campaign, condition).items(), first):
+        figure, axes = _panels(2, 1, (8.4, 4.4))
+        stop = min(_SHOWN, recording.duration)
+        for ax, (quantity, command, feedback) in zip(axes.flat, _FOLLOWED, strict=True):
+            rate = recording.fs[feedback]
+            thin = round(rate / _COMMAND_RATE)
+            asked, told = (
+                recording.signals[name][: round(stop * rate) : thin] for name in (command, feedback)
+            )
+            times = np.arange(len(asked)) * thin / rate
+            ax.plot(times, told, color=COLOURS[0], linewidth=0.9, label="feedback")
+            ax.plot(times, asked, color="black", linewidth=0.9, linestyle="--", label="command")
+            ax.set_ylabel(quantity)
+            ax.set_xlim(0, stop)
+        axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
+        axes[1, 0].set_xlabel("time [s]")
+        caption = (
+            f"Condition {condition}, {health} command signals of run 1: position and load, command "
+            "(dashed) and feedback (LVDT, load cell). The load's command follows the rod where it "
+            "has a spring."
+        )
+        _keep(chapter, f"Fig. 4.{number}", figure, caption)
 
 
 def _draw_signals(chapter: Chapter, campaign: Campaign, condition: int, first: int) -> None:
-    for health, number in (("healthy", first), ("degraded", first + 1)):
-        frame = campaign.frame
-        wanted = (frame["condition"] == condition) & (frame["health"] == health)
-        recording = campaign.kept[int(np.flatnonzero(wanted & (frame["run"] == 1))[0])]
+    for number, (health, recording) in enumerate(_first_runs(campaign, condition).items(), first):
         stop = min(_SHOWN, recording.duration)
-        display = RecordingDisplay.from_recording(recording, units=UNITS, between=(0, stop))
+        display = RecordingDisplay.from_recording(
+            recording, channels=list(SIGNALS), units=UNITS, between=(0, stop)
+        )
         caption = f"Condition {condition}, {health} EMA data of run 1: the first {stop:g} s."
         _keep(chapter, f"Fig. 4.{number}", display.figure_, caption)
 
@@ -179,15 +219,10 @@ def _draw_features(
     _keep(chapter, _range(first), figure, caption)
 
 
-def _draw_models(
-    chapter: Chapter,
-    campaign: Campaign,
-    pairs: list[tuple[Model, pd.DataFrame]],
-    where: str,
-) -> None:
-    """Draw how many components a signal would need, and what carries its decisions."""
+def _draw_models(chapter: Chapter, campaign: Campaign, models: list[Model], where: str) -> None:
+    """Draw how many components a signal would need."""
     figure, axes = _panels(2, 2, (8.4, 6.0))
-    for ax, (model, _) in zip(axes.flat, pairs, strict=True):
+    for ax, model in zip(axes.flat, models, strict=True):
         rows = campaign.chosen(model.conditions, training=True)
         bins = model.pipeline[0].transform(campaign.spectra["thesis"][model.channel][rows])
         ExplainedVarianceDisplay.from_estimator(PCA().fit(bins), n_shown=8, ax=ax)
@@ -196,8 +231,16 @@ def _draw_models(
             ax.get_legend().remove()
     caption = f"Share of the variance that principal components hold, {where}; two are used."
     _keep(chapter, f"Explained variance, {where}", figure, caption)
+
+
+def _draw_carriers(
+    chapter: Chapter, studied: Study, conditions: tuple[int, ...], where: str
+) -> None:
+    """Draw what carries the decisions, and say it in numbers."""
+    pairs = zip(studied.models, studied.explanations, strict=True)
+    chosen = [(m.channel, table) for m, table in pairs if m.conditions == conditions]
     tables = []
-    for _, explanation in pairs:
+    for _, explanation in chosen:
         bins = explanation.attrs["bins"]
         tables.append(bins.assign(contribution=100 * bins["share"]))
     display = ContributionsDisplay.from_table(
@@ -206,11 +249,20 @@ def _draw_models(
     display.ax_[0].get_legend().remove()  # shares have no sign
     for ax in display.ax_:
         ax.set_ylim(bottom=0)
-    caption = (
-        f"Share of the decisions on the test runs that each bin carries, {where} "
-        f"({_TITLES[pairs[0][0].scheme]})."
+    said = ", ".join(
+        f"{SIGNALS[channel]} {shares['electrical noise']:.0f} and {shares['inner ring']:.0f} %"
+        for channel, shares in ((channel, explained_shares(table)) for channel, table in chosen)
     )
-    _keep(chapter, f"What carries the decisions, {where}", display.figure_, caption)
+    how = _EXPLAINED[studied.reading]
+    scheme = "single" if len(conditions) > 1 else "per condition"
+    caption = (
+        f"Share of the decisions on the test runs that each bin carries {how}, {where} "
+        f"({_TITLES[scheme]}). Lines of 12 and 36, and of the inner ring, have: {said}."
+    )
+    name = f"What carries the decisions, {where}"
+    if studied.reading != "thesis":
+        name += f", {how}"
+    _keep(chapter, name, display.figure_, caption)
 
 
 def _panels(n_rows: int, n_columns: int, size: tuple[float, float]) -> tuple[Any, Any]:

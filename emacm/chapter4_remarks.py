@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from emacm.chapter4_exposure import bearing_remark, cables_remark, summary
 from emacm.chapter4_spectra import MIN_SPEED, REVOLUTIONS, SIGNALS
 from emacm.chapter4_study import LINE_WIDTH
 
@@ -38,14 +39,16 @@ def remarks(
         "No data of the laboratory were published. The protocol of chapter 4 is run here on a "
         "model of the bench (LaboratoryBench), which shows how the method behaves, and not what "
         "was measured. No constant of the bench was chosen by what a classifier makes of it; "
-        "whether Tables 4.5 and 4.6 lie within our range is reported as it comes.",
+        "whether Tables 4.5 and 4.6 lie within our range is reported as it comes. "
+        + summary(tables),
         _protocol(n_pairs, n_runs, duration),
         _reading(tables["conditions"]),
         _per_condition(tables["Table 4.5"]),
         _single(tables),
         _noise(tables[_CARRIED]),
-        _velocity(tables),
-        _bearing(tables),
+        cables_remark(tables),
+        _bearing(tables[_CARRIED]),
+        bearing_remark(tables),
         _current(tables[_CARRIED]),
         _speeds(tables),
         _others(tables["readings"]),
@@ -135,52 +138,14 @@ def _noise(carried: pd.DataFrame) -> str:
     )
 
 
-def _velocity(tables: Mapping[str, pd.DataFrame]) -> str:
-    velocity = tables[_CARRIED].xs("Motor Velocity", level="signal")
-    parts = _listed(velocity["electrical noise [%]"])
-    text = (
-        f"Motor velocity over the travel leans on orders 12 and 36 by {parts}. Else it is "
-        "carried by the lowest orders: the sign of the speed jumps at each turn, and a jump within "
-        "a segment spreads over all orders, far above the noise."
-    )
-    readings = tables["readings"]
-    strokes = readings[
-        (readings["reading"] == "strokes") & (readings["signal"] == "Motor Velocity")
-    ]
-    if len(strokes):
-        shares = strokes.set_index("classifier")
-        noise = shares["electrical noise [%]"]
-        text += (
-            f" Stroke by stroke the jump is gone, and the electrical noise carries "
-            f"{noise['per condition']:.0f} % (mean over conditions) and {noise['single']:.0f} % "
-            f"(one classifier, then {shares['correct']['single']:.0f} % correct)."
-        )
-    return text
-
-
-def _bearing(tables: Mapping[str, pd.DataFrame]) -> str:
-    ring = tables[_CARRIED].xs("Y Accelerometer", level="signal")
-    text = (
+def _bearing(carried: pd.DataFrame) -> str:
+    ring = carried.xs("Y Accelerometer", level="signal")
+    return (
         "The accelerometer's decisions rest on multiples of 6.123 and their sidebands, one "
         f"revolution beside them, by {_listed(ring['inner ring [%]'])} (chance "
         f"{ring['inner ring, by chance [%]'].max():.0f} %). Where the share is near chance, the "
         "degraded unit is louder at all orders alike."
     )
-    readings = tables["readings"]
-    chosen = readings[
-        (readings["signal"] == "Y Accelerometer") & (readings["classifier"] == "per condition")
-    ].set_index("reading")
-    if "band-limited" in chosen.index:
-        linear, limited = chosen.iloc[0], chosen.loc["band-limited"]
-        text += (
-            " Slowly turning, the bearing excites modes of the housing far above order 100, which "
-            "linear interpolation folds in. Without folding, the inner ring's share (mean over "
-            f"conditions) goes from {linear['inner ring [%]']:.0f} to "
-            f"{limited['inner ring [%]']:.0f} %, and decisions per condition from "
-            f"{linear['correct']:.0f} to {limited['correct']:.0f} % correct: what is folded in "
-            "cannot be told as a bearing, but tells the units apart."
-        )
-    return text
 
 
 def _current(carried: pd.DataFrame) -> str:

@@ -142,7 +142,7 @@ def run_campaign(
     readings : sequence of str
         Keys of `READINGS`.
     keep : bool
-        Whether to keep the first runs themselves, to be drawn.
+        Whether to keep the first runs themselves with their commands, to be drawn.
     n_jobs : int, optional
         Processes; a recording is read, brought to spectra and forgotten in each.
     report : callable, optional
@@ -162,13 +162,48 @@ def run_campaign(
     >>> campaign.spectra["thesis"]["lvdt"].shape
     (20, 801)
     """
-    recordings = laboratory_recordings(thesis_benches(seed=seed, **constants), n_runs=n_runs)
+    benches = thesis_benches(seed=seed, commands=keep, **constants)
+    recordings = laboratory_recordings(benches, n_runs=n_runs)
     frame = recordings.frame
     frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
+    tell = (
+        None if report is None else lambda text: report(f"chapter 4, units of seed {seed}: {text}")
+    )
+    tables, kept = estimate(recordings, readings, keep=keep, n_jobs=n_jobs, report=tell)
+    return Campaign(frame, tables, kept)
+
+
+def estimate(
+    recordings: LaboratoryRecordings,
+    readings: Sequence[str],
+    *,
+    keep: bool = False,
+    n_jobs: int | None = None,
+    report: Callable[[str], None] | None = None,
+) -> tuple[dict[str, dict[str, pd.DataFrame]], dict[int, Recording]]:
+    """Bring recordings to spectra, each made, read and forgotten.
+
+    Parameters
+    ----------
+    recordings : LaboratoryRecordings
+        Which.
+    readings : sequence of str
+        Keys of `READINGS`.
+    keep : bool
+        Whether to keep the first runs themselves.
+    n_jobs, report
+        As for `run_campaign`.
+
+    Returns
+    -------
+    spectra, kept
+        As in `Campaign`.
+    """
+    runs = recordings.frame["run"].tolist()
     tasks = (
         delayed(_spectra)(recordings[i : i + 1], readings, keep and run == 1)
-        for i, run in enumerate(frame["run"].tolist())
+        for i, run in enumerate(runs)
     )
     rows: list[dict[str, dict[str, pd.DataFrame]]] = []
     kept: dict[int, Recording] = {}
@@ -179,7 +214,7 @@ def run_campaign(
         if recording is not None:
             kept[number] = recording
         if report is not None and (number + 1) % 50 == 0:
-            report(f"chapter 4, units of seed {seed}: {number + 1} of {len(frame)} recordings")
+            report(f"{number + 1} of {len(runs)} recordings")
     tables = {
         reading: {
             channel: pd.concat([row[reading][channel] for row in rows], ignore_index=True)
@@ -187,7 +222,7 @@ def run_campaign(
         }
         for reading in readings
     }
-    return Campaign(frame, tables, kept)
+    return tables, kept
 
 
 def _spectra(

@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from emacm.bench_conditions import CONDITIONS
+from emacm.chapter4_control import CONTROLLED, control_campaign, control_remark, control_table
+from emacm.chapter4_exposure import (
+    CALLED,
+    COMPARED,
+    bearing_table,
+    cables_table,
+    folded_in,
+    motion_and_cables,
+)
 from emacm.chapter4_pictures import draw_condition, draw_summary
 from emacm.chapter4_remarks import remarks
 from emacm.chapter4_spectra import READINGS, SIGNALS, Campaign, run_campaign
-from emacm.chapter4_study import (
-    GROUPS,
-    SCHEMES,
-    Model,
-    decide,
-    explain,
-    explained_shares,
-    outcome_shares,
-    spread_by_condition,
-    train,
+from emacm.chapter4_study import GROUPS, SCHEMES, outcome_shares
+from emacm.chapter4_tables import (
+    Study,
+    carried_table,
+    conditions_table,
+    lines_table,
+    outcomes_table,
+    over_pairs,
+    readings_table,
+    shares_table,
+    study,
 )
 from emacm.findings import Chapter
 
@@ -54,7 +64,8 @@ class Extent(NamedTuple):
     duration : float
         Of a recording [s].
     readings : tuple of str
-        Readings of the text, tried with the first pair of units.
+        Readings of the text, tried with the first pair of units; those of `COMPARED` among them
+        are tried with every pair.
     drawn : tuple of int
         Conditions of which pictures are drawn.
     """
@@ -67,7 +78,8 @@ class Extent(NamedTuple):
 
 
 FULL = Extent((0, 1, 2, 3, 4), 20, 10.0, tuple(READINGS), tuple(CONDITIONS))
-QUICK = Extent((0,), 8, 3.0, ("thesis", "no filter"), (3,))
+QUICK = Extent((0,), 8, 3.0, ("thesis", "no filter", "strokes", "band-limited"), (3,))
+_KEYS = ["reading", "signal", "conditions"]
 
 
 def chapter4(
@@ -115,44 +127,93 @@ def run_chapter4(
     Chapter
     """
     chapter = Chapter(4, "Test Demonstration")
-    decided, carried = [], []
+    settings = {"n_jobs": n_jobs, "report": report, "duration": extent.duration}
+    pairs = _Pairs()
     for seed in extent.seeds:
         first = seed == extent.seeds[0]
         campaign = run_campaign(
             seed,
             n_runs=extent.n_runs,
-            readings=extent.readings if first else ("thesis",),
+            readings=extent.readings if first else COMPARED,
             keep=first,
-            n_jobs=n_jobs,
-            report=report,
-            duration=extent.duration,
+            **settings,
         )
-        models = train(campaign)
-        explanations = [explain(campaign, model) for model in models]
-        decided.append(decide(campaign, models).assign(seed=seed))
-        carried.append(_carried(campaign, models, explanations).assign(seed=seed))
+        studies = {name: study(campaign, name) for name in campaign.spectra}
+        pairs.add(seed, campaign, studies)
         if first:
-            chapter.tables["conditions"] = _conditions(campaign)
-            chapter.tables["readings"] = _readings(campaign, extent.readings)
-            chapter.tables["lines that carry the decisions"] = _lines(models, explanations)
+            chapter.tables["conditions"] = conditions_table(campaign)
+            chapter.tables["readings"] = readings_table(list(studies.values()))
+            chapter.tables["lines that carry the decisions"] = lines_table(studies["thesis"])
             for condition in extent.drawn:
-                draw_condition(chapter, campaign, models, explanations, condition)
+                draw_condition(chapter, campaign, studies, condition)
                 if report is not None:
                     report(f"chapter 4: condition {condition} is drawn")
-            first_pair = campaign, models, explanations
-    decisions = pd.concat(decided, ignore_index=True)
+            first_pair = campaign, studies
+    decisions = pd.concat(pairs.decided, ignore_index=True)
     draw_summary(chapter, *first_pair, decisions)
-    over_seeds = _over_seeds(pd.concat(carried))
-    _compare(chapter, decisions, over_seeds)
-    chapter.tables["outcomes by condition"] = _by_condition(decisions)
-    chapter.tables["what carries the decisions"] = over_seeds
+    pairs.tell(chapter)
+    _compare(chapter, decisions, chapter.tables["what carries the decisions"])
+    chapter.tables["outcomes by condition"] = outcomes_table(decisions)
+    controlled = _control(chapter, *first_pair, extent.seeds[0], settings)
     chapter.opening, *chapter.remarks = remarks(
         chapter.tables,
         n_pairs=len(extent.seeds),
         n_runs=extent.n_runs,
         duration=extent.duration,
     )
+    chapter.remarks.append(controlled)
     return chapter
+
+
+class _Pairs:
+    """What was found of each pair of units."""
+
+    def __init__(self) -> None:
+        self.decided: list[pd.DataFrame] = []
+        self.carried: list[pd.DataFrame] = []
+        self.shares: list[pd.DataFrame] = []
+        self.levels: list[pd.DataFrame] = []
+        self.folded: list[pd.DataFrame] = []
+
+    def add(self, seed: int, campaign: Campaign, studies: Mapping[str, Study]) -> None:
+        """Note one pair."""
+        thesis = studies["thesis"]
+        self.decided.append(thesis.decisions.assign(seed=seed))
+        self.carried.append(carried_table(campaign, thesis))
+        self.shares += [shares_table(studies[name]) for name in COMPARED]
+        self.levels += [motion_and_cables(campaign, studies[name]) for name in CALLED]
+        self.folded.append(folded_in(campaign))
+
+    def tell(self, chapter: Chapter) -> None:
+        """Write tables of medians over the pairs."""
+        shares = pd.concat(self.shares).groupby(_KEYS, sort=False).median()
+        levels = pd.concat(self.levels).groupby(_KEYS, sort=False).median()
+        folded = pd.concat(self.folded).groupby("conditions", sort=False).median()
+        conditions = chapter.tables["conditions"]
+        tables = chapter.tables
+        tables["what carries the decisions"] = over_pairs(pd.concat(self.carried), shares)
+        tables["motion against cables"] = cables_table(shares, levels, conditions)
+        tables["linear and band-limited"] = bearing_table(shares, folded, conditions)
+        tables["shares by reading"] = shares
+
+
+def _control(
+    chapter: Chapter,
+    campaign: Campaign,
+    studies: Mapping[str, Study],
+    seed: int,
+    settings: Mapping[str, Any],
+) -> str:
+    """Run the control with the first pair of units; keep its table, return what it says."""
+    again = control_campaign(campaign, seed, readings=list(CALLED), **settings)
+    usual = pd.concat([shares_table(studies[name]) for name in CALLED])
+    control = pd.concat([shares_table(study(again, name)) for name in CALLED])
+    table = control_table(usual, control)
+    chapter.tables["control: equal noise in the cables"] = table
+    strokes = control[(control["reading"] == "strokes") & (control["conditions"] != "all")]
+    shaft = strokes.groupby("signal")["shaft [%]"].mean()
+    by_shaft = {name: float(shaft[name]) for name in (SIGNALS[c] for c in CONTROLLED)}
+    return control_remark(table, by_shaft)
 
 
 def _compare(chapter: Chapter, decisions: pd.DataFrame, carried: pd.DataFrame) -> None:
@@ -184,107 +245,3 @@ def _why(carried: pd.DataFrame, scheme: str) -> str:
         between = rows["feature 1 between conditions [%]"].iloc[0]
         text += f"; {between:.0f} % of the first feature's variance is between conditions"
     return text
-
-
-def _by_condition(decisions: pd.DataFrame) -> pd.DataFrame:
-    """Outcomes of all seeds by scheme, signal and condition: Figs. 4.65 to 4.72 as numbers."""
-    shares = outcome_shares(decisions, ["scheme", "channel", "condition"])
-    return shares.rename(index=SIGNALS, level="channel").rename_axis(
-        index={"channel": "signal", "scheme": "classifier"}
-    )
-
-
-def _carried(
-    campaign: Campaign, models: list[Model], explanations: list[pd.DataFrame]
-) -> pd.DataFrame:
-    """Tell of each classifier which kinds of orders carry it."""
-    rows = []
-    for model, explanation in zip(models, explanations, strict=True):
-        shares, chance = explained_shares(explanation), explanation.attrs["chance"]
-        louder = explanation[explanation["louder"] == "healthy"]["share"].sum()
-        components = model.pipeline[1].explained_variance_ratio_
-        rows.append(
-            {
-                "signal": SIGNALS[model.channel],
-                "conditions": _named(model),
-                **{f"{group} [%]": shares[group] for group in GROUPS},
-                **{f"{group}, by chance [%]": chance[group] for group in GROUPS},
-                "healthy unit louder [%]": 100 * float(louder),
-                "variance in two components [%]": 100 * float(components.sum()),
-                "feature 1 between conditions [%]": spread_by_condition(campaign, model),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _over_seeds(carried: pd.DataFrame) -> pd.DataFrame:
-    """Median of each number, and the range of the shares, over the pairs of units."""
-    groups = carried.drop(columns="seed").groupby(["signal", "conditions"], sort=False)
-    medians, lowest, highest = groups.median(), groups.min(), groups.max()
-    columns = {}
-    for name in map(str, medians):
-        columns[name] = medians[name]
-        if name.removesuffix(" [%]") in GROUPS:
-            columns[f"{name}, lowest"] = lowest[name]
-            columns[f"{name}, highest"] = highest[name]
-    return pd.DataFrame(columns)
-
-
-def _lines(models: list[Model], explanations: list[pd.DataFrame], n_lines: int = 8) -> pd.DataFrame:
-    """List the strongest lines of each classifier, of the first pair of units."""
-    tables = []
-    for model, explanation in zip(models, explanations, strict=True):
-        top = explanation.head(n_lines)
-        table = pd.DataFrame(
-            {
-                "signal": SIGNALS[model.channel],
-                "conditions": _named(model),
-                "order": top["low"],
-                "share [%]": 100 * top["share"],
-                "louder": top["louder"],
-                "expected": top["fault"],
-                "expected order": top["fault_order"],
-                "group": top["group"],
-            }
-        )
-        tables.append(table)
-    return pd.concat(tables, ignore_index=True)
-
-
-def _readings(campaign: Campaign, readings: tuple[str, ...]) -> pd.DataFrame:
-    """Tell what becomes of the outcomes under other readings of the text."""
-    tables = []
-    for reading in readings:
-        models = train(campaign, reading)
-        decisions = decide(campaign, models, reading)
-        table = outcome_shares(decisions, ["scheme", "channel"])
-        carried = pd.DataFrame(
-            [
-                {"scheme": model.scheme, "channel": model.channel}
-                | explained_shares(explain(campaign, model, reading))
-                for model in models
-            ]
-        )
-        means = carried.groupby(["scheme", "channel"])[list(GROUPS)].mean()  # over conditions
-        table = table.join(means.add_suffix(" [%]"))
-        tables.append(table)
-    table = pd.concat(tables, keys=readings, names=["reading"])
-    table = table.rename(index=SIGNALS, level="channel").reset_index()
-    table = table.rename(columns={"scheme": "classifier", "channel": "signal"})
-    table.insert(1, "meaning", [READINGS[reading].note for reading in table["reading"]])
-    return table
-
-
-def _conditions(campaign: Campaign) -> pd.DataFrame:
-    """Tell how the shaft moves in each condition, of run 1 of the healthy unit."""
-    frame = campaign.frame
-    rows = [i for i in campaign.kept if frame["health"][i] == "healthy"]
-    resampler = READINGS["thesis"].resampler.set_params(direction="strokes")
-    table = resampler.quality([campaign.kept[i] for i in rows])
-    table.index = pd.Index(frame["condition"][rows], name="condition")
-    chosen = ["revolutions", "strokes", "longest_stroke", "fastest", "max_order"]
-    return table[chosen].rename(columns={"fastest": "fastest [rad/s]"})
-
-
-def _named(model: Model) -> str:
-    return "all" if model.scheme == "single" else str(model.conditions[0])
