@@ -80,10 +80,8 @@ def control_campaign(
     """
     _, degraded = equally_noisy(*thesis_benches(seed=seed, **constants))
     n_runs = int(campaign.frame["run"].max())
-    tell = None if report is None else lambda text: report(f"chapter 4, control: {text}")
-    again, _ = estimate(
-        laboratory_recordings(degraded, n_runs=n_runs), readings, n_jobs=n_jobs, report=tell
-    )
+    recordings = laboratory_recordings([degraded], n_runs=n_runs)
+    again, _ = estimate(recordings, readings, "control", n_jobs=n_jobs, report=report)
     healthy = (campaign.frame["health"] == "healthy").to_numpy()
     if np.any(np.diff(healthy.astype(int)) > 0):
         raise ValueError("campaign must list the healthy unit first, as run_campaign does.")
@@ -157,9 +155,9 @@ def control_remark(table: pd.DataFrame, carried_by_shaft: Mapping[str, float]) -
     return (
         "Control: the first pair of units once more, with equal noise in the cables of both (all "
         "else equal to the last random number). Means over conditions go, with 50 % being chance: "
-        f"{'; '.join(said)}. What falls to chance had rested on the cable, and so had the thesis'. "
+        f"{'; '.join(said)}. What falls towards chance had rested on the cable, and so had the thesis'. "
         "What stays is none of the cable: over the travel velocity decides by the turns of the "
-        "motion, and stroke by stroke what tells the units apart then lies at one to three per "
-        f"revolution ({shaft}, mean over conditions), where each unit has a ripple of its own, of "
-        "its alignment; with one unit of a kind nobody can say whether that is the fault."
+        "motion, and stroke by stroke much of what then tells the units apart lies at one to "
+        f"three per revolution ({shaft}, mean over conditions): there stand each unit's own alignment "
+        "and what a dry bearing adds to it, and one unit of a kind does not tell the two apart."
     )

@@ -18,16 +18,16 @@ from emacm.chapter4_tables import Study, named
 COMPARED = ("thesis", "strokes", "band-limited")  # readings that every pair of units is told by
 CALLED = {"thesis": "travel", "strokes": "strokes"}
 _PICKING_UP = ("lvdt", "velocity")
-_MOTION = (1, 2, 3, 4, 5)  # bins in which what is left of the commanded motion stands
 _CABLE = (11, 12, 35, 36)  # bins on either side of orders 12 and 36
 _MOST = 50.0  # per cent of a decision: the larger part
 
 
 def motion_and_cables(campaign: Campaign, studied: Study) -> pd.DataFrame:
-    """Set what motion scatters from run to run beside what the cables of two units differ by.
+    """Set what all else scatters from run to run beside what the cables of two units differ by.
 
-    Principal components follow what varies most. Where the power of the motion itself varies
-    more than the units differ at orders 12 and 36, a classifier is not exposed there.
+    Two principal components follow what varies most. The cables get one of the two where the
+    units' difference at orders 12 and 36 exceeds the second pattern in which all other orders
+    vary within units, which is mostly the motion.
 
     Parameters
     ----------
@@ -39,9 +39,10 @@ def motion_and_cables(campaign: Campaign, studied: Study) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for LVDT and velocity in each condition: "reading", "signal", "conditions", "motion
-        scatters" (standard deviation within units of the bins of orders 1 to 6) and "cables
-        differ" (distance of the units' means in the bins beside 12 and 36), in unit².
+        A row for LVDT and velocity in each condition: "reading", "signal", "conditions"; "first
+        scatter" and "second scatter" (standard deviations along the two main patterns within
+        units, of all bins but those beside 12 and 36) and "cables" (half the distance of the
+        units' means in those: the standard deviation that it makes), in unit².
     """
     rows = []
     for model in studied.models:
@@ -49,16 +50,16 @@ def motion_and_cables(campaign: Campaign, studied: Study) -> pd.DataFrame:
             continue
         bins, low, healthy = _training_bins(campaign, model, studied.reading)
         means = bins[healthy].mean(axis=0), bins[~healthy].mean(axis=0)
-        within = bins - np.where(healthy[:, np.newaxis], *means)
+        within, cable = bins - np.where(healthy[:, np.newaxis], *means), np.isin(low, _CABLE)
+        patterns = np.linalg.svd(within[:, ~cable], compute_uv=False) / np.sqrt(len(within))
         rows.append(
             {
                 "reading": studied.reading,
                 "signal": SIGNALS[model.channel],
                 "conditions": named(model),
-                "motion scatters": np.sqrt(
-                    np.mean(within[:, np.isin(low, _MOTION)] ** 2, axis=0).sum()
-                ),
-                "cables differ": np.linalg.norm((means[0] - means[1])[np.isin(low, _CABLE)]),
+                "first scatter": patterns[0],
+                "second scatter": patterns[1],
+                "cables": np.linalg.norm((means[0] - means[1])[cable]) / 2,
             }
         )
     return pd.DataFrame(rows)
@@ -189,25 +190,29 @@ def summary(tables: Mapping[str, pd.DataFrame]) -> str:
 def cables_remark(tables: Mapping[str, pd.DataFrame]) -> str:
     """Say why velocity is exposed where it is, condition by condition."""
     table = tables["motion against cables"].loc[SIGNALS["velocity"]].drop("all")
-    unit = f"({UNITS['velocity']})²"
-    motion, cables = (
-        [table[f"{name}, {called} [unit²]"] for called in CALLED.values()]
-        for name in ("motion scatters", "cables differ")
-    )
-    said = [
-        f"in {number} motion scatters by {motion[0][number]:.2g} and {motion[1][number]:.2g} "
-        f"{unit}, and cables differ by {cables[0][number]:.2g} and {cables[1][number]:.2g}"
-        for number in table.index
-    ]
+    said = []
+    for called, words in (("travel", "Over the travel"), ("strokes", "Stroke by stroke")):
+        names = ("first scatter", "second scatter", "cables")
+        first, second, cables = (table[f"{name}, {called} [unit²]"] for name in names)
+        share = table[f"12 and 36, {called} [%]"]
+        said.append(
+            f"{words}: "
+            + "; ".join(
+                f"condition {n} {first[n]:.2g} and {second[n]:.2g} beside {cables[n]:.2g}, orders "
+                f"12 and 36 carry {share[n]:.0f} %"
+                for n in table.index
+            )
+        )
     strokes = table["12 and 36, strokes [%]"]
     hidden = strokes.index[strokes <= _MOST]
     text = (
-        "Motor velocity, condition by condition: components follow what varies most, so orders 12 "
-        "and 36 are found where the cables of the units differ by more than the motion scatters "
-        "from run to run at orders 1 to 6. Over the travel and stroke by stroke, "
-        f"{'; '.join(said)}. Over the travel a triangular command flips the sign of a full speed "
-        "at each turn (conditions 2, 3, 5), and where in a segment the turns lie is chance; a sine "
-        "(condition 4) passes through zero. "
+        "Motor velocity, condition by condition: two components follow what varies most, so they "
+        "find orders 12 and 36 where the cables make the units differ by much more than the second "
+        "pattern in which all else scatters from run to run (first and second pattern beside the "
+        f"cables, in ({UNITS['velocity']})²). {'. '.join(said)}. Over the travel a triangular "
+        "command flips the sign of a full speed at each turn (conditions 2, 3, 5), and the jump "
+        "spreads over all orders, otherwise in each run; a sine (condition 4) passes through zero, "
+        "and its motion varies in one pattern. "
     )
     if not len(hidden):
         return text + "Stroke by stroke the flip is gone, and all conditions are exposed."

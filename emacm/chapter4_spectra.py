@@ -167,16 +167,16 @@ def run_campaign(
     frame = recordings.frame
     frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
-    tell = (
-        None if report is None else lambda text: report(f"chapter 4, units of seed {seed}: {text}")
+    tables, kept = estimate(
+        recordings, readings, f"units of seed {seed}", keep=keep, n_jobs=n_jobs, report=report
     )
-    tables, kept = estimate(recordings, readings, keep=keep, n_jobs=n_jobs, report=tell)
     return Campaign(frame, tables, kept)
 
 
 def estimate(
     recordings: LaboratoryRecordings,
     readings: Sequence[str],
+    called: str,
     *,
     keep: bool = False,
     n_jobs: int | None = None,
@@ -190,6 +190,8 @@ def estimate(
         Which.
     readings : sequence of str
         Keys of `READINGS`.
+    called : str
+        What they are, for `report`.
     keep : bool
         Whether to keep the first runs themselves.
     n_jobs, report
@@ -214,7 +216,7 @@ def estimate(
         if recording is not None:
             kept[number] = recording
         if report is not None and (number + 1) % 50 == 0:
-            report(f"{number + 1} of {len(runs)} recordings")
+            report(f"chapter 4, {called}: {number + 1} of {len(runs)} recordings")
     tables = {
         reading: {
             channel: pd.concat([row[reading][channel] for row in rows], ignore_index=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +49,9 @@ class Model(NamedTuple):
     pipeline: Pipeline
 
 
-def train(campaign: Campaign, reading: str = "thesis") -> list[Model]:
+def train(
+    campaign: Campaign, reading: str = "thesis", channels: Collection[str] = tuple(SIGNALS)
+) -> list[Model]:
     """Train all classifiers of the chapter on the first half of the runs.
 
     Bins of one order, two principal components, Gaussian classes of equal priors and uniform cost
@@ -62,6 +64,9 @@ def train(campaign: Campaign, reading: str = "thesis") -> list[Model]:
     reading : str
         Key of `READINGS`.
 
+    channels : collection of str
+        Signals, each by itself.
+
     Returns
     -------
     list of Model
@@ -70,7 +75,7 @@ def train(campaign: Campaign, reading: str = "thesis") -> list[Model]:
     known = sorted(set(campaign.frame["condition"]))
     groups = [("per condition", (number,)) for number in known] + [("single", tuple(known))]
     models = []
-    for channel in SIGNALS:
+    for channel in channels:
         spectra = campaign.spectra[reading][channel]
         settings = READINGS[reading]
         for scheme, conditions in groups:

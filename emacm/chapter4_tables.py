@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -41,9 +42,11 @@ class Study(NamedTuple):
     decisions: pd.DataFrame
 
 
-def study(campaign: Campaign, reading: str = "thesis") -> Study:
-    """Train all classifiers, let them decide and explain them."""
-    models = train(campaign, reading)
+def study(
+    campaign: Campaign, reading: str = "thesis", channels: Collection[str] = tuple(SIGNALS)
+) -> Study:
+    """Train classifiers of channels as `train` does, let them decide and explain them."""
+    models = train(campaign, reading, channels)
     explanations = [explain(campaign, model, reading) for model in models]
     return Study(reading, models, explanations, decide(campaign, models, reading))
 
@@ -109,8 +112,8 @@ def over_pairs(carried: pd.DataFrame, shares: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Indexed by signal and conditions. Beside the thesis' travel stand the shares stroke by stroke
-        ("…, strokes [%]") and without folding ("…, band-limited [%]").
+        Indexed by signal and conditions. Beside the shares over the thesis' travel stand those
+        stroke by stroke ("…, strokes [%]") and without folding ("…, band-limited [%]").
     """
     groups = carried.groupby(["signal", "conditions"], sort=False)
     medians, lowest, highest = groups.median(), groups.min(), groups.max()
@@ -190,9 +193,8 @@ def conditions_table(campaign: Campaign) -> pd.DataFrame:
     chosen = ["revolutions", "strokes", "longest_stroke", "fastest", "max_order"]
     table = table[chosen].rename(columns={"fastest": "fastest [rad/s]"})
     top = READINGS["thesis"].max_order
-    return table.assign(
-        **{f"order {top:g} at most [Hz]": top * table["fastest [rad/s]"] / 2 / np.pi}
-    )
+    table[f"order {top:g} at most [Hz]"] = top * table["fastest [rad/s]"] / (2 * np.pi)
+    return table
 
 
 def named(model: Model) -> str:

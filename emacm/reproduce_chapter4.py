@@ -127,7 +127,7 @@ def run_chapter4(
     Chapter
     """
     chapter = Chapter(4, "Test Demonstration")
-    settings = {"n_jobs": n_jobs, "report": report, "duration": extent.duration}
+    settings: dict[str, Any] = {"n_jobs": n_jobs, "report": report, "duration": extent.duration}
     pairs = _Pairs()
     for seed in extent.seeds:
         first = seed == extent.seeds[0]
@@ -207,7 +207,7 @@ def _control(
     """Run the control with the first pair of units; keep its table, return what it says."""
     again = control_campaign(campaign, seed, readings=list(CALLED), **settings)
     usual = pd.concat([shares_table(studies[name]) for name in CALLED])
-    control = pd.concat([shares_table(study(again, name)) for name in CALLED])
+    control = pd.concat([shares_table(study(again, name, CONTROLLED)) for name in CALLED])
     table = control_table(usual, control)
     chapter.tables["control: equal noise in the cables"] = table
     strokes = control[(control["reading"] == "strokes") & (control["conditions"] != "all")]
