@@ -155,9 +155,10 @@ def control_remark(table: pd.DataFrame, carried_by_shaft: Mapping[str, float]) -
     return (
         "Control: the first pair of units once more, with equal noise in the cables of both (all "
         "else equal to the last random number). Means over conditions go, with 50 % being chance: "
-        f"{'; '.join(said)}. What falls towards chance had rested on the cable, and so had the thesis'. "
-        "What stays is none of the cable: over the travel velocity decides by the turns of the "
-        "motion, and stroke by stroke much of what then tells the units apart lies at one to "
-        f"three per revolution ({shaft}, mean over conditions): there stand each unit's own alignment "
-        "and what a dry bearing adds to it, and one unit of a kind does not tell the two apart."
+        f"{'; '.join(said)}. What falls towards chance had rested on the cable, and so had the "
+        "thesis'. What stays is none of the cable: over the travel velocity decides by the turns "
+        "of the motion, and stroke by stroke much of what then tells the units apart lies at one "
+        f"to three per revolution ({shaft}, mean over conditions): there stand each unit's own "
+        "alignment and what a dry bearing adds to it, and one unit of a kind does not tell the "
+        "two apart."
     )
