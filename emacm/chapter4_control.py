@@ -77,14 +77,19 @@ def control_campaign(
     -------
     Campaign
         Without kept recordings.
+
+    Raises
+    ------
+    ValueError
+        If the campaign does not list its healthy unit first.
     """
+    healthy = (campaign.frame["health"] == "healthy").to_numpy()
+    if np.any(np.diff(healthy.astype(int)) > 0):
+        raise ValueError("campaign must list the healthy unit first, as run_campaign does.")
     _, degraded = equally_noisy(*thesis_benches(seed=seed, **constants))
     n_runs = int(campaign.frame["run"].max())
     recordings = laboratory_recordings([degraded], n_runs=n_runs)
     again, _ = estimate(recordings, readings, "control", n_jobs=n_jobs, report=report)
-    healthy = (campaign.frame["health"] == "healthy").to_numpy()
-    if np.any(np.diff(healthy.astype(int)) > 0):
-        raise ValueError("campaign must list the healthy unit first, as run_campaign does.")
     spectra = {
         reading: {
             channel: pd.concat([table[healthy], again[reading][channel]], ignore_index=True)

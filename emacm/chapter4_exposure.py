@@ -249,8 +249,9 @@ def bearing_remark(tables: Mapping[str, pd.DataFrame]) -> str:
         "rolling ring the modes of the housing in hertz, whatever the speed, and what lies above "
         "order 100 is folded in, smeared over all orders, and louder for the degraded unit. "
         f"By condition, {'; '.join(said)}. Where the shaft is slow and all modes lie above "
-        "(condition 1), next to nothing of the bearing is left below order 100: there the thesis' "
-        "way decides by folded ringing, which is of the bearing, but at no order of it."
+        "(condition 1), the housing shakes below order 100 by far less than the noise of the "
+        "channel: there the thesis' way decides by folded ringing, which is of the bearing, but "
+        "at no order of it, and without folding nothing is left to decide by."
     )
 
 
