@@ -403,8 +403,8 @@ def test_the_control_keeps_the_healthy_unit_and_its_other_channels(campaign):
 
 
 def test_with_equal_cables_lines_at_12_and_36_are_alike_in_both_units(campaign):
-    again = control_campaign(campaign, 3, readings=["strokes"], duration=1.0)
-    table = again.spectra["strokes"]["lvdt"]
+    again = control_campaign(campaign, 3, readings=["thesis"], duration=1.0)
+    table = again.spectra["thesis"]["lvdt"]
     orders = np.array([float(name.partition("@")[2]) for name in table])
     health = campaign.frame["health"]
     fast = campaign.frame["condition"] == 4
