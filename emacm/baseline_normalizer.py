@@ -84,8 +84,9 @@ class BaselineNormalizer(  # type: ignore[call-arg]
     Signals are resampled at whole multiples of `theta_s`, so means and differences are
     taken sample by sample, without interpolation. A baseline is known where half of the healthy
     recordings have been (assumed); strokes are cut to that, and `coverage` tells how much is left.
-    Healthy recordings of training are part of their own baseline, and so a share of
-    1/n_healthy nearer to it than new ones.
+    Short strokes of a shaft that shivers at rest would join the mean: set `min_speed` of
+    `OrderResampler` above that. Healthy recordings of training are part of their own
+    baseline, and so a share of 1/n_healthy nearer to it than new ones.
 
     Examples
     --------
