@@ -106,6 +106,9 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
     always 1, which is refused. Recordings with more segments have less of that bias: compare
     recordings of about equal length. Noise of the input makes the response too small.
 
+    Bins want to be narrow against 1/delay: where one channel lags by a revolution, the phase goes
+    round once in an order, and the cross spectrum of a bin of that width cancels.
+
     The phase of a reverse stroke is along its own motion: what comes later in time lags there too.
 
     Source: Bendat and Piersol, Random Data, 4th ed., Wiley, 2010, ch. 6 and 11.
