@@ -91,8 +91,8 @@ def _resampling(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
     sure = [scheme.name for scheme, score in done if score.row["accuracy"] in (0, 1)]
     if sure:
         said.append(
-            f"In {sure} decisions are all right or all wrong: limits of no width say that resampling "
-            f"met nothing else, not that there is nothing else."
+            f"In {sure} decisions are all right or all wrong: limits of no width say that "
+            f"resampling met nothing else, not that there is nothing else."
         )
     thin = [
         scheme.name
