@@ -69,7 +69,7 @@ def spread(
     """Add each sample, less the mean of its signal, to the grid points around it."""
     travel = _read_only(travel)
     for first in range(0, len(signals), _AT_ONCE):
-        rows = _eight(signals[first : first + _AT_ONCE])
+        rows = _eight(signals[first : first + _AT_ONCE], grid.dtype)
         places = np.arange(first, min(first + _AT_ONCE, len(signals)))
         _spread(
             travel, scale, offset, kernel, *rows, places, means.astype(grid.dtype), grid, n_points
@@ -115,7 +115,7 @@ def read_off(
     """Read signals off between their samples, by straight lines; Eq. (2.13) of Chirico."""
     reached = _read_only(reached)
     for start in range(0, len(signals), _AT_ONCE):
-        rows = _eight(signals[start : start + _AT_ONCE])
+        rows = _eight(signals[start : start + _AT_ONCE], values.dtype)
         _read_off(reached, first, theta_s, *rows, values[start : start + _AT_ONCE])
 
 
@@ -158,9 +158,9 @@ def joined_powers(parts: NDArray[np.complexfloating], real: Array, imaginary: Ar
     return total
 
 
-def _eight(signals: list[Array]) -> list[Array]:
-    """Return as many rows as are compiled for; the last ones are not looked at."""
-    rows = [_read_only(signal) for signal in signals]
+def _eight(signals: list[Array], dtype: np.dtype) -> list[Array]:
+    """Return as many rows of one type as are compiled for; the last ones are not looked at."""
+    rows = [_read_only(signal.astype(dtype, copy=False)) for signal in signals]
     return rows + rows[:1] * (_AT_ONCE - len(rows))
 
 

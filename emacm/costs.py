@@ -203,10 +203,10 @@ def group_costs(
 
     Notes
     -----
-    Scores that compare labels (accuracy, `score` of a classifier) find no family among the states,
-    and call every decision wrong. Compare families with families,
-    ``balanced_accuracy_score(group_labels(y, groups), model.predict(X))``, or use
-    `expected_cost`, `neg_expected_cost`.
+    Metrics that compare labels, as scikit-learn's accuracy, find no family among the states, and
+    call every decision wrong. Compare families with families,
+    ``balanced_accuracy_score(group_labels(y, groups), model.predict(X))``, or use `score` of the
+    classifier, `expected_cost`, `neg_expected_cost`.
 
     Examples
     --------

@@ -484,11 +484,11 @@ def test_an_error_inside_tells_the_condition():
 def test_a_router_says_how_to_explain_it(fleet):
     X, y = fleet
     router = ConditionRouter(chain()).fit(X, y)
-    for explain in (explain_decision, explain_model):
+    for explain, given in ((explain_decision, X[:1]), (explain_model, X)):
         with pytest.raises(TypeError, match=r"router\.estimators_\[-40\]"):
-            explain(router, X)
+            explain(router, given)
         with pytest.raises(TypeError, match=r"pipeline for each condition \[-40, 20, 40\]"):
-            explain(make_pipeline(router), X)
+            explain(make_pipeline(router), given)
 
 
 def test_the_pipeline_of_a_condition_can_be_explained(fleet):

@@ -128,10 +128,10 @@ def test_a_search_over_costs_and_covariances_takes_them(states):
 
 def test_accuracy_compares_families_with_families(states):
     X, y = states
-    faulty = y != "normal"  # the one family that bears the name of its state
     model = CostSensitiveGaussianBayes(group_costs(GROUPS), covariance="tied").fit(X, y)
-    assert model.score(X[faulty], y[faulty]) == 0
-    assert accuracy_score(group_labels(y, GROUPS), model.predict(X)) > 0.95
+    accuracy = accuracy_score(group_labels(y, GROUPS), model.predict(X))
+    assert accuracy > 0.95
+    assert model.score(X, y) == accuracy
 
 
 def test_labels_of_families_keep_their_kind():

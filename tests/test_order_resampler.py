@@ -636,6 +636,20 @@ def test_quality_warns_of_noise_at_rest_beside_a_long_stroke():
 
 
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize("antialias", [True, False])
+def test_channels_of_both_precisions_go_together(kernels, antialias):
+    if kernels == "numba":
+        pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
+    tone = np.sin(60 * np.arange(4000) / 1000)
+    channels = {"single": tone.astype(np.float32), "double": tone}
+    recording = Recording(channels, 1000, velocity=np.full(4000, 60.0))
+    resampler = OrderResampler(2 * np.pi / 32, antialias=antialias, interpolation="linear")
+    with using(kernels):
+        single, double = resampler.fit_transform([recording])[0].strokes[0].signals
+    np.testing.assert_allclose(single, double, atol=1e-6)
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
 @pytest.mark.parametrize(
     "options", [{}, {"antialias": False}, {"antialias": False, "interpolation": "linear"}]
 )
