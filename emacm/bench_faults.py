@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
-from emacm.fault_orders import fault_orders
 from emacm.machine_parts import Bearing
+from emacm.predicted_orders import fault_orders
 
 # Assumed: a geometry of an angular contact bearing that gives the 6.123 of the thesis, chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))

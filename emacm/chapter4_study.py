@@ -17,9 +17,9 @@ from emacm.bin_transformer import BinTransformer
 from emacm.chapter4_spectra import READINGS, REVOLUTIONS, SIGNALS, Campaign
 from emacm.diagnosis import CostSensitiveGaussianBayes
 from emacm.explanations import explain_model, match_fault_orders
-from emacm.fault_orders import fault_orders
 from emacm.machine_parts import Motor
 from emacm.outcome_displays import OUTCOMES
+from emacm.predicted_orders import fault_orders
 
 SCHEMES = {"per condition": "Table 4.5", "single": "Table 4.6"}
 GROUPS = ("inner ring", "electrical noise", "shaft")  # kinds of orders that are looked for

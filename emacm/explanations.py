@@ -25,9 +25,9 @@ from emacm.decision_slopes import (
     mean_slope_of_log_odds,
 )
 from emacm.diagnosis import CostSensitiveGaussianBayes
-from emacm.fault_orders import named_orders, slip_ranges
 from emacm.feature_traces import FeatureTrace, trace_features, with_names
 from emacm.opened_pipelines import OpenedPipeline, one_recording
+from emacm.predicted_orders import named_orders, slip_ranges
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ LAYERS = {
         "distances",
         "envelope",
         "families",
-        "fault_orders",
+        "predicted_orders",
         "feature_baselines",
         "fourier",
         "gaussians",
@@ -272,12 +272,21 @@ def test_no_module_imports_a_test_tool(module):
     assert not tools & {name.partition(".")[0] for name in imported_anywhere(module)}
 
 
-def test_importing_the_package_imports_nothing_optional():
-    code = "import sys, emacm; print(*sorted(name for name in sys.modules))"
+def loaded_by(code):
+    """Return the modules that an interpreter has loaded after some code."""
+    code = f"import sys; {code}; print(*sys.modules)"
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
-    loaded = set(result.stdout.split())
+    return set(result.stdout.split())
+
+
+def test_importing_the_package_imports_hardly_anything():
+    assert not {"numpy", "sklearn", "emacm.order_psd"} & loaded_by("import emacm")
+
+
+def test_importing_all_names_imports_nothing_optional():
+    loaded = loaded_by("from emacm import *")
     assert "emacm.order_psd" in loaded
     assert not OPTIONAL & loaded
 
@@ -297,3 +306,14 @@ def test_the_names_of_the_contract_import_from_the_package():
 
 def test_the_package_has_all_it_promises():
     assert not [name for name in emacm.__all__ if not hasattr(emacm, name)]
+
+
+@pytest.mark.parametrize("name", sorted(set(emacm.__all__) - {"__version__"}))
+def test_public_names_come_from_the_modules_that_define_them(name):
+    assert getattr(emacm, name).__module__ == f"emacm.{emacm._HOME[name]}"
+    assert name in dir(emacm)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="'emacm' has no attribute 'nothing'"):
+        emacm.nothing  # noqa: B018
