@@ -124,7 +124,7 @@ def windowed(
 ) -> Array:
     """Cut signals into segments and weight them."""
     segments = np.empty((len(signals), n_segments, len(window)), signals.dtype)
-    _windowed(_read_only(signals), first, step, window, remove_mean, segments)
+    _windowed(_read_only(signals), first, step, _read_only(window), remove_mean, segments)
     return segments
 
 
@@ -147,7 +147,8 @@ def split_powers(
 ) -> Array:
     """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`."""
     total = np.zeros((len(signals), n_lines))
-    _split_powers(_read_only(signals), first, step, window, n_segments, remove_mean, *split, total)
+    signals, window = _read_only(signals), _read_only(window)
+    _split_powers(signals, first, step, window, n_segments, remove_mean, *split, total)
     return total
 
 

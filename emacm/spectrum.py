@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -483,15 +484,10 @@ def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any
 
 
 def _window_values(window: Any, length: int) -> NDArray[np.floating]:
-    if isinstance(window, str | tuple):
-        try:
-            named = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
-        except (ValueError, TypeError, IndexError, AttributeError) as error:
-            raise ValueError(
-                f"window must be what scipy.signal.get_window takes, such as 'hann' or "
-                f"('kaiser', 8.0); got {window!r}: {error}"
-            ) from error
-        return _check_window(named, window)
+    if isinstance(window, str):
+        return _remembered_window(window, length)
+    if isinstance(window, tuple):  # it may hold what cannot be remembered
+        return _named_window(window, length)
     values = check_real_array(window, "window")
     if values.shape != (length,):
         raise ValueError(
@@ -499,6 +495,21 @@ def _window_values(window: Any, length: int) -> NDArray[np.floating]:
             f"got shape {values.shape}. Name it instead, or set n_per_segment."
         )
     return _check_window(values, "an array")
+
+
+def _named_window(window: Any, length: int) -> NDArray[np.floating]:
+    try:
+        values = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
+    except (ValueError, TypeError, IndexError, AttributeError) as error:
+        raise ValueError(
+            f"window must be what scipy.signal.get_window takes, such as 'hann' or "
+            f"('kaiser', 8.0); got {window!r}: {error}"
+        ) from error
+    _check_window(values, window).flags.writeable = False
+    return values
+
+
+_remembered_window = lru_cache(maxsize=32)(_named_window)
 
 
 def _check_window(values: NDArray[np.floating], name: Any) -> NDArray[np.floating]:
