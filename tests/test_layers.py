@@ -80,10 +80,12 @@ LAYERS = {
         "order_resampler",
         "posterior_product",
         "recording_statistics",
+        "relative_harmonics",
         "shaft_harmonics",
         "stroke_features",
         "stroke_profile",
     ],
+    "recipes": ["recipes"],
     "explanations": ["decision_slopes", "explanations", "feature_traces", "opened_pipelines"],
     "evaluation": [
         "evaluation",
