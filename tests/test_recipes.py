@@ -1,0 +1,136 @@
+"""Facts about the recipe for actuators."""
+
+import joblib
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from emacm import ConditionRouter, Recording, ShaftHarmonics, group_costs
+from emacm.recipes import actuator_recipe
+
+FS, TURN = 100.0, 2 * np.pi
+STATES = ("normal", "worn1", "worn2")
+
+
+def stroke_angle(jitter=0.0, seed=0):
+    """Rest, out over 20 revolutions, rest, and back."""
+    speed = np.repeat([0.0, 20.0, 0.0, -20.0], [60, 630, 90, 630])
+    noise = np.random.default_rng(seed).standard_normal(len(speed)) * jitter
+    return 0.4 + np.cumsum(speed) / FS + noise
+
+
+def actuator(state="normal", load=20, seed=0, zero=0.0, wave=0.0):
+    """Current and position error, which answers the current; a wave that stands at `wave`."""
+    rng, angle = np.random.default_rng(seed), stroke_angle()
+    strength = 0.3 * STATES.index(state)
+    current = load / 20 + (1 + strength) * 0.1 * np.cos(angle - wave)
+    current += 0.05 * (1 + 3 * strength) * rng.standard_normal(len(angle))
+    error = np.convolve(current, [0.5, 0.3, 0.2], "same") + 0.02 * rng.standard_normal(len(angle))
+    channels = {"current": current, "error": error}
+    return Recording(channels, FS, angle=angle + zero, meta={"load": load, "state": state})
+
+
+def campaign(n=4, loads=(20, 40), **options):
+    X = [
+        actuator(state, load, seed, **options)
+        for seed in range(n)
+        for state in STATES
+        for load in loads
+    ]
+    return X, np.array([x.meta["state"] for x in X])
+
+
+def recipe(**options):
+    return actuator_recipe(max_order=3, min_speed=2, transient=0.5, **options)
+
+
+VARIANTS = {
+    "without phase": {},
+    "with phase": {"phase": True},
+    "relative to healthy": {"phase": True, "healthy": "normal"},
+}
+variants = pytest.mark.parametrize("options", VARIANTS.values(), ids=VARIANTS)
+
+
+@variants
+def test_states_of_a_made_up_actuator_are_recognised_in_new_recordings(options):
+    X, y = campaign()
+    model = recipe(**options).fit(X, y)
+    new, truth = [actuator(s, 20, 100 + k) for k, s in enumerate(STATES)], list(STATES)
+    assert model.predict(new).tolist() == truth
+
+
+def test_without_phase_features_do_not_see_where_the_wave_stands():
+    X, _ = campaign(1)
+    features = recipe()[0].fit(X)
+    # Two whole turns of difference, so that windows and segments see the same noise.
+    moved = [actuator(x.meta["state"], x.meta["load"], 0, wave=1.7) for x in X]
+    names = features.get_feature_names_out()
+    waves = [k for k, name in enumerate(names) if "in_phase" in name or "quadrature" in name]
+    known, found = features.transform(X)[:, waves], features.transform(moved)[:, waves]
+    np.testing.assert_allclose(found, known, atol=0.02)
+    absolute = ShaftHarmonics((1,), min_speed=2, min_revolutions=1)
+    assert np.abs(absolute.fit_transform(moved) - absolute.fit_transform(X)).max() > 0.1
+
+
+def test_without_phase_the_zero_of_the_shaft_angle_changes_nothing():
+    X, _ = campaign(1)
+    features = recipe()[0].fit(X)
+    turned = [actuator(x.meta["state"], x.meta["load"], 0, zero=2.0) for x in X]
+    known, found = features.transform(X), features.transform(turned)
+    # Resampling starts at whole multiples of theta_s, and so a fraction of a sample later.
+    np.testing.assert_allclose(found, known, rtol=0.25, atol=0.25)
+    model = recipe().fit(*campaign())
+    assert model.predict(turned).tolist() == model.predict(X).tolist()
+
+
+@variants
+def test_every_feature_has_a_name_of_its_own(options):
+    X, y = campaign(2, loads=(20,))
+    names = recipe(**options)[:-1].fit(X, y).get_feature_names_out()
+    assert len(set(names)) == len(names) == recipe(**options)[:-1].fit_transform(X, y).shape[1]
+    assert {"current+@0-0.25", "current+:mean", "current-:start:peak"} <= set(names)
+
+
+def test_it_decides_on_families_of_states():
+    X, y = campaign()
+    cost = group_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
+    assert {*recipe(cost=cost).fit(X, y).predict(X)} == {"normal", "worn"}
+
+
+def test_it_goes_into_a_router_and_through_joblib(tmp_path):
+    X, y = campaign()
+    model = clone(ConditionRouter(recipe(), condition="load")).fit(X, y)
+    joblib.dump(model, tmp_path / "model.joblib")
+    kept = joblib.load(tmp_path / "model.joblib")
+    assert kept.predict(X).tolist() == model.predict(X).tolist() == y.tolist()
+
+
+def test_healthy_recordings_of_a_load_make_its_level_no_fault():
+    X, y = campaign()
+    asked = np.array([x.meta["load"] == 40 and x.meta["state"] != "normal" for x in X])
+    taught = [x for x, out in zip(X, asked, strict=True) if not out]
+    model = recipe(phase=True, healthy="normal").fit(taught, y[~asked])
+    features = model[:-1]
+    names = features.get_feature_names_out().tolist()
+    level = features.transform(X)[:, names.index("current+:mean")]
+    loads = np.array([x.meta["load"] for x in X])
+    healthy = y == "normal"
+    difference = level[healthy & (loads == 40)].mean() - level[healthy & (loads == 20)].mean()
+    assert abs(difference) < 1e-9
+
+
+def test_a_baseline_without_phase_is_refused():
+    with pytest.raises(ValueError, match=r"healthy = 'normal' needs phase=True.*same assemblies"):
+        actuator_recipe(healthy="normal")
+
+
+@pytest.mark.parametrize("name", ["revolutions", "max_order"])
+def test_numbers_are_checked(name):
+    with pytest.raises(ValueError, match=name):
+        actuator_recipe(**{name: 0})
+
+
+def test_phase_is_yes_or_no():
+    with pytest.raises(ValueError, match="phase"):
+        actuator_recipe(phase="relative")
