@@ -1,0 +1,269 @@
+"""Diagnosis of a real actuator, beside what a user would take instead.
+
+The recordings are those of `emacm.datasets.load_cranfield`: 13 states of a ball screw, three
+loads. Methods are `actuator_recipe` without and with the phase of the screw, the chain of
+the thesis (spectra, bins, PCA, a Gaussian for each class), shrinkage LDA on the raw current, and
+MiniRocket and MultiRocket with a ridge classifier (aeon, the extra `bench`; left out without).
+
+Tasks: all 13 states; four families; normal and the worst state of each fault; the family of a
+state that was in no training ("unseen state": mean over its three families). Schemes: a model per
+load; one model for all loads, not told the load; load left out, with healthy recordings of
+that load in training. All methods are trained on the 13 states (in one model: on state and
+load), as that is better for each of them; families are the sums of their states.
+
+Without --test each run is left out in turn. With it, all of --train is trained on, and
+sequences of the test file that are copies of one in the training file are left out. Intervals
+(95 %) come from drawing runs anew, or repetitions (`group`) where there are fewer than five runs.
+
+Each state is one assembly on this rig: no figure here tells a fault from an assembly, and those
+"with phase" are for the same assemblies only.
+
+    python benchmarks/real_actuator.py [--train FILE] [--test FILE] [--json FILE] [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from actuator_methods import METHODS, TRIED, Fold, missing_methods, separations
+from measure import header
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
+
+from emacm.datasets import load_cranfield
+from emacm.group_bootstrap import cell_mean, group_intervals
+
+HEALTHY = "normal"
+WORST = (HEALTHY, "lackLubrication2", "backlash2", "spalling8")
+PLAN = {
+    "13 states": ("per load", "one model"),
+    "families": ("per load", "one model", "load left out"),
+    "worst four": ("per load", "one model", "load left out"),
+    "unseen state": ("per load", "one model"),
+}
+COPY = 1e-5  # A, as in load_cranfield
+FEW_RUNS = 5
+
+
+class Recordings(NamedTuple):
+    """Recordings, with what is known of each."""
+
+    X: list[Any]
+    state: NDArray[np.str_]
+    load: NDArray[Any]
+    run: NDArray[Any]
+    group: NDArray[Any]
+
+    def take(self, chosen: NDArray[Any]) -> Recordings:
+        """Return some of them."""
+        rows = np.flatnonzero(chosen)
+        return Recordings([self.X[i] for i in rows], *(column[rows] for column in self[1:]))
+
+
+class Case(NamedTuple):
+    """What one fit learns from, and what it decides on."""
+
+    train: NDArray[np.bool_]
+    test: NDArray[np.bool_]
+    labels: NDArray[Any]
+    answers: dict[str, str]  # label: what it counts as
+    load: Any  # the load, if the model is of one load
+
+
+def family(state: str) -> str:
+    """Return the fault without its severity."""
+    return state.rstrip("0123456789")
+
+
+def cases(task: str, scheme: str, known: Recordings, fold: Fold) -> Iterator[Case]:
+    """Yield the fits of a task under a scheme."""
+    train, test = fold.train, fold.test
+    if task == "worst four":
+        train, test = (which & np.isin(known.state, WORST) for which in (train, test))
+    left_out = sorted({*known.state} - {HEALTHY}) if task == "unseen state" else [None]
+    for state in left_out:
+        taught, asked = train & (known.state != state), test
+        if state is not None:
+            asked = test & (known.state == state)
+        for load in np.unique(known.load) if scheme != "one model" else [None]:
+            here = known.load == load if load is not None else np.ones(len(train), dtype=bool)
+            labels, source = known.state, taught & here
+            if scheme == "load left out":
+                source = taught & (~here | (known.state == HEALTHY))
+            if scheme == "one model":
+                labels = np.array([f"{s} at {x}" for s, x in zip(*known[1:3], strict=True)])
+            if not (asked & here).any():
+                continue
+            told = family if task in ("families", "unseen state") else str
+            answers = {
+                str(label): told(str(label).partition(" at ")[0])
+                for label in np.unique(labels[source])
+            }
+            of_load = load if scheme == "per load" else None
+            yield Case(source, asked & here, labels, answers, of_load)
+
+
+def decide(method: Any, task: str, scheme: str, known: Recordings, fold: Fold) -> NDArray:
+    """Return a decision for each recording, "" for those that were not asked about."""
+    decided = np.full(len(known.X), "", dtype="U40")
+    for case in cases(task, scheme, known, fold):
+        table = method.table(known, fold, case.load)
+        labels = case.labels[case.train]
+        model = method.classifier(case.answers).fit(table[case.train], labels)
+        found = model.predict(table[case.test])
+        decided[case.test] = [case.answers.get(label, label) for label in map(str, found)]
+    return decided
+
+
+def row(task: str, known: Recordings, decided: NDArray) -> dict[str, float]:
+    """Return balanced accuracy and its interval."""
+    told = family if task in ("families", "unseen state") else str
+    truth = np.array([told(state) for state in known.state])
+    right = (truth == decided).astype(float)
+    names, cells = np.unique(truth, return_inverse=True)
+    if task == "unseen state":  # each of a family's states counts alike
+        names, cells = np.unique(known.state, return_inverse=True)
+    cells = np.where(decided == "", -1, cells)
+    groups = known.run if len(np.unique(known.run[decided != ""])) >= FEW_RUNS else known.group
+    if task == "unseen state":
+        right *= _weights(names, cells)
+    low, high = group_intervals(right[None], cells[None], groups)[0]
+    value = cell_mean(right, cells)
+    return {"balanced_accuracy": value, "low": max(float(low), 0.0), "high": min(float(high), 1.0)}
+
+
+def _weights(names: NDArray[Any], cells: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Weigh states so that their mean is that over families."""
+    states = [str(names[k]) for k in np.unique(cells[cells >= 0])]
+    families = [family(state) for state in states]
+    shares = {s: 1 / families.count(family(s)) / len(set(families)) * len(states) for s in states}
+    return np.array([shares.get(str(names[k]), 0.0) if k >= 0 else 0.0 for k in cells])
+
+
+def read(path: Path) -> Recordings:
+    """Read a file, saying what the loader says."""
+    with warnings.catch_warnings(record=True) as remarks:
+        warnings.simplefilter("always")
+        X, states, frame = load_cranfield(path)
+    for remark in remarks:
+        print(f"{path.name}: {remark.message}")
+    return Recordings(X, states, *(frame[name].to_numpy() for name in ("load", "run", "group")))
+
+
+def joined(train: Recordings, test: Recordings) -> tuple[Recordings, list[Fold]]:
+    """Put two files together, without copies, and hold the second out."""
+    currents = [np.stack([x.signals["current"] for x in part.X]) for part in (test, train)]
+    new = cdist(*currents, "chebyshev").min(axis=1) > COPY
+    if not new.all():
+        print(f"{np.sum(~new)} test sequences are copies of training sequences and were left out.")
+    test = test.take(new)
+    # A later file may count runs and repetitions from 1 again.
+    apart = test._replace(run=test.run + 1000, group=test.group + 100_000)
+    both = Recordings(
+        train.X + apart.X,
+        *(np.concatenate(pair) for pair in zip(train[1:], apart[1:], strict=True)),
+    )
+    held_out = np.arange(len(both.X)) >= len(train.X)
+    return both, [Fold(~held_out, held_out, "later runs")]
+
+
+def folds_by_run(known: Recordings) -> list[Fold]:
+    """Leave out each run in turn."""
+    return [Fold(known.run != run, known.run == run, f"run {run}") for run in np.unique(known.run)]
+
+
+def found_file() -> Path | None:
+    """Return the file in the folder that EMACM_DATA names."""
+    folder = os.environ.get("EMACM_DATA")
+    files = sorted(Path(folder).glob("cranfield_ema/cranfield*.npz")) if folder else []
+    return files[0] if files else None
+
+
+def compare(known: Recordings, folds: list[Fold], quick: bool) -> list[dict]:
+    """Measure every method on every task."""
+    rows = []
+    for name, method in METHODS.items():
+        start = time.perf_counter()
+        plan = [
+            (task, scheme)
+            for task, schemes in PLAN.items()
+            for scheme in (schemes[:1] if quick and "Rocket" in name else schemes)
+        ]
+        decided = {asked: np.full(len(known.X), "", dtype="U40") for asked in plan}
+        for fold in folds:
+            for asked in plan:
+                found = decide(method, *asked, known, fold)
+                decided[asked][fold.test] = found[fold.test]
+            method.forget(fold)
+        for (task, scheme), found in decided.items():
+            rows.append({"task": task, "scheme": scheme, "method": name} | row(task, known, found))
+        print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
+    return rows
+
+
+def print_table(rows: list[dict]) -> None:
+    """Print a line for each task and scheme, a column for each method."""
+    frame = pd.DataFrame(rows)
+    frame["cell"] = [f"{r['balanced_accuracy']:.3f} ({r['low']:.2f}-{r['high']:.2f})" for r in rows]
+    table = frame.pivot_table(
+        index=["task", "scheme"], columns="method", values="cell", aggfunc="first", sort=False
+    )
+    with pd.option_context("display.width", 200, "display.max_columns", None):
+        print(f"\nbalanced accuracy (95 %)\n{table.fillna('').to_string()}")
+
+
+def main() -> None:
+    """Measure, print the table and what carries the decisions, and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
+    parser.add_argument("--test", type=Path, help="file of later runs; default: each run in turn")
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--quick", action="store_true", help="two sequences of each of three runs")
+    options = parser.parse_args()
+    file = options.train or found_file()
+    if file is None:
+        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
+        raise SystemExit(0 if options.quick else 2)
+    print(header())
+    known = read(file)
+    if options.quick:
+        known = _few(known)
+    if options.test:
+        later = read(options.test)
+        known, folds = joined(known, _few(later) if options.quick else later)
+    else:
+        folds = folds_by_run(known)
+    print(f"{len(known.X)} recordings; held out: {', '.join(fold.name for fold in folds)}")
+    print(f"variants tried until the recipe stood: {TRIED}")
+    for name in missing_methods():
+        print(f"{name} left out: aeon is not installed (pip install 'emacm[bench]')")
+    with threadpool_limits(1):  # many small problems: threads would wait for one another
+        rows = compare(known, folds, options.quick)
+    print_table(rows)
+    kinds, orders = separations(known, folds[0])
+    print("\nwhat tells the states apart (emacm, per load): shares of the squared distances")
+    print(f"{kinds.round(3).to_string()}\n\nof these by order\n{orders.round(3).to_string()}")
+    print("\nEach state is one assembly here: 'with phase' holds for the same assemblies only.")
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+def _few(known: Recordings) -> Recordings:
+    """Return two sequences of each state, load and run, of three runs."""
+    frame = pd.DataFrame({name: getattr(known, name) for name in ("state", "load", "run")})
+    number = frame.groupby(["state", "load", "run"]).cumcount().to_numpy()
+    return known.take((number < 2) & np.isin(known.run, np.unique(known.run)[:3]))
+
+
+if __name__ == "__main__":
+    main()
