@@ -168,7 +168,8 @@ def joined(train: Recordings, test: Recordings) -> tuple[Recordings, list[Fold]]
         print(f"{np.sum(~new)} test sequences are copies of training sequences and were left out.")
     test = test.take(new)
     # A later file may count runs and repetitions from 1 again.
-    apart = test._replace(run=test.run + 1000, group=test.group + 100_000)
+    run, group = (column.astype(int) + 100_000 for column in (test.run, test.group))
+    apart = test._replace(run=run, group=group)
     both = Recordings(
         train.X + apart.X,
         *(np.concatenate(pair) for pair in zip(train[1:], apart[1:], strict=True)),
