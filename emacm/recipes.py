@@ -117,8 +117,10 @@ def actuator_recipe(
             f"is taken off, depends on where both stand on the shaft. Leave healthy out, or set "
             f"phase=True and mind that this is for the same assemblies only."
         )
-    relative = {} if healthy is None else {"condition": condition, "healthy": healthy}
-    strokes = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
+    relative: dict[str, Any] = (
+        {} if healthy is None else {"condition": condition, "healthy": healthy}
+    )
+    strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
     parts = RecordingStatistics(
         parts=("start", "stop", "rest"),
         part_statistics=("mean", "std", "peak"),
@@ -148,9 +150,9 @@ def actuator_recipe(
 
 def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> FeatureUnion:
     """Return the features of recordings over the shaft angle."""
-    spectra = {"by_direction": True, "n_jobs": n_jobs}
-    bins = {"bin_size": 1 / revolutions, "max_order": max_order}
-    strokes = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
+    spectra: dict[str, Any] = {"by_direction": True, "n_jobs": n_jobs}
+    bins: dict[str, Any] = {"bin_size": 1 / revolutions, "max_order": max_order}
+    strokes: dict[str, Any] = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
     return _union(
         powers=make_pipeline(
             OrderPSD(revolutions, **spectra),

@@ -72,7 +72,7 @@ class RelativeHarmonics(ShaftHarmonics):
     [[2. 0. 2. 0.]]
     """
 
-    phase = True  # type: ignore[assignment]
+    phase = True
 
     def __init__(
         self,
