@@ -5,17 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from emacm._version import __version__
 
-        angle_from_currents,
-        angle_from_position,
-        angle_from_resolver,
-        angle_from_velocity,
-        angle_from_wrapped,
-    )
-    angle_from_currents,
-    angle_from_position,
-    angle_from_resolver,
-    angle_from_velocity,
-    angle_from_wrapped,
+if TYPE_CHECKING:
     from emacm.baseline_normalizer import BaselineNormalizer
     from emacm.bin_transformer import BinTransformer
     from emacm.condition_router import ConditionRouter
@@ -30,34 +20,20 @@ from emacm._version import __version__
     from emacm.order_resampler import OrderResampler
     from emacm.posterior_product import PosteriorProduct
     from emacm.predicted_orders import fault_orders, order_bands
+    from emacm.recipes import actuator_recipe
     from emacm.recording_statistics import RecordingStatistics
     from emacm.recordings import Recording
+    from emacm.relative_harmonics import RelativeHarmonics
     from emacm.shaft import (
+        angle_from_currents,
+        angle_from_position,
+        angle_from_resolver,
+        angle_from_velocity,
+        angle_from_wrapped,
+    )
     from emacm.shaft_harmonics import ShaftHarmonics
     from emacm.stroke_profile import StrokeProfile
     from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
-)
-from emacm.baseline_normalizer import BaselineNormalizer
-from emacm.bin_transformer import BinTransformer
-from emacm.condition_router import ConditionRouter
-from emacm.costs import expected_cost, group_costs, group_labels
-from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
-from emacm.envelope_detector import EnvelopeDetector
-from emacm.evaluation import evaluate
-from emacm.explanations import explain_decision, explain_model, match_fault_orders
-from emacm.fault_orders import fault_orders, order_bands
-from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
-from emacm.order_cross_spectrum import OrderCrossSpectrum
-from emacm.order_psd import OrderPSD
-from emacm.order_resampler import OrderResampler
-from emacm.recording_statistics import RecordingStatistics
-from emacm.recordings import Recording
-from emacm.relative_harmonics import RelativeHarmonics
-from emacm.shaft import (
-from emacm.shaft_harmonics import ShaftHarmonics
-from emacm.stroke_profile import StrokeProfile
-from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
-if TYPE_CHECKING:
 
 __all__ = [
     "BallScrew",
@@ -79,6 +55,7 @@ __all__ = [
     "ShaftHarmonics",
     "StrokeProfile",
     "__version__",
+    "actuator_recipe",
     "angle_from_currents",
     "angle_from_position",
     "angle_from_pulses",
@@ -117,8 +94,10 @@ _HOME = {
     "PosteriorProduct": "posterior_product",
     "Recording": "recordings",
     "RecordingStatistics": "recording_statistics",
+    "RelativeHarmonics": "relative_harmonics",
     "ShaftHarmonics": "shaft_harmonics",
     "StrokeProfile": "stroke_profile",
+    "actuator_recipe": "recipes",
     "angle_from_currents": "shaft",
     "angle_from_position": "shaft",
     "angle_from_pulses": "tacho",
