@@ -56,15 +56,17 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         `meta`, {key: value or list of values}, or those of which a function says so.
     reference : list of Recording, optional
         Healthy recordings known beforehand (of commissioning, say), which `fit` uses besides
-        those in X: a condition that has none in X gets its baseline by them.
+        those in X: a condition that has none in X gets its baseline by them. For signals they
+        are resampled as X is.
     align : {"angle", "start"}, default="angle"
         For signals: put strokes together by their shaft angle, or by the angle run since they
         began, where the angle has no fixed zero (velocity alone was recorded).
     scale : bool, default=False
-        For features: divide by the standard deviation of the healthy ones.
+        For features: divide by the standard deviation of the healthy ones in that condition;
+        with `regression`, by that of what the lines leave, one for all conditions.
     regression : bool, default=False
         For features: instead of means, straight lines over the conditions, which must then be
-        numbers. They serve conditions that were never seen, too.
+        numbers, or tuples of them. They serve conditions that were never seen, too.
 
     Attributes
     ----------
@@ -74,6 +76,8 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         For signals: what is subtracted.
     channels_ : tuple of str
         For signals: the channels.
+    theta_s_ : float
+        For signals: angle between samples [rad].
     transformer_ : transformer
         For features: the fitted transformer.
     baseline_ : MeanBaseline or LinearBaseline
@@ -141,7 +145,8 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         ------
         TypeError, ValueError
             If `healthy` is not in y, a condition has no healthy recording (the message names
-            it), channels or `theta_s` differ, or a parameter is not what it should be.
+            it; not with `regression`), channels or `theta_s` differ, or a parameter is not what
+            it should be.
         """
         self._fitted_table(X, y)
         return self
@@ -163,8 +168,8 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         Raises
         ------
         TypeError, ValueError
-            If the condition of a recording was not seen in `fit` (the message names both), or
-            its channels or `theta_s` are others.
+            If there is no baseline of a recording's condition (the message names both), or its
+            channels or `theta_s` are others.
         """
         check_is_fitted(self)
         if self.transformer is None:

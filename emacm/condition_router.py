@@ -49,7 +49,7 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
     """Fit one clone of an estimator for each condition, and ask the one that fits a recording.
 
     Under another load or speed the healthy signals themselves are others. Where the condition
-    of each recording is known, a model for each condition need not tell the two apart.
+    of each recording is known, a model for each need not tell a fault from a change of load.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         What is fitted for each condition, such as a whole pipeline.
     condition : hashable, tuple or callable, default="load"
         Key of the recordings' `meta`; several keys as a tuple; or a function of the recording
-        that returns something hashable. Of a DataFrame, names of columns, which the
-        estimators then do not get to see, as they are constant for each.
+        that returns something hashable. Of a DataFrame, names of columns, which no
+        estimator gets to see, the pooled one neither.
     unseen : {"error", "nearest", "pooled"}, default="error"
         What a recording of a condition without an estimator gets: an error, the
         estimator of the nearest condition (of two equally near, the lower one; for numbers only),
@@ -79,7 +79,7 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         Classes of all conditions, where the estimator is a classifier.
     decisions_, cost_ : ndarray of shape (n_decisions,) and (n_decisions, n_classes)
         What can be decided, and its cost, where the estimator ends in a
-        `CostSensitiveGaussianBayes`; `neg_expected_cost` reads them.
+        `CostSensitiveGaussianBayes` or `PosteriorProduct`; `neg_expected_cost` reads them.
 
     Notes
     -----

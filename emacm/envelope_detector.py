@@ -56,8 +56,8 @@ class EnvelopeDetector(  # type: ignore[call-arg]
     err, and a turn of the shaft is smeared by as much. It is longer where an edge is nearer
     than an eighth of the band's width to 0 or to half the sampling rate.
 
-    The envelope holds frequencies up to high - low; orders beyond those at the
-    highest speed are empty.
+    A squared envelope holds frequencies up to high - low, in Hz: while the shaft turns at f rev/s,
+    there is nothing above order (high - low) / f.
 
     Source: Randall and Antoni, Mech. Syst. Signal Process. 25(2), 485-520, 2011.
 

@@ -82,7 +82,8 @@ def evaluate(
         The healthy class or family. Without it alarms are not counted.
     cost : array-like, DataFrame or mapping, optional
         Rows are decisions, columns truths, as for `emacm.costs.cost_table`; columns may be
-        families. Default: the `cost` among the estimator's parameters; else 0-1.
+        families. Default: the `cost` among the estimator's parameters (several that differ are
+        an error); without any, 0-1.
     n_splits : int, default=10
         Folds of the random split, at least 2. With no more groups (or units) than this, one is
         left out at a time.
@@ -93,7 +94,7 @@ def evaluate(
     random_state : int or None, default=0
         Seed of the random split and of the limits.
     n_jobs : int, optional
-        Processes; each fits one fold at a time.
+        Folds in work at the same time, under joblib's active backend (by default, processes).
 
     Returns
     -------

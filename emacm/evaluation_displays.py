@@ -46,7 +46,7 @@ class EvaluationDisplay:
         ``balanced_accuracy_low``, ``balanced_accuracy_high`` and so on, shares 0..1, NaN where
         they are not known.
     confusion : DataFrame
-        Counts: rows are what was decided, columns the true classes.
+        Counts: rows are what was decided (families, if there are any), columns the true classes.
     calibration : DataFrame, optional
         A row for each bin of stated probability: "stated", "came_true", "low", "high" (may be
         NaN) and "n". Without any there is no third panel.
@@ -123,8 +123,8 @@ class EvaluationDisplay:
         evaluation : Evaluation
             Result of `emacm.evaluation.evaluate`.
         scheme : str, optional
-            Whose confusion and reliability are drawn. Default: the first that holds out groups;
-            the random split if there is no other.
+            Whose confusion and reliability are drawn. Default: the second of those that were
+            scored (the first beside the random split); the only one, if there is no second.
         figures : sequence of str, optional
             As for the class.
         ax : sequence of matplotlib Axes, optional

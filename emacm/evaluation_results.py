@@ -42,8 +42,8 @@ class Evaluation:
         "group", "truth", "decision", "true_label" and "decided_label" (families, if there are
         any), "right", "cost", and the posterior of each label, ``P(label)``.
     confusions : dict of str to DataFrame
-        For each scheme that can be scored, counts: rows are what was decided, columns the true
-        classes.
+        For each scheme that can be scored, counts: rows are what was decided (its family, if
+        there are any), columns the true classes.
     calibration : DataFrame
         Reliability curve of each scheme (`emacm.calibration.reliability`), with limits; empty
         without probabilities.
@@ -69,7 +69,7 @@ class Evaluation:
 
     def __str__(self) -> str:
         remarks = [
-            fill(text, 98, initial_indent="- ", subsequent_indent="  ") for text in self.remarks
+            fill(text, _WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.remarks
         ]
         summary = self.summary().T.to_string()
         return "\n".join([*remarks, summary])

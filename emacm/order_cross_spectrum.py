@@ -64,10 +64,10 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
     detrend : {"constant", "linear", None, False}
         What is taken out of each segment. It leaves nothing but leakage in the first two lines.
     by_direction : bool
-        Give forward and reverse strokes columns of their own.
+        Give forward and reverse strokes columns of their own, ``…+@…`` and ``…-@…``.
     short : {"raise", "pad"}
         What becomes of a recording without a stroke as long as a segment: an error, or an
-        estimate in which each stroke, padded with zeros, is one segment.
+        estimate in which each stroke, padded with zeros, is one segment and counts by its length.
     max_order : float, optional
         Highest order of interest: where bins end, or above which lines are cut.
     verbose : bool or int
@@ -92,11 +92,11 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
 
     Notes
     -----
-    `X` is what `OrderResampler` returns; recordings are resampled one at a time, a block at a time.
+    `X` is what `OrderResampler` returns. Recordings are resampled when their turn comes, in blocks.
 
     Columns are named ``input*output:quantity@order``, or ``@low-high`` in bins: pair by pair, of
     each the kinds as given, such as ``current*error:response.real@1`` or
-    ``current*error:coherence@1``. With `by_direction` a sign stands before the @.
+    ``current*error:coherence@1``; with `by_direction` ``current*error:coherence+@1``.
 
     Lines go through `BinTransformer` if they are ``kind="cross", form="rectangular"``, whose
     integrals mean something. An integral of coherence or response over lines weighs all

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 class PosteriorProduct(ClassifierMixin, BaseEstimator):
     """Combine classifiers by the product of their posteriors, and decide by least risk.
 
-    Each member is fitted on the same recordings, and looks at a channel, or whatever it
-    chooses of them. The fusion of separate assessments is a next step named in [1]_, chapter 5;
+    Each member is fitted on the same recordings, and looks at one channel, or at whatever
+    it chooses of them. The fusion of separate assessments is a next step named in [1]_, chapter 5;
     the product rule is that of [2]_::
 
         log p(k | x_1..x_m) = log P(k) + sum_j (log p_j(k | x_j) - log P_j(k)) + constant

@@ -65,7 +65,7 @@ class RecordingStatistics(StrokeFeatures):
 
     A crest factor of zeros, and kurtosis or skewness of a constant, do not exist: that is an
     error which names recording, channel and strokes. So is a recording without a stroke of
-    a direction.
+    a direction, and one whose shaft never stands where "rest" is wanted.
 
     Examples
     --------

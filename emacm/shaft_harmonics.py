@@ -60,11 +60,12 @@ class ShaftHarmonics(StrokeFeatures):
     Notes
     -----
     `X` is a list of `Recording`, or what `OrderResampler` returns (its filter lowers orders above
-    0.78 π/theta_s). In the middle of each stroke, or part of it, the most whole revolutions are
-    taken. One set of lines is fitted to all strokes of a direction by least squares, each
-    sample counting by the angle it stands for, and each stroke having a level and a linear trend
-    of its own; strokes too short for a revolution are passed over. The columns are
-    ``channel+:cos1``, ``channel+:sin1``, or ``channel+:amplitude1``; with parts
+    0.78 π/theta_s), but not with ``direction="travel"``. In the middle of each stroke, or part of
+    it, the most whole revolutions are taken. One set of lines is fitted to all strokes of a
+    direction by least squares, each sample counting by the angle it stands for, and each stroke
+    having a level and a linear trend of its own; strokes too short for a revolution are passed
+    over. Columns are named ``channel+:cos1``, ``channel+:sin1``, ``channel-:cos1`` and so on, or
+    ``channel:cos1`` of both directions; of amplitudes ``channel+:amplitude1``; of parts
     ``channel+:1of4:cos1``.
 
     With ``phase=True`` the shaft's reference must be an angle. One that is integrated

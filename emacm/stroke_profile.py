@@ -19,7 +19,7 @@ class StrokeProfile(StrokeFeatures):
     """Describe in few numbers how each channel runs along the stroke.
 
     Friction of a screw varies along it, and load along the way of an actuator: slow changes,
-    over many revolutions, that segments of a spectrum take out or cannot resolve.
+    over many revolutions, which order spectra take out with the mean or cannot resolve.
 
     Parameters
     ----------
@@ -51,8 +51,9 @@ class StrokeProfile(StrokeFeatures):
     `X` is a list of `Recording`, or what `OrderResampler` returns; the integrals are over the
     shaft angle in both cases, and the signal is taken as straight lines between its samples. The
     position runs from 0 at the first to 1 at the last sample of each stroke in its own
-    direction of motion. Strokes of one direction are averaged, by their lengths. The columns
-    are ``channel+:cosine0``, ``channel+:cosine1`` ..., or ``channel+:segment0`` ...
+    direction of motion. Strokes of one direction are averaged, weighted by their lengths.
+    Columns are named ``channel+:cosine0``, ``channel-:cosine0``, or ``channel:cosine0`` of both
+    directions; of means ``channel+:segment0``.
 
     Coefficient k of a cosine has k / 2 waves along a stroke. As long as that is far below the
     revolutions of the stroke, no coefficient sees a wave once per revolution, nor its phase.
