@@ -20,8 +20,9 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
 from emacm.conditions import chosen_rows, condition_name, read_conditions, sorted_conditions
-from emacm.costs import cost_table
+from emacm.costs import check_weights, cost_table
 from emacm.recordings import described
+from emacm.right_decisions import right_decisions
 from emacm.routed_rows import aligned_columns, joined_rows, joined_tables
 
 _UNSEEN = ("error", "nearest", "pooled")
@@ -297,7 +298,10 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
 
     @available_if(_scores)
     def score(self, X: Any, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Return the accuracy of a classifier, or the R² of a regressor, over all recordings.
+        """Return the share of recordings decided rightly, or the R² of a regressor.
+
+        Right is what `CostSensitiveGaussianBayes.score` calls so: also a decision for the family
+        of a true state. Of other classifiers it is the accuracy.
 
         Parameters
         ----------
@@ -312,6 +316,10 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         -------
         float
         """
+        if hasattr(self, "decisions_"):
+            table = self.decisions_, self.classes_, self.cost_
+            right = right_decisions(y, self.predict(X), *table)
+            return float(np.average(right, weights=check_weights(sample_weight, len(right))))
         metric = accuracy_score if is_classifier(self.estimator) else r2_score
         return float(metric(y, self.predict(X), sample_weight=sample_weight))
 

@@ -23,6 +23,7 @@ from emacm import (
     Recording,
     explain_decision,
     explain_model,
+    group_costs,
     neg_expected_cost,
 )
 
@@ -217,6 +218,20 @@ def test_the_mean_cost_of_its_decisions_is_a_score(fleet):
         ]
     )
     assert neg_expected_cost(router, X, y) == pytest.approx(-expected)
+
+
+def test_a_decision_for_the_family_of_a_state_is_scored_as_right():
+    states = ["healthy", "healthy", "worn 1", "worn 1", "worn 2", "worn 2"] * 2
+    levels = table([20] * 6 + [40] * 6, [1, 1.2, 5, 5.2, 9, 9.2] * 2)
+    cost = group_costs({"healthy": "healthy", "worn": ["worn 1", "worn 2"]})
+    model = CostSensitiveGaussianBayes(cost, covariance="tied")
+    router = ConditionRouter(model).fit(levels, states)
+    assert set(router.predict(levels)) == {"healthy", "worn"}
+    assert router.score(levels, states) == 1
+    told = ["healthy"] * 12  # 8 of 12 are worn
+    assert router.score(levels, told) == pytest.approx(4 / 12)
+    weights = [1] * 2 + [0] * 10
+    assert router.score(levels, told, sample_weight=weights) == 1
 
 
 # Conditions not seen
