@@ -65,6 +65,11 @@ def test_the_table_of_the_campaign_holds_what_its_code_gives(campaign):
                 assert cost[scheme] == pytest.approx(float(figure), abs=0.012, rel=0.02)
 
 
+def test_one_classifier_misses_half_of_the_faults_under_a_load_it_never_saw(campaign):
+    figures = campaign["found"]["one classifier"].table.loc["by condition"]
+    assert figures["missed_detections"] == pytest.approx(0.5, abs=0.03)
+
+
 def test_two_runs_of_each_are_too_few_for_one_classifier_of_all_channels(campaign):
     found = campaign["found"]
     cost = {name: result.table.loc["by unit", "expected_cost"] for name, result in found.items()}
