@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pandas import NA
 
 _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
 
@@ -149,6 +150,52 @@ def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
         listed = ", ".join(repr(choice) for choice in choices)
         raise ValueError(f"{name} must be one of {listed}; got {value!r}.")
     return value
+
+
+def check_classes(y: Any) -> None:
+    """Raise if a recording has no class, or one of another kind than the first.
+
+    numpy would make text of a list that holds text and a missing label or a number, and so a class
+    called "nan".
+
+    Raises
+    ------
+    ValueError
+        If a label is None or NaN beside others that are not; the message tells which.
+    TypeError
+        If text and other labels are mixed.
+
+    Examples
+    --------
+    >>> check_classes(["healthy", "worn"])
+    """
+    dtype = getattr(y, "dtype", None)
+    if isinstance(dtype, np.dtype) and dtype.kind != "O":
+        return
+    labels = [label for label in y if np.ndim(label) == 0]
+    for index, label in enumerate(labels):
+        if label is None or label is NA or label != label:
+            raise ValueError(
+                f"y must name the class of every recording; recording {index} has {label!r}. "
+                f"Leave such recordings out."
+            )
+        if isinstance(label, str) != isinstance(labels[0], str):
+            first, other = (getattr(x, "item", lambda x=x: x)() for x in (labels[0], label))
+            raise TypeError(
+                f"y must hold classes of one kind, text or numbers, but recording 0 has {first!r} "
+                f"and recording {index} has {other!r}."
+            )
+
+
+def once_hint(values: Any) -> str:
+    """Say what to do with a generator, of which `transform` would see nothing after `fit`.
+
+    Examples
+    --------
+    >>> once_hint(iter([1, 2])), once_hint([1, 2])
+    (' It can be read only once; write list(...).', '')
+    """
+    return " It can be read only once; write list(...)." if isinstance(values, Iterator) else ""
 
 
 def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from numbers import Real
@@ -21,6 +21,7 @@ from emacm.axes import OrderTable, column_names
 from emacm.conditions import (
     condition_name,
     healthy_recordings,
+    listed_recordings,
     read_conditions,
     sorted_conditions,
 )
@@ -171,7 +172,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
             If there is no baseline of a recording's condition (the message names both), or its
             channels or `theta_s` are others.
         """
-        check_is_fitted(self)
+        check_is_fitted(self, "conditions_")
         if self.transformer is None:
             return self._normalized(X)
         return self._relative(self.transformer_.transform(X), self._known_conditions(X))
@@ -215,7 +216,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         TypeError
             If features are normalised.
         """
-        check_is_fitted(self)
+        check_is_fitted(self, "conditions_")
         if self.transformer is not None:
             raise TypeError("coverage is of signals over the shaft angle, not of features.")
         found = np.array([recording.coverage() for recording in self._normalized(X)])
@@ -234,7 +235,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         -------
         ndarray of str
         """
-        check_is_fitted(self)
+        check_is_fitted(self, "conditions_")
         if self.transformer is None:
             return np.array(self.channels_, dtype=object)
         return self.transformer_.get_feature_names_out(input_features)
@@ -269,16 +270,17 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         self._check_parameters()
         found = read_conditions(X, self.condition)
         is_healthy = healthy_recordings(X, y, self.healthy)
-        reference = [] if self.reference is None else list(self.reference)
-        known = read_conditions(reference, self.condition) if reference else []
+        reference = _listed_reference(self.reference)
+        with located("reference"):
+            known = read_conditions(reference, self.condition) if reference else []
         if not self.regression:
             self._check_healthy(found, is_healthy, known)
         conditions = [value for value, good in zip(found, is_healthy, strict=True) if good] + known
         if not conditions:
             raise ValueError(f"healthy = {self.healthy!r} holds for none of the recordings.")
-        self.conditions_ = sorted_conditions(conditions)
         if self.transformer is None:
             self._fit_signals(X, is_healthy, reference, conditions)
+            self.conditions_ = sorted_conditions(conditions)
             return None
         self.transformer_ = clone(self.transformer)
         table = self.transformer_.fit_transform(X, y)
@@ -291,6 +293,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
             self.baseline_ = linear_baseline_of_features(healthy, numbers, scale=self.scale)
         else:
             self.baseline_ = mean_baseline_of_features(healthy, conditions, scale=self.scale)
+        self.conditions_ = sorted_conditions(conditions)
         return table
 
     def _fit_signals(
@@ -311,7 +314,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
                 align=self.align,
                 name=condition_name(self.condition, condition),
             )
-            for condition in self.conditions_
+            for condition in sorted_conditions(conditions)
         }
 
     def _normalized(self, X: Any) -> list[NormalizedRecording]:
@@ -356,6 +359,12 @@ class BaselineNormalizer(  # type: ignore[call-arg]
             raise ValueError(
                 "scale and regression are for features; state the transformer that makes them, "
                 "or leave both False to normalise signals."
+            )
+        made = self.transformer
+        if made is not None and (isinstance(made, type) or not hasattr(made, "fit_transform")):
+            raise TypeError(
+                f"transformer must be None or one that makes a table of recordings, such as "
+                f"RecordingStatistics(); got {made!r}."
             )
 
     def _check_healthy(
@@ -402,8 +411,16 @@ class BaselineNormalizer(  # type: ignore[call-arg]
                     )
 
 
+def _listed_reference(reference: Any) -> list[Any]:
+    if reference is None:
+        return []
+    if isinstance(reference, Recording | AngleRecording) or not isinstance(reference, Iterable):
+        raise TypeError(f"reference must be None or a list of recordings, got {reference!r}.")
+    return list(reference)
+
+
 def _angle_recordings(X: Any) -> list[AngleRecording]:
-    rows = list(X)
+    rows = listed_recordings(X)
     for index, row in enumerate(rows):
         if not isinstance(row, AngleRecording):
             raise TypeError(

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone, is_classifier, is_regressor
+from sklearn.exceptions import NotFittedError
 from sklearn.metrics import accuracy_score, r2_score
 from sklearn.utils import get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
@@ -18,12 +19,13 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import check_choice, check_classes, located
 from emacm.conditions import chosen_rows, condition_name, read_conditions, sorted_conditions
 from emacm.costs import check_weights, cost_table
 from emacm.recordings import described
 from emacm.right_decisions import right_decisions
 from emacm.routed_rows import aligned_columns, joined_rows, joined_tables
+from emacm.stated_costs import narrow_costs
 
 _UNSEEN = ("error", "nearest", "pooled")
 
@@ -86,6 +88,8 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
     -----
     A class that does not occur in a condition has probability 0 there, and minus infinity in
     log probabilities and decision functions; a decision that is unknown there has infinite risk.
+    What the estimator's parameters called `cost` say of such a class is left out there, which
+    changes no decision, as its posterior is 0.
 
     Arguments of `fit` that have an entry for each recording (`sample_weight`, or a step's) are
     cut by condition. To explain decisions, explain the pipeline of one condition:
@@ -136,32 +140,36 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         Raises
         ------
         TypeError, ValueError
-            If a condition is missing or no key; if a classifier finds a single class in a
-            condition; or as the estimator has it (the message names the condition).
+            If a condition is missing or no key; if a recording has no class, or a classifier
+            finds a single class in a condition; or as the estimator has it (the message names
+            the condition).
         """
         check_choice(self.unseen, "unseen", _UNSEEN)
+        if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
+            raise TypeError(f"estimator must be one, such as a Pipeline; got {self.estimator!r}.")
         if get_config()["enable_metadata_routing"]:
             fit_params = process_routing(self, "fit", **fit_params).estimator.fit
         found = read_conditions(X, self.condition)
         _check_length(y, len(found))
-        self.conditions_ = sorted_conditions(found)
+        conditions = sorted_conditions(found)
         if self.unseen == "nearest":
-            self._check_numbers(self.conditions_)
-        groups = [self._rows_of(found, value) for value in self.conditions_]
+            self._check_numbers(conditions)
+        groups = [self._rows_of(found, value) for value in conditions]
         if is_classifier(self.estimator):
-            self._check_classes(y, groups)
-        names = [f"of {condition_name(self.condition, value)}" for value in self.conditions_]
+            self._check_classes(y, conditions, groups)
+        names = [f"of {condition_name(self.condition, value)}" for value in conditions]
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
         inner = self._inner(X)
         fitted = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(_fitted)(clone(self.estimator), inner, y, rows, fit_params, len(found), name)
+            delayed(_fitted)(self._clone_for(y, rows), inner, y, rows, fit_params, len(found), name)
             for rows, name in zip(groups, names, strict=True)
         )
         self.__dict__.pop("pooled_", None)  # of an earlier fit
         if self.unseen == "pooled":
             self.pooled_ = fitted[-1]
-        self.estimators_ = dict(zip(self.conditions_, fitted, strict=False))
+        self.conditions_ = conditions
+        self.estimators_ = dict(zip(conditions, fitted, strict=False))
         self._agree_on_classes()
         return self
 
@@ -273,8 +281,8 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         ValueError
             If transformers of two conditions return different columns.
         """
-        parts, places, _ = self._asked(X, lambda model, rows: model.transform(rows))
-        return joined_tables(parts, places)
+        parts, places, models = self._asked(X, lambda model, rows: model.transform(rows))
+        return joined_tables(parts, places, known=[_names_out(model) for model in models])
 
     @available_if(_has("transform"))
     def fit_transform(self, X: Any, y: Any = None, **fit_params: Any) -> Any:
@@ -316,12 +324,12 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         -------
         float
         """
-        if hasattr(self, "decisions_"):
-            table = self.decisions_, self.classes_, self.cost_
-            right = right_decisions(y, self.predict(X), *table)
+        answers = self.predict(X)
+        if hasattr(self, "cost_"):
+            right = right_decisions(y, answers, self.decisions_, self.classes_, self.cost_)
             return float(np.average(right, weights=check_weights(sample_weight, len(right))))
         metric = accuracy_score if is_classifier(self.estimator) else r2_score
-        return float(metric(y, self.predict(X), sample_weight=sample_weight))
+        return float(metric(y, answers, sample_weight=sample_weight))
 
     @available_if(_has("get_feature_names_out"))
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
@@ -389,12 +397,26 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         if not isinstance(X, pd.DataFrame) or callable(self.condition):
             return X
         keys = self.condition if isinstance(self.condition, tuple) else (self.condition,)
-        return X.drop(columns=list(keys))
+        inner = X.drop(columns=list(keys))
+        if not inner.shape[1]:
+            raise ValueError(f"X has no columns besides the condition, {list(keys)}; add features.")
+        return inner
 
-    def _check_classes(self, y: Any, groups: list[NDArray[np.intp]]) -> None:
+    def _clone_for(self, y: Any, rows: NDArray[np.intp]) -> Any:
+        """Return a clone of the estimator, with costs of the classes that occur in some rows."""
+        model = clone(self.estimator)
+        if not is_classifier(model):
+            return model
+        known, everything = (np.unique(np.asarray(part)) for part in (chosen_rows(y, rows), y))
+        return narrow_costs(model, known.tolist(), everything.tolist())
+
+    def _check_classes(
+        self, y: Any, conditions: Sequence[Any], groups: list[NDArray[np.intp]]
+    ) -> None:
         if y is None:
             raise ValueError("a classifier needs y, the class of each recording; call fit(X, y).")
-        for value, rows in zip(self.conditions_, groups, strict=True):
+        check_classes(y)
+        for value, rows in zip(conditions, groups, strict=True):
             classes = np.unique(np.asarray(chosen_rows(y, rows))).tolist()
             if len(classes) < 2:
                 raise ValueError(
@@ -419,9 +441,11 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         if not is_classifier(self.estimator):
             return
         self.classes_ = np.unique(np.concatenate([model.classes_ for model in models]))
-        final = _final(models[0])
-        if hasattr(final, "cost_"):
-            self.decisions_, self.cost_ = cost_table(final.cost, self.classes_)
+        whole = [model for model in models if len(model.classes_) == len(self.classes_)]
+        if hasattr(_final(models[0]), "cost_"):
+            # A condition that lacks a class was given a part of the cost; what was stated has all.
+            stated = _final(whole[0] if whole else self.estimator).cost
+            self.decisions_, self.cost_ = cost_table(stated, self.classes_)
 
     def _asked(self, X: Any, ask: Callable[[Any, Any], Any]) -> tuple[list[Any], list[Any], list]:
         """Ask each estimator about its recordings: answers, their rows in X, and estimators."""
@@ -501,8 +525,23 @@ def _per_recording(value: Any, n_recordings: int) -> bool:
 
 
 def _check_length(y: Any, n_recordings: int) -> None:
-    if y is not None and len(y) != n_recordings:
+    if y is None:
+        return
+    if isinstance(y, str | Mapping) or getattr(y, "ndim", 1) == 0 or not hasattr(y, "__len__"):
+        raise TypeError(
+            f"y must be a list or an array with an entry for each of {n_recordings} recordings, "
+            f"got {type(y).__name__}."
+        )
+    if len(y) != n_recordings:
         raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
+
+
+def _names_out(model: Any) -> Any:
+    """Return the names of a transformer's columns; None if it has none."""
+    try:
+        return tuple(model.get_feature_names_out())
+    except (AttributeError, NotFittedError, ValueError):
+        return None
 
 
 def _final(estimator: Any) -> Any:

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import located
-from emacm.recordings import described
+from emacm._checks import located, once_hint
+from emacm.recordings import check_unique_columns, described
 
 _COLLECTIONS = (list, tuple, set, frozenset, np.ndarray, pd.Series, pd.Index)
 
@@ -36,8 +36,8 @@ def read_conditions(X: Any, condition: Any) -> list[Any]:
     TypeError
         If X is no sequence, an entry has no `meta`, or its condition cannot be a key.
     ValueError
-        If X is empty, or a recording lacks the key, or has None or NaN there (the message
-        names the recording and the key).
+        If X is empty, or a recording lacks the key, or has None or a number there that is not
+        finite (the message names the recording and the key); if `condition` names no key.
 
     Examples
     --------
@@ -50,8 +50,8 @@ def read_conditions(X: Any, condition: Any) -> list[Any]:
     >>> read_conditions(runs, "load"), read_conditions(runs, ("unit", "load"))
     ([20, 40], [('A', 20), ('A', 40)])
     """
-    entries = _entries(X)
-    keys = condition if isinstance(condition, tuple) else (condition,)
+    entries = listed_recordings(X)
+    keys = _keys(condition)
     found = []
     for index, entry in enumerate(entries):
         if callable(condition):
@@ -100,7 +100,7 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     >>> healthy_recordings(runs, None, lambda run: run.meta["hours"] < 100).tolist()
     [True, False]
     """
-    entries = _entries(X)
+    entries = listed_recordings(X)
     if callable(healthy):
         answers = [healthy(entry) for entry in entries]
         for index, (entry, answer) in enumerate(zip(entries, answers, strict=True)):
@@ -112,6 +112,8 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
         return np.array(answers, dtype=bool)
     if isinstance(healthy, Mapping):
         wanted = {key: _listed(values) for key, values in healthy.items()}
+        if not wanted:
+            raise ValueError("healthy must name at least one key of meta, got an empty mapping.")
         return np.array(
             [
                 all(_known(entry, index, key) in values for key, values in wanted.items())
@@ -169,16 +171,54 @@ def chosen_rows(values: Any, rows: NDArray[np.intp]) -> Any:
     return [values[int(row)] for row in rows]
 
 
-def _entries(X: Any) -> list[Any]:
+def listed_recordings(X: Any) -> list[Any]:
+    """Return what X holds, one entry for each recording.
+
+    Raises
+    ------
+    TypeError
+        If X is no sequence, array or DataFrame.
+    ValueError
+        If it is empty, or columns of a DataFrame have the same name.
+
+    Examples
+    --------
+    >>> listed_recordings(pd.DataFrame({"load": [20, 40]}))[1]["load"]
+    40
+    """
     if isinstance(X, pd.DataFrame):
+        check_unique_columns(X, "X")
         entries = [row for _, row in X.astype(object).iterrows()]  # whole numbers stay whole
     elif isinstance(X, str | Mapping) or not isinstance(X, Sequence | np.ndarray):
-        raise TypeError(f"X must be a list of recordings, got {X!r}.")
+        hint = " Write [recording]." if hasattr(X, "meta") else once_hint(X)
+        raise TypeError(f"X must be a list of recordings, got {_kind(X)}.{hint}")
     else:
         entries = list(X)
     if not entries:
         raise ValueError("X holds no recording; at least one is needed.")
     return entries
+
+
+def _kind(value: Any) -> str:
+    """Say what came in the place of a list, without all that it holds."""
+    if value is None or isinstance(value, str):
+        return repr(value)
+    package, name = type(value).__module__.partition(".")[0], type(value).__name__
+    return f"a {package} {name}, and not one of pandas" if name == "DataFrame" else f"a {name}"
+
+
+def _keys(condition: Any) -> tuple[Any, ...]:
+    """Return the keys that a condition names, or say why it names none."""
+    keys = condition if isinstance(condition, tuple) else (condition,)
+    if not keys:
+        raise ValueError("condition must name at least one key of meta, got ().")
+    for key in keys:
+        if not isinstance(key, Hashable):
+            raise TypeError(
+                f"condition must be a key of meta such as 'load', a tuple of keys, or a function; "
+                f"got {condition!r}."
+            )
+    return keys
 
 
 def _known(entry: Any, index: int, key: Any) -> Any:
@@ -208,7 +248,7 @@ def _checked(value: Any, entry: Any, index: int, what: str) -> Hashable:
             raise TypeError(
                 f"{what} {value!r}, which cannot be looked up. Use a number, a text or a tuple."
             ) from error
-        if value is None or (isinstance(value, float) and np.isnan(value)):
+        if value is None or (isinstance(value, float) and not np.isfinite(value)):
             raise ValueError(f"{what} {value!r}, which is no condition. State it, or leave it out.")
     return value
 
@@ -224,6 +264,9 @@ def _labelled(y: Any, n_recordings: int, healthy: list[Any]) -> NDArray[np.bool_
             f"healthy = {healthy} names labels of y, but no y was given. Call fit(X, y), or let "
             f"healthy read the recordings: a mapping of meta keys to values, or a function."
         )
+    if isinstance(y, str | Mapping) or not isinstance(y, Iterable) or getattr(y, "ndim", 1) > 1:
+        came = f"an array of shape {np.shape(y)}" if hasattr(y, "shape") else _kind(y)
+        raise TypeError(f"y must hold one label for each recording, got {came}.")
     labels = _listed(y if isinstance(y, _COLLECTIONS) else list(y))
     if len(labels) != n_recordings:
         raise ValueError(f"y has {len(labels)} labels for {n_recordings} recordings.")

@@ -113,7 +113,7 @@ class CrossAverages:
             dead = self.channels[channels[int(np.argmin(strongest))]]
             raise ValueError(
                 f"channel {dead!r} has no power at any order, so neither response nor coherence "
-                f"exist. Is its sensor dead? Leave the channel out."
+                f"exist. Is its sensor dead or stuck? Leave the channel out."
             )
         heard = power > _ROUNDING * strongest
         return np.divide(self.cross, power, out=np.zeros_like(self.cross), where=heard)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import check_choice, located, once_hint
 from emacm.envelope import Band, check_band
 from emacm.envelope_recordings import EnvelopeRecording
 from emacm.recordings import Recording, described
@@ -205,8 +205,8 @@ class EnvelopeDetector(  # type: ignore[call-arg]
 
 
 def _checked_recordings(X: Any) -> list[Recording]:
-    if isinstance(X, Recording | str | Mapping) or not isinstance(X, Iterable):
-        raise TypeError(f"X must be a list of recordings, got {type(X).__name__}.")
+    if isinstance(X, Recording | str | Mapping | Iterator) or not isinstance(X, Iterable):
+        raise TypeError(f"X must be a list of recordings, got {type(X).__name__}.{once_hint(X)}")
     recordings = list(X)
     if not recordings:
         raise ValueError("X holds no recording; at least one is needed.")

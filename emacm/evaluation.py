@@ -17,16 +17,17 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
-from emacm._checks import check_count
+from emacm._checks import check_classes, check_count, once_hint
 from emacm.confounding import confounding, single_unit_labels
 from emacm.evaluation_remarks import scheme_remarks
 from emacm.evaluation_results import Evaluation, gathered, scored
 from emacm.families import as_families
 from emacm.group_bootstrap import check_limits
 from emacm.groupings import Grouping, read_grouping
-from emacm.held_out_decisions import decide_held_out, stated_cost
+from emacm.held_out_decisions import decide_held_out
 from emacm.hold_out import Scheme, given_scheme, group_scheme, random_scheme
 from emacm.scoring_rules import scoring_rule
+from emacm.stated_costs import stated_cost
 
 _ROLES = {"groups": "group", "units": "unit", "conditions": "condition"}
 
@@ -136,6 +137,9 @@ def evaluate(
     >>> found.table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 0.5}
     """
+    for method in ("fit", "predict"):
+        if isinstance(estimator, type) or not hasattr(estimator, method):
+            raise TypeError(f"estimator must be a classifier, with {method}; got {estimator!r}.")
     classes = _checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
     check_limits(confidence, n_resamples)
@@ -201,8 +205,12 @@ def _schemes(
 
 
 def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
-    classes = np.asarray(y)
+    if not (hasattr(X, "shape") or hasattr(X, "__len__")):
+        raise TypeError(
+            f"X must be a list of recordings or a table, got {type(X).__name__}.{once_hint(X)}"
+        )
     n_recordings = X.shape[0] if hasattr(X, "shape") else len(X)
+    classes = np.asarray(y)
     if classes.shape != (n_recordings,):
         raise ValueError(
             f"y must hold one class for each of {n_recordings} recordings in X, got shape "
@@ -211,6 +219,7 @@ def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     missing = np.flatnonzero(pd.isna(classes))
     if len(missing):
         raise ValueError(f"y must name a class for every recording; {missing[0]} has none.")
+    check_classes(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:
         raise ValueError(f"y must hold two classes at the least, got {np.unique(classes)} only.")

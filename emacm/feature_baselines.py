@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-13  # of the largest value; a deviation below it is what rounding leaves of nothing
+
 
 @dataclass(frozen=True)
 class MeanBaseline:
@@ -117,7 +119,8 @@ def mean_baseline_of_features(
                     f"condition {condition!r} has one healthy recording; a standard deviation "
                     f"needs two. Add recordings, or use scale=False."
                 )
-            scales[condition] = _deviation(rows - means[condition], 1, f"in {condition!r} ")
+            residuals = rows - means[condition]
+            scales[condition] = _deviation(residuals, rows, 1, f"in {condition!r} ")
     return MeanBaseline(means, scales)
 
 
@@ -169,7 +172,7 @@ def linear_baseline_of_features(
             f"coefficients. Add recordings, or use scale=False."
         )
     residuals = table - design @ coefficients
-    return LinearBaseline(coefficients, _deviation(residuals, design.shape[1], ""))
+    return LinearBaseline(coefficients, _deviation(residuals, table, design.shape[1], ""))
 
 
 def _design(conditions: ArrayLike) -> Array:
@@ -178,9 +181,9 @@ def _design(conditions: ArrayLike) -> Array:
     return np.column_stack([np.ones(len(values)), values])
 
 
-def _deviation(residuals: Array, used: int, where: str) -> Array:
+def _deviation(residuals: Array, table: Array, used: int, where: str) -> Array:
     deviation = np.sqrt(np.sum(residuals**2, axis=0) / (len(residuals) - used))
-    constant = np.flatnonzero(deviation == 0)
+    constant = np.flatnonzero(deviation <= _ROUNDING * np.abs(table).max(axis=0))
     if len(constant):
         raise ValueError(
             f"feature {int(constant[0])} {where}is the same in all healthy recordings, and "

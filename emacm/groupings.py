@@ -71,7 +71,8 @@ def read_grouping(values: Any, X: Any, n_recordings: int, role: str, name: str) 
             f"{role} must hold one label for each of {n_recordings} recordings, or be a key of "
             f"their meta; got shape {labels.shape}."
         )
-    missing = np.flatnonzero(pd.isna(labels))
+    # Asked of the values as given: numpy makes text of a missing one beside text.
+    missing = np.flatnonzero(pd.isna(np.asarray(values, dtype=object)))
     if len(missing):
         raise ValueError(f"{role} must label every recording; recording {missing[0]} has none.")
     try:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
@@ -15,6 +14,7 @@ from sklearn.base import clone
 
 from emacm._checks import located
 from emacm.hold_out import Fold, Scheme
+from emacm.stated_costs import narrow_costs
 
 Decided = tuple[list[Any], pd.DataFrame | None]
 
@@ -52,8 +52,8 @@ def decide_held_out(
 
     Notes
     -----
-    Where a class is absent from training, costs that name it (a DataFrame or mapping among
-    the estimator's parameters, called `cost`) lose its column: a family can be decided on when
+    Where a class is absent from training, what the estimator's parameters
+    called `cost` say of it is left out: a family can be decided on when
     one of its sub-states was never seen.
     """
     tasks = [
@@ -74,23 +74,6 @@ def decide_held_out(
     return judged, decided
 
 
-def stated_cost(estimator: Any) -> Any:
-    """Return the cost that an estimator holds among its parameters, however deep; None without.
-
-    Raises
-    ------
-    ValueError
-        If it holds several that differ.
-    """
-    costs = _cost_parameters(estimator)
-    if len({joblib.hash(cost) for cost in costs.values()}) > 1:
-        raise ValueError(
-            f"the estimator holds several costs, {list(costs)}, and they differ. State cost=, "
-            f"the one that decisions are to be priced by."
-        )
-    return next(iter(costs.values()), None)
-
-
 def chosen_recordings(X: Any, numbers: NDArray[np.intp]) -> Any:
     """Return some recordings of a list, an array or a table, in the same form."""
     if hasattr(X, "iloc"):
@@ -105,13 +88,8 @@ def _decide(
 ) -> Decided | str:
     out = f" ({fold.left_out} left out)" if fold.left_out else ""
     with located(where + out):
-        model = clone(estimator)
         classes = np.unique(y[fold.train])
-        narrower = {
-            name: _known_part(cost, classes.tolist(), np.unique(y).tolist())
-            for name, cost in _cost_parameters(model).items()
-        }
-        model.set_params(**narrower)
+        model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
         model.fit(chosen_recordings(X, fold.train), y[fold.train])
         held_out = chosen_recordings(X, fold.test)
         try:
@@ -124,24 +102,3 @@ def _decide(
             return decisions, None
         known = np.asarray(getattr(model, "classes_", classes)).tolist()
         return decisions, pd.DataFrame(np.asarray(model.predict_proba(held_out)), columns=known)
-
-
-def _cost_parameters(estimator: Any) -> dict[str, Any]:
-    parameters = estimator.get_params(deep=True) if hasattr(estimator, "get_params") else {}
-    return {
-        name: value
-        for name, value in parameters.items()
-        if name.rpartition("__")[2] == "cost" and value is not None
-    }
-
-
-def _known_part(cost: Any, known: list[Any], everything: list[Any]) -> Any:
-    """Take the classes that are absent from training out of a labelled cost."""
-    absent = [label for label in everything if label not in known]
-    if not absent:
-        return cost
-    if isinstance(cost, pd.DataFrame):
-        return cost.drop(columns=[label for label in absent if label in cost.columns])
-    if isinstance(cost, Mapping):
-        return {pair: price for pair, price in cost.items() if not set(pair) & set(absent)}
-    return cost

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, check_real_array, located
+from emacm._checks import check_choice, check_number, check_real_array, located, once_hint
 from emacm.angle_recordings import AngleRecording
 from emacm.recordings import Recording, check_unique_columns, described
 from emacm.resampling import INTERPOLATIONS, PASS
@@ -270,8 +270,8 @@ class OrderResampler(  # type: ignore[call-arg]
             raise ValueError(
                 f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
             )
-        if not isinstance(X, Iterable):
-            raise TypeError(f"X must be a list of recordings, got {X!r}.")
+        if not isinstance(X, Iterable) or isinstance(X, Iterator):
+            raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
         entries = list(X)
         if not entries:
             raise ValueError("X holds no recording; at least one is needed.")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from emacm._drawing import (
     COLOURS,
@@ -21,6 +22,7 @@ from emacm._drawn_tables import (
     check_labels,
     check_values,
 )
+from emacm.families import as_families, family_mapping
 
 # Outcome: colour and hatch; the darker in print, the worse.
 OUTCOMES = {
@@ -105,6 +107,7 @@ class OutcomesDisplay:
         y_pred: ArrayLike,
         *,
         healthy: Any,
+        families: Mapping[Any, Any] | None = None,
         conditions: ArrayLike | None = None,
         signals: ArrayLike | None = None,
         ax: Any = None,
@@ -119,7 +122,12 @@ class OutcomesDisplay:
             Decisions. One that is no class, such as "inspect", is a false positive of a healthy
             unit and a wrong fault of another.
         healthy : str
-            Which class is the healthy one.
+            Which class is the healthy one (or which family, if there are families).
+        families : mapping, optional
+            {class: family} or {family: [classes]}. A decision for the right family is right, and so
+            is one for another class of it. Without them labels are compared as they are, and a
+            family decided for a sub-state is a wrong fault: state them wherever decisions are
+            families.
         conditions : array-like of shape (n_recordings,), optional
             Operating condition of each. Default: all in one.
         signals : array-like of shape (n_recordings,), optional
@@ -134,11 +142,14 @@ class OutcomesDisplay:
         Raises
         ------
         ValueError
-            If lengths differ, or nobody and nothing is healthy.
+            If lengths differ, nobody and nothing is healthy, or a class has no family.
         """
         truths = np.asarray(y_true)
         check_labels(truths, truths.size, "y_true")
         decided = check_labels(y_pred, len(truths), "y_pred")
+        if families is not None:
+            family_of = family_mapping(families, np.unique(truths).tolist())
+            truths, decided = (_in_families(a, family_of) for a in (truths, decided))
         sound, passed = (np.array([v == healthy for v in a], bool) for a in (truths, decided))
         if not (sound.any() or passed.any()):
             raise ValueError(
@@ -213,3 +224,8 @@ class OutcomesDisplay:
         panel.set_yticks(heights, names, fontsize=SMALL)
         panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
         panel.set_xlim(0, 100)
+
+
+def _in_families(labels: NDArray[Any], family_of: Mapping[Any, Any]) -> NDArray[Any]:
+    """Return the family of each label, as an object, so that mixed labels stay what they are."""
+    return np.fromiter(as_families(labels.tolist(), family_of), object, len(labels))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,6 +17,9 @@ from emacm.angle_recordings import AngleRecording, AngleStroke
 from emacm.cross_spectrum import CrossAverages, Pair, cross_averages
 from emacm.recordings import described
 from emacm.spectrum import SegmentPlan
+
+# Share of its largest value that a constant varies by once it is resampled, and rounded; assumed.
+_RESAMPLED, _ROUNDED = 1e-8, 4
 
 KINDS = ("response", "coherence", "cross")
 Part = tuple[str, Callable[[Any], NDArray[np.floating]]]
@@ -114,14 +118,21 @@ class PairColumns(NamedTuple):
         plan = self.plan
         rows = [row.channels.index(name) for name in self.channels]
         whole = [stroke for stroke in strokes if stroke.n_angles >= plan.n_per_segment]
+        peaks = np.zeros(len(rows))
         if whole:
-            segments = plan.lines_of(stroke.joint_blocks(rows) for stroke in whole)
+            segments = plan.lines_of(_noting(s.joint_blocks(rows), peaks) for s in whole)
         elif self.short == "pad" and any(stroke.n_angles > 1 for stroke in strokes):
-            signals = (np.concatenate(list(s.joint_blocks(rows)), axis=1) for s in strokes)
+            signals = (
+                np.concatenate(list(_noting(s.joint_blocks(rows), peaks)), axis=1) for s in strokes
+            )
             segments = plan.padded_lines(signals)
         else:
             raise too_short(strokes, plan, kind, "OrderCrossSpectrum")
         averages = cross_averages(plan, segments, self.pairs, self.channels)
+        # Of a constant, whose mean is taken out, only such errors are left: as good as no power.
+        errors = max(_RESAMPLED, _ROUNDED * float(np.finfo(row.dtype).eps)) * peaks
+        stuck = averages.power.max(axis=1) <= errors**2
+        averages = replace(averages, power=np.where(stuck[:, np.newaxis], 0.0, averages.power))
         return averages if self.operator is None else averages.gathered(self.operator)
 
     def _quantities(self, averages: CrossAverages) -> NDArray[np.floating]:
@@ -134,6 +145,15 @@ class PairColumns(NamedTuple):
                 values = averages.response() if kind == "response" else averages.cross
                 columns += [part(values) for _, part in FORMS[self.form]]
         return np.stack(columns, axis=1)
+
+
+def _noting(
+    blocks: Iterable[NDArray[np.floating]], peaks: NDArray[np.floating]
+) -> Iterator[NDArray[np.floating]]:
+    """Pass blocks on, and keep the largest size of each channel in `peaks`."""
+    for block in blocks:
+        np.maximum(peaks, np.abs(block).max(axis=1, initial=0.0), out=peaks)
+        yield block
 
 
 def check_kinds(kind: Any) -> tuple[str, ...]:

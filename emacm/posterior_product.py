@@ -14,7 +14,7 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, proces
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from emacm._checks import check_number
+from emacm._checks import check_classes, check_number
 from emacm.costs import check_weights, conditional_risk, cost_table
 from emacm.members import (
     checked_members,
@@ -188,6 +188,8 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
         members = checked_members(self.estimators, self._own_parameters())
         exponents = _exponents(self.weights, [*members])
         assert_all_finite(y, input_name="y")
+        if isinstance(y, list | tuple):
+            check_classes(y)
         check_classification_targets(y)
         y = column_or_1d(y, warn=True)
         check_consistent_length(X, y)

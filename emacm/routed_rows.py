@@ -102,7 +102,9 @@ def aligned_columns(
     return aligned
 
 
-def joined_tables(parts: Sequence[Any], places: Sequence[Rows]) -> Any:
+def joined_tables(
+    parts: Sequence[Any], places: Sequence[Rows], *, known: Sequence[Any] | None = None
+) -> Any:
     """Put tables, or lists of recordings, together row by row.
 
     Parameters
@@ -132,12 +134,13 @@ def joined_tables(parts: Sequence[Any], places: Sequence[Rows]) -> Any:
         together = [entry for part in parts for entry in part]
         return [together[place] for place in order]
     names = {column_names(part) for part in parts}
-    if len(names) > 1:
-        raise ValueError(
-            "transformers of different conditions return different columns: "
-            + " and ".join(_spanned(columns) for columns in names)
-            + ". Give them parameters that do not depend on the condition."
-        )
+    for different in (names, set(known or ())):
+        if len(different) > 1:
+            raise ValueError(
+                "transformers of different conditions return different columns: "
+                + " and ".join(_spanned(columns) for columns in different)
+                + ". Give them parameters that do not depend on the condition."
+            )
     if isinstance(parts[0], pd.DataFrame):
         return pd.concat(parts).iloc[order]
     joined = joined_rows(parts, places)

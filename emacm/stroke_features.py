@@ -7,7 +7,7 @@ is taken for an order or a bin, whose names are ``channel@...``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, located
+from emacm._checks import check_choice, check_number, located, once_hint
 from emacm.angle_recordings import AngleRecording
 from emacm.axes import check_input_names
 from emacm.recordings import Recording, described
@@ -240,8 +240,8 @@ def _checked_rows(X: Any, name: str) -> list[Row]:
     """Return X as a list of recordings."""
     if isinstance(X, Row):
         raise TypeError("X must be a list of recordings, got a single one; write [recording].")
-    if isinstance(X, str | dict) or not isinstance(X, Iterable):
-        raise TypeError(f"X must be a list of recordings, got {X!r}.")
+    if isinstance(X, str | dict | Iterator) or not isinstance(X, Iterable):
+        raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
     rows = list(X)
     if not rows:
         raise ValueError("X holds no recording; at least one is needed.")

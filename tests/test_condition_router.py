@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import sklearn
 from sklearn.base import BaseEstimator, clone, is_classifier, is_regressor
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, LogisticRegression
 from sklearn.model_selection import GridSearchCV, cross_val_predict, cross_validate
 from sklearn.pipeline import make_pipeline
@@ -21,9 +22,11 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    RecordingStatistics,
     explain_decision,
     explain_model,
     group_costs,
+    group_labels,
     neg_expected_cost,
 )
 
@@ -511,3 +514,159 @@ def test_the_pipeline_of_a_condition_can_be_explained(fleet):
     router = ConditionRouter(chain()).fit(X, y)
     table = explain_decision(router.estimators_[-40], X[0])
     assert table["column"].tolist()[0] in {"current@1-2", "current@2-3"}
+
+
+FAMILIES = {"healthy": ["healthy"], "worn": ["worn", "dry"]}
+SUB_STATES = np.array(["healthy", "healthy", "dry", "worn", "healthy", "healthy", "worn", "worn"])
+FORMS_OF_A_COST = {
+    "families": group_costs(FAMILIES, extra={"inspect": 0.3}, healthy="healthy", missed=10),
+    "mapping": {("healthy", "dry"): 10, ("healthy", "worn"): 10},
+    "array": [[0, 1, 1], [10, 0, 1], [10, 1, 0]],  # dry, healthy, worn
+}
+
+
+def gaussian(cost):
+    return CostSensitiveGaussianBayes(cost=cost, covariance="tied")
+
+
+@pytest.mark.parametrize("cost", FORMS_OF_A_COST.values(), ids=FORMS_OF_A_COST)
+def test_a_cost_may_name_a_class_that_some_condition_lacks(cost):
+    router = ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
+    assert router.cost_.shape == (len(router.decisions_), 3)
+    assert router.estimators_[40].cost_.shape[1] == 2
+    assert router.predict(LOADED)[4:].tolist() == ["healthy", "healthy", "worn", "worn"]
+
+
+def test_a_class_of_probability_0_adds_nothing_to_the_risk():
+    cost = FORMS_OF_A_COST["families"]
+    router = ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
+    by_posterior = router.predict_proba(LOADED) @ router.cost_.T
+    np.testing.assert_allclose(router.risk(LOADED), by_posterior, atol=1e-15)
+
+
+def test_the_cost_of_the_router_is_whole_whichever_condition_lacks_a_class():
+    cost = FORMS_OF_A_COST["mapping"]
+    forward = ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
+    backward = ConditionRouter(gaussian(cost)).fit(LOADED.assign(load=-LOADED["load"]), SUB_STATES)
+    np.testing.assert_array_equal(forward.cost_, backward.cost_)
+
+
+def test_a_cost_of_a_class_that_no_condition_has_is_refused():
+    cost = {("healthy", "loose"): 10}
+    with pytest.raises(ValueError, match=r"load=20: cost names the class 'loose' as a truth"):
+        ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
+
+
+def test_the_cost_of_the_estimator_given_stays_as_it_is():
+    router = ConditionRouter(gaussian(FORMS_OF_A_COST["mapping"]))
+    router.fit(LOADED, SUB_STATES)
+    assert router.estimator.cost == FORMS_OF_A_COST["mapping"]
+
+
+def test_a_right_family_scores_as_right():
+    router = ConditionRouter(gaussian(FORMS_OF_A_COST["families"])).fit(LOADED, SUB_STATES)
+    right = group_labels(SUB_STATES, FAMILIES) == router.predict(LOADED)
+    assert router.score(LOADED, SUB_STATES) == right.mean() == 1.0
+    weight = np.arange(1.0, 9.0)
+    assert router.score(LOADED, np.full(8, "worn"), weight) == (3 + 4 + 7 + 8) / 36
+
+
+def test_a_fit_that_fails_leaves_the_router_as_it_was(fleet):
+    X, y = fleet
+    fresh = ConditionRouter(chain(shrinkage=2.0))
+    with pytest.raises(ValueError, match="shrinkage"):
+        fresh.fit(X, y)
+    with pytest.raises(NotFittedError):
+        fresh.predict(X)
+    router = ConditionRouter(chain()).fit(X, y)
+    with pytest.raises(ValueError, match="of class 'healthy'"):
+        router.fit(X[:18:3], y[:18:3])
+    assert router.conditions_ == (-40, 20, 40)
+
+
+def test_columns_of_different_channels_are_not_put_below_one_another(fleet):
+    X, _ = fleet
+    renamed = [
+        Recording(
+            {"torque" if r.meta["load"] > 20 else "current": r.signals["current"]},
+            200,
+            angle=r.angle,
+            meta=r.meta,
+        )
+        for r in X
+    ]
+    router = ConditionRouter(RecordingStatistics(("rms",), by_direction=False)).fit(renamed)
+    with pytest.raises(ValueError, match=r"different columns: .*(current|torque):rms"):
+        router.transform(renamed)
+
+
+@pytest.mark.parametrize("missing", [None, np.nan, pd.NA])
+def test_a_recording_without_a_class_is_named_and_makes_no_class_called_nan(missing):
+    with pytest.raises(ValueError, match=r"class of every recording; recording 7 has (None|nan|<)"):
+        ConditionRouter(LogisticRegression()).fit(LOADED, [*STATES[:7], missing])
+
+
+def test_text_and_numbers_are_no_classes_together():
+    with pytest.raises(TypeError, match=r"recording 0 has 'healthy' and recording 7 has 3"):
+        ConditionRouter(LogisticRegression()).fit(LOADED, [*STATES[:7], 3])
+
+
+@pytest.mark.parametrize("y", [3, np.array(3), "worn", dict(enumerate(STATES)), iter(STATES)])
+def test_labels_that_are_no_list_are_refused(y):
+    with pytest.raises(TypeError, match="y must be a list or an array with an entry for each of 8"):
+        ConditionRouter(LogisticRegression()).fit(LOADED, y)
+
+
+@pytest.mark.parametrize("estimator", [None, "svm", LogisticRegression])
+def test_what_is_no_estimator_is_refused(estimator):
+    with pytest.raises(TypeError, match="estimator must be one, such as a Pipeline; got"):
+        ConditionRouter(estimator).fit(LOADED, STATES)
+
+
+@pytest.mark.parametrize(
+    ("condition", "error", "message"),
+    [
+        (["load"], TypeError, r"condition must be a key of meta .* got \['load'\]"),
+        (("load", ["unit"]), TypeError, "condition must be a key of meta"),
+        ((), ValueError, "condition must name at least one key"),
+    ],
+)
+def test_what_names_no_key_is_refused(condition, error, message):
+    with pytest.raises(error, match=message):
+        ConditionRouter(LogisticRegression(), condition).fit(LOADED, STATES)
+
+
+def test_an_infinite_condition_is_near_to_none():
+    far = LOADED.assign(load=[20.0] * 7 + [np.inf])
+    with pytest.raises(ValueError, match=r"recording 7.* is inf, which is no condition"):
+        ConditionRouter(LogisticRegression(), unseen="nearest").fit(far, STATES)
+
+
+def test_a_table_of_nothing_but_the_condition_is_refused():
+    with pytest.raises(ValueError, match=r"no columns besides the condition, \['load'\]"):
+        ConditionRouter(LogisticRegression()).fit(LOADED[["load"]], STATES)
+
+
+def test_a_condition_in_two_columns_is_refused():
+    with pytest.raises(ValueError, match=r"X has columns of the same name: \['load'\]"):
+        ConditionRouter(LogisticRegression()).fit(LOADED[["load", "load", "level"]], STATES)
+
+
+@pytest.mark.parametrize(
+    ("wrap", "message"),
+    [
+        (lambda X: X[0], "got a Recording. Write .recording."),
+        (iter, "got a list_iterator. It can be read only once; write list"),
+        (lambda X: pd.Series(X), "got a Series"),
+    ],
+)
+def test_recordings_that_come_in_no_list_are_refused(fleet, wrap, message):
+    X, y = fleet
+    with pytest.raises(TypeError, match=f"must be a list of recordings, {message}"):
+        ConditionRouter(chain()).fit(wrap(X), y)
+
+
+def test_a_table_of_another_library_is_told_from_one_of_pandas():
+    polars = pytest.importorskip("polars")
+    with pytest.raises(TypeError, match="got a polars DataFrame, and not one of pandas"):
+        ConditionRouter(LogisticRegression()).fit(polars.DataFrame({"load": [1, 2]}), ["a", "b"])

@@ -52,6 +52,7 @@ LAYERS = {
         "shrinkage",
         "spectrum",
         "spreading",
+        "stated_costs",
         "strokes",
         "tacho",
     ],

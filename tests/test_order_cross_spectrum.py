@@ -355,6 +355,27 @@ def test_a_dead_sensor_is_named_with_the_recording():
         OrderCrossSpectrum(4).fit_transform(rows)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("level", [0.1, 2.0, -1e6])
+def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
+    motion = {"velocity": np.full(5000, 60.0)}
+    channels = {"a": np.full(5000, level, kind), "b": np.sin(np.arange(5000.0)).astype(kind)}
+    rows = RESAMPLER.fit_transform([Recording(channels, 500, **motion)])
+    with pytest.raises(ValueError, match=r"channel 'a' has no power at any order.*dead or stuck"):
+        OrderCrossSpectrum(4).fit_transform(rows)
+
+
+def test_a_small_ripple_on_a_large_level_has_a_response():
+    ripple = np.sin(np.arange(5000) / 4)
+    rows = RESAMPLER.fit_transform(
+        [Recording({"a": 1e3 + 1e-3 * ripple, "b": ripple}, 500, velocity=np.full(5000, 60.0))]
+    )
+    table = OrderCrossSpectrum(4, form="polar").fit_transform(rows)
+    order = round(500 / 4 / 60, 2)
+    line = int(np.abs(OrderCrossSpectrum(4).fit(rows).orders_ - order).argmin())
+    assert np.asarray(table)[0, line] == pytest.approx(1e3, rel=1e-3)
+
+
 def test_another_theta_s_is_refused(over_angle):
     other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive()])
     with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Resample it alike"):
