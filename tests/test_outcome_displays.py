@@ -39,6 +39,31 @@ def test_inspecting_is_a_false_positive_of_the_healthy_and_no_miss_of_the_others
     assert counts.loc["all recordings", ["false positive", "wrong fault"]].tolist() == [1, 1]
 
 
+SUB_STATES = [SOUND, "worn1", "worn2", "spalled1", "worn1"]
+FAMILIES = {SOUND: SOUND, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
+
+
+def test_a_decision_for_the_family_of_a_sub_state_is_right():
+    decisions = [SOUND, WORN, "worn1", WORN, "inspect"]
+    counts = counted(SUB_STATES, decisions, families=FAMILIES, ax=axes()).counts
+    assert counts.loc["all recordings", ["correct", "wrong fault"]].tolist() == [3, 2]
+
+
+def test_families_may_be_told_class_by_class():
+    of_class = {SOUND: SOUND, "worn1": WORN, "worn2": WORN, "spalled1": SPALLED}
+    decisions = [WORN, SOUND, SPALLED, SPALLED, WORN]
+    one, other = (
+        counted(SUB_STATES, decisions, families=families, ax=axes()).counts
+        for families in (FAMILIES, of_class)
+    )
+    pd.testing.assert_frame_equal(one, other)
+
+
+def test_a_class_without_a_family_is_named():
+    with pytest.raises(ValueError, match=r"families must name a family .* missing: \['spalled1'\]"):
+        counted(SUB_STATES, SUB_STATES, families={SOUND: SOUND, WORN: ["worn1", "worn2"]})
+
+
 def test_bars_are_the_shares_of_each_condition_in_per_cent():
     (ax,) = axes()
     truths = [SOUND] * 4 + [WORN] * 4
