@@ -8,6 +8,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from sklearn.base import BaseEstimator, clone
+from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV, cross_validate
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -718,3 +719,62 @@ def test_a_transformer_must_make_a_finite_table():
     not_finite = FunctionTransformer(lambda X: [[np.nan] for _ in X])
     refused("X must be finite, got NaN in recording 0", X=[constant(20)], y=["normal"],
             transformer=not_finite)  # fmt: skip
+
+
+def test_what_rounding_leaves_of_a_constant_feature_is_no_deviation():
+    table = np.full((3, 1), 0.1)  # whose mean is 0.1 and a rounding error
+    assert table.std(axis=0)[0] > 0
+    with pytest.raises(ValueError, match="feature 0 in 20 is the same in all"):
+        mean_baseline_of_features(table, [20] * 3, scale=True)
+
+
+@pytest.mark.parametrize("transformer", [3, "levels", StandardScaler, Recording])
+def test_what_makes_no_table_is_no_transformer(transformer):
+    with pytest.raises(TypeError, match="transformer must be None or one that makes a table of"):
+        BaselineNormalizer(transformer).fit([constant(20)], ["normal"])
+
+
+@pytest.mark.parametrize("reference", [3, run()])
+def test_a_reference_is_a_list(reference):
+    with pytest.raises(TypeError, match="reference must be None or a list of recordings, got"):
+        BaselineNormalizer(reference=reference).fit(over_angle([run()]), ["normal"])
+
+
+def test_a_reference_without_its_condition_is_told_from_a_recording_of_X():
+    other = Recording({"current": [0.0, 1]}, 1, angle=[0.0, 1.0])
+    refused("reference: recording 0 has no meta key 'load'", X=over_angle([run()]), y=["normal"],
+            reference=[other])  # fmt: skip
+
+
+def test_a_mapping_of_no_keys_calls_nothing_healthy():
+    refused("healthy must name at least one key of meta", X=over_angle([run()]), healthy={})
+
+
+@pytest.mark.parametrize("y", [3, "normal", {"a": 1}, np.array([["normal"] * 2])])
+def test_labels_that_are_no_list_are_refused(y):
+    with pytest.raises(TypeError, match="y must hold one label for each recording, got"):
+        BaselineNormalizer().fit(over_angle([run()]), y)
+
+
+def test_no_line_reaches_an_infinite_load():
+    model = BaselineNormalizer(Levels(), regression=True)
+    model.fit([constant(20), constant(40)], ["normal"] * 2)
+    far = Recording({"current": [1.0] * 3}, 1, velocity=[1.0] * 3, meta={"load": np.inf})
+    with pytest.raises(ValueError, match=r"recording 0 .* is inf, which is no condition"):
+        model.transform([far])
+
+
+@pytest.mark.parametrize("X", [None, 3, "runs"])
+def test_what_is_no_list_is_refused_in_transform_too(X):
+    model = BaselineNormalizer().fit(over_angle([run()]), ["normal"])
+    with pytest.raises(TypeError, match="X must be a list of recordings, got"):
+        model.transform(X)
+
+
+def test_a_fit_that_fails_leaves_nothing_fitted():
+    model = BaselineNormalizer()
+    X = over_angle([run()])
+    with pytest.raises(ValueError, match="has a channel 'error'"):
+        model.fit([*X, *over_angle([run(names=("current", "error"))])], ["normal"] * 2)
+    with pytest.raises(NotFittedError):
+        model.transform(X)
