@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_choice, check_number
+from emacm._checks import check_choice, check_classes, check_number
 from emacm.costs import check_weights, cost_table, expected_cost
 from emacm.gaussians import FLOOR, fit_gaussians
 from emacm.moments import ClassMoments, class_moments
@@ -134,8 +134,12 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         ValueError
             If a parameter or an input is invalid, a class has no weight, or a covariance
             is singular and `shrinkage` is not None.
+        TypeError
+            If labels are text and numbers together.
         """
         _check_parameters(self.covariance, self.shrinkage)
+        if isinstance(y, list | tuple):
+            check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
         weight = check_weights(sample_weight, len(X))

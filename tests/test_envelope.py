@@ -450,6 +450,7 @@ def test_a_slower_recording_is_named_with_channel_and_rate():
         (knocking(), TypeError, "must be a list of recordings, got Recording"),
         ([], ValueError, "X holds no recording"),
         (3, TypeError, "must be a list of recordings, got int"),
+        (iter([]), TypeError, r"got list_iterator. It can be read only once; write list\(...\)"),
         ([noise(5)], TypeError, "entry 0 of X must be a Recording over time, got a ndarray"),
     ],
 )

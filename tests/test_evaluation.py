@@ -490,9 +490,12 @@ def test_several_costs_that_differ_are_refused():
 BAD = {
     "y must hold one class for each of 96 recordings": {"y": ["a"] * 5},
     "y must name a class for every recording; 0 has none": {"y": [None] * 96},
+    "y must name the class of every recording; recording 95 has nan": {"y": ["a"] * 95 + [np.nan]},
+    "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must hold two classes at the least": {"y": ["a"] * 96},
     "groups must hold one label for each of 96 recordings": {"groups": [1, 2]},
     "groups must label every recording; recording 0 has none": {"groups": [None] * 96},
+    "units must label every recording; recording 95 has none": {"units": ["a"] * 95 + [np.nan]},
     "units must hold labels of one kind, got int, str": {
         "units": np.array([0, "a"] * 48, dtype=object)
     },
@@ -521,6 +524,19 @@ def test_what_does_not_fit_is_refused(message):
     options = {"y": y, **BAD[message]}
     with pytest.raises((TypeError, ValueError), match=re.escape(message)):
         evaluate(GaussianNB(), X, options.pop("y"), **options)
+
+
+@pytest.mark.parametrize("estimator", [None, GaussianNB, StandardScaler()])
+def test_what_decides_nothing_is_refused(estimator):
+    X, y, _ = sub_states()
+    with pytest.raises(TypeError, match=r"estimator must be a classifier, with (fit|predict); got"):
+        evaluate(estimator, X, y)
+
+
+def test_recordings_that_can_be_read_only_once_are_refused():
+    X, y, _ = sub_states()
+    with pytest.raises(TypeError, match=r"X must be a list .* write list\(...\)"):
+        evaluate(GaussianNB(), iter(X), y)
 
 
 def test_a_key_that_a_recording_lacks_is_refused():

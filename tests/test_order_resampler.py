@@ -674,3 +674,9 @@ def test_float32_recordings_stay_float32_and_give_the_same_features(kernels, opt
     assert found.dtype == np.float64  # powers span twice as many digits
     # Beside a tone, float32 holds nothing that is 100 dB below it.
     np.testing.assert_allclose(found, features, rtol=1e-5, atol=1e-10 * features.sum())
+
+
+def test_recordings_that_can_be_read_only_once_are_refused():
+    runs = [Recording({"a": [0.0, 1, 2]}, 1, velocity=[1.0, 1, 1])]
+    with pytest.raises(TypeError, match=r"got <list_iterator .*only once; write list\(...\)"):
+        OrderResampler().fit(iter(runs))

@@ -603,3 +603,18 @@ def test_a_member_that_answers_nan_is_refused():
     fused = PosteriorProduct([("a", Ignorant())]).fit(X, y)
     with pytest.raises(ValueError, match="member 'a': its posterior of recording 2 is NaN"):
         fused.predict(X)
+
+
+@pytest.mark.parametrize(
+    ("odd", "error", "message"),
+    [
+        (np.nan, ValueError, "y must name the class of every recording; recording 3 has nan"),
+        (7, TypeError, "text or numbers, but recording 0 has 'new' and recording 3 has 7"),
+    ],
+)
+@pytest.mark.parametrize(
+    "model", [PosteriorProduct([("all", GaussianNB())]), CostSensitiveGaussianBayes()]
+)
+def test_no_text_is_made_of_a_label_that_is_none(model, odd, error, message):
+    with pytest.raises(error, match=message):
+        model.fit([[0.0], [1.0], [2.0], [4.0]], ["new", "new", "worn", odd])
