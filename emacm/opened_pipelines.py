@@ -55,6 +55,8 @@ class OpenedPipeline:
         Pipelines within it are laid flat. Where no step is a `BinTransformer`, the first step
         that makes a table of the recordings `X` is where it is cut: a `FeatureUnion`, say.
         """
+        if isinstance(X, Recording | AngleRecording):
+            raise TypeError("X must be a list of recordings, got a single one; write [recording].")
         while hasattr(pipeline, "best_estimator_"):
             pipeline = pipeline.best_estimator_
         steps = _flat_steps(pipeline)
@@ -152,7 +154,8 @@ def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def _are_recordings(X: Any) -> bool:
-    return isinstance(X, list | tuple) and bool(X) and isinstance(X[0], Recording | AngleRecording)
+    listed = isinstance(X, list | tuple) or (isinstance(X, np.ndarray) and X.dtype == object)
+    return listed and len(X) > 0 and isinstance(X[0], Recording | AngleRecording)
 
 
 def _is_passed_over(step: Any) -> bool:

@@ -796,3 +796,17 @@ def test_what_is_no_explanation_or_no_order_is_refused():
         match_fault_orders(table, {"BPFI": 6.1}, slip=2)
     with pytest.raises(ValueError, match="harmonics must be a whole number"):
         match_fault_orders(table, {"BPFI": 6.1}, harmonics=0)
+
+
+def test_recordings_in_an_array_of_objects_are_recordings_too(rig, rig_models):
+    X, y = rig
+    several = np.empty(len(X), dtype=object)
+    several[:] = X
+    listed, arrayed = (explain_model(rig_models["vibration"], runs, y) for runs in (X, several))
+    pd.testing.assert_frame_equal(listed, arrayed)
+
+
+def test_a_single_recording_in_the_place_of_many_is_refused(rig, rig_models):
+    X, y = rig
+    with pytest.raises(TypeError, match=r"got a single one; write \[recording\]"):
+        explain_model(rig_models["vibration"], X[0], y[:1])
