@@ -47,7 +47,8 @@ def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:
     """
     stated, numbers = _checked(probabilities, truths)
     given = stated[np.arange(len(stated)), numbers]
-    return -np.log(np.maximum(given, np.finfo(float).eps))
+    # A probability may be rounded to a step above 1, and no loss is negative.
+    return np.abs(np.log(np.clip(given, np.finfo(float).eps, 1.0)))
 
 
 def brier_scores(probabilities: ArrayLike, truths: ArrayLike) -> Array:

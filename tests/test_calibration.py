@@ -77,3 +77,9 @@ def test_what_is_no_probability_is_refused(function):
 def test_bins_are_counted():
     with pytest.raises(ValueError, match="n_bins must be a whole number of at least 1, got 0"):
         reliability([[0.5, 0.5]], [0], n_bins=0)
+
+
+def test_a_probability_rounded_to_above_1_is_no_gain():
+    loss = log_losses([[1 + 4e-16, 0.0]], [0])
+    assert loss.tolist() == [0.0]
+    assert not np.signbit(loss).any()
