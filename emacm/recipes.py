@@ -53,7 +53,8 @@ def actuator_recipe(
         Take the wave once per revolution with its phase against the shaft angle. **For the
         same assemblies only**: that phase tells which parts were put together how, and a
         machine put together anew has another one. Without it, phases are counted from the
-        forward wave, and no feature changes if the wave stands elsewhere on the shaft.
+        forward wave; of the absolute phase there is left what a stroke, start or stop
+        that is not of whole revolutions lets through.
     healthy : label, collection of labels, mapping or callable, optional
         Which recordings are healthy, as for `BaselineNormalizer`. All but the wave once per
         revolution is then relative to them, condition by condition: the mean healthy signal
@@ -94,11 +95,10 @@ def actuator_recipe(
     The profile along the stroke has 12 coefficients. They are blind to the wave once per
     revolution in strokes that are far longer than 6 revolutions.
 
-    Which features, and this classifier, were chosen on a ball screw sampled 5 times per revolution,
-    in runs that no figure of ``benchmarks/real_actuator.py --test`` is from; that
-    program says how many variants were tried. On another machine it is a place to start from:
-    set `revolutions`, `max_order`, `min_speed` and `transient` by what recordings
-    hold, and compare by `evaluate`.
+    Which features, and this classifier, were chosen on runs 1 to 7 of a ball screw sampled 5 times
+    per revolution; ``benchmarks/real_actuator.py`` says how many variants were tried. On another
+    machine it is a place to start from: set `revolutions`, `max_order`, `min_speed`
+    and `transient` by what recordings hold, and compare by `evaluate`.
 
     Examples
     --------
