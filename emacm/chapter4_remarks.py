@@ -185,11 +185,14 @@ def _others(readings: pd.DataFrame) -> str:
             for signal in SIGNALS.values()
         )
         found.append(f"{name}: {', '.join(pairs)}")
+    without = ""
+    if "no filter" in set(readings["reading"]):
+        without = (
+            " Without a filter the command's own motion and the fundamental take both components."
+        )
     return (
         "Other readings, first pair of units, % correct by a classifier per condition and by a "
-        f"single one ({first!r} is what is compared above): "
-        + "; ".join(found)
-        + ". Without a filter the command's own motion and the fundamental take both components."
+        f"single one ({first!r} is what is compared above): " + "; ".join(found) + "." + without
     )
 
 

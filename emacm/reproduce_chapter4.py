@@ -78,7 +78,7 @@ class Extent(NamedTuple):
 
 
 FULL = Extent((0, 1, 2, 3, 4), 20, 10.0, tuple(READINGS), tuple(CONDITIONS))
-QUICK = Extent((0,), 8, 3.0, ("thesis", "no filter", "strokes", "band-limited"), (3,))
+QUICK = Extent((0,), 8, 3.0, ("thesis", "strokes", "band-limited"), (3,))
 _KEYS = ["reading", "signal", "conditions"]
 
 
