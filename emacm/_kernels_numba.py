@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 COMPILED = True
 # The more is done at once, the less do threads wait for each other.
 BLOCK = 1 << 17  # time samples
-SEGMENT_BYTES = 3 << 19  # of segments
+SEGMENT_BYTES = 3 << 20  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
 _PART = 8192  # samples whose shares are held meanwhile
