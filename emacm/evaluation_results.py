@@ -26,7 +26,7 @@ from emacm.scoring_rules import ScoringRule
 _WIDTH = 98  # letters of a line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evaluation:
     """What `evaluate` found; it prints what to mind, and then the figures.
 
@@ -73,6 +73,9 @@ class Evaluation:
         ]
         summary = self.summary().T.to_string()
         return "\n".join([*remarks, summary])
+
+    def __repr__(self) -> str:
+        return str(self)
 
     def _repr_html_(self) -> str:
         remarks = "".join(f"<li>{html.escape(text)}</li>" for text in self.remarks)
