@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.axes import number_name
-from emacm.recordings import Recording
 from emacm.shaft_harmonics import ShaftHarmonics
-from emacm.stroke_features import Row, StrokeFeatures
+from emacm.stroke_features import Row
 
 
 class RelativeHarmonics(ShaftHarmonics):
@@ -73,6 +72,7 @@ class RelativeHarmonics(ShaftHarmonics):
     """
 
     phase = True
+    _absolute = False
 
     def __init__(
         self,
@@ -102,15 +102,6 @@ class RelativeHarmonics(ShaftHarmonics):
                 f"orders must be whole multiples of the first one, got {list(self.orders)}: the "
                 f"phase of order {self.orders[int(np.argmin(whole))]!r} does not follow from that "
                 f"of order {self.orders[0]!r}."
-            )
-
-    def _check_row(self, row: Row) -> None:
-        # Not that of ShaftHarmonics, which refuses velocities: no phase is absolute here.
-        StrokeFeatures._check_row(self, row)
-        if not isinstance(row, Recording) and row.direction == "travel":
-            raise ValueError(
-                "it was resampled with direction='travel', which has no shaft angle: phases turn "
-                "over at each reversal. Use direction='strokes'."
             )
 
     def _feature_names(self) -> list[tuple[str, ...]]:

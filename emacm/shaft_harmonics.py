@@ -105,6 +105,11 @@ class ShaftHarmonics(StrokeFeatures):
         self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
+    @property
+    def _absolute(self) -> bool:
+        """Whether features depend on where the shaft angle is 0."""
+        return self.phase
+
     def _check_own_parameters(self) -> None:
         check_orders(self.orders)
         check_choice(self.phase, "phase", (True, False))
@@ -118,7 +123,7 @@ class ShaftHarmonics(StrokeFeatures):
                 "over at each reversal. Use direction='strokes'."
             )
         measured: Recording = row.recording if isinstance(row, AngleRecording) else row
-        if self.phase and measured.reference == "velocity":
+        if self._absolute and measured.reference == "velocity":
             raise ValueError(
                 "its shaft reference is a velocity, so the angle starts at 0 wherever the shaft "
                 "stood, and phases of two recordings cannot be compared. Make the Recording with "
