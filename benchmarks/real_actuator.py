@@ -17,8 +17,8 @@ sequences of the test file that are copies of one in the training file are left 
 
 Each state is one assembly on this rig: no figure here tells a fault from an assembly, and those
 "with phase" are for the same assemblies only. Without phase no feature depends on where the wave
-once per revolution stands on the screw; how it stands on the way back, and in one channel beside
-the other, is kept, and may be a mark of the assembly as well.
+once per revolution stands on the screw, as the control at the end shows (`actuator_control`).
+How it stands on the way back is kept, and may be a mark of the assembly as well.
 
     python benchmarks/real_actuator.py [--train FILE] [--test FILE] [--json FILE] [--quick]
 """
@@ -36,7 +36,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from actuator_methods import METHODS, TRIED, Fold, missing_methods, separations
+from actuator_control import CUTS, cut_anew
+from actuator_methods import METHODS, TRIED, Fold, Recipe, missing_methods, separations
 from measure import header
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
@@ -56,7 +57,7 @@ PLAN = {
 REMARKS = """
 Each state is one assembly here: no figure tells a fault from an assembly. "emacm with phase" uses
 where on the screw the wave once per revolution stands: for the same assemblies only. "emacm" does
-not, but knows how that wave stands on the way back and in one channel beside the other."""
+not, but knows how that wave stands on the way back beside the way out."""
 COPY = 1e-5  # A, as in load_cranfield
 FEW_RUNS = 5
 
@@ -128,6 +129,19 @@ def decide(method: Any, task: str, scheme: str, known: Recordings, fold: Fold) -
         model = method.classifier(case.answers).fit(table[case.train], labels)
         found = model.predict(table[case.test])
         decided[case.test] = [case.answers.get(label, label) for label in map(str, found)]
+    return decided
+
+
+def decide_all(
+    method: Any, plan: list[tuple[str, str]], known: Recordings, folds: list[Fold]
+) -> dict[tuple[str, str], NDArray]:
+    """Return the decisions on each task under each scheme, from all folds."""
+    decided = {asked: np.full(len(known.X), "", dtype="U40") for asked in plan}
+    for fold in folds:
+        for asked in plan:
+            found = decide(method, *asked, known, fold)
+            decided[asked][fold.test] = found[fold.test]
+        method.forget(fold)
     return decided
 
 
@@ -206,16 +220,24 @@ def compare(known: Recordings, folds: list[Fold], quick: bool) -> list[dict]:
             for task, schemes in PLAN.items()
             for scheme in (schemes[:1] if quick and "Rocket" in name else schemes)
         ]
-        decided = {asked: np.full(len(known.X), "", dtype="U40") for asked in plan}
-        for fold in folds:
-            for asked in plan:
-                found = decide(method, *asked, known, fold)
-                decided[asked][fold.test] = found[fold.test]
-            method.forget(fold)
-        for (task, scheme), found in decided.items():
-            rows.append({"task": task, "scheme": scheme, "method": name} | row(task, known, found))
+        rows += [
+            {"task": task, "scheme": scheme, "method": name} | row(task, known, found)
+            for (task, scheme), found in decide_all(method, plan, known, folds).items()
+        ]
         print(f"{name}: {time.perf_counter() - start:.0f} s", flush=True)
     return rows
+
+
+def control(known: Recordings, folds: list[Fold]) -> pd.DataFrame:
+    """Measure whether the recipe rests on where the wave once per revolution stands."""
+    asked = "13 states", "per load"
+    table = {}
+    for cuts in CUTS:
+        cut = known._replace(X=cut_anew(known.X, cuts))
+        for name, phase in (("emacm", False), ("emacm with phase", True)):
+            decided = decide_all(Recipe(phase=phase), [asked], cut, folds)[asked]
+            table[name, cuts] = row(asked[0], known, decided)["balanced_accuracy"]
+    return pd.Series(table).unstack()[list(CUTS)]
 
 
 def print_table(rows: list[dict]) -> None:
@@ -256,7 +278,11 @@ def main() -> None:
         print(f"{name} left out: aeon is not installed (pip install 'emacm[bench]')")
     with threadpool_limits(1):  # many small problems: threads would wait for one another
         rows = compare(known, folds, options.quick)
-    print_table(rows)
+        print_table(rows)
+        found = control(known, folds).round(3)
+    print(
+        f"\ncontrol: 13 states per load, when each stroke is cut at its ends\n{found.to_string()}"
+    )
     kinds, orders = separations(known, folds[0])
     print("\nwhat tells the states apart (emacm, per load): shares of the squared distances")
     print(f"{kinds.round(3).to_string()}\n\nof these by order\n{orders.round(3).to_string()}")

@@ -36,15 +36,13 @@ def actuator_recipe(
     revolutions: float = 4,
     max_order: float = 2.5,
     min_speed: float = 0.0,
-    transient: float = 1.0,
     n_jobs: int | None = None,
 ) -> Pipeline:
     """Return an unfitted pipeline from recordings of an actuator to a decision.
 
     It looks at what an engineer would look at, forward and reverse strokes apart: powers over
-    orders; how one channel answers another, as frequency response and coherence over
-    orders; level, spread, peak and trend of each stroke and the slow course along it; level,
-    spread and peak while the shaft starts, stops and stands; and the wave once per
+    orders; how one channel answers another, as frequency response and coherence over orders;
+    level, spread and trend of each stroke and the slow course along it; and the wave once per
     revolution. The classifier is a Gaussian for each class, with one covariance for all.
 
     Parameters
@@ -53,8 +51,8 @@ def actuator_recipe(
         Take the wave once per revolution with its phase against the shaft angle. **For the
         same assemblies only**: that phase tells which parts were put together how, and a
         machine put together anew has another one. Without it, phases are counted from the
-        forward wave; of the absolute phase there is left what a stroke, start or stop
-        that is not of whole revolutions lets through.
+        forward wave, and no feature depends on where on the shaft, or in the stroke, the wave
+        stands, but for what the ends of strokes let through that are not whole revolutions.
     healthy : label, collection of labels, mapping or callable, optional
         Which recordings are healthy, as for `BaselineNormalizer`. All but the wave once per
         revolution is then relative to them, condition by condition: the mean healthy signal
@@ -74,8 +72,6 @@ def actuator_recipe(
         Highest order of the spectra; `OrderResampler.quality` tells what recordings hold.
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s].
-    transient : float
-        Length of start and stop [s].
     n_jobs : int, optional
         Recordings in work at the same time.
 
@@ -83,7 +79,7 @@ def actuator_recipe(
     -------
     Pipeline
         Steps "featureunion", "standardscaler" and "costsensitivegaussianbayes". It takes a
-        list of `Recording`, each with forward and reverse strokes and a rest.
+        list of `Recording`, each with forward and reverse strokes.
 
     Raises
     ------
@@ -93,12 +89,13 @@ def actuator_recipe(
     Notes
     -----
     The profile along the stroke has 12 coefficients. They are blind to the wave once per
-    revolution in strokes that are far longer than 6 revolutions.
+    revolution in strokes that are far longer than 6 revolutions. Starts, stops and peaks are left
+    out, as they depend on where the shaft starts and stops; `RecordingStatistics` has them.
 
     Which features, and this classifier, were chosen on runs 1 to 7 of a ball screw sampled 5 times
     per revolution; ``benchmarks/real_actuator.py`` says how many variants were tried. On another
-    machine it is a place to start from: set `revolutions`, `max_order`, `min_speed`
-    and `transient` by what recordings hold, and compare by `evaluate`.
+    machine it is a place to start from: set `revolutions`, `max_order` and `min_speed` by what
+    recordings hold, and compare by `evaluate`.
 
     Examples
     --------
@@ -121,23 +118,13 @@ def actuator_recipe(
         {} if healthy is None else {"condition": condition, "healthy": healthy}
     )
     strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
-    parts = RecordingStatistics(
-        parts=("start", "stop", "rest"),
-        part_statistics=("mean", "std", "peak"),
-        transient=transient,
-        **strokes,
-    )
     wave = ShaftHarmonics if phase else RelativeHarmonics
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
         BaselineNormalizer(**relative) if relative else "passthrough",
         _over_angle(revolutions, max_order, n_jobs),
     )
-    features = _union(
-        over_angle=over_angle,
-        parts=BaselineNormalizer(parts, **relative) if relative else parts,
-        wave=wave((1,), n_parts=2, **strokes),
-    )
+    features = _union(over_angle=over_angle, wave=wave((1,), n_parts=2, **strokes))
     gaussians = CostSensitiveGaussianBayes(cost, priors=priors, covariance="tied", shrinkage="auto")
     return Pipeline(
         [
@@ -160,7 +147,7 @@ def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> Fea
             FunctionTransformer(np.log, feature_names_out="one-to-one"),
         ),
         answers=OrderCrossSpectrum(revolutions, kind=("response", "coherence"), **bins, **spectra),
-        levels=RecordingStatistics(("mean", "std", "peak", "slope"), **strokes),
+        levels=RecordingStatistics(("mean", "std", "slope"), **strokes),
         profile=StrokeProfile(12, **strokes),
     )
 

@@ -1,0 +1,51 @@
+"""A control for `real_actuator.py`: a method that rests on where waves stand on the screw fails it.
+
+In the recordings every stroke begins and ends at the same place of the screw, and the angle is
+counted from there. On a machine put together anew neither would be so. The control cuts each
+stroke at both of its ends and counts the angle from another zero: alike in all recordings, or in
+each one at random over a whole revolution. What a method loses from the first to the second, in
+training and in test, it owed to the phase of the wave once per revolution.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm import Recording
+
+# Samples of the two strokes, beyond noise at rest: the set point is the same in all recordings.
+OUT, BACK = (4, 129), (201, 324)
+CUTS = ("alike", "at random")
+FEWEST, MOST = 4, 9  # samples cut off: one revolution is 5.2 samples
+
+
+def cut_anew(recordings: list[Recording], cuts: str) -> list[Recording]:
+    """Cut the strokes of all recordings, alike or at random."""
+    rng = np.random.default_rng(0)
+    shape = len(recordings), 4
+    if cuts == "alike":
+        lost, zeros = np.full(shape, (FEWEST + MOST - 1) // 2), np.zeros(len(recordings))
+    else:
+        lost = rng.integers(FEWEST, MOST, shape)
+        zeros = rng.uniform(0, 2 * np.pi, len(recordings))
+    return [_cut(*each) for each in zip(recordings, lost, zeros, strict=True)]
+
+
+def _cut(recording: Recording, lost: NDArray[np.integer], zero: float) -> Recording:
+    """Cut samples off at the ends of both strokes; methods that look at the rest cannot be asked.
+
+    Between the strokes the angle runs evenly, over three times the rest, since in one as long as
+    it was the shaft would seem to turn.
+    """
+    out = np.arange(OUT[0] + lost[0], OUT[1] - lost[1])
+    rest = np.repeat(np.arange(OUT[1], BACK[0]), 3)
+    back = np.arange(BACK[0] + lost[2], BACK[1] - lost[3])
+    kept = np.concatenate([out, rest, back])
+    angle: Any = np.asarray(recording.angle)[kept]
+    standing = slice(len(out), len(out) + len(rest))
+    angle[standing] = np.linspace(angle[len(out) - 1], angle[standing.stop], len(rest))
+    signals = {name: np.asarray(signal)[kept] for name, signal in recording.signals.items()}
+    return Recording(signals, recording.shaft_fs, angle=angle + zero, meta=recording.meta)
