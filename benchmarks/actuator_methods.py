@@ -75,7 +75,7 @@ class Recipe(Method):
 
     def __init__(self, **options: Any) -> None:
         super().__init__()
-        self.recipe = actuator_recipe(**RECIPE, **options)
+        self.recipe = actuator_recipe(**{**RECIPE, **options})
         self.learns = "healthy" in options
 
     def key(self, fold: Fold, load: Any) -> Any:

@@ -266,10 +266,10 @@ def main() -> None:
     print(header())
     known = read(file)
     if options.quick:
-        known = _few(known)
+        known = few(known)
     if options.test:
         later = read(options.test)
-        known, folds = joined(known, _few(later) if options.quick else later)
+        known, folds = joined(known, few(later) if options.quick else later)
     else:
         folds = folds_by_run(known)
     print(f"{len(known.X)} recordings; held out: {', '.join(fold.name for fold in folds)}")
@@ -291,11 +291,11 @@ def main() -> None:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
-def _few(known: Recordings) -> Recordings:
-    """Return two sequences of each state, load and run, of two runs."""
+def few(known: Recordings, n_runs: int = 2) -> Recordings:
+    """Return two sequences of each state, load and run, of the first runs."""
     frame = pd.DataFrame({name: getattr(known, name) for name in ("state", "load", "run")})
     number = frame.groupby(["state", "load", "run"]).cumcount().to_numpy()
-    return known.take((number < 2) & np.isin(known.run, np.unique(known.run)[:2]))
+    return known.take((number < 2) & np.isin(known.run, np.unique(known.run)[:n_runs]))
 
 
 if __name__ == "__main__":

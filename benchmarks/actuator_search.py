@@ -1,0 +1,109 @@
+"""Settings of the recipe for the real actuator, chosen inside training runs only.
+
+What `real_actuator.py` shows was settled with all runs in sight, which flatters. Here a
+search chooses revolutions, highest order and lowest speed anew for each held-out run, and for the
+last three, by leaving out each of the other runs in turn; the held-out runs score what was chosen,
+and have chosen nothing. 13 states, a classifier per load, without and with phase.
+
+    python benchmarks/actuator_search.py [--train FILE] [--json FILE] [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from actuator_methods import Fold, Recipe
+from measure import header, write_json
+from real_actuator import Recordings, decide_all, few, folds_by_run, found_file, read, row
+from sklearn.model_selection import ParameterGrid
+from threadpoolctl import threadpool_limits
+
+ASKED = "13 states", "per load"
+GRID = {"revolutions": (3, 4, 6), "max_order": (2.0, 2.5), "min_speed": (2.0, 3.0)}
+QUICK = {"revolutions": (3, 4)}
+N_LATER = 3
+
+
+def inner_folds(known: Recordings, outer: Fold) -> list[Fold]:
+    """Leave out each run that may be learnt from in turn."""
+    runs = np.unique(known.run[outer.train])
+    return [
+        Fold(outer.train & (known.run != run), outer.train & (known.run == run), f"inner {run}")
+        for run in runs
+    ]
+
+
+def score(method: Recipe, known: Recordings, folds: list[Fold]) -> float:
+    """Return the balanced accuracy over all recordings that the folds hold out."""
+    decided = decide_all(method, [ASKED], known, folds)[ASKED]
+    return row(ASKED[0], known, decided)["balanced_accuracy"]
+
+
+def searched(
+    methods: list[Recipe], settings: list[dict], known: Recordings, outer: list[Fold]
+) -> Iterator[dict[str, Any]]:
+    """Yield for each outer fold what was chosen and what that decides on it."""
+    for fold in outer:
+        inner = inner_folds(known, fold)
+        scores = [score(method, known, inner) for method in methods]
+        best = int(np.argmax(scores))
+        decided = decide_all(methods[best], [ASKED], known, [fold])[ASKED]
+        yield settings[best] | {"inside": scores[best], "fold": fold, "decided": decided}
+
+
+def compare(known: Recordings, grid: dict, phase: bool) -> list[dict]:
+    """Search by run and for the last runs; beside it the settled recipe."""
+    settings = list(ParameterGrid(grid))
+    methods = [Recipe(phase=phase, **setting) for setting in settings]
+    settled = Recipe(phase=phase)
+    plans = {"each run in turn": folds_by_run(known)}
+    runs = np.unique(known.run)
+    if len(runs) > 2 * N_LATER:
+        later = np.isin(known.run, runs[-N_LATER:])
+        plans[f"last {N_LATER} runs"] = [Fold(~later, later, "later runs")]
+    rows = []
+    for plan, outer in plans.items():
+        decided = np.full(len(known.X), "", dtype="U40")
+        for chosen in searched(methods, settings, known, outer):
+            fold = chosen.pop("fold")
+            decided[fold.test] = chosen.pop("decided")[fold.test]
+            print(f"phase {phase}, without {fold.name}: {chosen}", flush=True)
+        rows.append(
+            {
+                "held out": plan,
+                "phase": phase,
+                "chosen inside": row(ASKED[0], known, decided)["balanced_accuracy"],
+                "settled": score(settled, known, outer),
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Search, print the table and write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--quick", action="store_true", help="few recordings, two settings")
+    options = parser.parse_args()
+    file = options.train or found_file()
+    if file is None:
+        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
+        raise SystemExit(0 if options.quick else 2)
+    print(header())
+    known = few(read(file), n_runs=3) if options.quick else read(file)
+    grid = QUICK if options.quick else GRID
+    print(f"{len(known.X)} recordings, {len(ParameterGrid(grid))} settings of {[*grid]}")
+    with threadpool_limits(1):
+        rows = [each for phase in (False, True) for each in compare(known, grid, phase)]
+    print(f"\nbalanced accuracy\n{pd.DataFrame(rows).round(3).to_string(index=False)}")
+    write_json(options.json, rows)
+
+
+if __name__ == "__main__":
+    main()
