@@ -6,20 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located, once_hint
 from emacm.envelope import Band, check_band
 from emacm.envelope_recordings import EnvelopeRecording
+from emacm.recording_transformers import RecordingTransformer
 from emacm.recordings import Recording, described
 
 
-class EnvelopeDetector(  # type: ignore[call-arg]
-    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
-):
+class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Take the envelope of a band of frequencies, in which a fault makes a resonance ring.
 
     Put it before `OrderResampler`: what `OrderPSD` then gives is the (squared) envelope spectrum
@@ -137,42 +133,6 @@ class EnvelopeDetector(  # type: ignore[call-arg]
         """
         check_is_fitted(self)
         return self._detected(_checked_recordings(X))
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the channels.
-
-        Parameters
-        ----------
-        input_features : ignored
-            Recordings name their own channels.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        return np.array(self.channels_, dtype=object)
-
-    def set_output(self, *, transform: str | None = None) -> EnvelopeDetector:
-        """Accept what `Pipeline.set_output` says; recordings are no table.
-
-        Parameters
-        ----------
-        transform : {"default", "pandas", "polars", None}
-            Has no effect here.
-
-        Returns
-        -------
-        EnvelopeDetector
-            Itself.
-        """
-        return self
-
-    def __sklearn_tags__(self) -> Any:
-        """Tell scikit-learn that X is no 2-D table."""
-        tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False
-        return tags
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Band]:
         """Return the band of each channel."""

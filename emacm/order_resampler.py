@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, check_real_array, located, once_hint
 from emacm.angle_recordings import AngleRecording
+from emacm.recording_transformers import RecordingTransformer
 from emacm.recordings import Recording, check_unique_columns, described
 from emacm.resampling import INTERPOLATIONS, PASS
 from emacm.strokes import DIRECTIONS, stroke_paths
@@ -22,9 +21,7 @@ from emacm.strokes import DIRECTIONS, stroke_paths
 _MANY = 10  # strokes of less than a revolution that look like noise
 
 
-class OrderResampler(  # type: ignore[call-arg]
-    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
-):
+class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Resample recordings from uniform time to uniform shaft angle.
 
     Faults that are locked to the shaft then stand at fixed orders (cycles per
@@ -208,40 +205,9 @@ class OrderResampler(  # type: ignore[call-arg]
         )
         return pd.DataFrame(rows)
 
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the channels.
-
-        Parameters
-        ----------
-        input_features : ignored
-            Recordings name their own channels.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        return np.array(self.channels_, dtype=object)
-
-    def set_output(self, *, transform: str | None = None) -> OrderResampler:
-        """Accept what `Pipeline.set_output` says; recordings over the angle are no table.
-
-        Parameters
-        ----------
-        transform : {"default", "pandas", "polars", None}
-            Has no effect here. `AngleRecording.frame` gives a table.
-
-        Returns
-        -------
-        OrderResampler
-            Itself.
-        """
-        return self
-
     def __sklearn_tags__(self) -> Any:
-        """Tell scikit-learn that X is no 2-D table."""
+        """Tell scikit-learn that X may be bare arrays."""
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = False
         tags.input_tags.three_d_array = True
         return tags
 

@@ -82,6 +82,7 @@ LAYERS = {
         "posterior_product",
         "recipes",
         "recording_statistics",
+        "recording_transformers",
         "relative_harmonics",
         "shaft_harmonics",
         "stroke_features",

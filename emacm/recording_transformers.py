@@ -1,0 +1,60 @@
+"""What transformers that give recordings share: names of channels, and no table to put out."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+Self = TypeVar("Self", bound="RecordingTransformer")
+
+
+class RecordingTransformer(  # type: ignore[call-arg]
+    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
+):
+    """Base of transformers from recordings to recordings.
+
+    Subclasses learn `channels_`, and state ``auto_wrap_output_keys=None`` as well, since
+    scikit-learn asks each class by itself whether to make tables of what it returns.
+    """
+
+    channels_: tuple[str, ...]
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the channels.
+
+        Parameters
+        ----------
+        input_features : ignored
+            Recordings name their own channels.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        return np.array(self.channels_, dtype=object)
+
+    def set_output(self: Self, *, transform: str | None = None) -> Self:
+        """Accept what `Pipeline.set_output` says; recordings are no table.
+
+        Parameters
+        ----------
+        transform : {"default", "pandas", "polars", None}
+            Has no effect here. `AngleRecording.frame` gives a table.
+
+        Returns
+        -------
+        RecordingTransformer
+            Itself.
+        """
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn that X is no 2-D table."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        return tags
