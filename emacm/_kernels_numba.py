@@ -128,6 +128,22 @@ def windowed(
     return segments
 
 
+def thinned(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    remove_mean: bool,
+    taps: Array,
+) -> Array:
+    """Cut signals into segments, weight them, filter them round and keep every fourth sample."""
+    outputs = np.empty((len(signals), n_segments, len(window) // 4), signals.dtype)
+    signals, window, taps = _read_only(signals), _read_only(window), _read_only(taps)
+    _thinned(signals, first, step, window, remove_mean, taps, outputs)
+    return outputs
+
+
 def powers(lines: NDArray[np.complexfloating]) -> Array:
     """Sum the squared size of lines over segments; in float64."""
     total = np.zeros((len(lines), lines.shape[2]))
@@ -149,13 +165,6 @@ def split_powers(
     total = np.zeros((len(signals), n_lines))
     signals, window = _read_only(signals), _read_only(window)
     _split_powers(signals, first, step, window, n_segments, remove_mean, *split, total)
-    return total
-
-
-def joined_powers(parts: NDArray[np.complexfloating], real: Array, imaginary: Array) -> Array:
-    """Sum the powers of segments whose interleaved parts were transformed."""
-    total = np.zeros((len(parts), len(real)))
-    _joined_powers(parts.view(real.dtype), real, imaginary, total)
     return total
 
 
@@ -400,19 +409,59 @@ def _read_off(reached, first, theta_s, x0, x1, x2, x3, x4, x5, x6, x7, values):
 
 
 @_compiled
+def _mean(part):
+    total = part[0] - part[0]
+    for i in range(len(part)):
+        total += part[i]
+    return total / len(part)
+
+
+@_compiled
 def _windowed(signals, first, step, window, remove_mean, segments):
     n_signals, n_segments, length = segments.shape
     for c in range(n_signals):
         for s in range(n_segments):
             part = signals[c, first + s * step : first + s * step + length]
             segment = segments[c, s]
-            mean = signals[0, 0] - signals[0, 0]
-            if remove_mean:
-                for i in range(length):
-                    mean += part[i]
-                mean /= length
+            mean = _mean(part) if remove_mean else signals[0, 0] - signals[0, 0]
             for i in range(length):
                 segment[i] = (part[i] - mean) * window[i]
+
+
+@_compiled
+def _thinned(signals, first, step, window, remove_mean, taps, outputs):
+    n_signals, n_segments, _ = outputs.shape
+    length, beyond = len(window), len(taps) - 4
+    segment = np.empty(length + beyond, signals.dtype)
+    for c in range(n_signals):
+        for s in range(n_segments):
+            part = signals[c, first + s * step : first + s * step + length]
+            mean = _mean(part) if remove_mean else signals[0, 0] - signals[0, 0]
+            for i in range(length):
+                segment[i] = (part[i] - mean) * window[i]
+            segment[length:] = segment[:beyond]
+            _keep_every_fourth(segment, taps, outputs[c, s])
+
+
+@_compiled
+def _keep_every_fourth(segment, taps, output):
+    zero = taps[0] - taps[0]
+    for j in range(0, len(output), 8):
+        j = min(j, len(output) - 8)
+        part, kept = segment[4 * j : 4 * j + len(taps) + 28], output[j : j + 8]
+        s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = zero
+        for k in range(len(taps)):  # eight sums, so that a tap and a sample are loaded once for all
+            tap = taps[k]
+            s0 += tap * part[k]
+            s1 += tap * part[k + 4]
+            s2 += tap * part[k + 8]
+            s3 += tap * part[k + 12]
+            s4 += tap * part[k + 16]
+            s5 += tap * part[k + 20]
+            s6 += tap * part[k + 24]
+            s7 += tap * part[k + 28]
+        kept[0], kept[1], kept[2], kept[3] = s0, s1, s2, s3
+        kept[4], kept[5], kept[6], kept[7] = s4, s5, s6, s7
 
 
 @_compiled
@@ -504,19 +553,3 @@ def _join(real, imaginary, prime, cosines, sines, total):
     for k in range(n_lines):
         wide_re, wide_im = np.float64(re[k]), np.float64(im[k])
         total[k] += wide_re * wide_re + wide_im * wide_im
-
-
-@_compiled
-def _joined_powers(parts, real, imaginary, total):
-    for c in range(len(parts)):
-        row = total[c]
-        for s in range(parts.shape[1]):
-            lines = parts[c, s]
-            for k in range(len(row)):
-                line, a, b = lines[k], real[k], imaginary[k]
-                re, im = line[0] * a[0], line[0] * b[0]
-                for j in range(1, 8):
-                    re += line[j] * a[j]
-                    im += line[j] * b[j]
-                wide_re, wide_im = np.float64(re), np.float64(im)
-                row[k] += wide_re * wide_re + wide_im * wide_im

@@ -284,6 +284,36 @@ def windowed(
     return segments * window
 
 
+def thinned(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    remove_mean: bool,
+    taps: Array,
+) -> Array:
+    """Cut signals into segments, weight them, filter them round and keep every fourth sample.
+
+    Parameters
+    ----------
+    signals, first, step, window, n_segments, remove_mean
+        As for `windowed`; the window's length is a multiple of four, at least 32, and not less
+        than the taps'.
+    taps : ndarray of shape (n_taps,)
+        Of the filter, of the dtype of the signals; the first one weights the sample that is kept,
+        the others those after it.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_segments, n_per_segment / 4)
+    """
+    segments = windowed(signals, first, step, window, n_segments, remove_mean)
+    round_again = np.concatenate([segments, segments[..., : len(taps) - 4]], axis=-1)
+    views = np.lib.stride_tricks.sliding_window_view(round_again, len(taps), axis=-1)
+    return views[..., ::4, :] @ taps
+
+
 def powers(lines: NDArray[np.complexfloating]) -> Array:
     """Sum the squared size of lines over segments; in float64.
 
@@ -341,22 +371,3 @@ def split_powers(
     period = np.concatenate([lowest, lowest[..., :0:-1].conj()], axis=-1)
     lines = period[..., np.arange(n_lines) % places.shape[1]]
     return powers((lines * (real_twiddles + 1j * imaginary_twiddles)).sum(axis=2))
-
-
-def joined_powers(parts: NDArray[np.complexfloating], real: Array, imaginary: Array) -> Array:
-    """Sum the powers of segments whose interleaved parts were transformed.
-
-    Parameters
-    ----------
-    parts : ndarray of shape (n_signals, n_segments, n_part_lines, 4)
-        Fourier transforms of samples 0, 4, 8...; 1, 5, 9...; and so on.
-    real, imaginary : ndarray of shape (n_lines, 8)
-        Weights of their real and imaginary parts in those of the lines wanted.
-
-    Returns
-    -------
-    ndarray of shape (n_signals, n_lines)
-    """
-    halves = parts[:, :, : len(real)].view(real.dtype)
-    lines = (halves * real).sum(axis=-1) + 1j * (halves * imaginary).sum(axis=-1)
-    return powers(lines)

@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import fft
 
 from emacm import fourier
 from emacm._kernels import using
 from emacm.fourier import segments_at_once, summed_powers
 
-# A power of two, primes within and beyond the range that is split, their multiples, a square.
-LENGTHS = [8, 63, 100, 101, 131, 262, 393, 524, 655, 263, 526, 307, 311, 997, 101 * 101]
+# Powers of two, primes within and beyond the range that is split, their multiples, a square.
+LENGTHS = [8, 60, 63, 64, 100, 101, 131, 262, 393, 524, 655, 263, 526, 307, 311, 997, 4 * 997]
+LENGTHS += [4096, 101 * 101]
+LINES = {"lowest": 1 / 16, "few": 1 / 8, "all": 1 / 2}  # of a segment's samples
 
 
 def by_scipy(signals, first, step, window, n_segments, remove_mean):
@@ -20,17 +24,59 @@ def by_scipy(signals, first, step, window, n_segments, remove_mean):
     return (np.abs(fft.rfft(cut * window)) ** 2).sum(axis=0)
 
 
-@pytest.mark.parametrize("n_lines", ["few", "all"])
+@pytest.mark.parametrize("n_lines", LINES)
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-12), (np.float32, 1e-5)])
 def test_powers_are_those_of_scipy_at_any_length(length, dtype, tolerance, n_lines):
     signals = np.random.default_rng(length).standard_normal((2, 3 * length)).astype(dtype)
     cut = signals, 3, length // 2, np.hanning(length).astype(dtype), 4
-    wanted = length // 8 + 1 if n_lines == "few" else length // 2 + 1
+    wanted = max(1, int(length * LINES[n_lines])) + (n_lines != "lowest")
     expected = by_scipy(*cut, remove_mean=True)[:, :wanted]
     found = summed_powers(*cut, wanted, remove_mean=True)
     assert found.dtype == np.float64
     np.testing.assert_allclose(found, expected, atol=tolerance * expected.max())
+
+
+@given(
+    quarter=st.integers(16, 300),
+    share=st.floats(0, 1),
+    step=st.integers(1, 500),
+    window=st.sampled_from([np.ones, np.hanning, np.kaiser]),
+    remove_mean=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_the_lowest_lines_are_those_of_scipy(quarter, share, step, window, remove_mean, seed):
+    length = 4 * quarter
+    weights = window(length, 8.0) if window is np.kaiser else window(length)
+    signals = np.random.default_rng(seed).standard_normal((3, length + 4 * step))
+    n_lines = max(1, int(share * length / 16))
+    cut = signals, 0, step, weights, 5
+    expected = by_scipy(*cut, remove_mean=remove_mean)
+    found = summed_powers(*cut, n_lines, remove_mean=remove_mean)
+    np.testing.assert_allclose(found, expected[:, :n_lines], atol=1e-13 * expected.max(), rtol=0)
+
+
+@pytest.mark.parametrize("length", [64, 512, 4096])
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 2e-14), (np.float32, 3e-7)])
+def test_no_tone_above_the_lines_wanted_is_found_among_them(length, dtype, tolerance):
+    n_lines = length // 16
+    orders = np.arange(n_lines, length // 2)
+    if len(orders) > 300:  # those next to where lines fold onto the wanted ones, and some others
+        folding = np.abs(orders - length // 4 * np.round(4 * orders / length)) < n_lines
+        orders = np.union1d(orders[folding], orders[::7])
+    turns = np.outer(orders, np.arange(length)) % length / length
+    tones = np.sin(2 * np.pi * turns + 1).astype(dtype)
+    powers = summed_powers(tones, 0, length, np.ones(length), 1, n_lines, remove_mean=False)
+    assert np.sqrt(powers.max()) < tolerance * length / 2
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-12), (np.float32, 2e-6)])
+def test_each_of_the_lowest_lines_has_the_power_of_its_tone(dtype, tolerance):
+    lines = np.arange(1, 32)
+    tones = np.sin(2 * np.pi / 512 * np.outer(lines, np.arange(512))).astype(dtype)
+    powers = summed_powers(tones, 0, 512, np.ones(512), 1, 32, remove_mean=True)
+    expected = 256.0**2 * np.eye(32)[1:]
+    np.testing.assert_allclose(powers, expected, atol=tolerance * 256**2)
 
 
 def test_the_mean_stays_where_it_is_wanted():
@@ -65,6 +111,26 @@ def test_a_length_with_a_large_prime_is_split_where_loops_are_compiled(monkeypat
     with using("numpy"):
         summed_powers(*cut, remove_mean=False)
         assert asked
+
+
+def test_a_quarter_is_transformed_for_the_lowest_lines_where_loops_are_compiled(monkeypatch):
+    pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
+    lengths = []
+    original = fourier.fft.rfft
+
+    def noted(segments, *args, **kwargs):
+        lengths.append(segments.shape[-1])
+        return original(segments, *args, **kwargs)
+
+    cut = np.ones((1, 4096)), 0, 4096, np.ones(4096), 1
+    with using("numba"):
+        summed_powers(*cut, 256, remove_mean=False)
+        monkeypatch.setattr(fourier.fft, "rfft", noted)
+        summed_powers(*cut, 256, remove_mean=False)
+        summed_powers(*cut, 257, remove_mean=False)
+    with using("numpy"):
+        summed_powers(*cut, 256, remove_mean=False)
+    assert lengths == [1024, 4096, 4096]
 
 
 @pytest.mark.parametrize(

@@ -156,6 +156,29 @@ def test_windowed_segments_agree(compiled, rng, dtype, tolerance, remove_mean):
 
 
 @both_precisions
+@pytest.mark.parametrize("remove_mean", [True, False])
+@pytest.mark.parametrize(("length", "n_taps"), [(32, 32), (64, 64), (132, 33), (4096, 64)])
+def test_thinned_segments_agree(compiled, rng, dtype, tolerance, remove_mean, length, n_taps):
+    signals = (rng.standard_normal((2, 3 * length)) + 5).astype(dtype)
+    window, taps = np.hanning(length).astype(dtype), rng.standard_normal(n_taps).astype(dtype)
+    one, other = (
+        module.thinned(signals, 7, length // 3, window, 5, remove_mean, taps)
+        for module in (compiled, _kernels_numpy)
+    )
+    assert one.dtype == other.dtype == dtype
+    assert one.shape == (2, 5, length // 4)
+    agree(one, other, tolerance)
+
+
+def test_thinning_is_a_product_of_transforms_that_folds(rng):
+    signal, taps = rng.standard_normal((1, 64)), rng.standard_normal(9)
+    thinned = _kernels_numpy.thinned(signal, 0, 64, np.ones(64), 1, False, taps)
+    product = fft.fft(signal[0]) * fft.fft(taps, 64).conj()
+    folded = product.reshape(4, 16).sum(axis=0) / 4
+    np.testing.assert_allclose(fft.fft(thinned[0, 0]), folded, atol=1e-12)
+
+
+@both_precisions
 def test_powers_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
     lines = np.fft.rfft(rng.standard_normal((2, 9, 64))).astype(np.result_type(dtype, np.complex64))
     one, other = compiled.powers(lines), _kernels_numpy.powers(lines)
@@ -196,17 +219,6 @@ def test_powers_of_segments_split_by_a_prime_agree(
     agree(one, other, tolerance)
 
 
-@both_precisions
-def test_powers_of_joined_lines_agree(compiled, rng, dtype, tolerance):
-    kind = np.result_type(dtype, np.complex64)
-    parts = fft.rfft(rng.standard_normal((2, 9, 64, 4)), axis=2).astype(kind)
-    weights = rng.standard_normal((2, 20, 8)).astype(dtype)
-    one, other = (module.joined_powers(parts, *weights) for module in (compiled, _kernels_numpy))
-    assert one.dtype == other.dtype == np.float64
-    assert one.shape == (2, 20)
-    agree(one, other, tolerance)
-
-
 # Which of them are used
 
 
@@ -222,9 +234,9 @@ def test_both_modules_offer_the_same_loops(compiled):
         "places",
         "read_off",
         "windowed",
+        "thinned",
         "powers",
         "split_powers",
-        "joined_powers",
     }
     assert loops <= offered(compiled) & offered(_kernels_numpy)
 
