@@ -389,9 +389,11 @@ def _places(reached, before, first, theta_s, left, shares):
 
 @_compiled
 def _blend(signal, left, shares, values):
+    following = signal[1:]
     for j in range(len(left)):
-        low = signal[left[j]]
-        values[j] = low + shares[j] * (signal[left[j] + 1] - low)
+        place = np.uint32(left[j])  # without a sign, it is not looked whether it counts backwards
+        low = signal[place]
+        values[j] = low + shares[j] * (following[place] - low)
 
 
 @_compiled
