@@ -11,10 +11,11 @@ through a short low pass, of which every fourth value is transformed,
 
     y_m = sum_n h_(n - 4 m) z_(n mod L),    |Y_k| = |H_k Z_k + H_(k + L/4) Z_(k + L/4) + ...| / 4.
 
-H is the low pass's own transform, so that dividing by it is exact, and what folds onto the lines
-wanted is rounding error. The low pass is Kaiser and Bessel's function, which is the gridding of
-magnetic resonance imaging (Jackson, Meyer, Nishimura and Macovski, IEEE Trans. Med. Imaging 10(3),
-473-478, 1991) the other way round: the points are even, and a few lines are asked for.
+H is the transform of the very taps, so that dividing by it is exact, and less than 2e-14 of a line
+folds onto those wanted (in float32: 3e-7). To convolve by Kaiser and Bessel's function, to
+transform fewer points and to divide is the gridding of magnetic resonance imaging (Jackson, Meyer,
+Nishimura and Macovski, IEEE Trans. Med. Imaging 10(3), 473-478, 1991), here of points that are even
+already.
 """
 
 from __future__ import annotations
