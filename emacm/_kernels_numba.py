@@ -158,11 +158,11 @@ def split_powers(
     window: Array,
     n_segments: int,
     remove_mean: bool,
-    n_lines: int,
     *split: Any,
 ) -> Array:
     """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`."""
-    total = np.zeros((len(signals), n_lines))
+    _, mix, cosines, _, _ = split
+    total = np.zeros((len(signals), len(mix) // 2 + 1, 2, len(cosines)))
     signals, window = _read_only(signals), _read_only(window)
     _split_powers(signals, first, step, window, n_segments, remove_mean, *split, total)
     return total
@@ -488,16 +488,17 @@ def _split_powers(
     n_segments,
     remove_mean,
     places,
+    mix,
     cosines,
     sines,
-    real_twiddles,
-    imaginary_twiddles,
     at_once,
     total,
 ):
-    n_parts, prime = places.shape
+    n_parts, n_folded = len(places), len(cosines)
     segment = np.empty((1, 1, len(window)), signals.dtype)
-    even = np.empty((at_once * n_parts, prime // 2 + 1), signals.dtype)
+    sums = np.empty((n_parts, n_folded), signals.dtype)
+    differences = np.empty_like(sums)
+    even = np.empty((at_once * n_parts, n_folded), signals.dtype)
     odd, real, imaginary = np.empty_like(even), np.empty_like(even), np.empty_like(even)
     for c in range(len(signals)):
         for start in range(0, n_segments, at_once):
@@ -511,47 +512,64 @@ def _split_powers(
                     remove_mean,
                     segment,
                 )
-                _fold(segment[0, 0], places, even[s * n_parts :], odd[s * n_parts :])
+                _fold(segment[0, 0], places, sums, differences)
+                _mix(mix, sums, even[s * n_parts : (s + 1) * n_parts])
+                _mix(mix, differences, odd[s * n_parts : (s + 1) * n_parts])
             used = count * n_parts
             np.dot(even[:used], cosines, real[:used])
             np.dot(odd[:used], sines, imaginary[:used])
             for s in range(count):
-                x, y = real[s * n_parts :], imaginary[s * n_parts :]
-                _join(x, y, prime, real_twiddles, imaginary_twiddles, total[c])
+                rows = slice(s * n_parts, (s + 1) * n_parts)
+                _add_powers(real[rows], imaginary[rows], total[c])
 
 
 @_compiled
-def _fold(segment, places, even, odd):
+def _fold(segment, places, sums, differences):
     n_parts, prime = places.shape
     for part in range(n_parts):
-        place, sums, differences = places[part], even[part], odd[part]
-        sums[0] = segment[place[0]]
-        differences[0] = 0
+        place, together, apart = places[part], sums[part], differences[part]
+        together[0] = segment[place[0]]
+        apart[0] = 0
         for j in range(1, prime // 2 + 1):
             near, far = segment[place[j]], segment[place[prime - j]]
-            sums[j] = near + far
-            differences[j] = near - far
+            together[j] = near + far
+            apart[j] = near - far
 
 
 @_compiled
-def _join(real, imaginary, prime, cosines, sines, total):
-    n_parts, n_lines = cosines.shape
-    re, im = np.zeros(n_lines, real.dtype), np.zeros(n_lines, real.dtype)
-    x, y = np.empty(prime, real.dtype), np.empty(prime, real.dtype)
-    for part in range(n_parts):
-        a, b = real[part], imaginary[part]
-        x[0], y[0] = a[0], -b[0]
-        for j in range(1, prime // 2 + 1):
-            x[j], y[j] = a[j], -b[j]
-            x[prime - j], y[prime - j] = a[j], b[j]
-        for start in range(0, n_lines, prime):  # the lines of a part repeat
-            stop = min(start + prime, n_lines)
-            cosine, sine = cosines[part, start:stop], sines[part, start:stop]
-            re_part, im_part = re[start:stop], im[start:stop]
-            for k in range(stop - start):
-                re_part[k] += cosine[k] * x[k] - sine[k] * y[k]
-            for k in range(stop - start):  # apart, for the compiler to see that nothing overlaps
-                im_part[k] += cosine[k] * y[k] + sine[k] * x[k]
-    for k in range(n_lines):
-        wide_re, wide_im = np.float64(re[k]), np.float64(im[k])
-        total[k] += wide_re * wide_re + wide_im * wide_im
+def _mix(mix, parts, rows):
+    rows[:] = 0
+    for r in range(len(mix)):
+        row = rows[r]
+        for part in range(len(mix)):
+            weight, values = mix[r, part], parts[part]
+            for j in range(len(row)):
+                row[j] += weight * values[j]
+
+
+@_compiled
+def _add_powers(real, imaginary, total):
+    n_parts, n_folded = real.shape
+    _add_power(real[0], imaginary[0], total[0, 0])
+    for pair in range(1, (n_parts + 1) // 2):
+        a, b, x, y = (
+            real[2 * pair - 1],
+            real[2 * pair],
+            imaginary[2 * pair - 1],
+            imaginary[2 * pair],
+        )
+        up, down = total[pair, 0], total[pair, 1]
+        for j in range(n_folded):
+            p, q = np.float64(a[j]), np.float64(b[j])
+            u, v = np.float64(x[j]), np.float64(y[j])
+            up[j] += (p + v) * (p + v) + (q - u) * (q - u)
+            down[j] += (p - v) * (p - v) + (q + u) * (q + u)
+    if n_parts % 2 == 0:
+        _add_power(real[n_parts - 1], imaginary[n_parts - 1], total[n_parts // 2, 0])
+
+
+@_compiled
+def _add_power(real, imaginary, total):
+    for j in range(len(real)):
+        p, u = np.float64(real[j]), np.float64(imaginary[j])
+        total[j] += p * p + u * u

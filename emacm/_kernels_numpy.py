@@ -337,12 +337,10 @@ def split_powers(
     window: Array,
     n_segments: int,
     remove_mean: bool,
-    n_lines: int,
     places: Numbers,
+    mix: Array,
     cosines: Array,
     sines: Array,
-    real_twiddles: Array,
-    imaginary_twiddles: Array,
     at_once: int,
 ) -> Array:
     """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`.
@@ -351,23 +349,28 @@ def split_powers(
     ----------
     signals, first, step, window, n_segments, remove_mean
         As for `windowed`.
-    n_lines : int
-        Lines wanted.
-    places, cosines, sines, real_twiddles, imaginary_twiddles, at_once
+    places, mix, cosines, sines, at_once
         How the length is split.
 
     Returns
     -------
-    ndarray of shape (n_signals, n_lines)
+    ndarray of shape (n_signals, n_parts // 2 + 1, 2, prime // 2 + 1)
+        By line of the parts, by sign and size of line of the prime. Without sign where
+        the line of the parts is real: the second is 0.
     """
     segments = windowed(signals, first, step, window, n_segments, remove_mean)
-    parts = segments[..., places]  # (n_signals, n_segments, n_parts, prime)
-    half = len(cosines) - 1
+    parts = np.einsum("rp,nspj->nsrj", mix, segments[..., places])
+    half, n_parts = len(cosines) - 1, len(mix)
     even, odd = parts[..., : half + 1].copy(), parts[..., : half + 1].copy()
     even[..., 1:] += parts[..., :half:-1]
     odd[..., 1:] -= parts[..., :half:-1]
     odd[..., 0] = 0
-    lowest = even @ cosines - 1j * (odd @ sines)
-    period = np.concatenate([lowest, lowest[..., :0:-1].conj()], axis=-1)
-    lines = period[..., np.arange(n_lines) % places.shape[1]]
-    return powers((lines * (real_twiddles + 1j * imaginary_twiddles)).sum(axis=2))
+    lines = np.stack([even @ cosines - 1j * (odd @ sines), even @ cosines + 1j * (odd @ sines)], 2)
+    total = np.zeros((len(signals), n_parts // 2 + 1, 2, half + 1))
+    total[:, 0, 0] = powers(lines[:, :, 0, 0])
+    for pair in range(1, (n_parts + 1) // 2):
+        joined = lines[..., 2 * pair - 1, :] + 1j * lines[..., 2 * pair, :]
+        total[:, pair] = np.stack([powers(joined[:, :, sign]) for sign in (0, 1)], axis=1)
+    if n_parts % 2 == 0:
+        total[:, -1, 0] = powers(lines[:, :, 0, -1])
+    return total

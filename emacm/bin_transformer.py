@@ -16,6 +16,7 @@ from emacm._checks import check_finite_table, check_number
 from emacm.axes import (
     BARE_CHANNEL,
     OrderBlock,
+    OrderTable,
     check_input_names,
     column_names,
     lost_axis,
@@ -117,7 +118,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         names = column_names(X)
         self._refuse_lost_axis(X)
         if names is not None and _names_orders(names):
-            psd = check_array(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
+            psd = _numbers(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
             # validate_data would not see the names of every container.
             self.n_features_in_ = psd.shape[1]
             self.feature_names_in_ = np.array(names, dtype=object)
@@ -130,10 +131,8 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         stops = check_stop_bands(self.stop_bands)
         self.bins_ = tuple(bins.values())
-        operators = [
-            _operator(block.orders.tobytes(), self.bins_, tuple(stops)) for block in blocks
-        ]
-        self.operator_ = _block_diagonal(operators)
+        axes = tuple(block.orders.tobytes() for block in blocks)
+        self.operator_ = _operator(axes, self.bins_, tuple(stops)).copy()
         self._columns_out = [f"{block.channel}@{name}" for block in blocks for name in bins]
         return self
 
@@ -160,7 +159,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         self._refuse_lost_axis(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
         if self._same_axis(names):
-            psd = check_array(X, **options)
+            psd = _numbers(X, **options)
         else:
             psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
@@ -236,10 +235,23 @@ def _names_orders(names: Sequence[Any]) -> bool:
     return parse_order_columns(names[:1]) is not None
 
 
+def _numbers(X: Any, **options: Any) -> NDArray[np.floating]:
+    """Do as `check_array`, which takes a tenth of the bins' time for what is known of a table."""
+    if isinstance(X, OrderTable) and X.columns is not None and len(X) and len(X.columns) > 1:
+        return np.asarray(X)
+    return check_array(X, **options)
+
+
 @lru_cache(maxsize=64)
-def _operator(orders: bytes, bins: tuple[Band, ...], stops: tuple[Band, ...]) -> sparse.csr_array:
-    """Make the operator of one channel; channels share it, and the folds of a search."""
-    return sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
+def _operator(
+    axes: tuple[bytes, ...], bins: tuple[Band, ...], stops: tuple[Band, ...]
+) -> sparse.csr_array:
+    """Make the operator of all channels, which the folds of a search copy."""
+    operators = {
+        orders: sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
+        for orders in dict.fromkeys(axes)
+    }
+    return _block_diagonal([operators[orders] for orders in axes])
 
 
 def _block_diagonal(blocks: list[sparse.csr_array]) -> sparse.csr_array:

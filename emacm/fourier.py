@@ -3,8 +3,8 @@
 `scipy.fft` is as fast as anything where a length has small factors only. Segments are cut to a
 wanted number of revolutions, so their length is what it is: 524 samples are 4 times 131, and that
 prime makes the transform four times as slow as that of 512. Such a length is split by the prime
-factor algorithm (Good 1958, Thomas 1963), and the transforms of prime length are done as products
-with cosines and sines, of real signals folded about their middle.
+factor algorithm (Good 1958, Thomas 1963): transformed over the 4 first, and the transforms of prime
+length are done as products with cosines and sines, of real signals folded about their middle.
 
 Where only the lowest lines are wanted, a segment is thinned first: passed, as if it went round,
 through a short low pass, of which every fourth value is transformed,
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import gcd
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,8 @@ def summed_powers(
     if kernels().COMPILED:
         split = _split(length, n_lines, signals.dtype.str)
         if split is not None:
-            return kernels().split_powers(*cut, n_lines, *split)
+            total = kernels().split_powers(*cut, *split.tables)
+            return np.take(total.reshape(len(signals), -1), split.lines, axis=1)
         thinning = _thinning(length, n_lines, signals.dtype.str)
         if thinning is not None:
             return _thinned_powers(*cut, *thinning)
@@ -113,22 +114,18 @@ class _Split(NamedTuple):
 
     Attributes
     ----------
-    places : ndarray of shape (a, p)
-        Which sample stands where: Good's map.
-    cosines, sines : ndarray of shape (p // 2 + 1, p // 2 + 1)
-        Of the products of sample and line.
-    real_twiddles, imaginary_twiddles : ndarray of shape (a, n_lines)
-        Factors with which the parts are joined.
-    at_once : int
-        Segments in one product.
+    tables : tuple
+        Of arrays ``places`` of shape (a, p), which sample stands where (Good's map); ``mix``,
+        (a, a), the transform over parts in real numbers: line 0, real and imaginary part of lines
+        1, 2, ..., and of an even a the middle line; ``cosines`` and ``sines``,
+        (p // 2 + 1, p // 2 + 1), of products of sample and line; and of how many segments go into
+        one product of matrices.
+    lines : ndarray of shape (n_lines,)
+        Where the powers of the lines stand in what `split_powers` returns, made flat.
     """
 
-    places: NDArray[np.int32]
-    cosines: NDArray[np.floating]
-    sines: NDArray[np.floating]
-    real_twiddles: NDArray[np.floating]
-    imaginary_twiddles: NDArray[np.floating]
-    at_once: int
+    tables: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], int]
+    lines: NDArray[np.intp]
 
 
 @lru_cache(maxsize=64)
@@ -144,15 +141,32 @@ def _split(length: int, n_lines: int, dtype: str) -> _Split | None:
     folded = np.arange(prime // 2 + 1)
     # Multiples of the whole are taken off first, as sin and cos of large angles are less exact.
     angles = 2 * np.pi / prime * (np.outer(folded, folded) % prime)
-    turns = 2 * np.pi / others * (np.outer(np.arange(others), np.arange(n_lines)) % others)
+    tables = [_mixed(others), np.cos(angles), np.sin(angles)]
+    at_once = max(1, _PRODUCT // len(folded) ** 2 // others)
     return _Split(
-        places,
-        np.cos(angles).astype(dtype),
-        np.sin(angles).astype(dtype),
-        np.cos(turns).astype(dtype),
-        -np.sin(turns).astype(dtype),
-        at_once=max(1, _PRODUCT // len(folded) ** 2 // others),
+        (places, *(table.astype(dtype) for table in tables), at_once),
+        _places_of_lines(np.arange(n_lines), others, prime),
     )
+
+
+def _mixed(n_parts: int) -> NDArray[np.floating]:
+    """Return the real transform of a few parts: a row for each real and imaginary part."""
+    unit = np.exp(-2j * np.pi / n_parts * (np.outer(np.arange(n_parts), np.arange(n_parts))))
+    rows = [unit[0].real]
+    for line in range(1, (n_parts + 1) // 2):
+        rows += [unit[line].real, unit[line].imag]
+    return np.stack(rows if n_parts % 2 else [*rows, unit[n_parts // 2].real])
+
+
+def _places_of_lines(lines: NDArray[np.intp], n_parts: int, prime: int) -> NDArray[np.intp]:
+    """Find lines by their remainders; where that of the parts is beyond the middle, by -line."""
+    of_parts = lines % n_parts
+    of_prime = np.where(of_parts > n_parts // 2, -lines, lines) % prime
+    of_parts = np.minimum(of_parts, n_parts - of_parts)
+    size = np.minimum(of_prime, prime - of_prime)
+    # Lines of real parts are alike for either sign, and stand under the first.
+    below = (of_prime > size) & (of_parts > 0) & (2 * of_parts < n_parts)
+    return np.ravel_multi_index((of_parts, below, size), (n_parts // 2 + 1, 2, prime // 2 + 1))
 
 
 def _thinned_powers(

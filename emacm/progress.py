@@ -47,6 +47,8 @@ def run(
     """
     if not total:
         return []
+    if total == 1 and not verbose:  # nothing to share out, which would take a third of a ms
+        return [function(*args, **kwargs) for function, args, kwargs in tasks]
     bar = _bar() if verbose else None
     if bar is None:
         return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)

@@ -190,29 +190,19 @@ def test_powers_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
 @both_precisions
 @pytest.mark.parametrize("remove_mean", [True, False])
 @pytest.mark.parametrize("at_once", [1, 4, 100])
+@pytest.mark.parametrize("n_parts", [1, 2, 3, 4])
 def test_powers_of_segments_split_by_a_prime_agree(
-    compiled, rng, dtype, tolerance, remove_mean, at_once
+    compiled, rng, dtype, tolerance, remove_mean, at_once, n_parts
 ):
     signals = (rng.standard_normal((2, 200)) + 1).astype(dtype)
-    window = rng.uniform(0.5, 1, 33).astype(dtype)
-    places = rng.permutation(33).reshape(3, 11).astype(np.int32)
+    length = 11 * n_parts
+    window = rng.uniform(0.5, 1, length).astype(dtype)
+    places = rng.permutation(length).reshape(n_parts, 11).astype(np.int32)
+    mix = rng.standard_normal((n_parts, n_parts)).astype(dtype)
     cosines, sines = rng.standard_normal((2, 6, 6)).astype(dtype)
-    twiddles = rng.standard_normal((2, 3, 15)).astype(dtype)
+    cut = signals, 2, 15, window, 10, remove_mean
     one, other = (
-        module.split_powers(
-            signals,
-            2,
-            15,
-            window,
-            10,
-            remove_mean,
-            15,
-            places,
-            cosines,
-            sines,
-            *twiddles,
-            at_once,
-        )
+        module.split_powers(*cut, places, mix, cosines, sines, at_once)
         for module in (compiled, _kernels_numpy)
     )
     assert one.dtype == other.dtype == np.float64
