@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from actuator_methods import Fold, Recipe
 from measure import header, write_json
-from real_actuator import Recordings, decide_all, few, folds_by_run, found_file, read, row
+from real_actuator import Recordings, chosen_file, decide_all, few, folds_by_run, read, row
 from sklearn.model_selection import ParameterGrid
 from threadpoolctl import threadpool_limits
 
@@ -91,10 +91,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--quick", action="store_true", help="few recordings, two settings")
     options = parser.parse_args()
-    file = options.train or found_file()
-    if file is None:
-        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
-        raise SystemExit(0 if options.quick else 2)
+    file = chosen_file(options)
     print(header())
     known = few(read(file), n_runs=3) if options.quick else read(file)
     grid = QUICK if options.quick else GRID

@@ -203,11 +203,14 @@ def folds_by_run(known: Recordings) -> list[Fold]:
     return [Fold(known.run != run, known.run == run, f"run {run}") for run in np.unique(known.run)]
 
 
-def found_file() -> Path | None:
-    """Return the file in the folder that EMACM_DATA names."""
+def chosen_file(options: argparse.Namespace) -> Path:
+    """Return the file that is stated, or that in the folder that EMACM_DATA names, or end."""
     folder = os.environ.get("EMACM_DATA")
     files = sorted(Path(folder).glob("cranfield_ema/cranfield*.npz")) if folder else []
-    return files[0] if files else None
+    if options.train is None and not files:
+        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
+        raise SystemExit(0 if options.quick else 2)
+    return options.train or files[0]
 
 
 def compare(known: Recordings, folds: list[Fold], quick: bool) -> list[dict]:
@@ -259,10 +262,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--quick", action="store_true", help="two sequences of each of two runs")
     options = parser.parse_args()
-    file = options.train or found_file()
-    if file is None:
-        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
-        raise SystemExit(0 if options.quick else 2)
+    file = chosen_file(options)
     print(header())
     known = read(file)
     if options.quick:
