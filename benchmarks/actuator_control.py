@@ -18,19 +18,25 @@ from emacm import Recording
 
 # Samples of the two strokes, beyond noise at rest: the set point is the same in all recordings.
 OUT, BACK = (4, 129), (201, 324)
-CUTS = ("alike", "at random")
 FEWEST, MOST = 4, 9  # samples cut off: one revolution is 5.2 samples
 
 
-def cut_anew(recordings: list[Recording], cuts: str) -> list[Recording]:
-    """Cut the strokes of all recordings, alike or at random."""
-    rng = np.random.default_rng(0)
+def cut_alike(recordings: list[Recording]) -> list[Recording]:
+    """Cut the strokes of all recordings at the same places."""
     shape = len(recordings), 4
-    if cuts == "alike":
-        lost, zeros = np.full(shape, (FEWEST + MOST - 1) // 2), np.zeros(len(recordings))
-    else:
-        lost = rng.integers(FEWEST, MOST, shape)
-        zeros = rng.uniform(0, 2 * np.pi, len(recordings))
+    return _cut_all(recordings, np.full(shape, (FEWEST + MOST - 1) // 2), np.zeros(shape[0]))
+
+
+def cut_at_random(recordings: list[Recording], draw: int) -> list[Recording]:
+    """Cut the strokes of each recording anywhere within a revolution, and move its zero."""
+    rng = np.random.default_rng(draw)
+    lost = rng.integers(FEWEST, MOST, (len(recordings), 4))
+    return _cut_all(recordings, lost, rng.uniform(0, 2 * np.pi, len(recordings)))
+
+
+def _cut_all(
+    recordings: list[Recording], lost: NDArray[np.integer], zeros: NDArray[np.floating]
+) -> list[Recording]:
     return [_cut(*each) for each in zip(recordings, lost, zeros, strict=True)]
 
 

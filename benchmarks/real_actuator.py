@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from actuator_control import CUTS, cut_anew
+from actuator_control import cut_alike, cut_at_random
 from actuator_methods import METHODS, TRIED, Fold, Recipe, missing_methods, separations
 from measure import header
 from numpy.typing import NDArray
@@ -231,16 +231,19 @@ def compare(known: Recordings, folds: list[Fold], quick: bool) -> list[dict]:
     return rows
 
 
-def control(known: Recordings, folds: list[Fold]) -> pd.DataFrame:
+def control(known: Recordings, folds: list[Fold], draws: int) -> pd.DataFrame:
     """Measure whether the recipe rests on where the wave once per revolution stands."""
+    cuts = {"alike": cut_alike(known.X)}
+    cuts |= {f"at random, draw {k}": cut_at_random(known.X, k) for k in range(1, draws + 1)}
     asked = "13 states", "per load"
-    table = {}
-    for cuts in CUTS:
-        cut = known._replace(X=cut_anew(known.X, cuts))
+    table: dict[str, dict[str, float]] = {}
+    for cut, recordings in cuts.items():
+        moved = known._replace(X=recordings)
+        table[cut] = {}
         for name, phase in (("emacm", False), ("emacm with phase", True)):
-            decided = decide_all(Recipe(phase=phase), [asked], cut, folds)[asked]
-            table[name, cuts] = row(asked[0], known, decided)["balanced_accuracy"]
-    return pd.Series(table).unstack()[list(CUTS)]
+            decided = decide_all(Recipe(phase=phase), [asked], moved, folds)[asked]
+            table[cut][name] = row(asked[0], known, decided)["balanced_accuracy"]
+    return pd.DataFrame(table)
 
 
 def print_table(rows: list[dict]) -> None:
@@ -279,7 +282,7 @@ def main() -> None:
     with threadpool_limits(1):  # many small problems: threads would wait for one another
         rows = compare(known, folds, options.quick)
         print_table(rows)
-        found = control(known, folds).round(3)
+        found = control(known, folds, 1 if options.quick else 3).round(3)
     print(
         f"\ncontrol: 13 states per load, when each stroke is cut at its ends\n{found.to_string()}"
     )
