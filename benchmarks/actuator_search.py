@@ -89,9 +89,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
     parser.add_argument("--json", type=Path, help="file for the figures")
-    parser.add_argument(
-        "--quick", action="store_true", help="few recordings, two settings, no phase"
-    )
+    parser.add_argument("--quick", action="store_true", help="few recordings and settings")
     options = parser.parse_args()
     file = chosen_file(options)
     print(header())
