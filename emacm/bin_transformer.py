@@ -163,8 +163,8 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         else:
             psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
-        # Summed in float64 in any case.
-        return np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype)
+        # Summed in float64 in any case. The type, as the dtype of an order table says more.
+        return np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the bins, ``channel@low-high`` or ``channel@name``.
@@ -237,8 +237,11 @@ def _names_orders(names: Sequence[Any]) -> bool:
 
 def _numbers(X: Any, **options: Any) -> NDArray[np.floating]:
     """Do as `check_array`, which takes a tenth of the bins' time for what is known of a table."""
-    if isinstance(X, OrderTable) and X.columns is not None and len(X) and len(X.columns) > 1:
-        return np.asarray(X)
+    if isinstance(X, OrderTable) and X.columns is not None and len(X.columns) > 1:
+        # Who names the columns of an array by hand may have changed its type and shape before.
+        floats = X.dtype in (np.float64, np.float32)
+        if floats and X.shape[1:] == (len(X.columns),) and len(X):
+            return np.asarray(X)
     return check_array(X, **options)
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm.axes import OrderTable
 from emacm.bins import (
     bin_edges,
     bin_operator,
@@ -363,3 +364,39 @@ def test_the_operator_refuses_orders_that_fall_and_bands_that_are_none():
         bin_operator([0, 2, 1], [(0, 1)])
     with pytest.raises(ValueError, match="bin 0 must run from a lower to a higher order"):
         bin_operator([0, 1, 2], [(2, 1)])
+
+
+def renamed(table, dtype):
+    """Return an order table of another type, its columns named again by hand."""
+    changed = table.astype(dtype)
+    changed.columns = table.columns
+    return changed
+
+
+@pytest.mark.parametrize("dtype", [int, bool, object, np.float16, np.longdouble, ">f8"])
+def test_bins_of_a_table_named_by_hand_are_in_float64_whatever_its_type(dtype):
+    table = OrderTable([[1.0, 0.0, 2.0], [0.0, 4.0, 1.0]], ["a@0", "a@1", "a@2"])
+    bins = BinTransformer(1, max_order=2)
+    changed = renamed(table, dtype)
+    expected = bins.fit_transform(pd.DataFrame(np.asarray(changed, float), columns=table.columns))
+    for found in (bins.transform(changed), bins.fit_transform(changed)):
+        assert found.dtype == np.float64
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_single_row_without_its_second_axis_is_no_table():
+    table = OrderTable([[1.0, 0.0, 2.0]], ["a@0", "a@1", "a@2"])
+    bins = BinTransformer(1, max_order=2).fit(table)
+    row = table[0]
+    row.columns = table.columns
+    with pytest.raises(ValueError, match="Expected 2D array, got 1D array"):
+        bins.transform(row)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_bins_are_plain_numbers_that_can_be_saved(dtype, tmp_path):
+    table = OrderTable(np.ones((2, 3), dtype), ["a@0", "a@1", "a@2"])
+    found = BinTransformer(1, max_order=2).fit_transform(table)
+    assert found.dtype == dtype
+    assert found.dtype.metadata is None  # numpy warns when it cannot save it
+    np.save(tmp_path / "bins.npy", found)
