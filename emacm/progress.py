@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable
 from typing import Any, TextIO
 
-from joblib import Parallel
+from joblib import Parallel, effective_n_jobs
 
 
 def run(
@@ -18,7 +18,7 @@ def run(
     verbose: bool | int = False,
     done: int = 0,
 ) -> list[Any]:
-    """Do tasks under joblib, in threads unless another backend is active.
+    """Do tasks under joblib, in threads unless another backend is active; a single one at once.
 
     Parameters
     ----------
@@ -39,6 +39,11 @@ def run(
     list
         The results, in order.
 
+    Raises
+    ------
+    ValueError
+        If `n_jobs` is 0.
+
     Examples
     --------
     >>> from joblib import delayed
@@ -47,7 +52,8 @@ def run(
     """
     if not total:
         return []
-    if total == 1 and not verbose:  # nothing to share out, which would take a third of a ms
+    # A single one needs no workers; to ask for them takes joblib a third of a ms.
+    if total == 1 and not verbose and effective_n_jobs(n_jobs):  # which refuses 0
         return [function(*args, **kwargs) for function, args, kwargs in tasks]
     bar = _bar() if verbose else None
     if bar is None:

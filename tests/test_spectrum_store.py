@@ -674,3 +674,20 @@ def test_a_backend_that_returns_all_at_once_is_reported_by_joblib(capfd, monkeyp
     monkeypatch.setattr(emacm.progress, "Parallel", parallel)
     OrderPSD(4, verbose=10).fit_transform(over_angle(run(0), run(1)))
     assert "[Parallel(n_jobs=1)]: Done" in capfd.readouterr().err
+
+
+def test_for_one_recording_no_workers_are_asked(monkeypatch):
+    X, psd = over_angle(run(0)), OrderPSD(4, n_jobs=2)
+    expected = psd.fit_transform(X)
+
+    def refused(**options):
+        raise AssertionError("workers were asked for")
+
+    monkeypatch.setattr(emacm.progress, "Parallel", refused)
+    np.testing.assert_array_equal(psd.fit_transform(X), expected)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_no_jobs_at_all_are_refused_for_any_number_of_recordings(n):
+    with pytest.raises(ValueError, match="n_jobs == 0"):
+        OrderPSD(4, n_jobs=0).fit_transform(over_angle(*(run(seed) for seed in range(n))))
