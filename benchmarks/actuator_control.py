@@ -18,19 +18,19 @@ from emacm import Recording
 
 # Samples of the two strokes, beyond noise at rest: the set point is the same in all recordings.
 OUT, BACK = (4, 129), (201, 324)
-FEWEST, MOST = 4, 9  # samples cut off: one revolution is 5.2 samples
+FEWEST, MOST = 4, 8  # samples cut off; any of these five, as a revolution is 5.2 samples
 
 
 def cut_alike(recordings: list[Recording]) -> list[Recording]:
     """Cut the strokes of all recordings at the same places."""
     shape = len(recordings), 4
-    return _cut_all(recordings, np.full(shape, (FEWEST + MOST - 1) // 2), np.zeros(shape[0]))
+    return _cut_all(recordings, np.full(shape, (FEWEST + MOST) // 2), np.zeros(shape[0]))
 
 
 def cut_at_random(recordings: list[Recording], draw: int) -> list[Recording]:
     """Cut the strokes of each recording anywhere within a revolution, and move its zero."""
     rng = np.random.default_rng(draw)
-    lost = rng.integers(FEWEST, MOST, (len(recordings), 4))
+    lost = rng.integers(FEWEST, MOST, (len(recordings), 4), endpoint=True)
     return _cut_all(recordings, lost, rng.uniform(0, 2 * np.pi, len(recordings)))
 
 
@@ -43,8 +43,8 @@ def _cut_all(
 def _cut(recording: Recording, lost: NDArray[np.integer], zero: float) -> Recording:
     """Cut samples off at the ends of both strokes; methods that look at the rest cannot be asked.
 
-    Between the strokes the angle runs evenly, over three times the rest, since in one as long as
-    it was the shaft would seem to turn.
+    Between the strokes the angle runs evenly over a rest three times as long: within the rest as
+    it was, the shaft would seem to turn.
     """
     out = np.arange(OUT[0] + lost[0], OUT[1] - lost[1])
     rest = np.repeat(np.arange(OUT[1], BACK[0]), 3)
