@@ -137,7 +137,7 @@ def thinned(
     remove_mean: bool,
     taps: Array,
 ) -> Array:
-    """Cut signals into segments, weight them, filter them round and keep every fourth sample."""
+    """Cut segments, weight them, filter them as if they went round, keep every fourth sample."""
     outputs = np.empty((len(signals), n_segments, len(window) // 4), signals.dtype)
     signals, window, taps = _read_only(signals), _read_only(window), _read_only(taps)
     _thinned(signals, first, step, window, remove_mean, taps, outputs)
@@ -391,7 +391,7 @@ def _places(reached, before, first, theta_s, left, shares):
 def _blend(signal, left, shares, values):
     following = signal[1:]
     for j in range(len(left)):
-        place = np.uint32(left[j])  # without a sign, it is not looked whether it counts backwards
+        place = np.uint32(left[j])  # unsigned: no check for a place counted from the end
         low = signal[place]
         values[j] = low + shares[j] * (following[place] - low)
 

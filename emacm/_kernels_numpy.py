@@ -293,7 +293,7 @@ def thinned(
     remove_mean: bool,
     taps: Array,
 ) -> Array:
-    """Cut signals into segments, weight them, filter them round and keep every fourth sample.
+    """Cut segments, weight them, filter them as if they went round, keep every fourth sample.
 
     Parameters
     ----------
