@@ -44,7 +44,7 @@ class RecordingTransformer(  # type: ignore[call-arg]
         Parameters
         ----------
         transform : {"default", "pandas", "polars", None}
-            Has no effect here. `AngleRecording.frame` gives a table.
+            Has no effect here.
 
         Returns
         -------
