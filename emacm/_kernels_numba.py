@@ -411,11 +411,14 @@ def _read_off(reached, first, theta_s, x0, x1, x2, x3, x4, x5, x6, x7, values):
 
 
 @_compiled
-def _mean(part):
-    total = part[0] - part[0]
-    for i in range(len(part)):
-        total += part[i]
-    return total / len(part)
+def _weighted(part, window, remove_mean, segment):
+    mean = 0.0
+    if remove_mean:
+        for i in range(len(window)):
+            mean += part[i]
+        mean /= len(window)
+    for i in range(len(window)):  # in float64, as a mean may be far above what is on top of it
+        segment[i] = (np.float64(part[i]) - mean) * window[i]
 
 
 @_compiled
@@ -424,10 +427,7 @@ def _windowed(signals, first, step, window, remove_mean, segments):
     for c in range(n_signals):
         for s in range(n_segments):
             part = signals[c, first + s * step : first + s * step + length]
-            segment = segments[c, s]
-            mean = _mean(part) if remove_mean else signals[0, 0] - signals[0, 0]
-            for i in range(length):
-                segment[i] = (part[i] - mean) * window[i]
+            _weighted(part, window, remove_mean, segments[c, s])
 
 
 @_compiled
@@ -438,9 +438,7 @@ def _thinned(signals, first, step, window, remove_mean, taps, outputs):
     for c in range(n_signals):
         for s in range(n_segments):
             part = signals[c, first + s * step : first + s * step + length]
-            mean = _mean(part) if remove_mean else signals[0, 0] - signals[0, 0]
-            for i in range(length):
-                segment[i] = (part[i] - mean) * window[i]
+            _weighted(part, window, remove_mean, segment[:length])
             segment[length:] = segment[:beyond]
             _keep_every_fourth(segment, taps, outputs[c, s])
 

@@ -279,8 +279,9 @@ def windowed(
     """
     views = np.lib.stride_tricks.sliding_window_view(signals, len(window), axis=-1)
     segments = views[:, first : first + (n_segments - 1) * step + 1 : step]
-    if remove_mean:
-        return (segments - segments.mean(axis=-1, keepdims=True)) * window
+    if remove_mean:  # in float64, as a mean may be far above what is on top of it
+        means = segments.mean(axis=-1, keepdims=True, dtype=np.float64)
+        return ((segments - means) * window).astype(signals.dtype, copy=False)
     return segments * window
 
 

@@ -524,7 +524,8 @@ def _detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.float
     if not detrend:
         return segments
     if detrend == "constant":
-        return segments - segments.mean(axis=-1, keepdims=True)
+        means = segments.mean(axis=-1, keepdims=True, dtype=np.float64)
+        return (segments - means).astype(segments.dtype, copy=False)
     return scipy.signal.detrend(segments, axis=-1, type=detrend)
 
 

@@ -37,6 +37,20 @@ def test_powers_are_those_of_scipy_at_any_length(length, dtype, tolerance, n_lin
     np.testing.assert_allclose(found, expected, atol=tolerance * expected.max())
 
 
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize("length", [524, 600, 4096])
+def test_a_mean_far_above_a_signal_in_float32_leaves_no_more_than_the_rounding(length, kernels):
+    if kernels == "numba":
+        pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
+    tone = np.cos(2 * np.pi * 10 / length * np.arange(4 * length))
+    signals = (1e4 + tone).astype(np.float32)[np.newaxis]
+    cut = 0, length, np.hanning(length).astype(np.float32), 4
+    with using(kernels):
+        found = summed_powers(signals, *cut, length // 16, remove_mean=True)
+    expected = by_scipy(signals.astype(float), *cut, remove_mean=True)[:, : length // 16]
+    np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
+
+
 @given(
     quarter=st.integers(16, 300),
     share=st.floats(0, 1),
