@@ -493,7 +493,8 @@ def _split_powers(
     total,
 ):
     n_parts, n_folded = len(places), len(cosines)
-    segment = np.empty((1, 1, len(window)), signals.dtype)
+    length = len(window)
+    segment = np.empty(length, signals.dtype)
     sums = np.empty((n_parts, n_folded), signals.dtype)
     differences = np.empty_like(sums)
     even = np.empty((at_once * n_parts, n_folded), signals.dtype)
@@ -502,15 +503,9 @@ def _split_powers(
         for start in range(0, n_segments, at_once):
             count = min(at_once, n_segments - start)
             for s in range(count):
-                _windowed(
-                    signals[c : c + 1],
-                    first + (start + s) * step,
-                    step,
-                    window,
-                    remove_mean,
-                    segment,
-                )
-                _fold(segment[0, 0], places, sums, differences)
+                begin = first + (start + s) * step
+                _weighted(signals[c, begin : begin + length], window, remove_mean, segment)
+                _fold(segment, places, sums, differences)
                 _mix(mix, sums, even[s * n_parts : (s + 1) * n_parts])
                 _mix(mix, differences, odd[s * n_parts : (s + 1) * n_parts])
             used = count * n_parts

@@ -20,7 +20,7 @@ already.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import gcd
 from typing import Any, NamedTuple
 
@@ -84,24 +84,25 @@ def summed_powers(
     """
     window = window.astype(signals.dtype, copy=False)
     length = len(window)
-    cut = signals, first, step, window, n_segments, remove_mean
+    thinning = None
     if kernels().COMPILED:
         split = _split(length, n_lines, signals.dtype.str)
         if split is not None:
-            total = kernels().split_powers(*cut, *split.tables)
+            total = kernels().split_powers(
+                signals, first, step, window, n_segments, remove_mean, *split.tables
+            )
             return np.take(total.reshape(len(signals), -1), split.lines, axis=1)
         thinning = _thinning(length, n_lines, signals.dtype.str)
-        if thinning is not None:
-            return _thinned_powers(*cut, *thinning)
+    segments_of, n_kept = kernels().windowed, length
+    if thinning is not None:
+        segments_of, n_kept = partial(kernels().thinned, taps=thinning[0]), length // _THINNED
     total = np.zeros((len(signals), n_lines))
-    at_once = segments_at_once(signals, length)
+    at_once = segments_at_once(signals, n_kept)
     for start in range(0, n_segments, at_once):
         count = min(at_once, n_segments - start)
-        segments = kernels().windowed(
-            signals, first + start * step, step, window, count, remove_mean
-        )
+        segments = segments_of(signals, first + start * step, step, window, count, remove_mean)
         total += kernels().powers(fft.rfft(segments, overwrite_x=True)[..., :n_lines])
-    return total
+    return total if thinning is None else total * thinning[1]
 
 
 def segments_at_once(signals: NDArray[np.floating], length: int) -> int:
@@ -167,28 +168,6 @@ def _places_of_lines(lines: NDArray[np.intp], n_parts: int, prime: int) -> NDArr
     # Lines of real parts are alike for either sign, and stand under the first.
     below = (of_prime > size) & (of_parts > 0) & (2 * of_parts < n_parts)
     return np.ravel_multi_index((of_parts, below, size), (n_parts // 2 + 1, 2, prime // 2 + 1))
-
-
-def _thinned_powers(
-    signals: NDArray[np.floating],
-    first: int,
-    step: int,
-    window: NDArray[np.floating],
-    n_segments: int,
-    remove_mean: bool,
-    taps: NDArray[np.floating],
-    gains: NDArray[np.floating],
-) -> NDArray[np.floating]:
-    """Sum powers of segments of which only the lowest lines are wanted."""
-    total = np.zeros((len(signals), len(gains)))
-    at_once = segments_at_once(signals, len(window) // _THINNED)
-    for start in range(0, n_segments, at_once):
-        count = min(at_once, n_segments - start)
-        thinned = kernels().thinned(
-            signals, first + start * step, step, window, count, remove_mean, taps
-        )
-        total += kernels().powers(fft.rfft(thinned, overwrite_x=True)[..., : len(gains)])
-    return total * gains
 
 
 @lru_cache(maxsize=64)
