@@ -103,7 +103,7 @@ def test_every_feature_has_a_name_of_its_own(options):
     X, y = campaign(2, loads=(20,))
     names = recipe(**options)[:-1].fit(X, y).get_feature_names_out()
     assert len(set(names)) == len(names) == recipe(**options)[:-1].fit_transform(X, y).shape[1]
-    assert {"current+@0-0.25", "current+:cosine0", "current*error:coherence+@1-1.25"} <= set(names)
+    assert {"current+@0-0.25", "current+:mean", "current*error:coherence+@1-1.25"} <= set(names)
 
 
 def test_it_decides_on_families_of_states():
@@ -127,7 +127,7 @@ def test_healthy_recordings_of_a_load_make_its_level_no_fault():
     model = recipe(phase=True, healthy="normal").fit(taught, y[~asked])
     features = model[:-1]
     names = features.get_feature_names_out().tolist()
-    level = features.transform(X)[:, names.index("current+:cosine0")]
+    level = features.transform(X)[:, names.index("current+:mean")]
     loads = np.array([x.meta["load"] for x in X])
     healthy = y == "normal"
     difference = level[healthy & (loads == 40)].mean() - level[healthy & (loads == 20)].mean()
