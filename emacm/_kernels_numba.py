@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 COMPILED = True
 # The more is done at once, the less do threads wait for each other.
-BLOCK = 1 << 17  # time samples
+BLOCK = 1 << 18  # time samples that are spread
+READ_BLOCK = 3 << 16  # time samples that signals are read off between
 SEGMENT_BYTES = 3 << 20  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
@@ -58,6 +59,7 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
 
 def spread(
     travel: Array,
+    ends: tuple[float, float],
     scale: float,
     offset: float,
     kernel: Array,
@@ -67,13 +69,11 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    travel = _read_only(travel)
+    travel, means = _read_only(travel), means.astype(grid.dtype)
     for first in range(0, len(signals), _AT_ONCE):
-        rows = _eight(signals[first : first + _AT_ONCE], grid.dtype)
-        places = np.arange(first, min(first + _AT_ONCE, len(signals)))
-        _spread(
-            travel, scale, offset, kernel, *rows, places, means.astype(grid.dtype), grid, n_points
-        )
+        some = slice(first, first + _AT_ONCE)
+        rows = _eight(signals[some], grid.dtype)
+        _spread(travel, ends, scale, offset, kernel, rows, means[some], grid[some], n_points)
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -88,15 +88,56 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
 
 
 def decimate(
-    grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
-) -> Array:
+    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
+) -> None:
     """Filter a grid and keep every other point; move what is still needed to its start."""
-    if len(taps) != 41:
-        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
-    outputs = np.empty((len(grid), n_outputs), grid.dtype)
-    dtype = grid.dtype
-    _decimate(grid, used, first, taps.astype(dtype), means.astype(dtype), outputs)
-    return outputs
+    count, means = outputs.shape[1] - done, means.astype(grid.dtype)
+    _decimate(grid, used, first, _decimating(taps, grid), means, outputs, done, count)
+
+
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    used: int,
+    first: int,
+    taps: Array,
+    lag: float,
+    outputs: Array,
+) -> tuple[Array, int, int]:
+    """Spread samples over a grid, and filter and thin out what of it is complete."""
+    travel, means, taps = _read_only(travel), means.astype(grid.dtype), _decimating(taps, grid)
+    grids = []
+    for start in range(0, len(signals), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        rows = _eight(signals[some], grid.dtype)
+        held, n_points, n_done = _resample(
+            travel,
+            ends,
+            scale,
+            offset,
+            kernel,
+            rows,
+            means[some],
+            grid[some],
+            used,
+            first,
+            taps,
+            lag,
+            outputs[some],
+        )
+        grids.append(held)
+    return grids[0] if len(grids) == 1 else np.concatenate(grids), n_points, n_done
+
+
+def reach(grid: Array, used: int, n_points: int) -> tuple[Array, int]:
+    """Return the grid, made longer if it must be, and its points: `n_points` or more."""
+    return _reach(grid, used, n_points)
 
 
 def places(
@@ -116,7 +157,7 @@ def read_off(
     reached = _read_only(reached)
     for start in range(0, len(signals), _AT_ONCE):
         rows = _eight(signals[start : start + _AT_ONCE], values.dtype)
-        _read_off(reached, first, theta_s, *rows, values[start : start + _AT_ONCE])
+        _read_off(reached, first, theta_s, rows, values[start : start + _AT_ONCE])
 
 
 def windowed(
@@ -168,10 +209,16 @@ def split_powers(
     return total
 
 
-def _eight(signals: list[Array], dtype: np.dtype) -> list[Array]:
+def _eight(signals: list[Array], dtype: np.dtype) -> tuple[Array, ...]:
     """Return as many rows of one type as are compiled for; the last ones are not looked at."""
     rows = [_read_only(signal.astype(dtype, copy=False)) for signal in signals]
-    return rows + rows[:1] * (_AT_ONCE - len(rows))
+    return tuple(rows + rows[:1] * (_AT_ONCE - len(rows)))
+
+
+def _decimating(taps: Array, grid: Array) -> Array:
+    if len(taps) != 41:
+        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
+    return taps.astype(grid.dtype)
 
 
 def _read_only(signal: Array) -> Array:
@@ -213,15 +260,25 @@ def _integrate(velocity, half_step, start, angle):
 
 
 @_compiled
-def _shares(travel, first, scale, offset, kernel, n_points, weights, cells):
+def _ways(travel, first, ends, ways):
+    n_times = len(ways)
+    for i in range(1, n_times - 1):
+        ways[i] = travel[first + i + 1] - travel[first + i - 1]
+    for i in (0, n_times - 1):
+        before = ends[0] if first + i == 0 else travel[first + i - 1]
+        after = ends[1] if first + i == len(travel) - 1 else travel[first + i + 1]
+        ways[i] = after - before
+
+
+@_compiled
+def _shares(travel, ways, scale, offset, kernel, n_points, weights, cells):
     a0, a1, a2, a3, a4, a5 = kernel[0]
     b0, b1, b2, b3, b4, b5 = kernel[1]
     half_scale = 0.5 * abs(scale)
     w0, w1, w2, w3 = weights
-    part = travel[first : first + len(cells) + 2]
     for i in range(len(cells)):
-        position = part[i + 1] * scale + offset
-        way = (part[i + 2] - part[i]) * half_scale
+        position = travel[i] * scale + offset
+        way = ways[i] * half_scale
         inside = (position >= 1.0) & (position < n_points - 2)
         position = position if inside else 1.0
         way = way if inside else 0.0
@@ -305,27 +362,92 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 
 @_compiled
-def _spread(
-    travel, scale, offset, kernel, x0, x1, x2, x3, x4, x5, x6, x7, places, means, grid, n_points
+def _spread_part(
+    travel, start, ends, scale, offset, kernel, signals, means, grid, n_points, ways, weights, cells
 ):
-    signals = (x0, x1, x2, x3, x4, x5, x6, x7)
-    n_signals = len(places)
-    weights = np.empty((4, _PART), grid.dtype)
-    cells = np.empty(_PART, np.int32)
-    for start in range(0, len(travel) - 2, _PART):  # shares of so many samples stay in cache
-        count = min(_PART, len(travel) - 2 - start)
-        w = (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count])
-        c = cells[:count]
-        _shares(travel, start, scale, offset, kernel, n_points, w, c)
-        for k in range(0, n_signals - 1, 2):
-            i, j = places[k], places[k + 1]
-            one = signals[k][start : start + count]
-            two = signals[k + 1][start : start + count]
-            _spread_two(one, two, means[i], means[j], w, c, grid[i], grid[j])
-        if n_signals % 2:
-            i = places[n_signals - 1]
-            last = signals[n_signals - 1][start : start + count]
-            _spread_one(last, means[i], w, c, grid[i])
+    stop = start + len(cells)
+    _ways(travel, start, ends, ways)
+    _shares(travel[start:stop], ways, scale, offset, kernel, n_points, weights, cells)
+    for k in range(0, len(grid) - 1, 2):
+        one, two = signals[k][start:stop], signals[k + 1][start:stop]
+        _spread_two(one, two, means[k], means[k + 1], weights, cells, grid[k], grid[k + 1])
+    if len(grid) % 2:
+        k = len(grid) - 1
+        _spread_one(signals[k][start:stop], means[k], weights, cells, grid[k])
+
+
+@_compiled
+def _reach(grid, used, n_points):
+    if n_points > grid.shape[1]:
+        longer = np.zeros((len(grid), n_points + n_points // 4), grid.dtype)
+        longer[:, :used] = grid[:, :used]
+        grid = longer
+    return grid, max(used, n_points)
+
+
+@_compiled
+def _resample(
+    travel, ends, scale, offset, kernel, signals, means, grid, used, first, taps, lag, outputs
+):
+    n_times, done, top = len(travel), 0, offset
+    at_once = min(_PART, n_times)  # shares of so many samples stay in the processor's cache
+    span = abs(travel[n_times - 1] - travel[0]) * scale
+    if span > n_times:  # and their points
+        at_once = max(1, int(at_once * (n_times / span)))
+    ways = np.empty(at_once)
+    weights = np.empty((4, at_once), grid.dtype)
+    cells = np.empty(at_once, np.int32)
+    for start in range(0, n_times, at_once):
+        count = min(at_once, n_times - start)
+        farthest = travel[start]
+        for i in range(start + 1, start + count):
+            farthest = max(farthest, travel[i])
+        top = max(top, farthest * scale + offset)
+        grid, used = _reach(grid, used, int(top) - 2 * done + 3)
+        _spread_part(
+            travel,
+            start,
+            ends,
+            scale,
+            offset - 2 * done,
+            kernel,
+            signals,
+            means,
+            grid,
+            used,
+            ways[:count],
+            (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]),
+            cells[:count],
+        )
+        ready = min(int((top - lag) // 2), outputs.shape[1]) - done
+        if ready > 0:
+            _decimate(grid, used, first, taps, means, outputs, done, ready)
+            done, used = done + ready, used - 2 * ready
+    return grid, used, done
+
+
+@_compiled
+def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
+    for start in range(0, len(travel), _PART):
+        count = min(_PART, len(travel) - start)
+        ways, cells = np.empty(count), np.empty(count, np.int32)
+        w = np.empty((4, count), grid.dtype)
+        weights = (w[0], w[1], w[2], w[3])
+        _spread_part(
+            travel,
+            start,
+            ends,
+            scale,
+            offset,
+            kernel,
+            signals,
+            means,
+            grid,
+            n_points,
+            ways,
+            weights,
+            cells,
+        )
 
 
 @_compiled
@@ -350,12 +472,11 @@ def _upsample(signal, phases, first, outputs):
 
 
 @_compiled
-def _decimate(grid, used, first, taps, means, outputs):
-    n_outputs = outputs.shape[1]
+def _decimate(grid, used, first, taps, means, outputs, done, n_outputs):
     even = np.empty(n_outputs + 20, grid.dtype)
     odd = np.empty(n_outputs + 20, grid.dtype)
     for r in range(len(grid)):
-        row, output = grid[r], outputs[r]
+        row, output = grid[r], outputs[r][done : done + n_outputs]
         for j in range(n_outputs + 19):
             even[j] = row[first + 2 * j]
             odd[j] = row[first + 2 * j + 1]
@@ -397,8 +518,7 @@ def _blend(signal, left, shares, values):
 
 
 @_compiled
-def _read_off(reached, first, theta_s, x0, x1, x2, x3, x4, x5, x6, x7, values):
-    signals = (x0, x1, x2, x3, x4, x5, x6, x7)
+def _read_off(reached, first, theta_s, signals, values):
     n_signals, n_angles = values.shape
     left = np.empty(_PART, np.int32)
     shares = np.empty(_PART, values.dtype)

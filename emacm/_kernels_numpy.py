@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 COMPILED = False
-BLOCK = 1 << 15  # time samples in work at once, for which several arrays are held
+BLOCK = READ_BLOCK = 1 << 15  # time samples in work at once, for which several arrays are held
 SEGMENT_BYTES = 1 << 19  # of segments in work at once: they should stay in cache
 
 Array = NDArray[np.floating]
@@ -79,6 +79,7 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
 
 def spread(
     travel: Array,
+    ends: tuple[float, float],
     scale: float,
     offset: float,
     kernel: Array,
@@ -91,9 +92,10 @@ def spread(
 
     Parameters
     ----------
-    travel : ndarray of shape (n_times + 2,)
-        Angle run, with one sample more at either end; a sample stands for half the way between
-        its neighbours.
+    travel : ndarray of shape (n_times,)
+        Angle run; a sample stands for half the way between its neighbours.
+    ends : (float, float)
+        Angle run at the neighbours of the first and the last sample.
     scale, offset : float
         A sample lies at ``scale * travel + offset`` on the grid; where `scale` is negative it is a
         mirror image.
@@ -108,7 +110,7 @@ def spread(
         Changed in place, in its first `n_points` columns. Samples any of whose points would lie
         outside are passed over.
     """
-    weights, cells = _shares(travel, scale, offset, kernel, n_points)
+    weights, cells = _shares(travel, ends, scale, offset, kernel, n_points)
     rows = cells + np.arange(4)[:, np.newaxis]
     low, high = int(cells.min()), int(cells.max()) + 4
     operator = sparse.csc_array(
@@ -120,11 +122,17 @@ def spread(
 
 
 def _shares(
-    travel: Array, scale: float, offset: float, kernel: Array, n_points: int
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    n_points: int,
 ) -> tuple[Array, NDArray[np.intp]]:
     """Return the shares of four grid points, shape (4, n_times), and the lowest of the points."""
-    position = scale * travel[1:-1] + offset
-    way = (travel[2:] - travel[:-2]) * (0.5 * abs(scale))
+    position = scale * travel + offset
+    padded = np.concatenate([ends[:1], travel, ends[1:]])
+    way = (padded[2:] - padded[:-2]) * (0.5 * abs(scale))
     cell = np.floor(position)
     outside = (cell < 1) | (cell >= n_points - 2)
     if outside.any():
@@ -166,8 +174,8 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
 
 
 def decimate(
-    grid: Array, used: int, first: int, taps: Array, means: Array, n_outputs: int
-) -> Array:
+    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
+) -> None:
     """Filter a grid and keep every other point; move what is still needed to its start.
 
     Parameters
@@ -178,26 +186,95 @@ def decimate(
     used : int
         At least ``first + 2 * (n_outputs - 1) + len(taps)``.
     first : int
-        First point that output 0 reads; output j reads from ``first + 2 * j`` upwards.
+        First point that the first output reads; the next reads from two points on.
     taps : ndarray of shape (41,)
         A symmetric filter.
     means : ndarray of shape (n_signals,)
         What is added to the outputs.
-    n_outputs : int
-        How many points are kept.
-
-    Returns
-    -------
-    ndarray of shape (n_signals, n_outputs)
+    outputs : ndarray of shape (n_signals, done + n_outputs)
+        Filled with the points that are kept.
+    done : int
+        Outputs that are left as they are.
     """
+    n_outputs = outputs.shape[1] - done
     part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
     filtered = scipy.signal.upfirdn(taps.astype(grid.dtype), part, down=2)
     half = len(taps) // 2
-    outputs = filtered[:, half : half + n_outputs] + means.astype(grid.dtype)[:, np.newaxis]
+    kept_points = filtered[:, half : half + n_outputs]
+    np.add(kept_points, means.astype(grid.dtype)[:, np.newaxis], out=outputs[:, done:])
     kept = used - 2 * n_outputs
     grid[:, :kept] = grid[:, 2 * n_outputs : used].copy()
     grid[:, kept:used] = 0
-    return outputs
+
+
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    used: int,
+    first: int,
+    taps: Array,
+    lag: float,
+    outputs: Array,
+) -> tuple[Array, int, int]:
+    """Spread samples over a grid, and filter and thin out what of it is complete.
+
+    Parameters
+    ----------
+    travel, ends, scale, offset, kernel, signals, means
+        As for `spread`; `scale` is positive, and no sample lies below the grid.
+    grid, used, first, taps
+        As for `decimate`. Where the samples reach beyond it, the grid is made longer.
+    lag : float
+        Points between the farthest sample so far and what is complete: an output may read the
+        points so far below it that samples to come, and mirror images, stay clear of them.
+    outputs : ndarray of shape (n_signals, n_outputs)
+        Filled from its start, at most to its end.
+
+    Returns
+    -------
+    grid : ndarray of shape (n_signals, n_held)
+        What is left of the grid: that of before, or a longer one.
+    used : int
+        Its points.
+    n_done : int
+        Outputs that were filled; the grid begins twice as many points later.
+    """
+    top = scale * float(travel.max()) + offset
+    grid, used = reach(grid, used, int(top) + 3)
+    spread(travel, ends, scale, offset, kernel, signals, means, grid, used)
+    n_done = max(0, min(int((top - lag) // 2), outputs.shape[1]))
+    if n_done:
+        decimate(grid, used, first, taps, means, outputs[:, :n_done], 0)
+    return grid, used - 2 * n_done, n_done
+
+
+def reach(grid: Array, used: int, n_points: int) -> tuple[Array, int]:
+    """Return the grid, made longer if it must be, and its points: `n_points` or more.
+
+    Parameters
+    ----------
+    grid : ndarray of shape (n_signals, n_held)
+        Of which the first `used` points are.
+    used : int
+    n_points : int
+        Points that are needed.
+
+    Returns
+    -------
+    grid : ndarray of shape (n_signals, n_held)
+    used : int
+    """
+    if n_points > grid.shape[1]:
+        longer = np.zeros((len(grid), n_points + n_points // 4), grid.dtype)
+        longer[:, :used] = grid[:, :used]
+        grid = longer
+    return grid, max(used, n_points)
 
 
 def places(

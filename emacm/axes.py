@@ -287,7 +287,8 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
     return tuple(blocks) or None
 
 
-def _digest(columns: Sequence[str]) -> str:
+@lru_cache(maxsize=16)
+def _digest(columns: tuple[str, ...]) -> str:
     return sha256("\0".join(columns).encode()).hexdigest()
 
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from emacm._kernels import kernels
+from emacm.motion import parts
 
 # Measured: outside of these ranges, and without compiled kernels, scipy.fft is faster.
 _LEAST_PRIME, _LARGEST_PRIME, _MOST_PARTS = 101, 310, 4
@@ -97,10 +98,9 @@ def summed_powers(
     if thinning is not None:
         segments_of, n_kept = partial(kernels().thinned, taps=thinning[0]), length // _THINNED
     total = np.zeros((len(signals), n_lines))
-    at_once = segments_at_once(signals, n_kept)
-    for start in range(0, n_segments, at_once):
-        count = min(at_once, n_segments - start)
-        segments = segments_of(signals, first + start * step, step, window, count, remove_mean)
+    for start, stop in parts(0, n_segments, segments_at_once(signals, n_kept)):
+        begin, count = first + start * step, stop - start
+        segments = segments_of(signals, begin, step, window, count, remove_mean)
         total += kernels().powers(fft.rfft(segments, overwrite_x=True)[..., :n_lines])
     return total if thinning is None else total * thinning[1]
 

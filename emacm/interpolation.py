@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from emacm._kernels import kernels
-from emacm.motion import Series
+from emacm.motion import Series, parts
 from emacm.paths import Path
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -46,32 +46,46 @@ def interpolated(
         The next angles; together they are all that the path holds.
     """
     first, last = path.sample_range(fs, len(rows[0]))
-    dtype = np.result_type(*(row.dtype for row in rows))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    at_once = kernels().BLOCK if interpolation == "linear" else _SPLINE_BLOCK
+    at_once = kernels().READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
-    for start in range(first, last - 1, at_once):
-        stop = min(start + at_once + 1, last)
+    for start, stop in parts(first, last - 1, at_once):
+        stop += 1  # the sample that the next part begins with
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
         # good.
         if path.setback:
             travel = np.maximum(np.maximum.accumulate(travel), farthest)
-        farthest = travel[-1]
+        farthest = float(travel[-1])
         end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
         if end <= done:
             continue
-        values = np.empty((len(rows), end - done), dtype)
-        if interpolation == "linear":
-            parts = [row[start:stop] for row in rows]
-            kernels().read_off(travel, done, theta_s, parts, values)
-        else:
-            left, shares = kernels().places(travel, done, end - done, theta_s, np.float64)
-            for value, row in zip(values, rows, strict=True):
-                value[:] = _spline(row, start, stop, left + shares)
-        yield values
+        # Without a name here, so that it is gone before the next one is made.
+        yield _read_off(rows, start, stop, travel, done, end - done, theta_s, interpolation)
         done = end
+        del travel
+
+
+def _read_off(
+    rows: Sequence[Series],
+    start: int,
+    stop: int,
+    travel: NDArray[np.floating],
+    first: int,
+    n_angles: int,
+    theta_s: float,
+    interpolation: str,
+) -> NDArray[np.floating]:
+    """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
+    values = np.empty((len(rows), n_angles), np.result_type(*(row.dtype for row in rows)))
+    if interpolation == "linear":
+        kernels().read_off(travel, first, theta_s, [row[start:stop] for row in rows], values)
+        return values
+    left, shares = kernels().places(travel, first, n_angles, theta_s, np.float64)
+    for value, row in zip(values, rows, strict=True):
+        value[:] = _spline(row, start, stop, left + shares)
+    return values
 
 
 def _passed(angle: float, theta_s: float) -> int:

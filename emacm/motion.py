@@ -142,6 +142,30 @@ class DifferentiatedVelocity(LazySeries):
         return velocity[start - low : stop - low]
 
 
+def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last + 1 of parts of a range: as few as may be, of about equal length.
+
+    Parameters
+    ----------
+    start, stop : int
+        The range.
+    at_most : int
+        Length that no part goes beyond.
+
+    Yields
+    ------
+    first, last : int
+
+    Examples
+    --------
+    >>> list(parts(0, 10, 4))
+    [(0, 3), (3, 6), (6, 10)]
+    """
+    count = max(0, -((start - stop) // at_most))
+    for k in range(count):
+        yield start + k * (stop - start) // count, start + (k + 1) * (stop - start) // count
+
+
 def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Any]]:
     """Yield a series in pieces of at most `BLOCK` samples, each with its first index."""
     stop = len(series) if stop is None else stop

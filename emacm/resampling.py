@@ -64,7 +64,7 @@ def angle_blocks(
     Returns
     -------
     iterator of ndarray of shape (n_rows, n_angles)
-        Blocks of some ten thousand samples, in order; float32 if all rows are.
+        Blocks of at most some hundred thousand samples, in order; float32 if all rows are.
     """
     if antialias:
         return spread_rows(rows, fs, path, theta_s)

@@ -21,6 +21,7 @@ from emacm._checks import (
 )
 from emacm._kernels import kernels
 from emacm.fourier import segments_at_once, summed_powers
+from emacm.motion import parts
 
 # Whole, or in blocks that continue one another; shape (n_channels, n_angles).
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
@@ -117,6 +118,7 @@ class SegmentPlan:
             power = np.concatenate(
                 [self._powers(rows, first, n_segments, window) for rows in groups]
             )
+            del stretch, groups  # before the next one is made
             if kept and self.average == "mean":
                 power += kept.pop()
             kept.append(power)
@@ -182,6 +184,7 @@ class SegmentPlan:
         for stretch, first, n_segments in self._stretches(signals):
             for lines in self._lines(stretch, first, n_segments, window):
                 yield lines, factor * lines.shape[1]
+            del stretch  # before the next one is made
 
     def padded_lines(self, signals: Iterable[NDArray[np.floating]]) -> Iterator[WeightedLines]:
         """Yield the Fourier transform of each signal, padded with zeros to a segment.
@@ -234,6 +237,7 @@ class SegmentPlan:
                 if count:
                     yield block, first, count
                 rest = block[:, first + count * step :].copy()
+                del block  # before the next one is made
 
     def _powers(
         self,
@@ -251,10 +255,10 @@ class SegmentPlan:
             return summed_powers(
                 rows, first, self.step, window, n_segments, self.n_orders, remove_mean=remove_mean
             )
-        parts = self._lines(rows, first, n_segments, window)
+        found = self._lines(rows, first, n_segments, window)
         if self.average == "mean":
-            return sum(kernels().powers(lines) for lines in parts)
-        wanted = np.concatenate(list(parts), axis=1)
+            return sum(kernels().powers(lines) for lines in found)
+        wanted = np.concatenate(list(found), axis=1)
         return wanted.real.astype(np.float64) ** 2 + wanted.imag.astype(np.float64) ** 2
 
     def _lines(
@@ -266,9 +270,8 @@ class SegmentPlan:
     ) -> Iterator[Lines]:
         """Yield the Fourier transforms of a few segments of each row at a time."""
         window = window.astype(rows.dtype, copy=False)
-        at_once = segments_at_once(rows, self.n_per_segment)
-        for start in range(0, n_segments, at_once):
-            first, count = origin + start * self.step, min(at_once, n_segments - start)
+        for start, stop in parts(0, n_segments, segments_at_once(rows, self.n_per_segment)):
+            first, count = origin + start * self.step, stop - start
             if self.detrend == "linear":
                 ones = np.ones_like(window)
                 segments = kernels().windowed(rows, first, self.step, ones, count, False)
@@ -454,8 +457,9 @@ def _at_least(
     held: list[NDArray[np.floating]] = []
     for block in blocks:
         held.append(block)
+        del block  # so that who is given it can let go of it
         if sum(part.shape[1] for part in held) >= length:
-            yield held[0] if len(held) == 1 else np.concatenate(held, axis=1)
+            yield held.pop() if len(held) == 1 else np.concatenate(held, axis=1)
             held = []
     if held:
         yield np.concatenate(held, axis=1)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
@@ -26,7 +27,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from emacm._kernels import kernels
-from emacm.motion import Series
+from emacm.motion import Series, parts
 from emacm.paths import Path
 
 # All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
@@ -36,13 +37,14 @@ _WIDTH = 4  # grid points over which a time sample is spread
 _SHAPE = 2.4 * _WIDTH  # of the kernel exp(shape (sqrt(1 - z²) - 1)); least folding at this grid
 _DEGREE = 5  # of the polynomials that stand for the kernel: within 1e-4 of it
 _HALF = 20  # of the decimating filter, in points of the fine grid
-_MARGIN = _HALF + _WIDTH // 2  # fine grid points needed beyond either end of the stroke
+_FIRST = _WIDTH // 2  # point that the filter of the first output reads first
+_MARGIN = _HALF + _FIRST  # fine grid points needed beyond either end of the stroke
 _KERNEL_REACH = 4 - PASS  # highest order the kernel still lets through, per pi/theta_s
 _UPSAMPLING_HALF = 16  # time samples on either side that a new sample is made from
 _UPSAMPLING_STOP = 0.58  # of fs: where the filter of the time interpolation has fallen by 80 dB
 _MOST_DENSER = 64  # times the samples there are over time and angle; beyond, the shaft jumps
 _MOST_SAMPLES = 1 << 31  # in work over time
-_MEAN_OF, _MEAN_BELOW = 480, 5000  # samples that a mean is taken of, of a signal that is longer
+_MEAN_OF, _MEAN_BELOW = 96, 5000  # samples that a mean is taken of, of a signal that is longer
 
 
 def spread_rows(
@@ -71,24 +73,16 @@ def spread_rows(
     dtype = np.result_type(*(row.dtype for row in rows))
     # Set aside, so that a large offset comes out exact whatever the ripple of the filter.
     means = _means(rows, first, last)
-    step = theta_s / 2
-    if path.length < step:  # too short to hold more than its mean
+    if path.length < theta_s / 2:  # too short to hold more than its mean
         yield np.repeat(means.astype(dtype), n_angles).reshape(len(rows), n_angles)
         return
-    onward = path.setback == 0
-    grid = _FineGrid(means, n_angles, dtype, onward=onward)
-    for travel, block in _dense_blocks(rows, fs, path, theta_s):
-        low, high = _range(travel[1:-1], onward=onward)
-        for sign, shift in _mirror_images(low, high, path.length, _MARGIN * step):
-            top = max(sign * low, sign * high) + shift
-            grid.spread(travel, sign / step, shift / step + _MARGIN, top / step, block)
-        # What the shaft may still turn back; and a grid point more, for the rounding of angles.
-        ready = int((high - path.setback) / step) - 1
-        if ready > _MARGIN:  # samples to come have no mirror image at the start any more
-            resampled = grid.finish(ready)
-            if resampled.shape[1]:
-                yield resampled
-    yield grid.finish(grid.end + 2)
+    grid = _FineGrid(path, means, n_angles, theta_s, dtype)
+    for block in _dense_blocks(rows, fs, path, theta_s):
+        resampled = grid.resample(block)
+        del block  # before the next one is made, and so below
+        if resampled.shape[1]:
+            yield resampled
+        del resampled
 
 
 def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating]:
@@ -97,13 +91,38 @@ def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating
     return np.array([row[first:last:stride].mean(dtype=np.float64) for row in rows])
 
 
+class _Block(NamedTuple):
+    """Dense time samples.
+
+    Attributes
+    ----------
+    travel : ndarray of shape (n,)
+        Angle run [rad].
+    ends : (float, float)
+        That of the samples before and after them.
+    values : list of ndarray of shape (n,)
+        Of each row.
+    last : bool
+        Whether it is the last block.
+    """
+
+    travel: NDArray[np.floating]
+    ends: tuple[float, float]
+    values: list[NDArray[np.floating]]
+    last: bool
+
+    def cut(self, first: int, last: int) -> _Block:
+        """Return the samples `first` to `last` (exclusive)."""
+        before = float(self.travel[first - 1]) if first else self.ends[0]
+        after = float(self.travel[last]) if last < len(self.travel) else self.ends[1]
+        values = [row[first:last] for row in self.values]
+        return _Block(self.travel[first:last], (before, after), values, self.last)
+
+
 def _dense_blocks(
     rows: Sequence[Series], fs: float, path: Path, theta_s: float
-) -> Iterator[tuple[NDArray[np.floating], list[NDArray[np.floating]]]]:
-    """Yield dense time samples in blocks: angle run, with a neighbour at either end, and values.
-
-    Shapes are (n + 2,) and, of each row, (n,).
-    """
+) -> Iterator[_Block]:
+    """Yield dense time samples in blocks."""
     factor = _upsampling(fs, path, theta_s)
     rate = fs * factor
     # Made denser, the signal goes on, mirrored, to the end of the path.
@@ -112,19 +131,20 @@ def _dense_blocks(
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     density = 2 * path.fastest / (rate * theta_s)  # points of the fine grid for each sample
     at_once = max(1, int(kernels().BLOCK / max(1.0, 2 * density)))
-    for start in range(first, last, at_once):
-        stop = min(start + at_once, last)
-        travel = path.travel_at(rate, max(start - 1, first), min(stop + 1, last))
+    for start, stop in parts(first, last, at_once):
+        low, high = max(start - 1, first), min(stop + 1, last)
+        travel = path.travel_at(rate, low, high)
         # Each sample stands for the way halfway to its neighbours, the outer ones up to the ends:
         # their neighbours beyond are their mirror images.
-        if start == first:
-            travel = np.concatenate([[-travel[0]], travel])
-        if stop == last:
-            travel = np.concatenate([travel, [2 * path.length - travel[-1]]])
+        before = travel[0] if low < start else -travel[0]
+        after = travel[-1] if high > stop else 2 * path.length - travel[-1]
         if factor == 1:
-            yield travel, [row[start:stop] for row in rows]
+            values = [row[start:stop] for row in rows]
         else:
-            yield travel, _upsampled(rows, factor, start, stop)
+            values = _upsampled(rows, factor, start, stop)
+        travel = travel[start - low : len(travel) - (high - stop)]
+        yield _Block(travel, (float(before), float(after)), values, stop == last)
+        del travel, values  # before the next ones are made
 
 
 def _upsampling(fs: float, path: Path, theta_s: float) -> int:
@@ -178,12 +198,11 @@ def _range(travel: NDArray[np.floating], *, onward: bool) -> tuple[float, float]
 def _mirror_images(
     low: float, high: float, length: float, margin: float
 ) -> Iterator[tuple[int, float]]:
-    """Yield sign and shift of angles `low` to `high`, and of mirror images near the path.
+    """Yield sign and shift of those mirror images of angles `low` to `high` that are near the path.
 
     Mirroring at 0 and at `length`, over and over, leads to 2 k length - travel and, twice
     mirrored, to 2 k length + travel.
     """
-    yield 1, 0.0
     if low > margin and high < length - margin:
         return
     n_images = int(np.ceil(margin / length)) + 1
@@ -201,85 +220,111 @@ class _FineGrid:
     """
 
     def __init__(
-        self, means: NDArray[np.floating], n_angles: int, dtype: np.dtype, *, onward: bool
+        self,
+        path: Path,
+        means: NDArray[np.floating],
+        n_angles: int,
+        theta_s: float,
+        dtype: np.dtype,
     ) -> None:
         self._means = means
-        self._onward = onward
-        self.end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
+        self._step = theta_s / 2
+        self._length = path.length
+        self._onward = path.setback == 0
+        # An output may read what lies so far behind the farthest sample: what the shaft may still
+        # turn back, the filter, and as much again as mirror images reach over the ends; and a
+        # point more, for the rounding of angles.
+        self._lag = path.setback / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
+        self._end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
         self._n_angles = n_angles
         self._done = 0  # outputs
         self._used = 0  # points held, from point 2 * self._done upwards
         self._grid = np.zeros((len(means), 0), dtype)
 
-    def spread(
-        self,
-        travel: NDArray[np.floating],
-        scale: float,
-        offset: float,
-        top: float,
-        block: list[NDArray[np.floating]],
-    ) -> None:
-        """Spread samples that lie at ``scale * travel + offset``, up to `top` + `_MARGIN`."""
-        origin = 2 * self._done
-        if scale < 0 or offset != _MARGIN:  # an image, most of which is far away
-            limits = origin, self.end
-            travel, block = _near(travel, scale, offset, block, limits, onward=self._onward)
-            if not len(block[0]):
-                return
-        self._reach(int(min(top + _MARGIN + _WIDTH, self.end)) + 1 - origin)
-        kernels().spread(
-            travel,
-            scale,
-            offset - origin,
+    def resample(self, block: _Block) -> NDArray[np.floating]:
+        """Spread a block of samples, and return the outputs that the grid allows."""
+        low, high = _range(block.travel, onward=self._onward)
+        images = list(_mirror_images(low, high, self._length, _MARGIN * self._step))
+        # Outputs are made as the samples go by, so what the start is mirrored to comes before, and
+        # what the end is mirrored to, of which nothing is read until then, comes after.
+        for sign, shift in images:
+            if shift <= 0:
+                self._spread_image(block, sign, shift, low, high)
+        position, offset = high / self._step + self._offset, self._offset
+        ready = self._n_angles - self._done
+        if not block.last:
+            ready = max(0, min(ready, int((position - self._lag) // 2)))
+        outputs = np.empty((len(block.values), ready), self._grid.dtype)
+        self._grid, self._used, done = kernels().resample(
+            block.travel,
+            block.ends,
+            1 / self._step,
+            offset,
             _kernel_halves(),
-            block,
+            block.values,
+            self._means,
+            self._grid,
+            self._used,
+            _FIRST,
+            _decimating_filter(),
+            self._lag,
+            outputs,
+        )
+        self._done += done
+        for sign, shift in images:
+            if shift > 0:
+                self._spread_image(block, sign, shift, low, high)
+        if done < ready:
+            self._reach(_FIRST + 2 * (ready - done - 1) + 1 + 2 * _HALF)
+            taps = _decimating_filter()
+            kernels().decimate(self._grid, self._used, _FIRST, taps, self._means, outputs, done)
+            self._done, self._used = self._done + ready - done, self._used - 2 * (ready - done)
+        return outputs
+
+    @property
+    def _offset(self) -> float:
+        """Place of the start of the path among the points held."""
+        return _MARGIN - 2.0 * self._done
+
+    def _spread_image(
+        self, block: _Block, sign: int, shift: float, low: float, high: float
+    ) -> None:
+        """Spread the mirror image ``sign * travel + shift`` of samples between two angles."""
+        scale, offset = sign / self._step, shift / self._step + self._offset
+        limits = 0.0, float(self._end - 2 * self._done)
+        near = _near(block, scale, offset, limits, onward=self._onward)
+        if not len(near.travel):
+            return
+        top = max(sign * low, sign * high) / self._step + offset
+        self._reach(int(min(top + _WIDTH, limits[1])) + 1)
+        kernels().spread(
+            near.travel,
+            near.ends,
+            scale,
+            offset,
+            _kernel_halves(),
+            near.values,
             self._means,
             self._grid,
             self._used,
         )
 
-    def finish(self, point: int) -> NDArray[np.floating]:
-        """Return the outputs that the grid below `point` allows, and let go of their points."""
-        # Output j needs the points from 2 j + _WIDTH / 2 to 2 j + 2 _HALF + _WIDTH / 2.
-        ready = (point - 2 * _HALF - _WIDTH // 2) // 2
-        count = min(ready, self._n_angles) - self._done
-        if count <= 0:
-            return np.empty((len(self._grid), 0), self._grid.dtype)
-        first = _WIDTH // 2
-        self._reach(first + 2 * (count - 1) + 1 + 2 * _HALF)
-        outputs = kernels().decimate(
-            self._grid, self._used, first, _decimating_filter(), self._means, count
-        )
-        self._done, self._used = self._done + count, self._used - 2 * count
-        return outputs
-
     def _reach(self, n_points: int) -> None:
         """Hold at least so many points."""
-        if n_points > self._grid.shape[1]:
-            larger = np.zeros((len(self._grid), n_points + n_points // 4), self._grid.dtype)
-            larger[:, : self._used] = self._grid[:, : self._used]
-            self._grid = larger
-        self._used = max(self._used, n_points)
+        self._grid, self._used = kernels().reach(self._grid, self._used, n_points)
 
 
 def _near(
-    travel: NDArray[np.floating],
-    scale: float,
-    offset: float,
-    block: list[NDArray[np.floating]],
-    limits: tuple[int, int],
-    *,
-    onward: bool,
-) -> tuple[NDArray[np.floating], list[NDArray[np.floating]]]:
-    """Cut a block down to the samples whose images lie between two points of the grid."""
+    block: _Block, scale: float, offset: float, limits: tuple[float, float], *, onward: bool
+) -> _Block:
+    """Cut a block down to the samples whose images lie between two places on the grid."""
     low, high = sorted((limit - offset) / scale for limit in limits)
-    inner = travel[1:-1]
     if onward:
-        first, last = np.searchsorted(inner, (low, high))
+        first, last = np.searchsorted(block.travel, (low, high))
     else:
-        inside = np.flatnonzero((inner > low) & (inner < high))
+        inside = np.flatnonzero((block.travel > low) & (block.travel < high))
         first, last = (inside[0], inside[-1] + 1) if len(inside) else (0, 0)
-    return travel[first : last + 2], [row[first:last] for row in block]
+    return block.cut(first, last)
 
 
 def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -68,13 +68,13 @@ def test_integrals_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
 @pytest.mark.parametrize("n_signals", [1, 2, 5, 8, 11])
 @pytest.mark.parametrize("scale", [3.0, -3.0])
 def test_spreading_agrees(compiled, rng, dtype, tolerance, n_signals, scale):
-    travel = np.sort(rng.uniform(0, 100, 10_002))
+    travel = np.sort(rng.uniform(0, 100, 10_000))
     signals = [rng.standard_normal(10_000).astype(dtype) for _ in range(n_signals)]
     means = rng.standard_normal(n_signals)
     grids = np.zeros((2, n_signals, 290), dtype)  # the last samples lie beyond
-    offset = 2.5 if scale > 0 else 280.0
+    offset, ends = 2.5 if scale > 0 else 280.0, (-0.01, 100.01)
     for module, grid in zip((compiled, _kernels_numpy), grids, strict=True):
-        module.spread(travel, scale, offset, _kernel_halves(), signals, means, grid, 280)
+        module.spread(travel, ends, scale, offset, _kernel_halves(), signals, means, grid, 280)
     assert np.all(grids[:, :, 280:] == 0)
     assert np.abs(grids).max() > 0
     agree(grids[0], grids[1], tolerance)
@@ -101,12 +101,11 @@ def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng, dtype, tolera
     grid = rng.standard_normal((3, 500)).astype(dtype)
     means = np.array([1.0, -2.0, 30.0])
     grids = [grid.copy(), grid.copy()]
-    outputs = [
-        module.decimate(held, 480, 2, _decimating_filter(), means, 200)
-        for module, held in zip((compiled, _kernels_numpy), grids, strict=True)
-    ]
-    assert outputs[0].dtype == outputs[1].dtype == dtype
-    agree(*outputs, tolerance)
+    outputs = np.full((2, 3, 207), 7.0, dtype)
+    for module, held, made in zip((compiled, _kernels_numpy), grids, outputs, strict=True):
+        module.decimate(held, 480, 2, _decimating_filter(), means, made, 7)
+    assert np.all(outputs[:, :, :7] == 7)
+    agree(*outputs[:, :, 7:], tolerance)
     np.testing.assert_array_equal(grids[0], grids[1])
     np.testing.assert_array_equal(grids[0][:, :80], grid[:, 400:480])
     assert not grids[0][:, 80:480].any()
@@ -114,8 +113,79 @@ def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng, dtype, tolera
 
 def test_decimation_is_a_convolution_of_which_every_other_point_is_kept(rng):
     grid, taps = rng.standard_normal(200), _decimating_filter()
-    (found,) = _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, taps, np.zeros(1), 50)
+    found = np.empty((1, 50))
+    _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, taps, np.zeros(1), found, 0)
+    found = found[0]
     np.testing.assert_allclose(found, np.convolve(grid, taps)[43 : 43 + 100 : 2], atol=1e-12)
+
+
+@both_precisions
+@pytest.mark.parametrize("n_signals", [1, 2, 5, 8, 11])
+@pytest.mark.parametrize("shivers", [0.0, 2.0])
+@pytest.mark.parametrize(("scale", "n_times"), [(0.05, 20_000), (0.6, 20_000), (0.6, 150)])
+def test_resampling_agrees_and_leaves_the_same_grid(
+    compiled, rng, dtype, tolerance, n_signals, shivers, scale, n_times
+):
+    used, lag = 30, 70.0 + scale * shivers
+    travel = np.sort(rng.uniform(0, 1000, n_times)) + shivers * rng.uniform(0, 1, n_times)
+    signals = [rng.standard_normal(n_times).astype(dtype) for _ in range(n_signals)]
+    means, ends = rng.standard_normal(n_signals), (-0.01, 1000.01)
+    started = rng.standard_normal((n_signals, used)).astype(dtype)
+    n_outputs = int((scale * 1000 - lag) // 2) + 20  # more than are complete
+    found = []
+    for module in (compiled, _kernels_numpy):
+        outputs = np.zeros((n_signals, max(0, n_outputs)), dtype)
+        grid, n_points, n_done = module.resample(
+            travel,
+            ends,
+            scale,
+            22.0,
+            _kernel_halves(),
+            signals,
+            means,
+            started.copy(),
+            used,
+            2,
+            _decimating_filter(),
+            lag,
+            outputs,
+        )
+        assert n_points == used or n_points == int(scale * travel.max() + 22) + 3 - 2 * n_done
+        assert not grid[:, n_points:].any()
+        found.append((n_done, n_points, outputs[:, :n_done], grid[:, :n_points]))
+        assert not outputs[:, n_done:].any()
+    assert found[0][:2] == found[1][:2]
+    assert (found[0][0] > 0) == (scale > 0.05)
+    for one, other in zip(found[0][2:], found[1][2:], strict=True):
+        assert one.dtype == other.dtype == dtype
+        if one.size:
+            agree(one, other, tolerance)
+
+
+def test_resampling_is_spreading_and_decimation(compiled, rng):
+    travel, ends = np.linspace(0, 1000, 20_000), (-0.05, 1000.05)
+    signal, means, taps = rng.standard_normal(20_000), np.array([3.0]), _decimating_filter()
+    outputs = np.empty((1, 200))
+    _, _, n_done = compiled.resample(
+        travel,
+        ends,
+        0.6,
+        22.0,
+        _kernel_halves(),
+        [signal],
+        means,
+        np.zeros((1, 0)),
+        0,
+        2,
+        taps,
+        65.0,
+        outputs,
+    )
+    grid, expected = np.zeros((1, 700)), np.empty((1, 200))
+    _kernels_numpy.spread(travel, ends, 0.6, 22.0, _kernel_halves(), [signal], means, grid, 700)
+    _kernels_numpy.decimate(grid, 700, 2, taps, means, expected, 0)
+    assert n_done == 200
+    agree(outputs, expected)
 
 
 @both_precisions
@@ -221,6 +291,8 @@ def test_both_modules_offer_the_same_loops(compiled):
         "integrate",
         "spread",
         "decimate",
+        "resample",
+        "reach",
         "places",
         "read_off",
         "windowed",
