@@ -1,7 +1,7 @@
 """The inner loops compiled by numba; see `_kernels_numpy` for what each of them does.
 
-None holds Python's lock, so recordings in threads run side by side. The loops are written so that
-the compiler can use the processor's vector units: no branch and no variable offset inside.
+None that takes time holds Python's lock, so recordings in threads run side by side. The loops are
+written so that the compiler can use vector units: no branch and no variable offset inside.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from emacm._kernels_numpy import reach
+
 COMPILED = True
 # The more is done at once, the less do threads wait for each other.
 BLOCK = 1 << 18  # time samples that are spread
 READ_BLOCK = 3 << 16  # time samples that signals are read off between
-SEGMENT_BYTES = 3 << 20  # of segments
+SEGMENT_BYTES = 2 << 20  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
 _PART = 8192  # samples whose shares are held meanwhile
@@ -35,12 +37,17 @@ def _compiled_exactly(function: Any) -> Any:
     return _compile(function)
 
 
-def _compile(function: Any, **options: Any) -> Any:
+def _compiled_for_a_few(function: Any) -> Any:
+    """Compile what is called for a few samples only: sooner done than the lock is had back."""
+    return _compile(function, nogil=False, fastmath={"reassoc", "contract", "nsz", "arcp"})
+
+
+def _compile(function: Any, *, nogil: bool = True, **options: Any) -> Any:
     """Keep what was compiled on disk where that is possible."""
     try:
-        return njit(cache=True, nogil=True, **options)(function)
+        return njit(cache=True, nogil=nogil, **options)(function)
     except RuntimeError:  # neither the package's folder nor the user's can be written to
-        return njit(nogil=True, **options)(function)
+        return njit(nogil=nogil, **options)(function)
 
 
 def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array, Array]:
@@ -133,11 +140,6 @@ def resample(
         )
         grids.append(held)
     return grids[0] if len(grids) == 1 else np.concatenate(grids), n_points, n_done
-
-
-def reach(grid: Array, used: int, n_points: int) -> tuple[Array, int]:
-    """Return the grid, made longer if it must be, and its points: `n_points` or more."""
-    return _reach(grid, used, n_points)
 
 
 def places(
@@ -376,13 +378,7 @@ def _spread_part(
         _spread_one(signals[k][start:stop], means[k], weights, cells, grid[k])
 
 
-@_compiled
-def _reach(grid, used, n_points):
-    if n_points > grid.shape[1]:
-        longer = np.zeros((len(grid), n_points + n_points // 4), grid.dtype)
-        longer[:, :used] = grid[:, :used]
-        grid = longer
-    return grid, max(used, n_points)
+_reach = _compiled(reach)
 
 
 @_compiled
@@ -426,7 +422,7 @@ def _resample(
     return grid, used, done
 
 
-@_compiled
+@_compiled_for_a_few
 def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
     for start in range(0, len(travel), _PART):
         count = min(_PART, len(travel) - start)
@@ -471,7 +467,7 @@ def _upsample(signal, phases, first, outputs):
             outputs[start + i * factor] = line[i]
 
 
-@_compiled
+@_compiled_for_a_few
 def _decimate(grid, used, first, taps, means, outputs, done, n_outputs):
     even = np.empty(n_outputs + 20, grid.dtype)
     odd = np.empty(n_outputs + 20, grid.dtype)

@@ -101,7 +101,10 @@ def summed_powers(
     for start, stop in parts(0, n_segments, segments_at_once(signals, n_kept)):
         begin, count = first + start * step, stop - start
         segments = segments_of(signals, begin, step, window, count, remove_mean)
-        total += kernels().powers(fft.rfft(segments, overwrite_x=True)[..., :n_lines])
+        lines = fft.rfft(segments, overwrite_x=True)
+        del segments  # before the next ones are made, and so below
+        total += kernels().powers(lines[..., :n_lines])
+        del lines
     return total if thinning is None else total * thinning[1]
 
 

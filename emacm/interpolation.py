@@ -61,10 +61,10 @@ def interpolated(
         end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
         if end <= done:
             continue
-        # Without a name here, so that it is gone before the next one is made.
-        yield _read_off(rows, start, stop, travel, done, end - done, theta_s, interpolation)
+        read = [_read_off(rows, start, stop, travel, done, end - done, theta_s, interpolation)]
+        del travel  # what is not needed any more is gone before the next is made
+        yield read.pop()
         done = end
-        del travel
 
 
 def _read_off(

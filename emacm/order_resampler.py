@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, check_real_array, located, once_hint
 from emacm.angle_recordings import AngleRecording
+from emacm.progress import run
 from emacm.recording_transformers import RecordingTransformer
 from emacm.recordings import Recording, check_unique_columns, described
 from emacm.resampling import INTERPOLATIONS, PASS
@@ -199,11 +200,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         channels = self._chosen_channels(recordings[0])
         self._check_channels(recordings, channels)
-        rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+        tasks = (
             delayed(_quality)(recording, channels, self.theta_s, self.min_speed, self.direction)
             for recording in recordings
         )
-        return pd.DataFrame(rows)
+        return pd.DataFrame(run(tasks, len(recordings), n_jobs=self.n_jobs))
 
     def __sklearn_tags__(self) -> Any:
         """Tell scikit-learn that X may be bare arrays."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TextIO
 
-from joblib import Parallel, effective_n_jobs
+from joblib import Parallel
+from joblib.parallel import SequentialBackend, ThreadingBackend, get_active_backend
 
 
 def run(
@@ -18,7 +20,7 @@ def run(
     verbose: bool | int = False,
     done: int = 0,
 ) -> list[Any]:
-    """Do tasks under joblib, in threads unless another backend is active; a single one at once.
+    """Do tasks under joblib's active backend; by default, in threads.
 
     Parameters
     ----------
@@ -44,6 +46,11 @@ def run(
     ValueError
         If `n_jobs` is 0.
 
+    Notes
+    -----
+    Threads are those of `concurrent.futures`: joblib looks every 10 ms whether its own are done,
+    which is as long as a recording takes.
+
     Examples
     --------
     >>> from joblib import delayed
@@ -52,17 +59,33 @@ def run(
     """
     if not total:
         return []
-    # A single one needs no workers; to ask for them takes joblib a third of a ms.
-    if total == 1 and not verbose and effective_n_jobs(n_jobs):  # which refuses 0
-        return [function(*args, **kwargs) for function, args, kwargs in tasks]
+    backend, jobs_of_context = get_active_backend(prefer="threads")
+    n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else n_jobs)
     bar = _bar() if verbose else None
+    if bar is None and verbose:
+        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
+    if isinstance(backend, SequentialBackend | ThreadingBackend):
+        results = _here(tasks) if min(n_workers, total) == 1 else _in_threads(tasks, n_workers)
+    elif total == 1 and not verbose:
+        results = _here(tasks)
+    else:
+        try:
+            results = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+        except ValueError:  # a backend that returns nothing before it has all
+            return Parallel(n_jobs=n_jobs, verbose=int(verbose))(tasks)
     if bar is None:
-        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
-    try:
-        parallel = Parallel(n_jobs=n_jobs, prefer="threads", return_as="generator")
-    except ValueError:  # a backend that returns nothing before it has all
-        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
-    return list(bar(parallel(tasks), total=done + total, initial=done, unit="recording"))
+        return list(results)
+    return list(bar(results, total=done + total, initial=done, unit="recording"))
+
+
+def _here(tasks: Iterable[Any]) -> Iterator[Any]:
+    for function, args, kwargs in tasks:
+        yield function(*args, **kwargs)
+
+
+def _in_threads(tasks: Iterable[Any], n_workers: int) -> Iterator[Any]:
+    with ThreadPoolExecutor(n_workers) as workers:
+        yield from workers.map(lambda task: task[0](*task[1], **task[2]), tasks)
 
 
 class Teller:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -115,9 +115,7 @@ class SegmentPlan:
             count += n_segments
             at_once = segments_at_once(stretch[:1], self.n_per_segment)
             groups = [stretch[i : i + at_once] for i in range(0, len(stretch), at_once)]
-            power = np.concatenate(
-                [self._powers(rows, first, n_segments, window) for rows in groups]
-            )
+            power = _joined([self._powers(rows, first, n_segments, window) for rows in groups])
             del stretch, groups  # before the next one is made
             if kept and self.average == "mean":
                 power += kept.pop()
@@ -284,7 +282,7 @@ class SegmentPlan:
     def _window_factor(self, window: NDArray[np.floating]) -> float:
         # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.
         if self.scaling == "density":
-            return float(self.samples_per_rev * np.sum(window**2))
+            return float(self.samples_per_rev * (window @ window))
         return float(np.sum(window) ** 2)
 
     @property
@@ -463,6 +461,15 @@ def _at_least(
             held = []
     if held:
         yield np.concatenate(held, axis=1)
+
+
+def _joined(parts: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
+    """Put parts under each other; one alone is not copied.
+
+    Small as they are, each pass of NumPy over them lets other threads run, and then has to wait
+    until one of these lets go of Python's lock.
+    """
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:

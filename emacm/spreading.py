@@ -78,11 +78,10 @@ def spread_rows(
         return
     grid = _FineGrid(path, means, n_angles, theta_s, dtype)
     for block in _dense_blocks(rows, fs, path, theta_s):
-        resampled = grid.resample(block)
-        del block  # before the next one is made, and so below
-        if resampled.shape[1]:
-            yield resampled
-        del resampled
+        resampled = [grid.resample(block)]
+        del block  # what is not needed any more is gone before the next is made
+        if resampled[0].shape[1]:
+            yield resampled.pop()
 
 
 def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating]:
@@ -143,8 +142,9 @@ def _dense_blocks(
         else:
             values = _upsampled(rows, factor, start, stop)
         travel = travel[start - low : len(travel) - (high - stop)]
-        yield _Block(travel, (float(before), float(after)), values, stop == last)
-        del travel, values  # before the next ones are made
+        made = [_Block(travel, (float(before), float(after)), values, stop == last)]
+        del travel, values
+        yield made.pop()
 
 
 def _upsampling(fs: float, path: Path, theta_s: float) -> int:

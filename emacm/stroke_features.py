@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
@@ -20,6 +20,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_choice, check_number, located, once_hint
 from emacm.angle_recordings import AngleRecording
 from emacm.axes import check_input_names
+from emacm.progress import run
 from emacm.recordings import Recording, described
 from emacm.stroke_signals import SeenRecording, StrokeSignal, see_recording
 
@@ -99,10 +100,8 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         self._check_parameters()
         rows = _checked_rows(X, type(self).__name__)
         self._check_rows(rows)
-        table = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(self._row)(row, index) for index, row in enumerate(rows)
-        )
-        return np.array(table, dtype=np.float64)
+        tasks = (delayed(self._row)(row, index) for index, row in enumerate(rows))
+        return np.array(run(tasks, len(rows), n_jobs=self.n_jobs), dtype=np.float64)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.

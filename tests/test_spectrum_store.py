@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -663,28 +664,70 @@ def test_without_tqdm_joblib_reports(capfd, monkeypatch):
     assert "[Parallel(n_jobs=1)]: Done" in err
 
 
-def test_a_backend_that_returns_all_at_once_is_reported_by_joblib(capfd, monkeypatch):
+def test_a_backend_that_returns_all_at_once_is_reported_by_joblib(capfd):
     pytest.importorskip("tqdm")
-
-    def parallel(return_as=None, **options):
-        if return_as:  # as joblib says of multiprocessing and dask
-            raise ValueError("Backend does not support return_as=generator")
-        return Parallel(**options)
-
-    monkeypatch.setattr(emacm.progress, "Parallel", parallel)
-    OrderPSD(4, verbose=10).fit_transform(over_angle(run(0), run(1)))
-    assert "[Parallel(n_jobs=1)]: Done" in capfd.readouterr().err
+    X, psd = over_angle(run(0), run(1)), OrderPSD(4, verbose=10, n_jobs=2)
+    expected = OrderPSD(4).fit_transform(X)
+    with parallel_config(backend="multiprocessing"):
+        np.testing.assert_array_equal(psd.fit_transform(X), expected)
+    assert "[Parallel(n_jobs=2)]: Done" in capfd.readouterr().err
 
 
-def test_for_one_recording_no_workers_are_asked(monkeypatch):
+@pytest.mark.parametrize("backend", ["loky", "threading", "sequential"])
+def test_progress_is_shown_under_any_backend(capfd, backend):
+    pytest.importorskip("tqdm")
+    X = over_angle(run(0), run(1))
+    with parallel_config(backend=backend, n_jobs=2):
+        found = OrderPSD(4, verbose=True).fit_transform(X)
+    np.testing.assert_array_equal(found, OrderPSD(4).fit_transform(X))
+    assert "2/2" in capfd.readouterr().err
+
+
+def refused(*_, **__):
+    raise AssertionError("workers were asked for")
+
+
+@pytest.mark.parametrize("backend", ["threading", "loky"])
+def test_for_one_recording_no_workers_are_asked(monkeypatch, backend):
     X, psd = over_angle(run(0)), OrderPSD(4, n_jobs=2)
     expected = psd.fit_transform(X)
-
-    def refused(**options):
-        raise AssertionError("workers were asked for")
-
     monkeypatch.setattr(emacm.progress, "Parallel", refused)
-    np.testing.assert_array_equal(psd.fit_transform(X), expected)
+    monkeypatch.setattr(emacm.progress, "ThreadPoolExecutor", refused)
+    with parallel_config(backend=backend):
+        np.testing.assert_array_equal(psd.fit_transform(X), expected)
+
+
+@pytest.mark.parametrize(("n_jobs", "limit", "most"), [(None, None, 1), (2, None, 2), (None, 3, 3)])
+def test_as_many_recordings_are_in_work_as_are_asked_for(n_jobs, limit, most):
+    together, lock = [0, 0], threading.Lock()
+
+    def task():
+        with lock:
+            together[0] += 1
+            together[1] = max(together)
+        time.sleep(0.05)
+        with lock:
+            together[0] -= 1
+        return threading.get_ident()
+
+    with parallel_config(backend="threading", n_jobs=limit) if limit else nullcontext():
+        threads = emacm.progress.run((delayed(task)() for _ in range(9)), 9, n_jobs=n_jobs)
+    assert together[1] == most
+    assert (set(threads) == {threading.get_ident()}) == (most == 1)
+
+
+def test_what_fails_in_a_thread_ends_the_rest():
+    done = []
+
+    def task(k):
+        time.sleep(0.01)
+        done.append(k)
+        if k == 2:
+            raise ValueError("number 2 cannot be done")
+
+    with pytest.raises(ValueError, match="number 2"):
+        emacm.progress.run((delayed(task)(k) for k in range(200)), 200, n_jobs=2)
+    assert len(done) < 20
 
 
 @pytest.mark.parametrize("n", [1, 2])
