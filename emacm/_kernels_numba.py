@@ -25,6 +25,7 @@ _PART = 8192  # samples whose shares are held meanwhile
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
+Pairs = NDArray[np.complexfloating]
 
 
 def _compiled(function: Any) -> Any:
@@ -171,6 +172,16 @@ def windowed(
     return segments
 
 
+def paired(
+    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
+) -> Pairs:
+    """Cut signals into segments, weight them, and put two and two together."""
+    pairs = _pairs(len(signals), n_segments, len(window), signals.dtype)
+    signals, window = _read_only(signals), _read_only(window)
+    _paired(signals, first, step, window, n_segments, remove_mean, pairs)
+    return pairs.view(np.result_type(pairs, np.complex64))[..., 0]
+
+
 def thinned(
     signals: Array,
     first: int,
@@ -179,18 +190,25 @@ def thinned(
     n_segments: int,
     remove_mean: bool,
     taps: Array,
-) -> Array:
+) -> Pairs:
     """Cut segments, weight them, filter them as if they went round, keep every fourth sample."""
-    outputs = np.empty((len(signals), n_segments, len(window) // 4), signals.dtype)
+    pairs = _pairs(len(signals), n_segments, len(window) // 4, signals.dtype)
     signals, window, taps = _read_only(signals), _read_only(window), _read_only(taps)
-    _thinned(signals, first, step, window, remove_mean, taps, outputs)
-    return outputs
+    _thinned(signals, first, step, window, n_segments, remove_mean, taps, pairs)
+    return pairs.view(np.result_type(pairs, np.complex64))[..., 0]
 
 
 def powers(lines: NDArray[np.complexfloating]) -> Array:
     """Sum the squared size of lines over segments; in float64."""
     total = np.zeros((len(lines), lines.shape[2]))
     _powers(lines, total)
+    return total
+
+
+def pair_powers(transforms: Pairs, n_lines: int) -> Array:
+    """Sum the squared size of the first lines over segments transformed in pairs; in float64."""
+    total = np.zeros((len(transforms), n_lines))
+    _pair_powers(transforms, total)
     return total
 
 
@@ -221,6 +239,11 @@ def _decimating(taps: Array, grid: Array) -> Array:
     if len(taps) != 41:
         raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
     return taps.astype(grid.dtype)
+
+
+def _pairs(n_signals: int, n_segments: int, length: int, dtype: np.dtype) -> Array:
+    """Return room for pairs of segments: real and imaginary part side by side."""
+    return np.empty((n_signals, -(-n_segments // 2), length, 2), dtype)
 
 
 def _read_only(signal: Array) -> Array:
@@ -547,16 +570,40 @@ def _windowed(signals, first, step, window, remove_mean, segments):
 
 
 @_compiled
-def _thinned(signals, first, step, window, remove_mean, taps, outputs):
-    n_signals, n_segments, _ = outputs.shape
+def _paired(signals, first, step, window, n_segments, remove_mean, pairs):
+    length = len(window)
+    both = np.zeros((2, length), signals.dtype)
+    for c in range(len(signals)):
+        for s in range(n_segments):
+            part = signals[c, first + s * step : first + s * step + length]
+            _weighted(part, window, remove_mean, both[s % 2])
+            if s % 2 or s == n_segments - 1:
+                _side_by_side(both, s % 2 == 1, pairs[c, s // 2])
+
+
+@_compiled
+def _thinned(signals, first, step, window, n_segments, remove_mean, taps, pairs):
     length, beyond = len(window), len(taps) - 4
     segment = np.empty(length + beyond, signals.dtype)
-    for c in range(n_signals):
+    both = np.empty((2, length // 4), signals.dtype)
+    for c in range(len(signals)):
         for s in range(n_segments):
             part = signals[c, first + s * step : first + s * step + length]
             _weighted(part, window, remove_mean, segment[:length])
             segment[length:] = segment[:beyond]
-            _keep_every_fourth(segment, taps, outputs[c, s])
+            _keep_every_fourth(segment, taps, both[s % 2])
+            if s % 2 or s == n_segments - 1:
+                _side_by_side(both, s % 2 == 1, pairs[c, s // 2])
+
+
+@_compiled
+def _side_by_side(both, full, pair):
+    if not full:
+        both[1] = 0
+    one, other = both[0], both[1]
+    for i in range(len(one)):
+        pair[i, 0] = one[i]
+        pair[i, 1] = other[i]
 
 
 @_compiled
@@ -589,8 +636,29 @@ def _powers(lines, total):
         for s in range(n_segments):
             line = lines[c, s]
             for k in range(n_orders):
-                real, imaginary = np.float64(line[k].real), np.float64(line[k].imag)
-                row[k] += real * real + imaginary * imaginary
+                row[k] += _power(line[k])
+
+
+@_compiled
+def _pair_powers(transforms, total):
+    n_signals, n_pairs, length = transforms.shape
+    n_lines = total.shape[1]
+    for c in range(n_signals):
+        row = total[c]
+        for s in range(n_pairs):
+            line = transforms[c, s]
+            near, far = line[:n_lines], line[length - n_lines + 1 :]
+            row[0] += 2 * _power(near[0])
+            for k in range(1, n_lines):
+                row[k] += _power(near[k]) + _power(far[n_lines - 1 - k])
+        for k in range(n_lines):
+            row[k] *= 0.5
+
+
+@_compiled
+def _power(line):
+    real, imaginary = np.float64(line.real), np.float64(line.imag)
+    return real * real + imaginary * imaginary
 
 
 @_compiled

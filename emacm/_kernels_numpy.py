@@ -16,6 +16,7 @@ SEGMENT_BYTES = 1 << 19  # of segments in work at once: they should stay in cach
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
+Pairs = NDArray[np.complexfloating]
 
 
 def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array, Array]:
@@ -362,6 +363,30 @@ def windowed(
     return segments * window
 
 
+def paired(
+    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
+) -> Pairs:
+    """Cut signals into segments, weight them, and put two and two together.
+
+    Parameters
+    ----------
+    signals, first, step, window, n_segments, remove_mean
+        As for `windowed`.
+
+    Returns
+    -------
+    complex ndarray of shape (n_signals, (n_segments + 1) // 2, n_per_segment)
+        The first segment of each pair is the real part, the second the imaginary one. Where one is
+        left over, its pair is 0.
+    """
+    segments = windowed(signals, first, step, window, n_segments, remove_mean)
+    shape = len(segments), -(-n_segments // 2), segments.shape[2]
+    pairs = np.zeros(shape, np.result_type(segments, np.complex64))
+    pairs.real = segments[:, ::2]
+    pairs.imag[:, : n_segments // 2] = segments[:, 1::2]
+    return pairs
+
+
 def thinned(
     signals: Array,
     first: int,
@@ -370,7 +395,7 @@ def thinned(
     n_segments: int,
     remove_mean: bool,
     taps: Array,
-) -> Array:
+) -> Pairs:
     """Cut segments, weight them, filter them as if they went round, keep every fourth sample.
 
     Parameters
@@ -384,12 +409,13 @@ def thinned(
 
     Returns
     -------
-    ndarray of shape (n_signals, n_segments, n_per_segment / 4)
+    complex ndarray of shape (n_signals, (n_segments + 1) // 2, n_per_segment / 4)
+        In pairs, as `paired` has them.
     """
-    segments = windowed(signals, first, step, window, n_segments, remove_mean)
-    round_again = np.concatenate([segments, segments[..., : len(taps) - 4]], axis=-1)
+    pairs = paired(signals, first, step, window, n_segments, remove_mean)
+    round_again = np.concatenate([pairs, pairs[..., : len(taps) - 4]], axis=-1)
     views = np.lib.stride_tricks.sliding_window_view(round_again, len(taps), axis=-1)
-    return views[..., ::4, :] @ taps
+    return np.matmul(views[..., ::4, :], taps)
 
 
 def powers(lines: NDArray[np.complexfloating]) -> Array:
@@ -406,6 +432,29 @@ def powers(lines: NDArray[np.complexfloating]) -> Array:
     """
     squared = lines.real.astype(np.float64) ** 2 + lines.imag.astype(np.float64) ** 2
     return squared.sum(axis=1)
+
+
+def pair_powers(transforms: Pairs, n_lines: int) -> Array:
+    """Sum the squared size of the first lines over segments transformed in pairs; in float64.
+
+    Of a + i b, line k is A_k + i B_k and line -k its mirror image, conj(A_k) + i conj(B_k), so
+    what the squares of both have in common is twice that of A_k and B_k, and the rest cancels.
+
+    Parameters
+    ----------
+    transforms : ndarray of shape (n_signals, n_pairs, n_per_segment)
+        Fourier transforms of pairs, whole.
+    n_lines : int
+        At most ``n_per_segment // 2 + 1``.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_lines)
+    """
+    total = powers(transforms[..., :n_lines])
+    total[:, 1:] += powers(transforms[..., :-n_lines:-1])
+    total[:, 1:] /= 2
+    return total
 
 
 def split_powers(

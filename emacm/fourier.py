@@ -6,6 +6,10 @@ prime makes the transform four times as slow as that of 512. Such a length is sp
 factor algorithm (Good 1958, Thomas 1963): transformed over the 4 first, and the transforms of prime
 length are done as products with cosines and sines, of real signals folded about their middle.
 
+Where loops are compiled, real segments are transformed two at a time, as the real and the imaginary
+part of one: the sum of their powers at a line is half of that of the pair's at this line and at its
+mirror image, which is all that is wanted. It is done in place.
+
 Where only the lowest lines are wanted, a segment is thinned first: passed, as if it went round,
 through a short low pass, of which every fourth value is transformed,
 
@@ -20,7 +24,7 @@ already.
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import gcd
 from typing import Any, NamedTuple
 
@@ -94,18 +98,28 @@ def summed_powers(
             )
             return np.take(total.reshape(len(signals), -1), split.lines, axis=1)
         thinning = _thinning(length, n_lines, signals.dtype.str)
-    segments_of, n_kept = kernels().windowed, length
-    if thinning is not None:
-        segments_of, n_kept = partial(kernels().thinned, taps=thinning[0]), length // _THINNED
+    taps, gains = thinning or (None, 1.0)
+    in_pairs = taps is not None or (kernels().COMPILED and n_segments > 1)
+    together, n_kept = 1 + in_pairs, length if taps is None else length // _THINNED
     total = np.zeros((len(signals), n_lines))
-    for start, stop in parts(0, n_segments, segments_at_once(signals, n_kept)):
-        begin, count = first + start * step, stop - start
-        segments = segments_of(signals, begin, step, window, count, remove_mean)
-        lines = fft.rfft(segments, overwrite_x=True)
-        del segments  # before the next ones are made, and so below
-        total += kernels().powers(lines[..., :n_lines])
-        del lines
-    return total if thinning is None else total * thinning[1]
+    at_once = max(1, segments_at_once(signals, n_kept) // together)
+    for start, stop in parts(0, -(-n_segments // together), at_once):
+        begin, end = together * start, min(together * stop, n_segments)
+        cut = signals, first + begin * step, step, window, end - begin, remove_mean
+        total += _pair_powers(cut, n_lines, taps) if in_pairs else _powers(cut, n_lines)
+    return total * gains
+
+
+def _powers(cut: tuple[Any, ...], n_lines: int) -> NDArray[np.floating]:
+    lines = fft.rfft(kernels().windowed(*cut), overwrite_x=True)
+    return kernels().powers(lines[..., :n_lines])
+
+
+def _pair_powers(
+    cut: tuple[Any, ...], n_lines: int, taps: NDArray[np.floating] | None
+) -> NDArray[np.floating]:
+    pairs = kernels().paired(*cut) if taps is None else kernels().thinned(*cut, taps)
+    return kernels().pair_powers(fft.fft(pairs, overwrite_x=True), n_lines)
 
 
 def segments_at_once(signals: NDArray[np.floating], length: int) -> int:

@@ -100,10 +100,11 @@ def test_the_mean_stays_where_it_is_wanted():
     np.testing.assert_allclose(powers[0], [(2 * 524) ** 2] + [0] * 9, atol=1e-18 * 524**4)
 
 
-def test_more_segments_than_are_in_work_at_once_add_up(monkeypatch):
+@pytest.mark.parametrize("at_once", [1, 3, 10, 126])
+def test_more_segments_than_are_in_work_at_once_add_up(monkeypatch, at_once):
     signals = np.random.default_rng(0).standard_normal((2, 4096))
     cut = signals, 0, 32, np.ones(64), 127
-    monkeypatch.setattr(fourier, "segments_at_once", lambda *_: 10)
+    monkeypatch.setattr(fourier, "segments_at_once", lambda *_: at_once)
     np.testing.assert_allclose(
         summed_powers(*cut, 33, remove_mean=False), by_scipy(*cut, remove_mean=False), rtol=1e-11
     )
@@ -128,24 +129,42 @@ def test_a_length_with_a_large_prime_is_split_where_loops_are_compiled(monkeypat
         assert asked
 
 
-def test_a_quarter_is_transformed_for_the_lowest_lines_where_loops_are_compiled(monkeypatch):
+@pytest.mark.parametrize("n_segments", [1, 2])
+def test_a_quarter_is_transformed_for_the_lowest_lines_where_loops_are_compiled(
+    monkeypatch, n_segments
+):
     pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
     lengths = []
-    original = fourier.fft.rfft
 
-    def noted(segments, *args, **kwargs):
-        lengths.append(segments.shape[-1])
-        return original(segments, *args, **kwargs)
+    def noting(transform):
+        def noted(segments, *args, **kwargs):
+            lengths.append(segments.shape[-1])
+            return transform(segments, *args, **kwargs)
 
-    cut = np.ones((1, 4096)), 0, 4096, np.ones(4096), 1
+        return noted
+
+    cut = np.ones((1, 8192)), 0, 4096, np.ones(4096), n_segments
     with using("numba"):
-        summed_powers(*cut, 256, remove_mean=False)
-        monkeypatch.setattr(fourier.fft, "rfft", noted)
+        summed_powers(*cut, 256, remove_mean=False)  # works out the low pass, by a transform
+        for name in ("fft", "rfft"):
+            monkeypatch.setattr(fourier.fft, name, noting(getattr(fourier.fft, name)))
         summed_powers(*cut, 256, remove_mean=False)
         summed_powers(*cut, 257, remove_mean=False)
     with using("numpy"):
         summed_powers(*cut, 256, remove_mean=False)
     assert lengths == [1024, 4096, 4096]
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize("n_segments", [1, 2, 3, 8])
+@pytest.mark.parametrize("length", [9, 16, 75, 128])
+def test_segments_may_be_odd_in_number_and_in_length(kernels, n_segments, length):
+    pytest.importorskip(kernels)
+    signals = 3 + np.random.default_rng(0).standard_normal((3, 8 * length))
+    cut = signals, 2, length // 2, np.hanning(length), n_segments
+    with using(kernels):
+        found = summed_powers(*cut, length // 2 + 1, remove_mean=True)
+    np.testing.assert_allclose(found, by_scipy(*cut, remove_mean=True), rtol=1e-11, atol=1e-20)
 
 
 @pytest.mark.parametrize(

@@ -225,6 +225,30 @@ def test_windowed_segments_agree(compiled, rng, dtype, tolerance, remove_mean):
     agree(one, other, tolerance)
 
 
+def in_pairs(segments):
+    """Real and imaginary parts, and nothing beside a last one."""
+    pairs = np.zeros((len(segments), -(-segments.shape[1] // 2), segments.shape[2]), complex)
+    pairs += segments[:, ::2]
+    pairs[:, : segments.shape[1] // 2] += 1j * segments[:, 1::2]
+    return pairs
+
+
+@both_precisions
+@pytest.mark.parametrize("remove_mean", [True, False])
+@pytest.mark.parametrize("n_segments", [1, 2, 17])
+def test_segments_are_put_together_in_pairs(
+    compiled, rng, dtype, tolerance, remove_mean, n_segments
+):
+    signals = (rng.standard_normal((2, 1000)) + 5).astype(dtype)
+    cut = signals, 7, 50, np.hanning(128).astype(dtype), n_segments, remove_mean
+    expected = in_pairs(_kernels_numpy.windowed(*cut))
+    for module in (compiled, _kernels_numpy):
+        pairs = module.paired(*cut)
+        assert pairs.dtype == np.result_type(dtype, np.complex64)
+        assert pairs.shape == expected.shape
+        agree(pairs, expected, tolerance)
+
+
 @both_precisions
 @pytest.mark.parametrize("remove_mean", [True, False])
 @pytest.mark.parametrize(("length", "n_taps"), [(32, 32), (64, 64), (132, 33), (4096, 64)])
@@ -235,17 +259,33 @@ def test_thinned_segments_agree(compiled, rng, dtype, tolerance, remove_mean, le
         module.thinned(signals, 7, length // 3, window, 5, remove_mean, taps)
         for module in (compiled, _kernels_numpy)
     )
-    assert one.dtype == other.dtype == dtype
-    assert one.shape == (2, 5, length // 4)
+    assert one.dtype == other.dtype == np.result_type(dtype, np.complex64)
+    assert one.shape == (2, 3, length // 4)
+    assert not one[:, -1].imag.any()
     agree(one, other, tolerance)
 
 
 def test_thinning_is_a_product_of_transforms_that_folds(rng):
-    signal, taps = rng.standard_normal((1, 64)), rng.standard_normal(9)
-    thinned = _kernels_numpy.thinned(signal, 0, 64, np.ones(64), 1, False, taps)
-    product = fft.fft(signal[0]) * fft.fft(taps, 64).conj()
+    signal, taps = rng.standard_normal((1, 128)), rng.standard_normal(9)
+    thinned = _kernels_numpy.thinned(signal, 0, 64, np.ones(64), 2, False, taps)
+    product = fft.fft(signal[0, :64] + 1j * signal[0, 64:]) * fft.fft(taps, 64).conj()
     folded = product.reshape(4, 16).sum(axis=0) / 4
     np.testing.assert_allclose(fft.fft(thinned[0, 0]), folded, atol=1e-12)
+
+
+@both_precisions
+@pytest.mark.parametrize("n_lines", [1, 2, 32, 33])
+@pytest.mark.parametrize("n_segments", [1, 9, 10])
+def test_powers_of_pairs_are_those_of_their_segments(
+    compiled, rng, dtype, tolerance, n_lines, n_segments
+):
+    segments = rng.standard_normal((2, n_segments, 64)).astype(dtype)
+    expected = (np.abs(np.fft.rfft(segments)) ** 2).sum(axis=1)[:, :n_lines]
+    transforms = fft.fft(in_pairs(segments)).astype(np.result_type(dtype, np.complex64))
+    for module in (compiled, _kernels_numpy):
+        found = module.pair_powers(transforms, n_lines)
+        assert found.dtype == np.float64
+        agree(found, expected, tolerance)
 
 
 @both_precisions
@@ -296,8 +336,10 @@ def test_both_modules_offer_the_same_loops(compiled):
         "places",
         "read_off",
         "windowed",
+        "paired",
         "thinned",
         "powers",
+        "pair_powers",
         "split_powers",
     }
     assert loops <= offered(compiled) & offered(_kernels_numpy)
