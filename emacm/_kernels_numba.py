@@ -58,10 +58,10 @@ def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array
     return angles, lowest, highest
 
 
-def integrate(velocity: Array, half_step: float, start: float) -> Array:
-    """Sum trapezoids, from the angle `start` of the first sample on; in float64."""
+def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
+    """Sum trapezoids, piece by piece from known angles on; in float64."""
     angle = np.empty(len(velocity))
-    _integrate(_read_only(velocity), half_step, start, angle)
+    _integrate(_read_only(velocity), half_step, starts, stride, angle)
     return angle
 
 
@@ -273,15 +273,41 @@ def _survey(velocity, half_step, stride, angles, lowest, highest):
 
 
 @_compiled_exactly
-def _integrate(velocity, half_step, start, angle):
-    total = start
-    before = np.float64(velocity[0])
-    angle[0] = total
-    for i in range(1, len(velocity)):
-        now = np.float64(velocity[i])
-        total += (before + now) * half_step
-        angle[i] = total
-        before = now
+def _integrate(velocity, half_step, starts, stride, angle):
+    in_fours = len(velocity) // stride // 4 * 4
+    for k in range(0, in_fours, 4):  # four sums side by side, as each waits for its last addition
+        _integrate_four(
+            velocity[k * stride : (k + 4) * stride],
+            half_step,
+            starts[k : k + 4],
+            stride,
+            angle[k * stride : (k + 4) * stride],
+        )
+    for first in range(in_fours * stride, len(velocity), stride):
+        total = starts[first // stride]
+        before = np.float64(velocity[first])
+        angle[first] = total
+        for i in range(first + 1, min(first + stride, len(velocity))):
+            now = np.float64(velocity[i])
+            total += (before + now) * half_step
+            angle[i] = total
+            before = now
+
+
+@_compiled_exactly
+def _integrate_four(velocity, half_step, starts, stride, angle):
+    v0, v1 = velocity[:stride], velocity[stride : 2 * stride]
+    v2, v3 = velocity[2 * stride : 3 * stride], velocity[3 * stride :]
+    a0, a1 = angle[:stride], angle[stride : 2 * stride]
+    a2, a3 = angle[2 * stride : 3 * stride], angle[3 * stride :]
+    t0, t1, t2, t3 = starts[0], starts[1], starts[2], starts[3]
+    a0[0], a1[0], a2[0], a3[0] = t0, t1, t2, t3
+    for i in range(1, stride):
+        t0 += (np.float64(v0[i - 1]) + np.float64(v0[i])) * half_step
+        t1 += (np.float64(v1[i - 1]) + np.float64(v1[i])) * half_step
+        t2 += (np.float64(v2[i - 1]) + np.float64(v2[i])) * half_step
+        t3 += (np.float64(v3[i - 1]) + np.float64(v3[i])) * half_step
+        a0[i], a1[i], a2[i], a3[i] = t0, t1, t2, t3
 
 
 @_compiled

@@ -42,7 +42,8 @@ def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array
     angles, total = [], 0.0
     at_once = max(1, BLOCK // stride) * stride
     for start in range(0, len(velocity), at_once):
-        angle = integrate(velocity[start : start + at_once + 1], half_step, total)
+        some = velocity[start : start + at_once + 1]
+        angle = integrate(some, half_step, np.array([total]), len(some))
         angles.append(angle[: min(at_once, len(velocity) - start) : stride].copy())
         total = angle[-1]
     starts = np.arange(0, len(velocity), stride)
@@ -53,8 +54,8 @@ def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array
     )
 
 
-def integrate(velocity: Array, half_step: float, start: float) -> Array:
-    """Sum trapezoids, from the angle `start` of the first sample on; in float64.
+def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
+    """Sum trapezoids, piece by piece from known angles on; in float64.
 
     Parameters
     ----------
@@ -62,8 +63,10 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
         Speed [rad/s].
     half_step : float
         Half a sampling interval [s].
-    start : float
-        Angle of the first sample [rad].
+    starts : ndarray of shape (n_pieces,)
+        Angle at the first sample of each piece [rad]: the sum itself comes to the same.
+    stride : int
+        Samples in a piece; the last piece may be shorter.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def integrate(velocity: Array, half_step: float, start: float) -> Array:
     """
     speed = velocity.astype(np.float64)
     angle = np.empty_like(speed)
-    angle[0] = start
+    angle[0] = starts[0]
     np.add(speed[1:], speed[:-1], out=angle[1:])
     angle[1:] *= half_step
     return np.cumsum(angle, out=angle)

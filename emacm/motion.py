@@ -114,7 +114,7 @@ class IntegratedAngle(LazySeries):
         velocity = self.velocity[first * _STRIDE : stop]
         few = len(velocity) <= _STRIDE  # then it is not worth to let other threads run
         integrate = (_kernels_numpy if few else kernels()).integrate
-        angle = integrate(velocity, self._half_step, self._known[first])
+        angle = integrate(velocity, self._half_step, self._known[first:], _STRIDE)
         return angle[start - first * _STRIDE :]
 
 

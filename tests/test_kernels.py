@@ -38,7 +38,7 @@ def agree(one, other, tolerance=1e-12):
 
 
 @both_precisions
-@pytest.mark.parametrize("n_times", [1, 2, 256, 257, 100_000])
+@pytest.mark.parametrize("n_times", [1, 2, 256, 257, 1024, 1281, 100_000])
 def test_surveys_agree_and_hold_the_running_sum_to_the_last_bit(
     compiled, rng, dtype, tolerance, n_times
 ):
@@ -50,15 +50,15 @@ def test_surveys_agree_and_hold_the_running_sum_to_the_last_bit(
         np.testing.assert_array_equal(angles, running[::256])
         np.testing.assert_array_equal(lowest, padded.min(axis=1))
         np.testing.assert_array_equal(highest, padded.max(axis=1))
-        whole = module.integrate(velocity, 0.5 / 48_000, 0.0)
+        whole = module.integrate(velocity, 0.5 / 48_000, angles, 256)
         np.testing.assert_array_equal(whole, running)
 
 
 @both_precisions
 def test_integrals_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
     velocity = rng.standard_normal(5000).astype(dtype)
-    one = compiled.integrate(velocity, 0.01, 3.0)
-    other = _kernels_numpy.integrate(velocity, 0.01, 3.0)
+    whole = velocity, 0.01, np.array([3.0]), len(velocity)
+    one, other = (module.integrate(*whole) for module in (compiled, _kernels_numpy))
     assert one.dtype == other.dtype == np.float64
     assert one[0] == other[0] == 3.0
     agree(one, other)
