@@ -231,10 +231,10 @@ class _FineGrid:
         self._step = theta_s / 2
         self._length = path.length
         self._onward = path.setback == 0
-        # An output may read what lies so far behind the farthest sample: what the shaft may still
-        # turn back, the filter, and as much again as mirror images reach over the ends; and a
-        # point more, for the rounding of angles.
-        self._lag = path.setback / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
+        # So far behind the farthest sample an output may stand: what the shaft may still turn back,
+        # and as much again, as a shaft that went beyond its end is mirrored back from there; the
+        # filter; as much as mirror images reach over the ends; and a point, for rounding.
+        self._lag = 2 * path.setback / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
         self._end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
         self._n_angles = n_angles
         self._done = 0  # outputs

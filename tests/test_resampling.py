@@ -12,7 +12,7 @@ from scipy.signal import get_window
 
 import emacm.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
-from emacm._kernels import kernels
+from emacm._kernels import kernels, using
 from emacm.resampling import PASS, angle_count, interpolate_to_angle, spread_to_angle
 from emacm.spectrum import order_psd
 from emacm.strokes import Path
@@ -363,6 +363,22 @@ def test_upsampling_sets_in_where_the_sparse_samples_need_it():
         _, path = steady(5.0, 5 * samples_per_rev, 1.0)
         factors.append(emacm.spreading._upsampling(5 * samples_per_rev, path, THETA_S))
     assert factors == [4, 4, 3, 3, 2, 2, 1]
+
+
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+@pytest.mark.parametrize("turns", [(0, 10, 9, 9.2), (0, -1, 10, 9.2), (0, 3, 1, 10)])
+def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, turns):
+    pytest.importorskip(name)
+    # Also beyond its start and its end, so that what is mirrored there reaches far in.
+    travel = np.interp(np.arange(12_000), np.linspace(0, 11_999, len(turns)), turns)
+    path = Path(travel, 10_000, 0.0, 0.0, 1)
+    signal = np.random.default_rng(0).standard_normal((2, len(travel)))
+    with using(name):
+        _, whole = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
+        for at_once in (150, 5000):
+            monkeypatch.setattr(kernels(), "BLOCK", at_once)
+            _, joined = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
+            np.testing.assert_allclose(joined, whole, atol=1e-12)
 
 
 @pytest.mark.parametrize("fs", [48_000.0, 5000.0, 1000.0])
