@@ -22,6 +22,7 @@ SEGMENT_BYTES = 2 << 20  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
 _PART = 8192  # samples whose shares are held meanwhile
+_ANY_ORDER = {"reassoc", "contract", "nsz", "arcp"}  # of sums, which costs 1e-15
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
@@ -29,8 +30,8 @@ Pairs = NDArray[np.complexfloating]
 
 
 def _compiled(function: Any) -> Any:
-    """Compile at the first call; sums may be taken in another order, which costs 1e-15."""
-    return _compile(function, fastmath={"reassoc", "contract", "nsz", "arcp"})
+    """Compile at the first call; sums may be taken in another order."""
+    return _compile(function, fastmath=_ANY_ORDER)
 
 
 def _compiled_exactly(function: Any) -> Any:
@@ -40,7 +41,7 @@ def _compiled_exactly(function: Any) -> Any:
 
 def _compiled_for_a_few(function: Any) -> Any:
     """Compile what is called for a few samples only: sooner done than the lock is had back."""
-    return _compile(function, nogil=False, fastmath={"reassoc", "contract", "nsz", "arcp"})
+    return _compile(function, nogil=False, fastmath=_ANY_ORDER)
 
 
 def _compile(function: Any, *, nogil: bool = True, **options: Any) -> Any:

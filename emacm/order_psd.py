@@ -430,7 +430,7 @@ def _located_call(estimate: Callable[..., Any], row: Any, index: int) -> NDArray
     with located(described(row, index) if isinstance(row, AngleRecording) else f"row {index}"):
         with np.errstate(over="ignore", invalid="ignore"):
             spectra = estimate(row)
-        if not np.isfinite(spectra.max()):  # which no sum has to be made for, nor a table
+        if not np.isfinite(spectra.max()):  # powers: nothing is below 0
             raise ValueError(
                 "its power is beyond what a float can hold. State the channels in other units."
             )

@@ -43,8 +43,8 @@ def run(
 
     Raises
     ------
-    ValueError
-        If `n_jobs` is 0.
+    TypeError, ValueError
+        If `n_jobs` is no number, or 0.
 
     Notes
     -----
@@ -60,7 +60,7 @@ def run(
     if not total:
         return []
     backend, jobs_of_context = get_active_backend(prefer="threads")
-    n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else n_jobs)
+    n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else _whole(n_jobs))
     bar = _bar() if verbose else None
     if bar is None and verbose:
         return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
@@ -76,6 +76,16 @@ def run(
     if bar is None:
         return list(results)
     return list(bar(results, total=done + total, initial=done, unit="recording"))
+
+
+def _whole(n_jobs: Any) -> int:
+    try:
+        return int(n_jobs)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"n_jobs must be None or a whole number, got {n_jobs!r}: as many recordings are in "
+            f"work at the same time, and -1 means one for each core."
+        ) from error
 
 
 def _here(tasks: Iterable[Any]) -> Iterator[Any]:

@@ -250,10 +250,10 @@ class _FineGrid:
         for sign, shift in images:
             if shift <= 0:
                 self._spread_image(block, sign, shift, low, high)
-        position, offset = high / self._step + self._offset, self._offset
-        ready = self._n_angles - self._done
+        offset, ready = self._offset, self._n_angles - self._done
         if not block.last:
-            ready = max(0, min(ready, int((position - self._lag) // 2)))
+            complete = high / self._step + offset - self._lag
+            ready = max(0, min(ready, int(complete // 2)))
         outputs = np.empty((len(block.values), ready), self._grid.dtype)
         self._grid, self._used, done = kernels().resample(
             block.travel,

@@ -716,6 +716,12 @@ def test_as_many_recordings_are_in_work_as_are_asked_for(n_jobs, limit, most):
     assert (set(threads) == {threading.get_ident()}) == (most == 1)
 
 
+@pytest.mark.parametrize("n_jobs", ["two", [2]])
+def test_jobs_that_are_no_number_are_refused(n_jobs):
+    with pytest.raises(TypeError, match=r"n_jobs must be None or a whole number, got .*-1 means"):
+        OrderPSD(4, n_jobs=n_jobs).fit_transform(over_angle(run(0), run(1)))
+
+
 def test_what_fails_in_a_thread_ends_the_rest():
     done = []
 
