@@ -26,6 +26,7 @@ _ANY_ORDER = {"reassoc", "contract", "nsz", "arcp"}  # of sums, which costs 1e-1
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
+Places = NDArray[np.uint32]  # unsigned: no check for one counted from the end
 Pairs = NDArray[np.complexfloating]
 
 
@@ -220,13 +221,14 @@ def split_powers(
     window: Array,
     n_segments: int,
     remove_mean: bool,
-    *split: Any,
+    places: Places,
+    mix: Array,
+    *tables: Any,
 ) -> Array:
     """Sum the powers of segments whose length is split by a prime; see `emacm.fourier`."""
-    _, mix, cosines, _, _ = split
-    total = np.zeros((len(signals), len(mix) // 2 + 1, 2, len(cosines)))
-    signals, window = _read_only(signals), _read_only(window)
-    _split_powers(signals, first, step, window, n_segments, remove_mean, *split, total)
+    total = np.zeros((len(signals), len(mix) // 2 + 1, 2, places.shape[1] // 2 + 1))
+    cut = _read_only(signals), first, step, _read_only(window), n_segments, remove_mean
+    _split_powers(*cut, places, _four_columns(mix), *tables, total)
     return total
 
 
@@ -240,6 +242,14 @@ def _decimating(taps: Array, grid: Array) -> Array:
     if len(taps) != 41:
         raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
     return taps.astype(grid.dtype)
+
+
+def _four_columns(mix: Array) -> Array:
+    if len(mix) > 4:
+        raise ValueError(f"a segment is split into four parts at most, got {len(mix)}.")
+    columns = np.zeros((len(mix), 4), mix.dtype)
+    columns[:, : len(mix)] = mix
+    return columns
 
 
 def _pairs(n_signals: int, n_segments: int, length: int, dtype: np.dtype) -> Array:
@@ -312,25 +322,21 @@ def _integrate_four(velocity, half_step, starts, stride, angle):
 
 
 @_compiled
-def _ways(travel, first, ends, ways):
-    n_times = len(ways)
-    for i in range(1, n_times - 1):
-        ways[i] = travel[first + i + 1] - travel[first + i - 1]
-    for i in (0, n_times - 1):
-        before = ends[0] if first + i == 0 else travel[first + i - 1]
-        after = ends[1] if first + i == len(travel) - 1 else travel[first + i + 1]
-        ways[i] = after - before
+def _with_neighbours(travel, start, stop, ends, near):
+    near[0] = travel[start - 1] if start else ends[0]
+    near[1:-1] = travel[start:stop]
+    near[-1] = travel[stop] if stop < len(travel) else ends[1]
 
 
 @_compiled
-def _shares(travel, ways, scale, offset, kernel, n_points, weights, cells):
+def _shares(near, scale, offset, kernel, n_points, weights, cells):
     a0, a1, a2, a3, a4, a5 = kernel[0]
     b0, b1, b2, b3, b4, b5 = kernel[1]
     half_scale = 0.5 * abs(scale)
     w0, w1, w2, w3 = weights
     for i in range(len(cells)):
-        position = travel[i] * scale + offset
-        way = ways[i] * half_scale
+        position = near[i + 1] * scale + offset
+        way = (near[i + 2] - near[i]) * half_scale
         inside = (position >= 1.0) & (position < n_points - 2)
         position = position if inside else 1.0
         way = way if inside else 0.0
@@ -355,12 +361,15 @@ def _spread_one(signal, mean, weights, cells, row):
     s0 = s1 = s2 = s3 = zero
     cell = cells[0]
     for i in range(len(cells)):
-        if cells[i] != cell:  # the sums so far leave the registers
+        if cells[i] != cell:  # what is complete leaves the registers
             row[cell] += s0
-            row[cell + 1] += s1
-            row[cell + 2] += s2
-            row[cell + 3] += s3
-            s0 = s1 = s2 = s3 = zero
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, zero
+            else:
+                row[cell + 1] += s1
+                row[cell + 2] += s2
+                row[cell + 3] += s3
+                s0 = s1 = s2 = s3 = zero
             cell = cells[i]
         value = signal[i] - mean
         s0 += value * w0[i]
@@ -383,15 +392,19 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
     for i in range(len(cells)):
         if cells[i] != cell:
             first_row[cell] += s0
-            first_row[cell + 1] += s1
-            first_row[cell + 2] += s2
-            first_row[cell + 3] += s3
             second_row[cell] += t0
-            second_row[cell + 1] += t1
-            second_row[cell + 2] += t2
-            second_row[cell + 3] += t3
-            s0 = s1 = s2 = s3 = zero
-            t0 = t1 = t2 = t3 = zero
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, zero
+                t0, t1, t2, t3 = t1, t2, t3, zero
+            else:
+                first_row[cell + 1] += s1
+                first_row[cell + 2] += s2
+                first_row[cell + 3] += s3
+                second_row[cell + 1] += t1
+                second_row[cell + 2] += t2
+                second_row[cell + 3] += t3
+                s0 = s1 = s2 = s3 = zero
+                t0 = t1 = t2 = t3 = zero
             cell = cells[i]
         one = first[i] - first_mean
         two = second[i] - second_mean
@@ -415,11 +428,11 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 @_compiled
 def _spread_part(
-    travel, start, ends, scale, offset, kernel, signals, means, grid, n_points, ways, weights, cells
+    travel, start, ends, scale, offset, kernel, signals, means, grid, n_points, near, weights, cells
 ):
     stop = start + len(cells)
-    _ways(travel, start, ends, ways)
-    _shares(travel[start:stop], ways, scale, offset, kernel, n_points, weights, cells)
+    _with_neighbours(travel, start, stop, ends, near)
+    _shares(near, scale, offset, kernel, n_points, weights, cells)
     for k in range(0, len(grid) - 1, 2):
         one, two = signals[k][start:stop], signals[k + 1][start:stop]
         _spread_two(one, two, means[k], means[k + 1], weights, cells, grid[k], grid[k + 1])
@@ -440,7 +453,7 @@ def _resample(
     span = abs(travel[n_times - 1] - travel[0]) * scale
     if span > n_times:  # and their points
         at_once = max(1, int(at_once * (n_times / span)))
-    ways = np.empty(at_once)
+    near = np.empty(at_once + 2)
     weights = np.empty((4, at_once), grid.dtype)
     cells = np.empty(at_once, np.int32)
     for start in range(0, n_times, at_once):
@@ -461,7 +474,7 @@ def _resample(
             means,
             grid,
             used,
-            ways[:count],
+            near[: count + 2],
             (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]),
             cells[:count],
         )
@@ -476,7 +489,7 @@ def _resample(
 def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
     for start in range(0, len(travel), _PART):
         count = min(_PART, len(travel) - start)
-        ways, cells = np.empty(count), np.empty(count, np.int32)
+        near, cells = np.empty(count + 2), np.empty(count, np.int32)
         w = np.empty((4, count), grid.dtype)
         weights = (w[0], w[1], w[2], w[3])
         _spread_part(
@@ -490,7 +503,7 @@ def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points)
             means,
             grid,
             n_points,
-            ways,
+            near,
             weights,
             cells,
         )
@@ -558,7 +571,7 @@ def _places(reached, before, first, theta_s, left, shares):
 def _blend(signal, left, shares, values):
     following = signal[1:]
     for j in range(len(left)):
-        place = np.uint32(left[j])  # unsigned: no check for a place counted from the end
+        place = np.uint32(left[j])
         low = signal[place]
         values[j] = low + shares[j] * (following[place] - low)
 
@@ -706,8 +719,8 @@ def _split_powers(
     n_parts, n_folded = len(places), len(cosines)
     length = len(window)
     segment = np.empty(length, signals.dtype)
-    sums = np.empty((n_parts, n_folded), signals.dtype)
-    differences = np.empty_like(sums)
+    sums = np.zeros((mix.shape[1], n_folded), signals.dtype)
+    differences = np.zeros_like(sums)
     even = np.empty((at_once * n_parts, n_folded), signals.dtype)
     odd, real, imaginary = np.empty_like(even), np.empty_like(even), np.empty_like(even)
     for c in range(len(signals)):
@@ -742,13 +755,12 @@ def _fold(segment, places, sums, differences):
 
 @_compiled
 def _mix(mix, parts, rows):
-    rows[:] = 0
-    for r in range(len(mix)):
+    p0, p1, p2, p3 = parts[0], parts[1], parts[2], parts[3]
+    for r in range(len(rows)):
         row = rows[r]
-        for part in range(len(mix)):
-            weight, values = mix[r, part], parts[part]
-            for j in range(len(row)):
-                row[j] += weight * values[j]
+        a, b, c, d = mix[r]
+        for j in range(len(row)):
+            row[j] = (a * p0[j] + b * p1[j]) + (c * p2[j] + d * p3[j])
 
 
 @_compiled

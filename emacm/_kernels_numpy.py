@@ -16,6 +16,7 @@ SEGMENT_BYTES = 1 << 19  # of segments in work at once: they should stay in cach
 
 Array = NDArray[np.floating]
 Numbers = NDArray[np.int32]
+Places = NDArray[np.uint32]
 Pairs = NDArray[np.complexfloating]
 
 
@@ -467,7 +468,7 @@ def split_powers(
     window: Array,
     n_segments: int,
     remove_mean: bool,
-    places: Numbers,
+    places: Places,
     mix: Array,
     cosines: Array,
     sines: Array,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -51,9 +52,14 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
             f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
             f"{max_order:g}. It is the width of a bin in orders, such as 1."
         )
+    return list(_equal_bins(bin_size, max_order))
+
+
+@lru_cache(maxsize=64)  # a search makes the same bins over and over
+def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
     n_bins = max(1, int(np.ceil(max_order / bin_size - _SLACK)))
     edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
-    return list(pairwise(edges))
+    return tuple(pairwise(edges))
 
 
 def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list[Band]:
@@ -183,12 +189,16 @@ def named_bins(
     """
     stops = check_stop_bands(stop_bands)
     bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
-    if not isinstance(bins, dict):
-        bins = {f"{number_name(low)}-{number_name(high)}": (low, high) for low, high in bins}
-    kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
+    named = bins if isinstance(bins, dict) else dict(zip(_names(tuple(bins)), bins, strict=True))
+    kept = {name: band for name, band in named.items() if kept_intervals(band, stops)}
     if not kept:
         raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
     return kept
+
+
+@lru_cache(maxsize=64)
+def _names(bins: tuple[Band, ...]) -> list[str]:
+    return [f"{number_name(low)}-{number_name(high)}" for low, high in bins]
 
 
 def bin_operator(

@@ -155,7 +155,7 @@ def _split(length: int, n_lines: int, dtype: str) -> _Split | None:
     if not (small and _LEAST_PRIME <= prime <= _LARGEST_PRIME):
         return None
     part, sample = np.arange(others)[:, np.newaxis], np.arange(prime)
-    places = ((prime * part + others * sample) % length).astype(np.int32)
+    places = ((prime * part + others * sample) % length).astype(np.uint32)
     folded = np.arange(prime // 2 + 1)
     # Multiples of the whole are taken off first, as sin and cos of large angles are less exact.
     angles = 2 * np.pi / prime * (np.outer(folded, folded) % prime)

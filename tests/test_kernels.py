@@ -307,7 +307,7 @@ def test_powers_of_segments_split_by_a_prime_agree(
     signals = (rng.standard_normal((2, 200)) + 1).astype(dtype)
     length = 11 * n_parts
     window = rng.uniform(0.5, 1, length).astype(dtype)
-    places = rng.permutation(length).reshape(n_parts, 11).astype(np.int32)
+    places = rng.permutation(length).reshape(n_parts, 11).astype(np.uint32)
     mix = rng.standard_normal((n_parts, n_parts)).astype(dtype)
     cosines, sines = rng.standard_normal((2, 6, 6)).astype(dtype)
     cut = signals, 2, 15, window, 10, remove_mean
