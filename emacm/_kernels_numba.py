@@ -264,22 +264,20 @@ def _read_only(signal: Array) -> Array:
     return view
 
 
-@_compiled_exactly
+@_compiled
 def _survey(velocity, half_step, stride, angles, lowest, highest):
-    total = 0.0
-    before = np.float64(velocity[0])
+    start, before = np.float64(velocity[0]), 0.0
     for k in range(len(angles)):
         piece = velocity[k * stride : (k + 1) * stride]
-        low = high = np.float64(piece[0])
+        first = low = high = np.float64(piece[0])
+        total = 0.0
         for i in range(len(piece)):
             now = np.float64(piece[i])
-            if i or k:
-                total += (before + now) * half_step
-            if not i:
-                angles[k] = total
-            before = now
+            total += now
             low = now if now < low else low
             high = now if now > high else high
+        angles[k] = (2 * before - start + first) * half_step  # the outer samples count half
+        before += total
         lowest[k], highest[k] = low, high
 
 
@@ -322,10 +320,15 @@ def _integrate_four(velocity, half_step, starts, stride, angle):
 
 
 @_compiled
-def _with_neighbours(travel, start, stop, ends, near):
+def _copy_with_neighbours(travel, start, ends, near):
+    stop = start + len(near) - 2
     near[0] = travel[start - 1] if start else ends[0]
-    near[1:-1] = travel[start:stop]
-    near[-1] = travel[stop] if stop < len(travel) else ends[1]
+    near[len(near) - 1] = travel[stop] if stop < len(travel) else ends[1]
+    farthest = travel[start]
+    for i in range(start, stop):
+        near[i - start + 1] = travel[i]
+        farthest = max(farthest, travel[i])
+    return farthest
 
 
 @_compiled
@@ -428,10 +431,9 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 @_compiled
 def _spread_part(
-    travel, start, ends, scale, offset, kernel, signals, means, grid, n_points, near, weights, cells
+    near, start, scale, offset, kernel, signals, means, grid, n_points, weights, cells
 ):
     stop = start + len(cells)
-    _with_neighbours(travel, start, stop, ends, near)
     _shares(near, scale, offset, kernel, n_points, weights, cells)
     for k in range(0, len(grid) - 1, 2):
         one, two = signals[k][start:stop], signals[k + 1][start:stop]
@@ -458,15 +460,12 @@ def _resample(
     cells = np.empty(at_once, np.int32)
     for start in range(0, n_times, at_once):
         count = min(at_once, n_times - start)
-        farthest = travel[start]
-        for i in range(start + 1, start + count):
-            farthest = max(farthest, travel[i])
+        farthest = _copy_with_neighbours(travel, start, ends, near[: count + 2])
         top = max(top, farthest * scale + offset)
         grid, used = _reach(grid, used, int(top) - 2 * done + 3)
         _spread_part(
-            travel,
+            near[: count + 2],
             start,
-            ends,
             scale,
             offset - 2 * done,
             kernel,
@@ -474,7 +473,6 @@ def _resample(
             means,
             grid,
             used,
-            near[: count + 2],
             (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]),
             cells[:count],
         )
@@ -492,20 +490,9 @@ def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points)
         near, cells = np.empty(count + 2), np.empty(count, np.int32)
         w = np.empty((4, count), grid.dtype)
         weights = (w[0], w[1], w[2], w[3])
+        _copy_with_neighbours(travel, start, ends, near)
         _spread_part(
-            travel,
-            start,
-            ends,
-            scale,
-            offset,
-            kernel,
-            signals,
-            means,
-            grid,
-            n_points,
-            near,
-            weights,
-            cells,
+            near, start, scale, offset, kernel, signals, means, grid, n_points, weights, cells
         )
 
 

@@ -190,7 +190,7 @@ def named_bins(
     stops = check_stop_bands(stop_bands)
     bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
     named = bins if isinstance(bins, dict) else dict(zip(_names(tuple(bins)), bins, strict=True))
-    kept = {name: band for name, band in named.items() if kept_intervals(band, stops)}
+    kept = {name: band for name, band in named.items() if not stops or kept_intervals(band, stops)}
     if not kept:
         raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
     return kept
