@@ -330,9 +330,12 @@ def read_off(
         The result.
     """
     left, shares = places(reached, first, values.shape[1], theta_s, values.dtype.type)
+    index = left.astype(np.intp)  # once, not for each signal
     for signal, value in zip(signals, values, strict=True):
-        low = signal[left]
-        value[:] = low + shares * (signal[left + 1] - low)
+        low = signal[index]
+        np.subtract(signal[1:][index], low, out=value)
+        value *= shares
+        value += low
 
 
 def windowed(
@@ -362,7 +365,9 @@ def windowed(
     segments = views[:, first : first + (n_segments - 1) * step + 1 : step]
     if remove_mean:  # in float64, as a mean may be far above what is on top of it
         means = segments.mean(axis=-1, keepdims=True, dtype=np.float64)
-        return ((segments - means) * window).astype(signals.dtype, copy=False)
+        segments = segments - means
+        segments *= window
+        return segments.astype(signals.dtype, copy=False)
     return segments * window
 
 
