@@ -21,7 +21,8 @@ READ_BLOCK = 3 << 16  # time samples that signals are read off between
 SEGMENT_BYTES = 2 << 20  # of segments
 
 _AT_ONCE = 8  # signals that are spread in one pass
-_PART = 8192  # samples whose shares are held meanwhile
+_PART = 8192  # samples that are spread before their points are thinned out
+_SHARES = 1024  # of them, whose shares are held meanwhile
 _ANY_ORDER = {"reassoc", "contract", "nsz", "arcp"}  # of sums, which costs 1e-15
 
 Array = NDArray[np.floating]
@@ -430,17 +431,22 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 
 @_compiled
-def _spread_part(
-    near, start, scale, offset, kernel, signals, means, grid, n_points, weights, cells
-):
-    stop = start + len(cells)
-    _shares(near, scale, offset, kernel, n_points, weights, cells)
-    for k in range(0, len(grid) - 1, 2):
-        one, two = signals[k][start:stop], signals[k + 1][start:stop]
-        _spread_two(one, two, means[k], means[k + 1], weights, cells, grid[k], grid[k + 1])
-    if len(grid) % 2:
-        k = len(grid) - 1
-        _spread_one(signals[k][start:stop], means[k], weights, cells, grid[k])
+def _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points):
+    n_times = len(near) - 2
+    at_once = min(_SHARES, n_times)
+    weights, cells = np.empty((4, at_once), grid.dtype), np.empty(at_once, np.int32)
+    for low in range(0, n_times, at_once):
+        count = min(at_once, n_times - low)
+        begin, end = start + low, start + low + count
+        w = weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]
+        c = cells[:count]
+        _shares(near[low : low + count + 2], scale, offset, kernel, n_points, w, c)
+        for k in range(0, len(grid) - 1, 2):
+            one, two = signals[k][begin:end], signals[k + 1][begin:end]
+            _spread_two(one, two, means[k], means[k + 1], w, c, grid[k], grid[k + 1])
+        if len(grid) % 2:
+            k = len(grid) - 1
+            _spread_one(signals[k][begin:end], means[k], w, c, grid[k])
 
 
 _reach = _compiled(reach)
@@ -451,13 +457,11 @@ def _resample(
     travel, ends, scale, offset, kernel, signals, means, grid, used, first, taps, lag, outputs
 ):
     n_times, done, top = len(travel), 0, offset
-    at_once = min(_PART, n_times)  # shares of so many samples stay in the processor's cache
+    at_once = min(_PART, n_times)
     span = abs(travel[n_times - 1] - travel[0]) * scale
-    if span > n_times:  # and their points
+    if span > n_times:  # their points should stay in the processor's cache
         at_once = max(1, int(at_once * (n_times / span)))
     near = np.empty(at_once + 2)
-    weights = np.empty((4, at_once), grid.dtype)
-    cells = np.empty(at_once, np.int32)
     for start in range(0, n_times, at_once):
         count = min(at_once, n_times - start)
         farthest = _copy_with_neighbours(travel, start, ends, near[: count + 2])
@@ -473,8 +477,6 @@ def _resample(
             means,
             grid,
             used,
-            (weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]),
-            cells[:count],
         )
         ready = min(int((top - lag) // 2), outputs.shape[1]) - done
         if ready > 0:
@@ -486,14 +488,9 @@ def _resample(
 @_compiled_for_a_few
 def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
     for start in range(0, len(travel), _PART):
-        count = min(_PART, len(travel) - start)
-        near, cells = np.empty(count + 2), np.empty(count, np.int32)
-        w = np.empty((4, count), grid.dtype)
-        weights = (w[0], w[1], w[2], w[3])
+        near = np.empty(min(_PART, len(travel) - start) + 2)
         _copy_with_neighbours(travel, start, ends, near)
-        _spread_part(
-            near, start, scale, offset, kernel, signals, means, grid, n_points, weights, cells
-        )
+        _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points)
 
 
 @_compiled
