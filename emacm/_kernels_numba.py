@@ -434,7 +434,7 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 def _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points):
     n_times = len(near) - 2
     at_once = min(_SHARES, n_times)
-    weights, cells = np.empty((4, at_once), grid.dtype), np.empty(at_once, np.int32)
+    weights, cells = np.empty((4, at_once), grid.dtype), np.empty(at_once, np.uint32)
     for low in range(0, n_times, at_once):
         count = min(at_once, n_times - low)
         begin, end = start + low, start + low + count
