@@ -265,20 +265,22 @@ def _read_only(signal: Array) -> Array:
     return view
 
 
-@_compiled
+@_compiled_exactly
 def _survey(velocity, half_step, stride, angles, lowest, highest):
-    start, before = np.float64(velocity[0]), 0.0
+    total = 0.0
+    before = np.float64(velocity[0])
     for k in range(len(angles)):
         piece = velocity[k * stride : (k + 1) * stride]
-        first = low = high = np.float64(piece[0])
-        total = 0.0
+        low = high = np.float64(piece[0])
         for i in range(len(piece)):
             now = np.float64(piece[i])
-            total += now
+            if i or k:
+                total += (before + now) * half_step
+            if not i:
+                angles[k] = total
+            before = now
             low = now if now < low else low
             high = now if now > high else high
-        angles[k] = (2 * before - start + first) * half_step  # the outer samples count half
-        before += total
         lowest[k], highest[k] = low, high
 
 

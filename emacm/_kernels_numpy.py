@@ -35,16 +35,21 @@ def survey(velocity: Array, half_step: float, stride: int) -> tuple[Array, Array
     Returns
     -------
     angles : ndarray of shape (n_pieces,)
-        Angle at the first sample of each piece [rad], from 0 upwards; in float64.
+        Angle at the first sample of each piece [rad], summed from 0 sample by sample, so that it
+        is the same to the last bit as a running sum over the whole.
     lowest, highest : ndarray of shape (n_pieces,)
         Speeds in each piece.
     """
+    angles, total = [], 0.0
+    at_once = max(1, BLOCK // stride) * stride
+    for start in range(0, len(velocity), at_once):
+        some = velocity[start : start + at_once + 1]
+        angle = integrate(some, half_step, np.array([total]), len(some))
+        angles.append(angle[: min(at_once, len(velocity) - start) : stride].copy())
+        total = angle[-1]
     starts = np.arange(0, len(velocity), stride)
-    sums = np.add.reduceat(velocity, starts, dtype=np.float64)
-    before = np.concatenate([[0.0], np.cumsum(sums[:-1])])
-    first = velocity[starts].astype(np.float64)
     return (
-        (2 * before - first[0] + first) * half_step,  # the outer samples count half
+        np.concatenate(angles),
         np.minimum.reduceat(velocity, starts).astype(np.float64),
         np.maximum.reduceat(velocity, starts).astype(np.float64),
     )
@@ -60,8 +65,7 @@ def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> 
     half_step : float
         Half a sampling interval [s].
     starts : ndarray of shape (n_pieces,)
-        Angle at the first sample of each piece [rad]. The sum begins anew there, so that it comes
-        to the same whichever piece is the first.
+        Angle at the first sample of each piece [rad]: the sum itself comes to the same.
     stride : int
         Samples in a piece; the last piece may be shorter.
 
@@ -70,15 +74,12 @@ def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> 
     ndarray of shape (n_times,)
         Angle [rad].
     """
-    n_times = len(velocity)
-    n_pieces = -(-n_times // stride)
-    stride = min(stride, n_times)
-    pieces = np.zeros((n_pieces, stride))
-    steps = pieces.ravel()[1:n_times]
-    np.add(velocity[1:], velocity[:-1], out=steps, dtype=np.float64)
-    steps *= half_step
-    pieces[:, 0] = starts[:n_pieces]
-    return np.cumsum(pieces, axis=1, out=pieces).ravel()[:n_times]
+    speed = velocity.astype(np.float64)
+    angle = np.empty_like(speed)
+    angle[0] = starts[0]
+    np.add(speed[1:], speed[:-1], out=angle[1:])
+    angle[1:] *= half_step
+    return np.cumsum(angle, out=angle)
 
 
 def spread(

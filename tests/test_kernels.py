@@ -39,7 +39,7 @@ def agree(one, other, tolerance=1e-12):
 
 @both_precisions
 @pytest.mark.parametrize("n_times", [1, 2, 256, 257, 1024, 1281, 100_000])
-def test_surveys_agree_and_the_sum_comes_to_the_same_from_any_piece_on(
+def test_surveys_agree_and_hold_the_running_sum_to_the_last_bit(
     compiled, rng, dtype, tolerance, n_times
 ):
     velocity = rng.standard_normal(n_times).astype(dtype)
@@ -47,14 +47,11 @@ def test_surveys_agree_and_the_sum_comes_to_the_same_from_any_piece_on(
     padded = np.pad(velocity.astype(float), (0, -n_times % 256), mode="edge").reshape(-1, 256)
     for module in (compiled, _kernels_numpy):
         angles, lowest, highest = module.survey(velocity, 0.5 / 48_000, 256)
-        agree(angles, running[::256])
+        np.testing.assert_array_equal(angles, running[::256])
         np.testing.assert_array_equal(lowest, padded.min(axis=1))
         np.testing.assert_array_equal(highest, padded.max(axis=1))
         whole = module.integrate(velocity, 0.5 / 48_000, angles, 256)
-        agree(whole, running)
-        for piece in range(len(angles)):
-            rest = module.integrate(velocity[256 * piece :], 0.5 / 48_000, angles[piece:], 256)
-            np.testing.assert_array_equal(rest, whole[256 * piece :])
+        np.testing.assert_array_equal(whole, running)
 
 
 @both_precisions
