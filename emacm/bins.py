@@ -197,8 +197,8 @@ def named_bins(
 
 
 @lru_cache(maxsize=64)
-def _names(bins: tuple[Band, ...]) -> list[str]:
-    return [f"{number_name(low)}-{number_name(high)}" for low, high in bins]
+def _names(bins: tuple[Band, ...]) -> tuple[str, ...]:
+    return tuple(f"{number_name(low)}-{number_name(high)}" for low, high in bins)
 
 
 def bin_operator(
