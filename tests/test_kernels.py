@@ -67,9 +67,10 @@ def test_integrals_agree_and_are_in_float64(compiled, rng, dtype, tolerance):
 @both_precisions
 @pytest.mark.parametrize("n_signals", [1, 2, 5, 8, 11])
 @pytest.mark.parametrize("scale", [3.0, -3.0])
-def test_spreading_agrees(compiled, rng, dtype, tolerance, n_signals, scale):
-    travel = np.sort(rng.uniform(0, 100, 10_000))
-    signals = [rng.standard_normal(10_000).astype(dtype) for _ in range(n_signals)]
+@pytest.mark.parametrize("n_times", [1, 60, 10_000])  # several cells at a step, and many in a cell
+def test_spreading_agrees(compiled, rng, dtype, tolerance, n_signals, scale, n_times):
+    travel = np.sort(rng.uniform(0, 100, n_times))
+    signals = [rng.standard_normal(n_times).astype(dtype) for _ in range(n_signals)]
     means = rng.standard_normal(n_signals)
     grids = np.zeros((2, n_signals, 290), dtype)  # the last samples lie beyond
     offset, ends = 2.5 if scale > 0 else 280.0, (-0.01, 100.01)
@@ -317,6 +318,13 @@ def test_powers_of_segments_split_by_a_prime_agree(
     )
     assert one.dtype == other.dtype == np.float64
     agree(one, other, tolerance)
+
+
+def test_more_parts_than_are_compiled_for_are_refused(compiled, rng):
+    places = np.arange(55, dtype=np.uint32).reshape(5, 11)
+    cut = rng.standard_normal((1, 100)), 0, 20, np.ones(55), 2, True
+    with pytest.raises(ValueError, match="four parts at most, got 5"):
+        compiled.split_powers(*cut, places, np.eye(5), np.eye(6), np.eye(6), 1)
 
 
 # Which of them are used
