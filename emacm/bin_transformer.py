@@ -133,7 +133,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         self.bins_ = tuple(bins.values())
         axes = tuple(block.orders.tobytes() for block in blocks)
         self.operator_ = _operator(axes, self.bins_, tuple(stops)).copy()
-        self._columns_out = _columns(tuple(block.channel for block in blocks), tuple(bins))
+        self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -245,17 +245,11 @@ def _numbers(X: Any, **options: Any) -> NDArray[np.floating]:
     return check_array(X, **options)
 
 
-# A search makes the same bins over and over.
-@lru_cache(maxsize=64)
-def _columns(channels: tuple[str, ...], bins: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{channel}@{name}" for channel in channels for name in bins)
-
-
 @lru_cache(maxsize=64)
 def _operator(
     axes: tuple[bytes, ...], bins: tuple[Band, ...], stops: tuple[Band, ...]
 ) -> sparse.csr_array:
-    """Make the operator of all channels."""
+    """Make the operator of all channels, which the folds of a search copy."""
     operators = {
         orders: sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
         for orders in dict.fromkeys(axes)

@@ -189,8 +189,9 @@ def named_bins(
     """
     stops = check_stop_bands(stop_bands)
     bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
-    named = bins if isinstance(bins, dict) else dict(zip(_names(tuple(bins)), bins, strict=True))
-    kept = {name: band for name, band in named.items() if not stops or kept_intervals(band, stops)}
+    if not isinstance(bins, dict):
+        bins = dict(zip(_names(tuple(bins)), bins, strict=True))
+    kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
     if not kept:
         raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
     return kept
@@ -255,8 +256,8 @@ def bin_operator(
 
 
 def round_edge(order: float) -> float:
-    """Round an edge to 12 digits, so that 3 * 0.1 reads 0.3."""
-    return float(f"{order:.12g}")
+    """Round an edge to 12 digits, so that 3 * 0.1 reads 0.3, and -0 reads 0."""
+    return float(f"{order:.12g}") + 0.0
 
 
 def _weights_below(

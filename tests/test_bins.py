@@ -243,6 +243,12 @@ def test_numbers_in_names_are_the_shortest_exact_ones(bin_size, max_order, names
     assert bins.get_feature_names_out().tolist() == names
 
 
+@pytest.mark.parametrize("zero", [-0.0, 0.0])
+def test_edges_of_either_zero_have_one_name(zero):
+    bins = BinTransformer(edges=[zero, 1, 2]).fit(table(np.arange(3.0), np.ones(3)))
+    assert bins.get_feature_names_out().tolist() == ["current@0-1", "current@1-2"]
+
+
 def test_columns_run_channel_by_channel():
     both = pd.concat(
         [table(np.arange(3.0), np.ones(3)), table(np.arange(3.0), 2 * np.ones(3), channel="b@x")],
