@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from typing import Any, TextIO
 
 from joblib import Parallel
@@ -44,7 +45,7 @@ def run(
     Raises
     ------
     TypeError, ValueError
-        If `n_jobs` is no number, or 0.
+        If `n_jobs` is no whole number, or 0.
 
     Notes
     -----
@@ -79,13 +80,12 @@ def run(
 
 
 def _whole(n_jobs: Any) -> int:
-    try:
-        return int(n_jobs)
-    except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"n_jobs must be None or a whole number, got {n_jobs!r}: as many recordings are in "
-            f"work at the same time, and -1 means one for each core."
-        ) from error
+    told = "as many recordings are in work at the same time, and -1 means one for each core."
+    if isinstance(n_jobs, bool) or not isinstance(n_jobs, Integral):
+        raise TypeError(f"n_jobs must be None or a whole number, got {n_jobs!r}: {told}")
+    if n_jobs == 0:
+        raise ValueError(f"n_jobs == 0 would do nothing: {told}")
+    return int(n_jobs)
 
 
 def _here(tasks: Iterable[Any]) -> Iterator[Any]:

@@ -716,10 +716,11 @@ def test_as_many_recordings_are_in_work_as_are_asked_for(n_jobs, limit, most):
     assert (set(threads) == {threading.get_ident()}) == (most == 1)
 
 
-@pytest.mark.parametrize("n_jobs", ["two", [2]])
-def test_jobs_that_are_no_number_are_refused(n_jobs):
+@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("n_jobs", ["two", [2], "2", 2.5, np.inf, True])
+def test_jobs_that_are_no_whole_number_are_refused(n_jobs, n):
     with pytest.raises(TypeError, match=r"n_jobs must be None or a whole number, got .*-1 means"):
-        OrderPSD(4, n_jobs=n_jobs).fit_transform(over_angle(run(0), run(1)))
+        OrderPSD(4, n_jobs=n_jobs).fit_transform(over_angle(*(run(seed) for seed in range(n))))
 
 
 def test_what_fails_in_a_thread_ends_the_rest():
@@ -738,5 +739,5 @@ def test_what_fails_in_a_thread_ends_the_rest():
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_no_jobs_at_all_are_refused_for_any_number_of_recordings(n):
-    with pytest.raises(ValueError, match="n_jobs == 0"):
+    with pytest.raises(ValueError, match=r"n_jobs == 0 .*-1 means"):
         OrderPSD(4, n_jobs=0).fit_transform(over_angle(*(run(seed) for seed in range(n))))
