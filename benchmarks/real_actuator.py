@@ -44,7 +44,7 @@ from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from emacm.datasets import load_cranfield
-from emacm.group_bootstrap import cell_mean, group_intervals
+from emacm.evaluation.bootstrap import cell_mean, group_intervals
 
 HEALTHY = "normal"
 WORST = (HEALTHY, "lackLubrication2", "backlash2", "spalling8")

@@ -3,120 +3,209 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from emacm._version import __version__
+from emacm._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from emacm.baseline_normalizer import BaselineNormalizer
-    from emacm.bin_transformer import BinTransformer
-    from emacm.condition_router import ConditionRouter
-    from emacm.costs import expected_cost, group_costs, group_labels
-    from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
-    from emacm.envelope_detector import EnvelopeDetector
-    from emacm.evaluation import evaluate
-    from emacm.explanations import explain_decision, explain_model, match_fault_orders
-    from emacm.machine_parts import BallScrew, Bearing, Gear, Motor
-    from emacm.order_cross_spectrum import OrderCrossSpectrum
-    from emacm.order_psd import OrderPSD
-    from emacm.order_resampler import OrderResampler
-    from emacm.posterior_product import PosteriorProduct
-    from emacm.predicted_orders import fault_orders, order_bands
-    from emacm.recipes import actuator_recipe
-    from emacm.recording_statistics import RecordingStatistics
-    from emacm.recordings import Recording
-    from emacm.relative_harmonics import RelativeHarmonics
-    from emacm.shaft import (
-        angle_from_currents,
-        angle_from_position,
-        angle_from_resolver,
-        angle_from_velocity,
-        angle_from_wrapped,
+    from emacm.conditions.baseline_normalizer import (
+        BaselineNormalizer as BaselineNormalizer,
     )
-    from emacm.shaft_harmonics import ShaftHarmonics
-    from emacm.stroke_profile import StrokeProfile
-    from emacm.tacho import angle_from_pulses, angle_from_tacho, pulse_times
+    from emacm.conditions.router import (
+        ConditionRouter as ConditionRouter,
+    )
+    from emacm.decisions.classifier import (
+        CostSensitiveGaussianBayes as CostSensitiveGaussianBayes,
+    )
+    from emacm.decisions.classifier import (
+        neg_expected_cost as neg_expected_cost,
+    )
+    from emacm.decisions.costs import (
+        expected_cost as expected_cost,
+    )
+    from emacm.decisions.costs import (
+        group_costs as group_costs,
+    )
+    from emacm.decisions.costs import (
+        group_labels as group_labels,
+    )
+    from emacm.decisions.posterior_product import (
+        PosteriorProduct as PosteriorProduct,
+    )
+    from emacm.evaluation.evaluate import (
+        evaluate as evaluate,
+    )
+    from emacm.explanations.explain import (
+        explain_decision as explain_decision,
+    )
+    from emacm.explanations.explain import (
+        explain_model as explain_model,
+    )
+    from emacm.explanations.explain import (
+        match_fault_orders as match_fault_orders,
+    )
+    from emacm.machine.fault_orders import (
+        fault_orders as fault_orders,
+    )
+    from emacm.machine.fault_orders import (
+        order_bands as order_bands,
+    )
+    from emacm.machine.parts import (
+        BallScrew as BallScrew,
+    )
+    from emacm.machine.parts import (
+        Bearing as Bearing,
+    )
+    from emacm.machine.parts import (
+        Gear as Gear,
+    )
+    from emacm.machine.parts import (
+        Motor as Motor,
+    )
+    from emacm.orders.bin_transformer import (
+        BinTransformer as BinTransformer,
+    )
+    from emacm.orders.order_cross_spectrum import (
+        OrderCrossSpectrum as OrderCrossSpectrum,
+    )
+    from emacm.orders.order_psd import (
+        OrderPSD as OrderPSD,
+    )
+    from emacm.recipes import (
+        actuator_recipe as actuator_recipe,
+    )
+    from emacm.recordings.envelope_detector import (
+        EnvelopeDetector as EnvelopeDetector,
+    )
+    from emacm.recordings.recording import (
+        Recording as Recording,
+    )
+    from emacm.resampling.order_resampler import (
+        OrderResampler as OrderResampler,
+    )
+    from emacm.shaft.angle import (
+        angle_from_currents as angle_from_currents,
+    )
+    from emacm.shaft.angle import (
+        angle_from_position as angle_from_position,
+    )
+    from emacm.shaft.angle import (
+        angle_from_resolver as angle_from_resolver,
+    )
+    from emacm.shaft.angle import (
+        angle_from_velocity as angle_from_velocity,
+    )
+    from emacm.shaft.angle import (
+        angle_from_wrapped as angle_from_wrapped,
+    )
+    from emacm.shaft.tacho import (
+        angle_from_pulses as angle_from_pulses,
+    )
+    from emacm.shaft.tacho import (
+        angle_from_tacho as angle_from_tacho,
+    )
+    from emacm.shaft.tacho import (
+        pulse_times as pulse_times,
+    )
+    from emacm.stroke_features.harmonics import (
+        ShaftHarmonics as ShaftHarmonics,
+    )
+    from emacm.stroke_features.profile import (
+        StrokeProfile as StrokeProfile,
+    )
+    from emacm.stroke_features.relative_harmonics import (
+        RelativeHarmonics as RelativeHarmonics,
+    )
+    from emacm.stroke_features.statistics import (
+        RecordingStatistics as RecordingStatistics,
+    )
 
-__all__ = [
-    "BallScrew",
-    "BaselineNormalizer",
-    "Bearing",
-    "BinTransformer",
-    "ConditionRouter",
-    "CostSensitiveGaussianBayes",
-    "EnvelopeDetector",
-    "Gear",
-    "Motor",
-    "OrderCrossSpectrum",
-    "OrderPSD",
-    "OrderResampler",
-    "PosteriorProduct",
-    "Recording",
-    "RecordingStatistics",
-    "RelativeHarmonics",
-    "ShaftHarmonics",
-    "StrokeProfile",
-    "__version__",
-    "actuator_recipe",
-    "angle_from_currents",
-    "angle_from_position",
-    "angle_from_pulses",
-    "angle_from_resolver",
-    "angle_from_tacho",
-    "angle_from_velocity",
-    "angle_from_wrapped",
-    "evaluate",
-    "expected_cost",
-    "explain_decision",
-    "explain_model",
-    "fault_orders",
-    "group_costs",
-    "group_labels",
-    "match_fault_orders",
-    "neg_expected_cost",
-    "order_bands",
-    "pulse_times",
-]
-
-# Which module has which name. Each is imported when it is first asked for, so that a program waits
-# only for what it uses.
-_HOME = {
-    "BallScrew": "machine_parts",
-    "BaselineNormalizer": "baseline_normalizer",
-    "Bearing": "machine_parts",
-    "BinTransformer": "bin_transformer",
-    "ConditionRouter": "condition_router",
-    "CostSensitiveGaussianBayes": "diagnosis",
-    "EnvelopeDetector": "envelope_detector",
-    "Gear": "machine_parts",
-    "Motor": "machine_parts",
-    "OrderCrossSpectrum": "order_cross_spectrum",
-    "OrderPSD": "order_psd",
-    "OrderResampler": "order_resampler",
-    "PosteriorProduct": "posterior_product",
-    "Recording": "recordings",
-    "RecordingStatistics": "recording_statistics",
-    "RelativeHarmonics": "relative_harmonics",
-    "ShaftHarmonics": "shaft_harmonics",
-    "StrokeProfile": "stroke_profile",
-    "actuator_recipe": "recipes",
-    "angle_from_currents": "shaft",
-    "angle_from_position": "shaft",
-    "angle_from_pulses": "tacho",
-    "angle_from_resolver": "shaft",
-    "angle_from_tacho": "tacho",
-    "angle_from_velocity": "shaft",
-    "angle_from_wrapped": "shaft",
-    "evaluate": "evaluation",
-    "expected_cost": "costs",
-    "explain_decision": "explanations",
-    "explain_model": "explanations",
-    "fault_orders": "predicted_orders",
-    "group_costs": "costs",
-    "group_labels": "costs",
-    "match_fault_orders": "explanations",
-    "neg_expected_cost": "diagnosis",
-    "order_bands": "predicted_orders",
-    "pulse_times": "tacho",
+# Each public name is imported from its module when it is first used, so that a program loads only
+# what it needs. Type checkers read the block above instead; a test keeps the two equal.
+_PUBLIC = {
+    "recordings.recording": [
+        "Recording",
+    ],
+    "recordings.envelope_detector": [
+        "EnvelopeDetector",
+    ],
+    "shaft.angle": [
+        "angle_from_currents",
+        "angle_from_position",
+        "angle_from_resolver",
+        "angle_from_velocity",
+        "angle_from_wrapped",
+    ],
+    "shaft.tacho": [
+        "angle_from_pulses",
+        "angle_from_tacho",
+        "pulse_times",
+    ],
+    "resampling.order_resampler": [
+        "OrderResampler",
+    ],
+    "orders.order_psd": [
+        "OrderPSD",
+    ],
+    "orders.order_cross_spectrum": [
+        "OrderCrossSpectrum",
+    ],
+    "orders.bin_transformer": [
+        "BinTransformer",
+    ],
+    "stroke_features.statistics": [
+        "RecordingStatistics",
+    ],
+    "stroke_features.profile": [
+        "StrokeProfile",
+    ],
+    "stroke_features.harmonics": [
+        "ShaftHarmonics",
+    ],
+    "stroke_features.relative_harmonics": [
+        "RelativeHarmonics",
+    ],
+    "conditions.baseline_normalizer": [
+        "BaselineNormalizer",
+    ],
+    "conditions.router": [
+        "ConditionRouter",
+    ],
+    "machine.parts": [
+        "BallScrew",
+        "Bearing",
+        "Gear",
+        "Motor",
+    ],
+    "machine.fault_orders": [
+        "fault_orders",
+        "order_bands",
+    ],
+    "decisions.classifier": [
+        "CostSensitiveGaussianBayes",
+        "neg_expected_cost",
+    ],
+    "decisions.costs": [
+        "expected_cost",
+        "group_costs",
+        "group_labels",
+    ],
+    "decisions.posterior_product": [
+        "PosteriorProduct",
+    ],
+    "evaluation.evaluate": [
+        "evaluate",
+    ],
+    "explanations.explain": [
+        "explain_decision",
+        "explain_model",
+        "match_fault_orders",
+    ],
+    "recipes": [
+        "actuator_recipe",
+    ],
 }
+_HOME = {name: module for module, names in _PUBLIC.items() for name in names}
+
+__all__ = ["__version__", *_HOME]
 
 
 def __getattr__(name: str) -> Any:
@@ -129,5 +218,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return what is public and what was imported."""
+    """Return the public names and what has been imported."""
     return sorted({*globals(), *__all__})

@@ -94,7 +94,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
-    from emacm import reproduce
+    from emacm.thesis import reproduce
 
     chapters = [_chapter_number(text) for text in options.chapter or reproduce.CHAPTERS]
     with _stopping_when_told():

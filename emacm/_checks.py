@@ -214,7 +214,8 @@ def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
         " Parts of scikit-learn number the classes before they fit (StackingClassifier, "
         "VotingClassifier, cross_val_predict of probabilities). They want posteriors, which "
         "no cost changes: leave the cost out there, state priors in the order of the classes, "
-        "and decide by PosteriorProduct([(name, classifier)], cost=...) or emacm.costs.least_risk."
+        "and decide by PosteriorProduct([(name, classifier)], cost=...) or "
+        "emacm.decisions.costs.least_risk."
     )
 
 

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
-from emacm.recordings import Recording
-from emacm.shaft import angle_from_position
+from emacm.recordings.recording import Recording
+from emacm.shaft.angle import angle_from_position
 
 _SIGNALS = ("set_point", "position_error", "current")
 _LABELS = ("state", "load_kgf", "run", "group")

@@ -20,14 +20,14 @@ from sklearn.model_selection import BaseCrossValidator, GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from emacm.bin_transformer import BinTransformer
-from emacm.costs import expected_cost
 from emacm.datasets import load_cranfield
-from emacm.diagnosis import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.decisions.classifier import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.decisions.costs import expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
-from emacm.order_psd import OrderPSD
-from emacm.order_resampler import OrderResampler
-from emacm.recordings import Recording
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.recording import Recording
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation import BEARING_ORDER, SCREW_ORDER, simulate_fleet
 
 MISSED = 10.0  # times as dear as a false alarm, in the lopsided cost matrix

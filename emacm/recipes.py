@@ -9,16 +9,16 @@ from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm._checks import check_choice, check_number
-from emacm.baseline_normalizer import BaselineNormalizer
-from emacm.bin_transformer import BinTransformer
-from emacm.diagnosis import CostSensitiveGaussianBayes
-from emacm.order_cross_spectrum import OrderCrossSpectrum
-from emacm.order_psd import OrderPSD
-from emacm.order_resampler import OrderResampler
-from emacm.recording_statistics import RecordingStatistics
-from emacm.relative_harmonics import RelativeHarmonics
-from emacm.shaft_harmonics import ShaftHarmonics
-from emacm.stroke_profile import StrokeProfile
+from emacm.conditions.baseline_normalizer import BaselineNormalizer
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
+from emacm.orders.order_psd import OrderPSD
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.stroke_features.harmonics import ShaftHarmonics
+from emacm.stroke_features.profile import StrokeProfile
+from emacm.stroke_features.relative_harmonics import RelativeHarmonics
+from emacm.stroke_features.statistics import RecordingStatistics
 
 _STROKE = 1.0  # revolutions; what is shorter is jitter of a shaft that stands
 _OVERSAMPLED = (

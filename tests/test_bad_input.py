@@ -24,7 +24,7 @@ from emacm import (
     expected_cost,
     neg_expected_cost,
 )
-from emacm.axes import OrderTable, order_columns
+from emacm.orders.columns import OrderTable, order_columns
 
 THETA_S = 2 * np.pi / 32
 

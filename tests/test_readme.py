@@ -47,7 +47,7 @@ def test_there_are_two_commands_and_they_install_before_they_run():
 
 def test_every_file_that_the_readme_links_to_is_there():
     links = re.findall(r"\]\(([^):]+)\)", README_TEXT)
-    assert "docs/simulated.png" in links
+    assert "notebooks/simulated.png" in links
     for link in links:
         assert (README.parent / link).is_file(), link
 

@@ -24,8 +24,8 @@ from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-import emacm.angle_recordings
-import emacm.recordings
+import emacm.recordings.recording
+import emacm.resampling.angle_recording
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
@@ -34,7 +34,7 @@ from emacm import (
     Recording,
     neg_expected_cost,
 )
-from emacm.axes import OrderTable, order_columns
+from emacm.orders.columns import OrderTable, order_columns
 
 THETA_S = 2 * np.pi / 32
 COST = {("healthy", "worn"): 10.0}
@@ -98,13 +98,13 @@ def spectra(over_angle):
 def count(monkeypatch):
     """How often a stroke was resampled."""
     calls = []
-    original = emacm.angle_recordings.angle_blocks
+    original = emacm.resampling.angle_recording.angle_blocks
 
     def counted(*args, **kwargs):
         calls.append(args)
         return original(*args, **kwargs)
 
-    monkeypatch.setattr(emacm.angle_recordings, "angle_blocks", counted)
+    monkeypatch.setattr(emacm.resampling.angle_recording, "angle_blocks", counted)
     return calls
 
 
@@ -425,13 +425,13 @@ def test_the_memory_of_spectra_serves_long_recordings_without_a_warning(monkeypa
     # joblib writes down the repr of what it caches, and complains if that takes long.
     X = OrderResampler(THETA_S).fit_transform([run(0, "worn", seed=1)])
     integrations = []
-    original = emacm.recordings.angle_from_velocity
+    original = emacm.recordings.recording.angle_from_velocity
 
     def counted(*args, **kwargs):
         integrations.append(args)
         return original(*args, **kwargs)
 
-    monkeypatch.setattr(emacm.recordings, "angle_from_velocity", counted)
+    monkeypatch.setattr(emacm.recordings.recording, "angle_from_velocity", counted)
     OrderPSD(4).fit_transform(X)
     needed = len(integrations)
     OrderPSD(4, memory=str(tmp_path)).fit_transform(X)

@@ -1,0 +1,1 @@
+"""Signals and features that also depend on load, speed and unit: baselines and routing."""

@@ -1,0 +1,130 @@
+"""Shrinkage of covariances: how much, and towards what."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emacm.decisions.moments import diagonals
+
+Array = NDArray[np.float64]
+
+
+def oas_coefficient(scatter: ArrayLike, count: float) -> float:
+    """Coefficient of Oracle Approximating Shrinkage, from second moments alone [1]_.
+
+    Parameters
+    ----------
+    scatter : array-like of shape (n_features, n_features)
+        Scatter or covariance; its scale does not matter.
+    count : float
+        Number of recordings.
+
+    Returns
+    -------
+    coefficient : float
+        Share of the spherical target, 0..1, as in `sklearn.covariance.oas`.
+
+    References
+    ----------
+    .. [1] Chen, Wiesel, Eldar and Hero, Shrinkage algorithms for MMSE covariance
+       estimation, IEEE Trans. Signal Process. 58 (2010), Eq. (23), without its terms 2/p
+       as in scikit-learn.
+
+    Examples
+    --------
+    >>> round(oas_coefficient([[3.0, 1.0], [1.0, 1.0]], 10), 6)
+    0.636364
+    """
+    S = np.asarray(scatter, dtype=np.float64)
+    n_features = len(S)
+    largest = np.abs(S).max()
+    if n_features == 1 or largest == 0:
+        return 0.0
+    S = S / largest  # squares neither overflow nor underflow
+    mean_square, squared_mean = np.mean(S**2), (np.trace(S) / n_features) ** 2
+    excess = (count + 1) * (mean_square - squared_mean / n_features)
+    return float(min((mean_square + squared_mean) / excess, 1.0)) if excess > 0 else 1.0
+
+
+def ledoit_wolf_coefficients(
+    X: Array, codes: NDArray[np.intp], means: Array, *, pooled: bool
+) -> tuple[Array, Array]:
+    """Ledoit-Wolf shrinkage of standardised features, as in scikit-learn's LDA.
+
+    Needs the recordings themselves: the coefficient depends on their fourth moments.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes : ndarray of shape (n_recordings,)
+        Number of the class of each recording.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class.
+    pooled : bool
+        One coefficient for the deviations from the class means, all classes together.
+
+    Returns
+    -------
+    coefficients : ndarray of shape (n_groups,)
+        Share of the target in each covariance, 0..1.
+    squared_scales : ndarray of shape (n_groups, n_features)
+        Variances the features were standardised by; 1 for a constant feature.
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).normal(size=(8, 3))
+    >>> ledoit_wolf_coefficients(X, np.zeros(8, int), X.mean(axis=0)[None], pooled=False)[0]
+    array([1.])
+    """
+    # Imported here, as it takes a tenth of a second and few ask for it.
+    from sklearn.covariance import ledoit_wolf_shrinkage
+    from sklearn.preprocessing import StandardScaler
+
+    groups = [X - means[codes]] if pooled else [X[codes == k] for k in range(len(means))]
+    coefficients, squared_scales = np.zeros(len(groups)), np.ones((len(groups), X.shape[1]))
+    for group, rows in enumerate(groups):
+        if len(rows) > 1:
+            scaler = StandardScaler().fit(rows)
+            coefficients[group] = ledoit_wolf_shrinkage(scaler.transform(rows))
+            squared_scales[group] = scaler.scale_**2
+    return coefficients, squared_scales
+
+
+def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
+    """Mix covariances with uncorrelated features of equal (scaled) variance.
+
+    (1 - c) S + c m diag(v), where m is the mean over the features of S_jj / v_j. With
+    v = 1 this is `sklearn.covariance.shrunk_covariance`.
+
+    Parameters
+    ----------
+    covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
+        Covariances, or their diagonals.
+    coefficients : float or array-like of shape (n_groups,)
+        c, 0..1.
+    squared_scales : float or array-like of shape (n_groups, n_features), default=1.0
+        v, in squared units of the features.
+
+    Returns
+    -------
+    shrunk : ndarray of the shape of `covariances`
+        Shrunk covariances, or their diagonals.
+
+    Examples
+    --------
+    >>> shrink(np.array([[[3.0, 1.0], [1.0, 1.0]]]), 0.5)
+    array([[[2.5, 0.5],
+            [0.5, 1.5]]])
+    """
+    variances = diagonals(covariances)
+    share = np.broadcast_to(coefficients, len(covariances))[:, np.newaxis]
+    scales = np.broadcast_to(squared_scales, variances.shape)
+    target = share * np.mean(variances / scales, axis=1, keepdims=True) * scales
+    if covariances.ndim == 2:
+        return (1 - share) * covariances + target
+    shrunk = (1 - share[:, :, np.newaxis]) * covariances
+    features = np.arange(covariances.shape[-1])
+    shrunk[:, features, features] += target
+    return shrunk

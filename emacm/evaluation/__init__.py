@@ -1,0 +1,1 @@
+"""Performance on recordings held out by run, by unit and by condition."""

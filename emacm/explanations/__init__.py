@@ -1,0 +1,1 @@
+"""The orders and features that determine a decision."""

@@ -1,0 +1,208 @@
+"""Fitted pipelines, cut open at their table of order bins or other named features."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_finite_table
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.columns import column_names
+from emacm.recordings.recording import Recording
+from emacm.resampling.angle_recording import AngleRecording
+
+Array = NDArray[np.float64]
+
+_NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
+_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class OpenedPipeline:
+    """A fitted pipeline, cut behind its last `BinTransformer`, or where recordings become a table.
+
+    Attributes
+    ----------
+    before : tuple of transformers
+        Steps up to the table of bins, or of other named features.
+    maker : transformer or None
+        The last of them, which names the columns; None if the pipeline takes a table.
+    steps : tuple of (name, transformer)
+        Steps from the table to the classifier.
+    classifier : CostSensitiveGaussianBayes
+        The last step.
+    """
+
+    before: tuple[Any, ...]
+    maker: Any
+    steps: tuple[tuple[str, Any], ...]
+    classifier: CostSensitiveGaussianBayes
+
+    @classmethod
+    def of(cls, pipeline: Any, X: Any) -> OpenedPipeline:
+        """Open a fitted pipeline, search or classifier, for what it takes.
+
+        Pipelines within it are laid flat. Where no step is a `BinTransformer`, the first step
+        that makes a table of the recordings `X` is where it is cut: a `FeatureUnion`, say.
+        """
+        if isinstance(X, Recording | AngleRecording):
+            raise TypeError("X must be a list of recordings, got a single one; write [recording].")
+        while hasattr(pipeline, "best_estimator_"):
+            pipeline = pipeline.best_estimator_
+        steps = _flat_steps(pipeline)
+        name, classifier = steps[-1]
+        if isinstance(classifier, ConditionRouter):
+            _refuse_router(classifier)
+        if not isinstance(classifier, CostSensitiveGaussianBayes):
+            raise TypeError(
+                f"the last step must be a CostSensitiveGaussianBayes, whose densities can be "
+                f"taken apart; got {name!r} ({type(classifier).__name__})."
+            )
+        check_is_fitted(classifier)
+        places = [i for i, (_, step) in enumerate(steps) if isinstance(step, BinTransformer)]
+        if places:
+            cut = places[-1]
+        elif _are_recordings(X):
+            cut = _first_table(steps[:-1], X)
+        else:
+            return cls((), None, tuple(steps[:-1]), classifier)
+        before = tuple(step for _, step in steps[: cut + 1])
+        return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
+
+    def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
+        """Return the bins or features of recordings, and what each column of them is."""
+        if self.maker is None:
+            return self._own_table(X)
+        for step in self.before:
+            X = X if _is_passed_over(step) else step.transform(X)
+        frame = _bin_frame(_names_of(self.maker))
+        if isinstance(self.maker, BinTransformer):
+            edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
+            frame = frame.assign(low=edges[:, 0], high=edges[:, 1])
+        return np.asarray(X, dtype=np.float64), frame
+
+    def _own_table(self, X: Any) -> tuple[Array, pd.DataFrame]:
+        names = column_names(X)
+        first = self.steps[0][1] if self.steps else self.classifier
+        seen = getattr(first, "feature_names_in_", None)
+        if names is not None and seen is not None and list(names) != list(seen):
+            raise ValueError(
+                f"X has other columns than the pipeline was fitted on: expected {list(seen)}, "
+                f"got {list(names)}."
+            )
+        values = np.asarray(X, dtype=np.float64)
+        if values.ndim != 2:
+            raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
+        labels: Any = seen if names is None else names
+        if labels is None:
+            labels = [f"x{i}" for i in range(values.shape[1])]
+        check_finite_table(values, "recording", list(labels))
+        return values, _bin_frame(labels)
+
+
+def _refuse_router(router: ConditionRouter) -> NoReturn:
+    check_is_fitted(router)
+    known = list(router.conditions_)
+    raise TypeError(
+        f"a ConditionRouter has a pipeline for each condition {known}, and each leans on orders "
+        f"of its own. Explain one of them, router.estimators_[{known[0]!r}] say, with "
+        f"recordings of its condition."
+    )
+
+
+def one_recording(x: Any) -> Any:
+    """Return one recording or one row of a table in the form of many.
+
+    Examples
+    --------
+    >>> one_recording(np.array([1.0, 2.0])).shape
+    (1, 2)
+    """
+    if isinstance(x, Recording | AngleRecording):
+        return [x]
+    if isinstance(x, pd.Series):
+        return x.to_frame().T
+    if isinstance(x, np.ndarray) and x.ndim == 1:
+        return x[np.newaxis]
+    if len(x) != 1:
+        raise ValueError(
+            f"x must be one recording, or one row of a table; got {len(x)}. Take one, as "
+            f"X[3] or X.iloc[[3]], or explain them together by explain_model."
+        )
+    return x
+
+
+def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """Return the steps of a pipeline, those of pipelines within it in their place."""
+    if not isinstance(estimator, Pipeline):
+        return [(prefix or type(estimator).__name__.lower(), estimator)]
+    return [
+        flat
+        for name, step in estimator.steps
+        for flat in _flat_steps(step, f"{prefix}__{name}" if prefix else name)
+    ]
+
+
+def _are_recordings(X: Any) -> bool:
+    listed = isinstance(X, list | tuple) or (isinstance(X, np.ndarray) and X.dtype == object)
+    return listed and len(X) > 0 and isinstance(X[0], Recording | AngleRecording)
+
+
+def _is_passed_over(step: Any) -> bool:
+    return step is None or isinstance(step, str)
+
+
+def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
+    """Find the step that makes a table of recordings, by giving it one of them."""
+    seen = list(X[:1])
+    try:
+        for place, (_, step) in enumerate(steps):
+            if not _is_passed_over(step):
+                seen = step.transform(seen)
+                if len(getattr(seen, "shape", ())) == 2:
+                    return place
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"X holds recordings, of which the pipeline makes no table: {error} Pass its table, "
+            f"or the whole pipeline."
+        ) from error
+    raise ValueError(
+        "X holds recordings, but the pipeline has no step that makes a table of them. Pass the "
+        "table, or the whole pipeline."
+    )
+
+
+def _names_of(maker: Any) -> NDArray[Any]:
+    """Return the names of the columns that a step makes."""
+    try:
+        return maker.get_feature_names_out()
+    except AttributeError as error:
+        raise ValueError(
+            f"the columns of {type(maker).__name__} have no names to explain a decision by: "
+            f"{error} Within it, write FunctionTransformer(np.log10, "
+            f"feature_names_out='one-to-one')."
+        ) from error
+
+
+def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:
+    """Read channel and orders off the names of bins or single lines; the channel off others."""
+    rows = []
+    for name in map(str, names):
+        channel, at, label = name.rpartition("@")
+        if not at:  # channel+:feature
+            channel, colon, _ = name.partition(":")
+            channel = channel if colon else ""
+        found = _RANGE.fullmatch(label) if at else None
+        low, high = (np.nan, np.nan) if found is None else (found[1], found[2] or found[1])
+        rows.append((name, channel, float(low), float(high)))
+    return pd.DataFrame(rows, columns=["column", "channel", "low", "high"])

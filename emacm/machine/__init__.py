@@ -1,0 +1,1 @@
+"""Components of a machine and the orders at which their faults appear."""

@@ -1,0 +1,1 @@
+"""Order spectra, the order axis of a table, order bins, cached spectra."""

@@ -1,0 +1,293 @@
+"""Gathering an order spectrum into bins: one exact linear operator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_number, check_real_array, check_signal
+from emacm.orders.columns import number_name
+
+Band = tuple[float, float]
+
+_AT_ONCE = 1 << 20  # weights in work at once
+_SLACK = 1e-9  # orders; an edge this near to the end of the axis lies on it
+_MOST_BINS = 10_000  # far narrower than any line
+
+
+def bin_edges(bin_size: float, max_order: float) -> list[Band]:
+    """Cut the orders from 0 to `max_order` into bins; the last may be narrower.
+
+    Parameters
+    ----------
+    bin_size : float
+        Width of a bin [orders].
+    max_order : float
+        Where the last bin ends [orders].
+
+    Returns
+    -------
+    list of (low, high)
+        Edges of each bin [orders], rounded to 12 digits.
+
+    Raises
+    ------
+    ValueError
+        If either is not positive.
+
+    Examples
+    --------
+    >>> bin_edges(0.4, 1.0)
+    [(0.0, 0.4), (0.4, 0.8), (0.8, 1.0)]
+    """
+    bin_size = check_number(bin_size, "bin_size", above=0, unit="orders")
+    max_order = check_number(max_order, "max_order", above=0, unit="orders")
+    if max_order / bin_size > _MOST_BINS:
+        raise ValueError(
+            f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
+            f"{max_order:g}. It is the width of a bin in orders, such as 1."
+        )
+    return list(_equal_bins(bin_size, max_order))
+
+
+@lru_cache(maxsize=64)  # a search makes the same bins over and over
+def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
+    n_bins = max(1, int(np.ceil(max_order / bin_size - _SLACK)))
+    edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
+    return tuple(pairwise(edges))
+
+
+def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list[Band]:
+    """Check bins of one's own: increasing edges, or named bands.
+
+    Parameters
+    ----------
+    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high)
+        Edges of adjoining bins, or bands by name; both in orders. Bands may
+        overlap.
+
+    Returns
+    -------
+    list of (low, high), or dict of str to (low, high)
+        The bins, named if names were given.
+
+    Raises
+    ------
+    TypeError
+        If an edge is not a number or a name not a string.
+    ValueError
+        If edges do not increase, are negative or not finite.
+    """
+    if isinstance(edges, Mapping):
+        if not edges:
+            raise ValueError("edges holds no band.")
+        for name in edges:
+            if not isinstance(name, str) or not name:
+                raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
+        return {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
+    values = check_real_array(edges, "edges")
+    if values.ndim != 1 or len(values) < 2:
+        raise ValueError(
+            f"edges must be at least two increasing orders, got {edges!r}. Write bands of your own "
+            f"as {{'name': (low, high)}}."
+        )
+    if not np.all(np.isfinite(values)) or values[0] < 0:
+        raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
+    rounded = [round_edge(value) for value in values]
+    for place, (low, high) in enumerate(pairwise(rounded)):
+        if high <= low:
+            raise ValueError(
+                f"edges must increase, but {values[place]:.15g} is followed by "
+                f"{values[place + 1]:.15g} (at position {place + 1}). Sort them, or name "
+                f"overlapping bands in a mapping."
+            )
+    return list(pairwise(rounded))
+
+
+def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
+    """Check stop bands and join those that overlap, in rising order.
+
+    Raises
+    ------
+    TypeError
+        If it is no sequence of pairs.
+    ValueError
+        If a band does not run from a lower to a higher order.
+    """
+    if isinstance(stop_bands, str | Mapping) or not np.iterable(stop_bands):
+        raise TypeError(f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}.")
+    if any(not np.iterable(band) for band in stop_bands):
+        raise TypeError(
+            f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}. "
+            f"Write one band as ((low, high),)."
+        )
+    bands = sorted(_check_band(b, f"stop band {i}") for i, b in enumerate(stop_bands))
+    joined: list[Band] = []
+    for low, high in bands:
+        if joined and low <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+        else:
+            joined.append((low, high))
+    return joined
+
+
+def kept_intervals(band: Band, stop_bands: Sequence[Band]) -> list[Band]:
+    """Return what of a band lies outside the stop bands (sorted and disjoint).
+
+    Examples
+    --------
+    >>> kept_intervals((5.0, 7.0), [(5.6, 6.4)])
+    [(5.0, 5.6), (6.4, 7.0)]
+    """
+    kept, low = [], band[0]
+    for stop_low, stop_high in stop_bands:
+        if stop_low > low:
+            kept.append((low, min(stop_low, band[1])))
+        low = max(low, stop_high)
+        if low >= band[1]:
+            break
+    else:
+        kept.append((low, band[1]))
+    return [(a, b) for a, b in kept if b > a]
+
+
+def named_bins(
+    bin_size: float,
+    max_order: float,
+    edges: ArrayLike | Mapping[str, Band] | None,
+    stop_bands: Sequence[Band],
+) -> dict[str, Band]:
+    """Return the bins of which stop bands leave something, by what follows the @ in columns.
+
+    Parameters
+    ----------
+    bin_size, max_order : float
+        As for `bin_edges`; without a say where `edges` are given.
+    edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
+        As for `check_edges`.
+    stop_bands : sequence of (low, high)
+        Bands that are taken out [orders].
+
+    Returns
+    -------
+    dict of str to (low, high)
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one of these is not what it should be, or nothing is left.
+
+    Examples
+    --------
+    >>> named_bins(0.5, 1.5, None, [(0, 0.5)])
+    {'0.5-1': (0.5, 1.0), '1-1.5': (1.0, 1.5)}
+    """
+    stops = check_stop_bands(stop_bands)
+    bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
+    if not isinstance(bins, dict):
+        bins = dict(zip(_names(tuple(bins)), bins, strict=True))
+    kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
+    if not kept:
+        raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
+    return kept
+
+
+@lru_cache(maxsize=64)
+def _names(bins: tuple[Band, ...]) -> tuple[str, ...]:
+    return tuple(f"{number_name(low)}-{number_name(high)}" for low, high in bins)
+
+
+def bin_operator(
+    orders: ArrayLike, bins: Sequence[Band], *, stop_bands: Sequence[Band] = ()
+) -> NDArray[np.floating]:
+    """Make the matrix that integrates a piecewise-linear spectrum over bins.
+
+    The spectrum is taken as the straight lines between its values, and each bin
+    as the integral of these between its exact edges. So bins that adjoin add
+    up to the whole integral, wherever their edges lie between the lines.
+
+    Parameters
+    ----------
+    orders : array-like of shape (n_orders,)
+        Increasing orders of the spectral lines.
+    bins : sequence of (low, high)
+        Bins [orders], within the range of `orders` to 1e-9.
+    stop_bands : sequence of (low, high)
+        Bands that count as zero [orders], exact at their edges.
+
+    Returns
+    -------
+    operator : ndarray of shape (n_bins, n_orders)
+        ``psd @ operator.T`` holds the bins: U² where the PSD is in U²/order.
+
+    Raises
+    ------
+    ValueError
+        If `orders` do not increase, or a bin is no band or reaches beyond them.
+
+    Examples
+    --------
+    >>> bin_operator([0, 1, 2], [(0, 2), (0.5, 1)])
+    array([[0.5  , 1.   , 0.5  ],
+           [0.125, 0.375, 0.   ]])
+    """
+    orders = check_signal(orders, "orders")
+    if np.any(np.diff(orders) <= 0):
+        raise ValueError("orders must increase.")
+    for number, band in enumerate(bins):
+        _check_band(band, f"bin {number}")
+    stops = check_stop_bands(stop_bands)
+    _check_range(orders, bins)
+    parts = [(k, *part) for k, band in enumerate(bins) for part in kept_intervals(band, stops)]
+    operator = np.zeros((len(bins), len(orders)))
+    at_once = max(1, _AT_ONCE // len(orders))
+    for start in range(0, len(parts), at_once):
+        part = np.array(parts[start : start + at_once])
+        weights = _weights_below(orders, part[:, 2]) - _weights_below(orders, part[:, 1])
+        # A stop band may have cut a bin in two.
+        numbers, first = np.unique(part[:, 0].astype(np.intp), return_index=True)
+        operator[numbers] += np.add.reduceat(weights, first)
+    return operator
+
+
+def round_edge(order: float) -> float:
+    """Round an edge to 12 digits, so that 3 * 0.1 reads 0.3, and -0 reads 0."""
+    return float(f"{order:.12g}") + 0.0
+
+
+def _weights_below(
+    orders: NDArray[np.floating], limits: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Weights of the lines in the integrals from the first order to each limit."""
+    steps = np.diff(orders)
+    # Share of each gap between two lines that lies below the limit.
+    share = np.clip((limits[:, np.newaxis] - orders[:-1]) / steps, 0.0, 1.0)
+    weights = np.zeros((len(limits), len(orders)))
+    weights[:, :-1] += steps * (share - share**2 / 2)  # falling half of a line's triangle
+    weights[:, 1:] += steps * share**2 / 2  # rising half
+    return weights
+
+
+def _check_band(band: Any, name: str) -> Band:
+    if isinstance(band, str) or not np.iterable(band) or len(list(band)) != 2:
+        raise TypeError(f"{name} must be a pair (low, high) of orders, got {band!r}.")
+    low, high = (check_number(edge, f"{name}", at_least=0, unit="orders") for edge in band)
+    low, high = round_edge(low), round_edge(high)
+    if not low < high:
+        raise ValueError(f"{name} must run from a lower to a higher order, got {band!r}.")
+    return low, high
+
+
+def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:
+    for low, high in bins:
+        if high > orders[-1] + _SLACK or low < orders[0] - _SLACK:
+            raise ValueError(
+                f"the bin {low:g}-{high:g} reaches beyond the spectrum, which holds orders "
+                f"{orders[0]:g} to {orders[-1]:g}. Lower max_order (or edges) of the bins, or "
+                f"resample with a smaller theta_s: orders up to pi/theta_s exist."
+            )

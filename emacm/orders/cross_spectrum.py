@@ -1,0 +1,328 @@
+"""What two channels have in common at each order: cross spectra, coherence and response.
+
+All are ratios or sums of products of two channels in the same segments, so an angle by which
+the origin is shifted cancels: the phase *between* two channels at an order tells nothing of the
+absolute shaft angle (of how a unit was put together, say), as the phase of either one does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_finite, check_real_array
+from emacm._kernels import kernels
+from emacm.orders.welch import SegmentPlan, WeightedLines, segment_plan
+
+Pair = tuple[int, int]
+Complex = NDArray[np.complexfloating]
+
+_ROUNDING = 1e-28  # of the strongest power; less is what rounding leaves of nothing
+
+
+@dataclass(frozen=True, eq=False)
+class CrossAverages:
+    """Welch's averages of channels and of pairs of them.
+
+    `cross_averages` makes them. Coherence and response are ratios of averages, so whatever is
+    to be joined (lines within a bin) is joined before, by `gathered`.
+
+    Attributes
+    ----------
+    power : ndarray of shape (n_channels, n_orders)
+        Power spectral densities S_xx [U²/order].
+    cross : ndarray of shape (n_pairs, n_orders)
+        Cross-spectral densities S_xy of input and output, complex [U_x U_y/order].
+    pairs : tuple of (int, int)
+        Input and output channel of each pair.
+    n_segments : int
+        Segments that were averaged.
+    channels : sequence of str
+        What to call the channels in a message.
+    """
+
+    power: NDArray[np.floating]
+    cross: Complex
+    pairs: tuple[Pair, ...]
+    n_segments: int
+    channels: Sequence[str]
+
+    def gathered(self, operator: Any) -> CrossAverages:
+        """Return the averages integrated over bins.
+
+        Parameters
+        ----------
+        operator : ndarray or sparse array of shape (n_bins, n_orders)
+            Weights of the lines, such as `emacm.orders.bins.bin_operator` makes them.
+
+        Returns
+        -------
+        CrossAverages
+            With bins in the place of orders.
+        """
+        power, cross = self.power @ operator.T, self.cross @ operator.T
+        return replace(self, power=power, cross=cross)
+
+    def coherence(self) -> NDArray[np.floating]:
+        """Return the magnitude-squared coherence ``|S_xy|² / (S_xx S_yy)``.
+
+        Returns
+        -------
+        ndarray of shape (n_pairs, n_orders)
+            From 0 to 1; 0 where either has no power (at order 0 once the mean is taken out).
+
+        Raises
+        ------
+        ValueError
+            If there is a single segment, or a channel has no power at all.
+        """
+        if self.n_segments < 2:
+            raise ValueError(
+                "coherence of a single segment is 1 whatever the signals; at least two segments "
+                "are needed, better ten. Lower revolutions (or n_per_segment), or raise overlap."
+            )
+        of_x, of_y = (self._shares(side) for side in (0, 1))
+        # Divided one by one, as the product of small powers may be 0.
+        return np.minimum(np.abs(of_x) * np.abs(of_y), 1.0)
+
+    def response(self) -> Complex:
+        """Return the frequency response from input to output, ``H1 = S_xy / S_xx``.
+
+        Returns
+        -------
+        ndarray of shape (n_pairs, n_orders)
+            Complex [U_y/U_x]; 0 where the input has no power.
+
+        Raises
+        ------
+        ValueError
+            If an input has no power at all.
+        """
+        return self._shares(0)
+
+    def _shares(self, side: int) -> Complex:
+        """Cross spectra over the powers of the inputs (0) or the outputs (1)."""
+        channels = [pair[side] for pair in self.pairs]
+        power = self.power[channels]
+        strongest = power.max(axis=1, keepdims=True)
+        if not strongest.all():
+            dead = self.channels[channels[int(np.argmin(strongest))]]
+            raise ValueError(
+                f"channel {dead!r} has no power at any order, so neither response nor coherence "
+                f"exist. Is its sensor dead or stuck? Leave the channel out."
+            )
+        heard = power > _ROUNDING * strongest
+        return np.divide(self.cross, power, out=np.zeros_like(self.cross), where=heard)
+
+
+def cross_averages(
+    plan: SegmentPlan,
+    segments: Iterable[WeightedLines],
+    pairs: Sequence[Pair],
+    channels: Sequence[str],
+) -> CrossAverages:
+    """Average products of channels over segments.
+
+    Parameters
+    ----------
+    plan : SegmentPlan
+        How signals are cut; its `average` has no say, it is the mean.
+    segments : iterable of (lines, weight)
+        What its `lines_of` or `padded_lines` yield of signals, such as the strokes of a
+        recording; looked at one after the other.
+    pairs : sequence of (int, int)
+        Input and output channel of each pair.
+    channels : sequence of str
+        What to call the channels in a message.
+
+    Returns
+    -------
+    CrossAverages
+
+    Raises
+    ------
+    ValueError
+        If there is no segment.
+    """
+    power: Any = 0.0
+    cross: Any = 0.0
+    total, n_segments = 0.0, 0
+    for lines, weight in segments:
+        lines = lines.astype(np.complex128, copy=False)
+        power = power + kernels().powers(lines)
+        # The input is the one that is conjugated, as in scipy.signal.csd.
+        cross = cross + np.stack(
+            [np.einsum("so,so->o", lines[x].conj(), lines[y]) for x, y in pairs]
+        )
+        total, n_segments = total + weight, n_segments + lines.shape[1]
+    if not n_segments:
+        raise ValueError(f"no signal holds a segment of {plan.n_per_segment} samples.")
+    scale = plan.sides / total
+    return CrossAverages(power * scale, cross * scale, tuple(pairs), n_segments, channels)
+
+
+def cross_spectrum(
+    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
+) -> tuple[NDArray[np.floating], Complex]:
+    """Estimate the cross-spectral density of two signals over orders [1]_.
+
+    Parameters
+    ----------
+    x, y : array-like of shape (..., n_angles)
+        Signals at the same uniform shaft angles, in any units U_x and U_y.
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    **options
+        `revolutions`, `n_per_segment`, `window`, `overlap`, `detrend`, `scaling` and
+        `max_order`, as for `emacm.orders.welch.order_psd`.
+
+    Returns
+    -------
+    orders : ndarray of shape (n_orders,)
+        Orders, in cycles per revolution.
+    csd : ndarray of shape (..., n_orders)
+        Mean of conj(X) Y, complex [U_x U_y/order]; where y lags behind x, its angle is negative.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is not what it should be, the shapes differ, or there is no segment.
+
+    References
+    ----------
+    .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., Wiley, 2010, ch. 11.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = 2 * np.pi / 64 * np.arange(64 * 100)
+    >>> orders, csd = cross_spectrum(np.sin(7 * angle), np.sin(7 * angle - 0.5), 64)
+    >>> k = np.abs(csd).argmax()
+    >>> print(orders[k], round(float(np.angle(csd[k])), 6))
+    7.0 -0.5
+    """
+    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
+    return orders, averages.cross.reshape(shape)
+
+
+def coherence(
+    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Estimate the magnitude-squared coherence of two signals over orders [1]_.
+
+    It is the share of the power of either that a linear relation to the other
+    explains. Of n independent segments of unrelated noise it is 1/n on average, not 0; of a
+    single one it is 1 whatever the signals, and refused.
+
+    Parameters
+    ----------
+    x, y : array-like of shape (..., n_angles)
+        Signals at the same uniform shaft angles.
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    **options
+        As for `cross_spectrum`.
+
+    Returns
+    -------
+    orders : ndarray of shape (n_orders,)
+        Orders, in cycles per revolution.
+    coherence : ndarray of shape (..., n_orders)
+        From 0 to 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `cross_spectrum`, and if there is only one segment, or no power at all in a signal.
+
+    References
+    ----------
+    .. [1] G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust.
+       21(4), 337-344, 1973, where its bias is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x, z = np.random.default_rng(0).standard_normal((2, 64_000))
+    >>> orders, shared = coherence(x, 2 * x + z, 64)
+    >>> print(round(float(shared.mean()), 2))
+    0.8
+    """
+    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
+    return orders, averages.coherence().reshape(shape)
+
+
+def frequency_response(
+    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
+) -> tuple[NDArray[np.floating], Complex]:
+    """Estimate the frequency response from `x` to `y` over orders, H1 [1]_.
+
+    Noise in `y` leaves it unbiased; noise in `x` makes it too small, by the share that it has in
+    the power of `x`.
+
+    Parameters
+    ----------
+    x, y : array-like of shape (..., n_angles)
+        Input and output at the same uniform shaft angles, in any units U_x and U_y.
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    **options
+        As for `cross_spectrum`.
+
+    Returns
+    -------
+    orders : ndarray of shape (n_orders,)
+        Orders, in cycles per revolution.
+    response : ndarray of shape (..., n_orders)
+        Complex [U_y/U_x].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for `cross_spectrum`, and if `x` has no power at all.
+
+    References
+    ----------
+    .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., Wiley, 2010, ch. 6.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.random.default_rng(0).standard_normal(64_000)
+    >>> orders, response = frequency_response(x, -3 * x, 64)
+    >>> bool(np.allclose(response, -3))
+    True
+    """
+    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
+    return orders, averages.response().reshape(shape)
+
+
+def _averages_of_two(
+    x: ArrayLike, y: ArrayLike, samples_per_rev: float, options: dict[str, Any]
+) -> tuple[NDArray[np.floating], CrossAverages, tuple[int, ...]]:
+    """Return orders, averages of each pair of rows, and the shape that results have."""
+    plan = segment_plan(samples_per_rev, **options)
+    if plan.average != "mean":
+        raise ValueError(f"average must be 'mean' for two signals, got {plan.average!r}.")
+    both = [check_real_array(values, name) for values, name in ((x, "x"), (y, "y"))]
+    if both[0].shape != both[1].shape:
+        raise ValueError(
+            f"x and y must have the same shape, got {both[0].shape} and {both[1].shape}."
+        )
+    for values, name in zip(both, "xy", strict=True):
+        check_finite(values.reshape(-1), name)
+    shape = both[0].shape
+    if not shape or not both[0].size or shape[-1] < plan.n_per_segment:
+        raise ValueError(
+            f"signals of shape {shape} hold no segment of {plan.n_per_segment} samples "
+            f"({plan.revolutions:g} revolutions). Lower revolutions or n_per_segment."
+        )
+    rows = np.concatenate([values.reshape(-1, shape[-1]) for values in both])
+    n_pairs = len(rows) // 2
+    pairs = [(k, k + n_pairs) for k in range(n_pairs)]
+    averages = cross_averages(plan, plan.lines_of([rows]), pairs, ["x"] * n_pairs + ["y"] * n_pairs)
+    return plan.orders, averages, (*shape[:-1], plan.n_orders)

@@ -1,0 +1,1 @@
+"""Time-domain measurements: recordings, what their meta states, envelopes."""

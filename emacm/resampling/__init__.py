@@ -1,0 +1,1 @@
+"""Resampling from time to shaft angle (computed order tracking)."""

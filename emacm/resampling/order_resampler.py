@@ -1,0 +1,390 @@
+"""The first step of a pipeline: recordings, from time to shaft angle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import delayed
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_choice, check_number, check_real_array, located, once_hint
+from emacm._progress import run
+from emacm.recordings.recording import Recording, check_unique_columns, described
+from emacm.recordings.transformer import RecordingTransformer
+from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.to_angle import INTERPOLATIONS, PASS
+from emacm.shaft.strokes import DIRECTIONS, stroke_paths
+
+_MANY = 10  # strokes of less than a revolution that look like noise
+
+
+class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
+    """Resample recordings from uniform time to uniform shaft angle.
+
+    Faults that are locked to the shaft then stand at fixed orders (cycles per
+    revolution), however speed and direction change.
+
+    Parameters
+    ----------
+    theta_s : float
+        Angle between samples of the result [rad]. Orders up to π/theta_s exist.
+    interpolation : {"cubic", "linear"}
+        Used only with ``antialias=False``. "linear" is the thesis, Eq. (2.13).
+    antialias : bool
+        Band-limited resampling: flat within 0.01 dB up to 0.78 of π/theta_s,
+        and nothing folds into that range from above, at any speed.
+    direction : {"strokes", "forward", "reverse", "travel"}
+        "strokes" resamples each stretch of one direction by itself, along its
+        own motion; "forward" and "reverse" keep one kind; "travel" is one path
+        over the integral of the speed, which folds phases at each turn.
+    min_speed : float
+        Speed up to which the shaft counts as standing [rad/s]. Set it above
+        the noise of the shaft reference at rest.
+    channels : sequence of str, optional
+        Channels to keep, in this order. Default: those of the first recording.
+    fs : float, optional
+        Sampling rate [Hz] of bare arrays and DataFrames.
+    reference : int or str, optional
+        Which channel of bare arrays or DataFrames is the shaft; it is no
+        channel of the result unless `channels` names it.
+    reference_kind : {"velocity", "angle"}
+        What that channel holds [rad/s or rad].
+    n_jobs : int, optional
+        Threads for `quality`. Resampling itself happens where the result is
+        read, under the reader's ``n_jobs``.
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels of the result.
+
+    Notes
+    -----
+    `X` is a list of `Recording`, or, where `fs` and `reference` are given, an
+    array of shape (n_recordings, n_channels, n_times), a list of arrays of
+    shape (n_channels, n_times), or a list of DataFrames (a row a sample).
+    Bare arrays name their channels "x0", "x1" and so on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import OrderResampler, Recording
+    >>> t = np.arange(20_000) / 10_000
+    >>> speed = 2 * np.pi * (10 + 5 * np.sin(3 * t))
+    >>> angle = np.cumsum(speed) / 10_000
+    >>> run = Recording({"vibration": np.sin(8 * angle)}, 10_000, velocity=speed)
+    >>> over_angle = OrderResampler(theta_s=2 * np.pi / 64).fit_transform([run])
+    >>> stroke = over_angle[0].strokes[0]
+    >>> stroke.signals.shape, round(stroke.revolutions, 2)
+    ((1, 1285), 20.07)
+    """
+
+    def __init__(
+        self,
+        theta_s: float = 2 * np.pi / 128,
+        *,
+        interpolation: str = "cubic",
+        antialias: bool = True,
+        direction: str = "strokes",
+        min_speed: float = 0.0,
+        channels: Sequence[str] | None = None,
+        fs: float | None = None,
+        reference: int | str | None = None,
+        reference_kind: str = "velocity",
+        n_jobs: int | None = None,
+    ) -> None:
+        self.theta_s = theta_s
+        self.interpolation = interpolation
+        self.antialias = antialias
+        self.direction = direction
+        self.min_speed = min_speed
+        self.channels = channels
+        self.fs = fs
+        self.reference = reference
+        self.reference_kind = reference_kind
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Any, y: Any = None) -> OrderResampler:
+        """Learn the channels; nothing is resampled.
+
+        Parameters
+        ----------
+        X : list of Recording, or bare arrays as in the notes above
+            Recordings.
+        y : ignored
+
+        Returns
+        -------
+        OrderResampler
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or a recording is not what it should be; the message
+            names the recording.
+        """
+        self._check_parameters()
+        recordings = self._recordings(X)
+        self.channels_ = self._chosen_channels(recordings[0])
+        self._check_channels(recordings, self.channels_)
+        return self
+
+    def transform(self, X: Any) -> list[AngleRecording]:
+        """Return the recordings over the shaft angle, to be resampled when read.
+
+        Parameters
+        ----------
+        X : list of Recording, or bare arrays
+            Recordings with the channels seen in `fit`, in any order.
+
+        Returns
+        -------
+        list of AngleRecording
+            One for each recording. Its ``strokes[i].signals`` are the channels
+            at angles `theta_s` apart, its ``frame()`` a labelled table.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a recording lacks a channel or has others, or if its shaft never
+            turns (in the wanted direction) faster than `min_speed`.
+        """
+        check_is_fitted(self)
+        self._check_parameters()
+        recordings = self._recordings(X)
+        self._check_channels(recordings, self.channels_)
+        for index, recording in enumerate(recordings):
+            with located(partial(described, recording, index)):
+                self._check_turning(recording)
+        return [
+            AngleRecording(
+                recording,
+                self.channels_,
+                float(self.theta_s),
+                self.interpolation,
+                bool(self.antialias),
+                self.direction,
+                float(self.min_speed),
+            )
+            for recording in recordings
+        ]
+
+    def quality(self, X: Any) -> pd.DataFrame:
+        """Tell how far each recording can be trusted over the shaft angle.
+
+        Parameters
+        ----------
+        X : list of Recording, or bare arrays
+            Recordings; `fit` is not needed.
+
+        Returns
+        -------
+        DataFrame
+            A row for each recording, with columns
+
+            - ``revolutions``: angle run in strokes [revolutions],
+            - ``strokes``: their number,
+            - ``longest_stroke`` [revolutions],
+            - ``standing``: share of the time at or below `min_speed`,
+            - ``slowest``, ``fastest``: range of the speed in strokes [rad/s],
+            - ``max_order``: highest order that the sampling rates support at
+              the highest speed; above it there is nothing but images,
+            - ``warnings``: what to mind, in words; empty if nothing.
+        """
+        self._check_parameters()
+        recordings = self._recordings(X)
+        channels = self._chosen_channels(recordings[0])
+        self._check_channels(recordings, channels)
+        tasks = (
+            delayed(_quality)(recording, channels, self.theta_s, self.min_speed, self.direction)
+            for recording in recordings
+        )
+        return pd.DataFrame(run(tasks, len(recordings), n_jobs=self.n_jobs))
+
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn that X may be bare arrays."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.three_d_array = True
+        return tags
+
+    def _check_parameters(self) -> None:
+        check_number(self.theta_s, "theta_s", above=0, unit="rad per sample")
+        check_choice(self.interpolation, "interpolation", INTERPOLATIONS)
+        check_choice(self.antialias, "antialias", (True, False))
+        check_choice(self.direction, "direction", DIRECTIONS)
+        check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
+        check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
+        if isinstance(self.reference, bool) or not isinstance(
+            self.reference, str | int | np.integer | None
+        ):
+            raise TypeError(
+                f"reference must be the index or the name of a channel, got {self.reference!r}."
+            )
+
+    def _recordings(self, X: Any) -> list[Recording]:
+        """Return X as recordings, whatever form it came in."""
+        if isinstance(X, Recording | AngleRecording | pd.DataFrame | str | Mapping):
+            raise TypeError(
+                f"X must be a list of recordings, got one {type(X).__name__}. "
+                f"Put it in a list: [recording]."
+            )
+        if isinstance(X, np.ndarray) and X.dtype != object and X.ndim != 3:
+            raise ValueError(
+                f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
+            )
+        if not isinstance(X, Iterable) or isinstance(X, Iterator):
+            raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
+        entries = list(X)
+        if not entries:
+            raise ValueError("X holds no recording; at least one is needed.")
+        recordings = []
+        for index, entry in enumerate(entries):
+            with located(partial(described, entry, index)):
+                recordings.append(entry if isinstance(entry, Recording) else self._from_bare(entry))
+        return recordings
+
+    def _from_bare(self, entry: Any) -> Recording:
+        if isinstance(entry, AngleRecording):
+            raise TypeError("it is over the shaft angle already; OrderResampler comes first.")
+        if not isinstance(entry, np.ndarray | pd.DataFrame | list | tuple):
+            raise TypeError(f"expected a Recording, an array or a DataFrame, got {entry!r}.")
+        if self.fs is None or self.reference is None:
+            raise ValueError(
+                f"a bare {type(entry).__name__} says neither how fast it was sampled nor how the "
+                f"shaft moved. Make a Recording of it, or set fs and reference of OrderResampler."
+            )
+        channels = _bare_channels(entry)
+        names = list(channels)
+        reference = self.reference
+        if isinstance(reference, int | np.integer) and -len(names) <= reference < len(names):
+            reference = names[reference]
+        if reference not in channels:
+            raise ValueError(f"it has no channel {self.reference!r} (reference), only {names}.")
+        shaft = channels[reference]
+        if self.channels is None or reference not in self.channels:
+            del channels[reference]
+        if self.reference_kind == "velocity":
+            return Recording(channels, self.fs, velocity=shaft)
+        return Recording(channels, self.fs, angle=shaft)
+
+    def _chosen_channels(self, first: Recording) -> tuple[str, ...]:
+        if self.channels is None:
+            return first.channels
+        if isinstance(self.channels, str):
+            raise TypeError(f"channels must be a list of names; write [{self.channels!r}].")
+        if not isinstance(self.channels, Iterable):
+            raise TypeError(f"channels must be a list of names, got {self.channels!r}.")
+        chosen = tuple(self.channels)
+        for name in chosen:
+            if not isinstance(name, str):
+                raise TypeError(f"channels must be a list of names, got {name!r} in {chosen!r}.")
+        if not chosen or len(set(chosen)) < len(chosen):
+            raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
+        return chosen
+
+    def _check_channels(self, recordings: list[Recording], channels: tuple[str, ...]) -> None:
+        wanted = set(channels)
+        for index, recording in enumerate(recordings):
+            if recording.channels == channels:
+                continue
+            missing = [name for name in channels if name not in recording.channels]
+            other = [name for name in recording.channels if name not in wanted]
+            if missing:
+                raise ValueError(
+                    f"{described(recording, index)} has no channel {missing[0]!r}; its channels "
+                    f"are {list(recording.channels)}, expected were {list(channels)}."
+                )
+            if other and self.channels is None:
+                raise ValueError(
+                    f"{described(recording, index)} has a channel {other[0]!r} besides the "
+                    f"expected {list(channels)}. Set channels={list(channels)} to pass over it."
+                )
+
+    def _check_turning(self, recording: Recording) -> None:
+        lowest, highest = recording.velocity_range
+        ways = {"forward": highest, "reverse": -lowest}
+        if not ways.get(self.direction, max(ways.values())) > self.min_speed:
+            way = f" {self.direction}" if self.direction in ways else ""
+            raise ValueError(
+                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
+                f"its speed lies between {lowest:.4g} and {highest:.4g} rad/s. "
+                f"Leave the recording out, or check its shaft reference and min_speed."
+            )
+
+
+def _bare_channels(entry: Any) -> dict[str, Any]:
+    """Name the channels of an array (n_channels, n_times) or a DataFrame."""
+    if isinstance(entry, pd.DataFrame):
+        check_unique_columns(entry, "it")
+        return {name: entry[name] for name in entry.columns}
+    array = check_real_array(entry, "the array")
+    if array.ndim != 2:
+        raise ValueError(f"expected an array of shape (n_channels, n_times), got {array.shape}.")
+    if array.shape[0] > array.shape[1]:
+        raise ValueError(
+            f"an array of shape {array.shape} has more channels than samples; expected was "
+            f"(n_channels, n_times). Transpose it."
+        )
+    return {f"x{i}": row for i, row in enumerate(array)}
+
+
+def _quality(
+    recording: Recording,
+    channels: Sequence[str],
+    theta_s: float,
+    min_speed: float,
+    direction: str,
+) -> dict[str, Any]:
+    velocity, fs = recording.velocity, recording.shaft_fs
+    if direction == "travel":
+        direction = "strokes"  # which is what travel joins
+    paths = stroke_paths(recording.angle, velocity, fs, direction=direction, min_speed=min_speed)
+    starts = [round(path.start_time * fs) for path in paths]
+    speeds = [
+        np.abs(velocity[start : start + len(path.travel)])
+        for start, path in zip(starts, paths, strict=True)
+    ]
+    turned = [path.length / (2 * np.pi) for path in paths]
+    fastest = max((float(speed.max()) for speed in speeds), default=0.0)
+    slowest = min(channels, key=lambda name: recording.fs[name])
+    max_order = recording.fs[slowest] / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
+    row: dict[str, Any] = {
+        "revolutions": float(sum(turned)),
+        "strokes": len(paths),
+        "longest_stroke": float(max(turned, default=0.0)),
+        "standing": float(np.mean(np.abs(velocity) <= min_speed)),
+        "slowest": min((float(speed.min()) for speed in speeds), default=0.0),
+        "fastest": fastest,
+        "max_order": max_order,
+    }
+    n_short = sum(length < 1 for length in turned)
+    row["warnings"] = "; ".join(_quality_warnings(row, slowest, n_short, fastest / fs, theta_s))
+    return row
+
+
+def _quality_warnings(
+    row: dict[str, Any], slowest: str, n_short: int, step: float, theta_s: float
+) -> list[str]:
+    words = []
+    if not row["strokes"]:
+        words.append("the shaft never turns")
+    if PASS * np.pi / theta_s > row["max_order"]:
+        words.append(
+            f"orders above {row['max_order']:.4g} do not exist in channel {slowest!r} at the "
+            f"highest speed, though theta_s reaches {np.pi / theta_s:.4g}"
+        )
+    if n_short > _MANY:
+        words.append(
+            f"{n_short} strokes of less than a revolution: raise min_speed above the noise at rest"
+        )
+    if step > np.pi:
+        words.append(
+            "the shaft turns by more than half a revolution between its samples: "
+            "is the angle in rad, and its rate right?"
+        )
+    return words

@@ -1,0 +1,65 @@
+"""Simulated recordings whose truth is known, for tests and studies.
+
+- `chapter3_recordings`: the signals of chapter 3 of the thesis, Eqs. (3.1) to (3.6).
+- `LaboratoryBench`, `laboratory_recordings`: the laboratory of chapter 4, with ten kinds of faults
+  and units that differ. A recording says in `meta` what was true: unit, condition, run, label,
+  severity, and the orders of the fault.
+- `simulate_actuator`, `simulate_fleet`: short runs at 4 kHz, to try a pipeline in seconds.
+
+Same seed, same recordings, in whatever order they are made.
+
+Examples
+--------
+>>> from emacm.simulation import LaboratoryBench
+>>> bench = LaboratoryBench(unit=7, faults={"screw": 0.8}, duration=0.5)
+>>> bench.record(condition=4, run=2).meta["label"]
+'screw'
+"""
+
+from emacm.simulation.actuator import PEAK_SPEED, Actuator
+from emacm.simulation.bench import BenchTruth, LaboratoryBench
+from emacm.simulation.campaign import LaboratoryRecordings, laboratory_recordings, thesis_benches
+from emacm.simulation.chapter3 import (
+    CHAPTER3_ORDERS,
+    chapter3_motion,
+    chapter3_recording,
+    chapter3_recordings,
+)
+from emacm.simulation.conditions import CONDITIONS, TRANSDUCERS, Condition, Transducer
+from emacm.simulation.faults import BEARING, FAULT_ORDERS, FAULTS, SCREW
+from emacm.simulation.fleet import (
+    BEARING_ORDER,
+    ELECTRICAL_ORDER,
+    SCREW_ORDER,
+    STATES,
+    simulate_actuator,
+    simulate_fleet,
+)
+
+__all__ = [
+    "BEARING",
+    "BEARING_ORDER",
+    "CHAPTER3_ORDERS",
+    "CONDITIONS",
+    "ELECTRICAL_ORDER",
+    "FAULTS",
+    "FAULT_ORDERS",
+    "PEAK_SPEED",
+    "SCREW",
+    "SCREW_ORDER",
+    "STATES",
+    "TRANSDUCERS",
+    "Actuator",
+    "BenchTruth",
+    "Condition",
+    "LaboratoryBench",
+    "LaboratoryRecordings",
+    "Transducer",
+    "chapter3_motion",
+    "chapter3_recording",
+    "chapter3_recordings",
+    "laboratory_recordings",
+    "simulate_actuator",
+    "simulate_fleet",
+    "thesis_benches",
+]

@@ -1,0 +1,337 @@
+"""A laboratory bench with one actuator on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_choice, check_count, check_number
+from emacm.recordings.recording import Recording
+from emacm.simulation.actuator import RATED_CURRENT, Actuator, draw_run, draw_unit
+from emacm.simulation.conditions import CONDITIONS, load_error, load_force, position_command
+from emacm.simulation.faults import FAULT_ORDERS, ROLLING, Passage, ball_passage, check_faults
+from emacm.simulation.mechanics import bench_motion
+from emacm.simulation.motor import Torques, phase_currents, shaft_torques
+from emacm.simulation.rod import rod_position
+from emacm.simulation.sensors import SHAFT_DECIMATION, cable_noise, measured, resolver_angle
+from emacm.simulation.vibration import housing_acceleration, housing_force
+
+PHASES = ("a", "b", "c")
+_BEFORE = 0.1  # s that are simulated before a recording, for all that rings to settle
+# Each kind of chance has a stream of its own, so that a fault changes nothing but what it does.
+_STREAMS = ("unit", "run", "load", "friction", "forces", "resolver", *FAULT_ORDERS) + (
+    "lvdt",
+    "velocity",
+    "current_a",
+    "current_b",
+    "current_c",
+    "accelerometer",
+    "load_cell",
+)
+
+
+class BenchTruth(NamedTuple):
+    """What happens on the bench in one run, as no sensor sees it; it starts 0.1 s early.
+
+    Attributes
+    ----------
+    actuator : Actuator
+        The unit in this run.
+    times : ndarray of shape (n_times,)
+        Times [s]; the recording starts at 0.
+    torques : Torques
+        Torques and motion of the shaft.
+    force : ndarray of shape (n_times,)
+        Load against positive motion [lbf].
+    position : ndarray of shape (n_times,)
+        Of the rod [in].
+    currents : ndarray of shape (3, n_times)
+        Of the phases [A].
+    acceleration : ndarray of shape (n_times,)
+        Of the housing [g].
+    passages : dict of str to Passage
+        How balls pass each defect.
+    position_command : ndarray of shape (n_times,)
+        Position that is asked for [in].
+    load_command : ndarray of shape (n_times,)
+        Load that is asked for where the rod is: bias and spring of Table 4.3 [lbf].
+    """
+
+    actuator: Actuator
+    times: NDArray[np.floating]
+    torques: Torques
+    force: NDArray[np.floating]
+    position: NDArray[np.floating]
+    currents: NDArray[np.floating]
+    acceleration: NDArray[np.floating]
+    passages: dict[str, Passage]
+    position_command: NDArray[np.floating]
+    load_command: NDArray[np.floating]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaboratoryBench:
+    """The laboratory of the thesis, chapter 4, with one unit on the bench.
+
+    An actuator (synchronous motor of 12 poles, resolver, ball screw) follows the position
+    commands of Table 4.3 against a load, scaled and limited as Table 4.2 says, filtered at
+    15 kHz and sampled at 48 kHz. Every part is mechanics, with its source or "assumed" beside
+    it; no constant was chosen by what a classifier makes of it.
+
+    Parameters
+    ----------
+    unit : int
+        Number of the unit. The same number is the same unit, whatever its faults: before
+        and after.
+    faults : None, str or mapping of str to float
+        Severities in [0, 1] of the faults in `FAULT_ORDERS`; a name alone is severity 1.
+    actuator : Actuator
+        The drawing to which units are made; its `screw_lead` is not in the thesis.
+    electrical_noise : float
+        Noise of the motor in the cables of LVDT and velocity, over the usual.
+    unit_spread, run_spread : float
+        How much units differ, and runs of one unit, over the usual; 0: not at all.
+    phases : str
+        Phase currents that are recorded: "a" as in the thesis, or "abc".
+    commands : bool
+        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They say what
+        the bench was told, and nothing of the unit's health: keep them from a classifier.
+    duration : float
+        Length of a recording [s]. The text of the thesis does not give it; assumed.
+    fs : float
+        Sampling rate [Hz].
+    cutoff : float
+        Of the conditioning filter [Hz].
+    seed : int
+        Of all units and runs.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not what it should be.
+
+    Examples
+    --------
+    >>> bench = LaboratoryBench(unit=3, faults={"inner ring": 0.5}, duration=1.0)
+    >>> recording = bench.record(condition=3, run=1)
+    >>> recording.channels
+    ('lvdt', 'velocity', 'current_a', 'accelerometer')
+    >>> recording.meta["label"], recording.meta["orders"]
+    ('inner ring', {'inner ring': (6.1229153481384095,)})
+    """
+
+    unit: int = 0
+    faults: Mapping[str, float] = field(default_factory=dict, hash=False)
+    actuator: Actuator = field(default_factory=Actuator)
+    electrical_noise: float = 1.0
+    unit_spread: float = 1.0
+    run_spread: float = 1.0
+    phases: str = "a"
+    commands: bool = False
+    duration: float = 10.0
+    fs: float = 48_000.0
+    cutoff: float = 15_000.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "faults", check_faults(self.faults))
+        for name in ("unit", "seed"):
+            count = check_count(getattr(self, name), name, at_least=0)
+            object.__setattr__(self, name, count)
+        for name in ("electrical_noise", "unit_spread", "run_spread"):
+            check_number(getattr(self, name), name, at_least=0)
+        check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
+        if not isinstance(self.commands, bool | np.bool_):
+            raise TypeError(f"commands must be True or False, got {self.commands!r}.")
+        check_number(self.duration, "duration", at_least=0.01, unit="s")
+        check_number(self.cutoff, "cutoff", above=0, unit="Hz")
+        check_number(self.fs, "fs", above=2 * self.cutoff, unit="Hz")
+        if not isinstance(self.actuator, Actuator):
+            raise TypeError(f"actuator must be an Actuator, got {self.actuator!r}.")
+
+    @property
+    def label(self) -> str:
+        """Faults of the unit joined by " + ", or "healthy"."""
+        return " + ".join(self._present) or "healthy"
+
+    @property
+    def severity(self) -> float:
+        """Severity of the worst fault."""
+        return max(self._present.values(), default=0.0)
+
+    @property
+    def orders(self) -> dict[str, tuple[float, ...]]:
+        """True orders of each fault that the unit has."""
+        return {name: FAULT_ORDERS[name] for name in self._present}
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels of a recording."""
+        currents = [f"current_{phase}" for phase in self.phases]
+        commands = ("position_command", "load_command", "load_cell") if self.commands else ()
+        return ("lvdt", "velocity", *currents, "accelerometer", *commands)
+
+    @property
+    def built(self) -> Actuator:
+        """The unit as it was made: `actuator`, but for what sets units apart; no run's state."""
+        return draw_unit(self.actuator, self._rng("unit"), spread=self.unit_spread)
+
+    def record(self, condition: int, run: int = 1) -> Recording:
+        """Make one recording.
+
+        The same bench, condition and run give the same recording, whatever was asked before.
+
+        Parameters
+        ----------
+        condition : int
+            Row of Table 4.3.
+        run : int
+            Number of the run, from 1.
+
+        Returns
+        -------
+        Recording
+            Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or as `phases` says)
+            and "accelerometer" [g], in float32, which holds what 16 bits say; with `commands`
+            also "position_command" [in], "load_command" [lbf] and what the load cell reads
+            against it, "load_cell" [lbf]. The shaft reference
+            is the angle of the resolver at a tenth of the rate: it is what the actuator
+            itself measures, it does not drift, and it is free of the electrical noise that
+            the velocity channel has. `meta` holds unit, condition, run, label, severity,
+            faults and orders.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such condition or run.
+        """
+        truth = self.truth(condition, run)
+        current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
+        quantities = {
+            "lvdt": truth.actuator.lvdt_gain * truth.position + truth.actuator.lvdt_offset,
+            "velocity": truth.torques.velocity,
+            **{f"current_{x}": truth.currents[PHASES.index(x)] for x in self.phases},
+            "accelerometer": truth.actuator.accelerometer_gain * truth.acceleration,
+            **({"load_cell": truth.force} if self.commands else {}),
+        }
+        kept = slice(int(np.count_nonzero(truth.times < 0)), None)
+        level = self.electrical_noise * truth.actuator.electrical_noise
+        signals = {}
+        for name, values in quantities.items():
+            sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
+            mark = truth.actuator.mark + len(sensor)  # each cable has a phase of its own
+            cable = cable_noise(sensor, truth.torques.angle, current, level, mark)
+            signals[name] = measured(
+                sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable
+            )[kept]
+        if self.commands:  # numbers of the computer that gives them: no sensor, no noise
+            for name in ("position_command", "load_command"):
+                signals[name] = getattr(truth, name)[kept].astype(np.float32)
+        return Recording(
+            {name: signals[name] for name in self.channels},
+            self.fs,
+            angle=resolver_angle(truth.torques.angle[kept], self._rng("resolver", condition, run)),
+            shaft_fs=self.fs / SHAFT_DECIMATION,
+            meta=self.meta(condition, run),
+        )
+
+    def truth(self, condition: int, run: int = 1) -> BenchTruth:
+        """Simulate one run, and return what no sensor sees.
+
+        Parameters
+        ----------
+        condition, run : int
+            As for `record`.
+
+        Returns
+        -------
+        BenchTruth
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such condition or run.
+        """
+        row, faults = CONDITIONS[_known(condition)], self._present
+        check_count(run, "run")
+        of_run = self._rng("run", condition, run)
+        unit = draw_run(self.built, of_run, spread=self.run_spread)
+        phase = of_run.uniform(0, 2 * np.pi)
+        share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
+        n_before = round(_BEFORE * self.fs)
+        times = np.arange(-n_before, round(self.duration * self.fs)) / self.fs
+        motion = bench_motion(
+            row, unit, times, phase=phase, load_share=share, jam=faults.get("jam", 0.0)
+        )
+        place = motion.angle / unit.angle_per_inch
+        force = load_force(row, place, share)
+        force = force + load_error(len(times), self.fs, self._rng("load", condition, run))
+        passages = {
+            name: ball_passage(name, motion.angle, self._rng(name, condition, run), mark=unit.mark)
+            for name in faults
+            if name in ROLLING
+        }
+        friction_rng = self._rng("friction", condition, run)
+        torques = shaft_torques(motion, force, unit, faults, passages, friction_rng)
+        position, knocks = rod_position(
+            torques.angle, force, unit, faults.get("backlash", 0.0), self.fs
+        )
+        shaking = housing_force(
+            torques, unit, faults, passages, knocks, self._rng("forces", condition, run), self.fs
+        )
+        return BenchTruth(
+            unit,
+            times,
+            torques,
+            force,
+            position,
+            phase_currents(torques.motor, torques.angle, unit, faults),
+            housing_acceleration(shaking, unit, self.fs),
+            passages,
+            position_command(row, times, phase),
+            load_force(row, place),
+        )
+
+    def meta(self, condition: int, run: int) -> dict[str, Any]:
+        """Return what the recording of a run will hold as `meta`; nothing is simulated.
+
+        Parameters
+        ----------
+        condition, run : int
+            As for `record`.
+
+        Returns
+        -------
+        dict
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no such condition or run.
+        """
+        return {
+            "unit": self.unit,
+            "condition": _known(condition),
+            "run": check_count(run, "run"),
+            "label": self.label,
+            "severity": self.severity,
+            "faults": self._present,
+            "orders": self.orders,
+        }
+
+    @property
+    def _present(self) -> dict[str, float]:
+        return {name: severity for name, severity in self.faults.items() if severity}
+
+    def _rng(self, stream: str, condition: int = 0, run: int = 0) -> np.random.Generator:
+        key = (_STREAMS.index(stream), self.unit, condition, run)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+
+def _known(condition: Any) -> int:
+    """Return the number of a condition that exists."""
+    return check_choice(check_count(condition, "condition"), "condition", tuple(CONDITIONS))

@@ -1,0 +1,221 @@
+"""The signals of chapter 3 of the thesis: a current at varying speed, sound or with a defect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_choice, check_count, check_number
+from emacm.recordings.recording import Recording
+
+CHAPTER3_ORDERS: Mapping[str, float | None] = MappingProxyType(
+    {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
+)
+
+
+def chapter3_recording(
+    label: str = "healthy",
+    run: int = 0,
+    *,
+    sigma: float = 0.25,
+    seed: int = 0,
+    duration: float = 2.048,
+    fs: float = 2000.0,
+    mean_speed: float = 20 * np.pi,
+    speed_frequency: float = 5.0,
+    current_amplitude: float = 5.0,
+    current_order: float = 6.0,
+    supply_amplitude: float = 0.1,
+    supply_frequency: float = 100.0,
+    defect_amplitude: float = 0.1,
+    defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
+    reference: str = "velocity",
+) -> Recording:
+    """Make one run of the simulated motor current of the thesis [1]_.
+
+    The motor turns one way, between rest and twice its mean speed. All defaults
+    are those published. The figures show one second; the spectra need 4096
+    samples at 2 kHz, and so 2.048 s.
+
+    Parameters
+    ----------
+    label : str
+        One of the keys of `defect_orders`.
+    run : int
+        Number of the run. Runs differ by their noise alone.
+    sigma : float
+        Standard deviation of the noise [A]. Eq. (3.6) writes N(0, .25), which in the
+        thesis' notation is a variance (sigma 0.5), but its results are those of 0.25.
+    seed : int
+        Of the noise. Same seed, label and run: same recording.
+    duration : float
+        Length of the recording [s].
+    fs : float
+        Sampling rate [Hz].
+    mean_speed : float
+        Mean of the speed, and amplitude of its sine [rad/s].
+    speed_frequency : float
+        How often the speed varies [Hz].
+    current_amplitude, current_order : float
+        Fundamental current [A] and its order.
+    supply_amplitude, supply_frequency : float
+        What is fixed in time [A], [Hz].
+    defect_amplitude : float
+        Amplitude of a defect [A].
+    defect_orders : mapping of str to float or None
+        Labels and the orders of their defects; None for no defect.
+    reference : {"velocity", "angle"}
+        Which of the two the recording carries.
+
+    Returns
+    -------
+    Recording
+        Channel "current" [A]; `meta` holds label, run, severity (defect_amplitude over
+        the published 0.1 A; 0 without defect) and orders, the true order of each fault.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not what it should be.
+
+    References
+    ----------
+    .. [1] Chirico, Eqs. (3.1) to (3.6).
+
+    Examples
+    --------
+    >>> chapter3_recording("defect 1", run=7).meta["orders"]
+    {'defect 1': (3.125,)}
+    """
+    check_choice(label, "label", tuple(_checked_orders(defect_orders)))
+    check_count(run, "run", at_least=0)
+    check_count(seed, "seed", at_least=0)
+    check_choice(reference, "reference", ("velocity", "angle"))
+    for value, name, unit in (
+        (sigma, "sigma", "A"),
+        (current_amplitude, "current_amplitude", "A"),
+        (current_order, "current_order", ""),
+        (supply_amplitude, "supply_amplitude", "A"),
+        (supply_frequency, "supply_frequency", "Hz"),
+        (defect_amplitude, "defect_amplitude", "A"),
+    ):
+        check_number(value, name, at_least=0, unit=unit)
+    check_number(duration, "duration", above=0, unit="s")
+    times = np.arange(round(duration * check_number(fs, "fs", above=0, unit="Hz"))) / fs
+    velocity, angle = chapter3_motion(times, mean_speed, speed_frequency)
+    current = current_amplitude * np.sin(current_order * angle)  # Eq. (3.4)
+    current += supply_amplitude * np.sin(2 * np.pi * supply_frequency * times)
+    order = defect_orders[label]
+    if order is not None:
+        order = check_number(order, f"order of {label!r}", above=0)
+        current += defect_amplitude * np.sin(order * angle)  # Eq. (3.5)
+    key = (list(defect_orders).index(label), run)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+    current += sigma * rng.standard_normal(len(times))  # Eq. (3.6)
+    shaft = {"velocity": velocity, "angle": angle}[reference]
+    meta = {
+        "label": label,
+        "run": run,
+        "severity": 0.0 if order is None else defect_amplitude / 0.1,
+        "orders": {} if order is None else {label: (order,)},
+    }
+    if reference == "velocity":
+        return Recording({"current": current}, fs, velocity=shaft, meta=meta)
+    return Recording({"current": current}, fs, angle=shaft, meta=meta)
+
+
+def chapter3_recordings(
+    n_runs: int = 40,
+    *,
+    sigma: float = 0.25,
+    seed: int = 0,
+    defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
+    **constants: Any,
+) -> tuple[list[Recording], NDArray[np.str_]]:
+    """Make the runs of all classes of chapter 3 of the thesis.
+
+    Parameters
+    ----------
+    n_runs : int
+        Runs of each class. The first runs are the same however many follow.
+    sigma, seed, defect_orders, **constants
+        As for `chapter3_recording`.
+
+    Returns
+    -------
+    recordings : list of Recording
+        ``len(defect_orders) * n_runs`` recordings, class by class.
+    labels : ndarray of str
+        Class of each.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not what it should be.
+
+    Examples
+    --------
+    >>> recordings, labels = chapter3_recordings(2)
+    >>> labels.tolist()
+    ['healthy', 'healthy', 'defect 1', 'defect 1', 'defect 2', 'defect 2']
+    """
+    check_count(n_runs, "n_runs")
+    recordings = [
+        chapter3_recording(
+            label, run, sigma=sigma, seed=seed, defect_orders=defect_orders, **constants
+        )
+        for label in _checked_orders(defect_orders)
+        for run in range(n_runs)
+    ]
+    return recordings, np.array([recording.meta["label"] for recording in recordings])
+
+
+def chapter3_motion(
+    times: NDArray[np.floating], mean_speed: float = 20 * np.pi, speed_frequency: float = 5.0
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the speed and the angle of the motor of chapter 3, Eqs. (3.1) and (3.2).
+
+    Parameters
+    ----------
+    times : ndarray of shape (n_times,)
+        Times [s].
+    mean_speed : float
+        Mean of the speed, and amplitude of its sine [rad/s].
+    speed_frequency : float
+        How often the speed varies [Hz].
+
+    Returns
+    -------
+    velocity, angle : ndarray of shape (n_times,)
+        Speed [rad/s], from 0 to ``2 * mean_speed``, and angle [rad].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `mean_speed` or `speed_frequency` is not positive.
+
+    Examples
+    --------
+    >>> velocity, angle = chapter3_motion(np.array([0.0, 0.05]))
+    >>> (velocity / np.pi).round(6), angle.round(6)
+    (array([20., 40.]), array([-2.      ,  3.141593]))
+    """
+    mean_speed = check_number(mean_speed, "mean_speed", above=0, unit="rad/s")
+    omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
+    # Rounding must not make the speed negative where it touches zero: that would be a stroke.
+    velocity = np.maximum(mean_speed * (1 + np.sin(omega * times)), 0.0)  # Eq. (3.1)
+    angle = mean_speed * times - mean_speed / omega * np.cos(omega * times)  # Eq. (3.2)
+    return velocity, angle
+
+
+def _checked_orders(defect_orders: Mapping[str, float | None]) -> Mapping[str, float | None]:
+    if not isinstance(defect_orders, Mapping) or not defect_orders:
+        raise TypeError(
+            f"defect_orders must be a mapping of labels to orders, such as {{'healthy': None, "
+            f"'worn': 3.125}}, got {defect_orders!r}."
+        )
+    return defect_orders

@@ -1,0 +1,225 @@
+"""From motion to torque, and from torque to phase currents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as filters
+
+from emacm.simulation.actuator import RATED_CURRENT, Actuator
+from emacm.simulation.conditions import POUND
+from emacm.simulation.faults import CAGE_ORDER, POLE_PAIRS, Passage
+from emacm.simulation.mechanics import Motion, jam_torque
+
+_COGGING_ORDER = 36.0  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
+_STICTION_SPEED = 1.0  # rad/s, assumed: over which friction changes its sign
+_DAMPING = 0.8  # of the velocity loop, assumed
+# Torque at severity 1 [N m], assumed.
+_BALL_TORQUE = 0.3  # a ball that climbs out of a spall, at rated load
+_CAGE_TORQUE = 0.15
+_ECCENTRIC_TORQUE = 0.3
+_DRY_TORQUE = 0.15  # once per revolution, without grease
+_DRY_FRICTION = 1.5  # more Coulomb friction, in shares of it
+_DRY_SCATTER = 0.35  # RMS of friction at random, in shares of it
+_IMBALANCE = 0.3  # share of current that phase A lacks, at severity 1
+_DEAD_TIME = ((5, 0.010), (7, 0.007))  # harmonics of the current, in shares; assumed
+
+
+class Torques(NamedTuple):
+    """Torques on the shaft, and what its motion becomes by their ripple.
+
+    They balance at every instant: ``inertia * acceleration = motor - load - friction + ripple``.
+
+    Attributes
+    ----------
+    motor, load, friction, ripple : ndarray of shape (n_times,)
+        Of the motor, the load, friction, and all that varies with the angle [N m].
+    angle, velocity, acceleration : ndarray of shape (n_times,)
+        Of the shaft, ripple included [rad], [rad/s], [rad/s²].
+    """
+
+    motor: NDArray[np.floating]
+    load: NDArray[np.floating]
+    friction: NDArray[np.floating]
+    ripple: NDArray[np.floating]
+    angle: NDArray[np.floating]
+    velocity: NDArray[np.floating]
+    acceleration: NDArray[np.floating]
+
+
+def shaft_torques(
+    motion: Motion,
+    force: NDArray[np.floating],
+    actuator: Actuator,
+    faults: Mapping[str, float],
+    passages: Mapping[str, Passage],
+    rng: np.random.Generator,
+) -> Torques:
+    """Return the torques that a motion takes, and the ripple that they add to it.
+
+    Parameters
+    ----------
+    motion : Motion
+        Motion without ripple.
+    force : ndarray of shape (n_times,)
+        Load force [lbf].
+    actuator : Actuator
+        Constants.
+    faults : mapping of str to float
+        Severities in [0, 1].
+    passages : mapping of str to Passage
+        How balls pass the defects.
+    rng : Generator
+        Of friction at random.
+
+    Returns
+    -------
+    Torques
+
+    Notes
+    -----
+    Friction is Coulomb's, a viscous part, and what the screw loses of the load. The velocity
+    loop (proportional and integral, damping 0.8, assumed) lets ripple `d` move the shaft by
+    ``d / (J (s² + 2 z w s + w²))``, and answers the rest by torque: below its bandwidth a defect
+    shows in the current, above it in the speed.
+    """
+    load = force * POUND * actuator.torque_per_force
+    way = np.tanh(motion.velocity / _STICTION_SPEED)
+    dry = faults.get("lubrication", 0.0)
+    still = actuator.coulomb * (1 + _DRY_FRICTION * dry)
+    still = still + (1 / actuator.efficiency - 1) * np.abs(load)
+    still = still + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
+    friction = way * still + actuator.viscous * motion.velocity
+    mean = actuator.inertia * motion.acceleration + load + friction
+    ripple = _ripple(motion.angle, mean, actuator, faults)
+    ripple -= way * _braking(motion.angle, load, actuator, faults, passages, rng)
+    angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
+    return Torques(
+        mean + actuator.inertia * acceleration - ripple,
+        load,
+        friction,
+        ripple,
+        motion.angle + angle,
+        motion.velocity + velocity,
+        motion.acceleration + acceleration,
+    )
+
+
+def phase_currents(
+    torque: NDArray[np.floating],
+    angle: NDArray[np.floating],
+    actuator: Actuator,
+    faults: Mapping[str, float],
+) -> NDArray[np.floating]:
+    """Return the currents of the three phases.
+
+    The controller keeps the current vector square to the rotor (no d-current), so that torque
+    is in proportion to its length. Dead time of the inverter adds the 5th and 7th harmonic;
+    the torque of these is part of what is called cogging here.
+
+    Parameters
+    ----------
+    torque : ndarray of shape (n_times,)
+        Of the motor [N m].
+    angle : ndarray of shape (n_times,)
+        Shaft angle [rad].
+    actuator : Actuator
+        Constants.
+    faults : mapping of str to float
+        Severities in [0, 1].
+
+    Returns
+    -------
+    ndarray of shape (3, n_times)
+        Currents [A]; orders around 6, Eqs. (2.2) to (2.4) of the thesis.
+
+    Examples
+    --------
+    >>> quarter = np.array([np.pi / 2 / POLE_PAIRS])
+    >>> phase_currents(np.array([6.7]), quarter, Actuator(), {}).round(1).ravel()
+    array([-10.,   5.,   5.])
+    """
+    length = torque / actuator.torque_constant
+    mismatch = _mismatch(actuator, faults)
+    turning = np.exp(1j * POLE_PAIRS * angle)
+    harmonics = {k: share * turning**k for k, share in ((1, 1.0), *_DEAD_TIME)}
+    currents = np.empty((3, len(angle)))
+    for row, gain in enumerate((1 + mismatch, 1 - mismatch / 2, 1 - mismatch / 2)):
+        behind = np.exp(-2j * np.pi / 3 * row)
+        wave = sum((behind**k * line).imag for k, line in harmonics.items())
+        currents[row] = -gain * length * wave
+    return currents
+
+
+def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
+    return actuator.phase_mismatch - _IMBALANCE * faults.get("phase imbalance", 0.0)
+
+
+def _ripple(
+    angle: NDArray[np.floating],
+    mean: NDArray[np.floating],
+    actuator: Actuator,
+    faults: Mapping[str, float],
+) -> NDArray[np.floating]:
+    """Torque that pushes as much as it brakes: alignment, cogging, rotor and phases."""
+    eccentric = _ECCENTRIC_TORQUE * faults.get("eccentricity", 0.0)
+    ripple = actuator.ripple * np.sin(angle + actuator.mark)
+    ripple += actuator.cogging * np.sin(_COGGING_ORDER * angle + actuator.mark)
+    if eccentric:
+        ripple += eccentric * np.sin(angle + 2 * actuator.mark)
+    # Sine currents of unequal amplitude: a share pulsates at twice the electrical angle.
+    share = -_mismatch(actuator, faults) / 2
+    if share:
+        ripple += share * mean * np.cos(2 * POLE_PAIRS * angle)
+    return ripple
+
+
+def _braking(
+    angle: NDArray[np.floating],
+    load: NDArray[np.floating],
+    actuator: Actuator,
+    faults: Mapping[str, float],
+    passages: Mapping[str, Passage],
+    rng: np.random.Generator,
+) -> NDArray[np.floating]:
+    """Torque that brakes more and less, against whichever way the shaft turns."""
+    braking = np.zeros_like(angle)
+    rated = actuator.torque_constant * RATED_CURRENT
+    for name, passage in passages.items():
+        braking += faults[name] * _BALL_TORQUE * (0.3 + np.abs(load) / rated) * passage.pulses
+    if cage := faults.get("cage", 0.0):
+        braking += _CAGE_TORQUE * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
+    if dry := faults.get("lubrication", 0.0):
+        braking += dry * _DRY_TORQUE * np.sin(angle + 3 * actuator.mark)
+        braking += dry * _DRY_SCATTER * actuator.coulomb * _noise_over_travel(angle, rng)
+    return braking
+
+
+def _noise_over_travel(
+    angle: NDArray[np.floating], rng: np.random.Generator, order: float = 1.5, per_rev: int = 32
+) -> NDArray[np.floating]:
+    """Noise of unit variance below an order (assumed: 1.5), over the way that was turned."""
+    travel = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(angle))))) / (2 * np.pi)
+    decay = np.exp(-2 * np.pi * order / per_rev)
+    grid = np.arange(int(travel[-1] * per_rev) + 2) / per_rev
+    white = rng.standard_normal(len(grid)) * np.sqrt(1 - decay**2)
+    white[0] /= np.sqrt(1 - decay**2)
+    return np.interp(travel, grid, filters.lfilter([1], [1, -decay], white))
+
+
+def _loop_response(
+    ripple: NDArray[np.floating], actuator: Actuator, times: NDArray[np.floating]
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """Angle, velocity and acceleration that ripple adds under the velocity loop."""
+    corner = 2 * np.pi * actuator.velocity_bandwidth
+    below = [1.0, 2 * _DAMPING * corner, corner**2]
+    above = ([1.0], [1.0, 0.0], [1.0, 0.0, 0.0])
+    fs = 1 / (times[1] - times[0])
+    disturbed = ripple / actuator.inertia
+    angle, velocity, acceleration = (
+        filters.lfilter(*filters.bilinear(part, below, fs=fs), disturbed) for part in above
+    )
+    return angle, velocity, acceleration

@@ -1,0 +1,1 @@
+"""Named feature columns computed from strokes."""

@@ -1,0 +1,279 @@
+"""What the transformers of strokes into named columns share: what they take, and the names.
+
+A column is named ``channel+:feature`` of forward strokes, ``channel-:feature`` of reverse ones,
+``channel:feature`` of both, and ``channel+:part:feature`` of a part of the strokes. No such name
+is taken for an order or a bin, whose names are ``channel@...``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from joblib import delayed
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_choice, check_number, located, once_hint
+from emacm._progress import run
+from emacm.orders.columns import check_input_names
+from emacm.recordings.recording import Recording, described
+from emacm.resampling.angle_recording import AngleRecording
+from emacm.stroke_features.signals import SeenRecording, StrokeSignal, see_recording
+
+Row = Recording | AngleRecording
+Self = TypeVar("Self", bound="StrokeFeatures")
+
+WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
+
+
+class StrokeFeatures(TransformerMixin, BaseEstimator):
+    """Base of transformers of recordings into columns named after channels and strokes.
+
+    Subclasses have the parameters `channels`, `by_direction`, `min_speed`,
+    `min_revolutions` and `n_jobs`, and
+    supply `_check_own_parameters`, `_feature_names` and `_features`.
+    """
+
+    channels: Sequence[str] | None
+    by_direction: bool
+    min_speed: float
+    min_revolutions: float
+    n_jobs: int | None
+
+    def fit(self: Self, X: Any, y: Any = None) -> Self:
+        """Learn the channels and the names of the columns; nothing is computed.
+
+        Parameters
+        ----------
+        X : list of Recording, or what OrderResampler returns
+            Recordings.
+        y : ignored
+
+        Returns
+        -------
+        StrokeFeatures
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or X is not what it should be.
+        """
+        self._check_parameters()
+        rows = _checked_rows(X, type(self).__name__)
+        self.channels_ = _chosen_channels(self.channels, rows[0])
+        self._over_angle = isinstance(rows[0], AngleRecording)
+        self._check_rows(rows)
+        names = [":".join(key) for key in self._keys()]
+        if len(set(names)) < len(names):
+            raise ValueError(
+                f"the names of channels {list(self.channels_)} make columns of one name; rename "
+                f"those that end in '+' or '-' or hold a ':'."
+            )
+        self._columns_out = names
+        return self
+
+    def transform(self, X: Any) -> NDArray[np.float64]:
+        """Compute the columns, one recording at a time.
+
+        Parameters
+        ----------
+        X : list of Recording, or what OrderResampler returns
+            Recordings of the kind and with the channels seen in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_columns)
+            Channel by channel; the names are those of `get_feature_names_out`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is not what it should be, or a recording lacks a stroke that a column is of; the
+            message names recording, channel and direction.
+        """
+        check_is_fitted(self)
+        self._check_parameters()
+        rows = _checked_rows(X, type(self).__name__)
+        self._check_rows(rows)
+        tasks = (delayed(self._row)(row, index) for index, row in enumerate(rows))
+        return np.array(run(tasks, len(rows), n_jobs=self.n_jobs), dtype=np.float64)
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the columns.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            Names of the channels; recordings name their own.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        if input_features is not None:
+            check_input_names(input_features, None, len(self.channels_))
+        return np.array(self._columns_out, dtype=object)
+
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn that X is no 2-D table."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        tags.input_tags.three_d_array = True
+        return tags
+
+    def _check_own_parameters(self) -> None:
+        raise NotImplementedError
+
+    def _feature_names(self) -> list[tuple[str, ...]]:
+        """Return what follows the channel in the names, for strokes of one direction."""
+        raise NotImplementedError
+
+    def _features(self, strokes: Sequence[StrokeSignal]) -> Any:
+        """Compute what `_feature_names` names from the strokes of one channel and direction."""
+        raise NotImplementedError
+
+    def _rest_names(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _rest_features(self, rest: NDArray[np.floating]) -> Any:
+        return []
+
+    def _check_parameters(self) -> None:
+        check_choice(self.by_direction, "by_direction", (True, False))
+        check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
+        check_number(self.min_revolutions, "min_revolutions", at_least=0)
+        self._check_own_parameters()
+
+    def _keys(self) -> list[tuple[str, ...]]:
+        signs = WAYS if self.by_direction else ("",)
+        return [
+            key
+            for channel in self.channels_
+            for key in (
+                *((channel + sign, *name) for sign in signs for name in self._feature_names()),
+                *((channel, *name) for name in self._rest_names()),
+            )
+        ]
+
+    def _check_rows(self, rows: Sequence[Row]) -> None:
+        """Compare recordings with what `fit` saw."""
+        for index, row in enumerate(rows):
+            with located(partial(described, row, index)):
+                _check_channels(row, self.channels_, others=self.channels is not None)
+                if isinstance(row, AngleRecording) != self._over_angle:
+                    kinds = ("over time", "over the shaft angle")
+                    raise ValueError(
+                        f"it is {kinds[not self._over_angle]}, but {type(self).__name__} was "
+                        f"fitted on recordings {kinds[self._over_angle]}. Fit it again."
+                    )
+                self._check_row(row)
+
+    def _check_row(self, row: Row) -> None:
+        """Say why a recording does not go with the parameters."""
+        if not isinstance(row, AngleRecording):
+            return
+        if self.by_direction and row.direction == "travel":
+            raise ValueError(
+                "by_direction needs strokes, but direction='travel' of OrderResampler joins both "
+                "directions. Use direction='strokes', or by_direction=False."
+            )
+        if self.min_speed not in (0, row.min_speed):
+            raise ValueError(
+                f"min_speed = {self.min_speed:g} contradicts OrderResampler, which found the "
+                f"strokes with {row.min_speed:g}. State it there alone."
+            )
+
+    def _row(self, row: Row, index: int) -> NDArray[np.float64]:
+        with located(partial(described, row, index)), np.errstate(over="ignore", invalid="ignore"):
+            seen = see_recording(
+                row,
+                self.channels_,
+                min_speed=self.min_speed,
+                min_revolutions=self.min_revolutions,
+            )
+            blocks = [
+                block for k in range(len(self.channels_)) for block in self._of_channel(seen, k)
+            ]
+            values = np.concatenate(blocks).astype(np.float64)
+            if not np.all(np.isfinite(values)):
+                column = self._columns_out[int(np.argmin(np.isfinite(values)))]
+                raise ValueError(
+                    f"{column!r} is beyond what a float can hold. State the channel in another "
+                    f"unit."
+                )
+            return values
+
+    def _of_channel(self, seen: SeenRecording, number: int) -> list[Any]:
+        channel, blocks = self.channels_[number], []
+        for sign, way in WAYS.values() if self.by_direction else [(0, "")]:
+            kind = f"{way} stroke".strip()
+            strokes = [s for s in seen.strokes[number] if sign in (0, s.direction)]
+            if not strokes:
+                raise ValueError(_no_stroke(kind, self.min_revolutions))
+            with located(f"channel {channel!r}, {kind}s"):
+                blocks.append(self._features(strokes))
+        if seen.rest is not None:
+            with located(f"channel {channel!r}, at rest"):
+                blocks.append(self._rest_features(seen.rest[number]))
+        return blocks
+
+
+def _no_stroke(kind: str, min_revolutions: float) -> str:
+    wanted, parameters = f"{kind} of two samples", "min_speed"
+    if min_revolutions > 0:
+        wanted += f" and {min_revolutions:g} revolutions"
+        parameters += ", min_revolutions"
+    remedy = f"Leave it out, or check {parameters} and the shaft's reference"
+    if kind != "stroke":
+        remedy += ", or do not keep directions apart (by_direction=False)"
+    return f"it has no {wanted}. {remedy}."
+
+
+def _checked_rows(X: Any, name: str) -> list[Row]:
+    """Return X as a list of recordings."""
+    if isinstance(X, Row):
+        raise TypeError("X must be a list of recordings, got a single one; write [recording].")
+    if isinstance(X, str | dict | Iterator) or not isinstance(X, Iterable):
+        raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
+    rows = list(X)
+    if not rows:
+        raise ValueError("X holds no recording; at least one is needed.")
+    for index, row in enumerate(rows):
+        if not isinstance(row, Row):
+            raise TypeError(
+                f"{name} takes recordings, but entry {index} of X is a {type(row).__name__}. Make "
+                f"a Recording of it, or put an OrderResampler that is told fs and reference first."
+            )
+    return rows
+
+
+def _chosen_channels(channels: Any, first: Row) -> tuple[str, ...]:
+    if channels is None:
+        return tuple(first.channels)
+    if isinstance(channels, str) or not isinstance(channels, Iterable):
+        raise TypeError(f"channels must be a list of names such as ['current'], got {channels!r}.")
+    chosen = tuple(channels)
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
+    return chosen
+
+
+def _check_channels(row: Row, channels: Sequence[str], *, others: bool) -> None:
+    missing = [name for name in channels if name not in row.channels]
+    if missing:
+        raise ValueError(
+            f"it has no channel {missing[0]!r}; its channels are {list(row.channels)}, expected "
+            f"were {list(channels)}."
+        )
+    if not others and len(row.channels) > len(channels):
+        other = next(name for name in row.channels if name not in channels)
+        raise ValueError(
+            f"it has a channel {other!r} besides the expected {list(channels)}. Set "
+            f"channels={list(channels)} to pass over it."
+        )

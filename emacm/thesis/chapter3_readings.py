@@ -1,0 +1,208 @@
+"""Chapter 3 of the thesis, read in several ways: from recordings to decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.decomposition import PCA
+from sklearn.pipeline import Pipeline, make_pipeline
+
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.recording import Recording
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.shaft.angle import angle_from_velocity
+from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recordings
+from emacm.thesis.printed_equations import printed_resampling, rectangle_angle
+
+TURN = 2 * np.pi
+FS = 2000.0  # Hz
+N_RUNS = 40  # of each class to learn from
+THETA_S = TURN / 1000
+N_ANGLES = 2**14
+N_TIMES = 4096
+STOP_BAND = (5.6, 6.4)
+NO_LOW_HZ = "Hz without 0-130 Hz"  # where the fundamental smears
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A way to read chapter 3.
+
+    Attributes
+    ----------
+    name : str
+        What sets it apart.
+    sigma : float
+        Standard deviation of the noise [A].
+    duration : float
+        Length of a recording [s].
+    angle : {"trapezoid", "rectangle", "printed", "band-limited"}
+        How the current is brought to the shaft angle: by Eq. (2.13) from x(k-1), with the angle by
+        the trapezoid or the rectangle rule; by Eq. (2.13) as printed; or as emacm does by default.
+    """
+
+    name: str
+    sigma: float = 0.25
+    duration: float = N_TIMES / FS
+    angle: str = "trapezoid"
+
+
+READINGS = (
+    Reading("as emacm reads it"),
+    Reading("noise of variance 0.25", sigma=0.5),
+    Reading("one second of signal", duration=1.0),
+    Reading("angle by the rectangle rule", angle="rectangle"),
+    Reading("Eq. (2.13) as printed", angle="printed"),
+    Reading("emacm's band-limited resampling", angle="band-limited"),
+)
+TAKEN, VARIANCE, SECOND, RECTANGLE = READINGS[:4]
+
+
+def thesis_pipeline(reading: Reading = TAKEN) -> Pipeline:
+    """Return the chain of chapter 3 from recordings to bins.
+
+    Parameters
+    ----------
+    reading : Reading
+        How the chapter is read.
+
+    Returns
+    -------
+    Pipeline
+
+    Examples
+    --------
+    >>> thesis_pipeline()[1].n_per_segment
+    16384
+    """
+    resampler = OrderResampler(THETA_S, interpolation="linear", antialias=False)
+    psd = OrderPSD(n_per_segment=N_ANGLES, max_order=51, short="pad")
+    if reading.angle == "band-limited":
+        resampler, psd = OrderResampler(), OrderPSD(16, max_order=51)
+    return make_pipeline(resampler, psd, BinTransformer(1, stop_bands=(STOP_BAND,)))
+
+
+def draw(seed: int, n_new: int = N_RUNS) -> dict[str, dict[str, float]]:
+    """Draw the noise once and judge under every reading.
+
+    Parameters
+    ----------
+    seed : int
+        Of the noise.
+    n_new : int
+        Runs of each class to judge that were not learnt from.
+
+    Returns
+    -------
+    dict of str to dict
+        The `outcome` by name of the reading; and by "hertz", how spectra in hertz compare.
+    """
+    drawn, found = {}, {}
+    for reading in READINGS:
+        constants = (reading.sigma, reading.duration)
+        if constants not in drawn:
+            drawn[constants] = _runs(seed, n_new, sigma=reading.sigma, duration=reading.duration)
+        recordings, labels, known = drawn[constants]
+        bins = _bins(reading, recordings)
+        found[reading.name] = outcome(bins, labels, known)
+        if reading is TAKEN:
+            found["hertz"] = _hertz_against_orders(recordings, labels, known, bins)
+    return found
+
+
+def outcome(
+    bins: NDArray[np.floating], labels: NDArray[np.str_], known: NDArray[np.bool_]
+) -> dict[str, float]:
+    """Learn from known runs, and judge them and others.
+
+    Parameters
+    ----------
+    bins : ndarray of shape (n_recordings, n_bins)
+        Power in each bin [A²].
+    labels : ndarray of shape (n_recordings,)
+        Class of each run.
+    known : ndarray of bool, shape (n_recordings,)
+        Which runs to learn from.
+
+    Returns
+    -------
+    dict of str to float
+        Share of the variance, the leading bins and their weights, the greatest weight
+        of bins 6 to 8, known runs decided rightly by class, and the share of new ones.
+    """
+    pca = PCA().fit(bins[known])
+    weights = np.abs(pca.components_[:2])
+    found = {"share of two components [%]": 100 * pca.explained_variance_ratio_[:2].sum()}
+    for number, loading in enumerate(weights, start=1):
+        found[f"bin that leads PC{number}"] = loading.argmax() + 1
+        found[f"largest weight of PC{number}"] = loading.max()
+    found["largest weight of bins 6 to 8"] = weights[:, 5:8].max()
+    model = _classifier().fit(bins[known], labels[known])
+    decided, truths = model.predict(bins[known]), labels[known]
+    for label in CHAPTER3_ORDERS:
+        found[f"correct, {label}"] = np.sum((truths == label) & (decided == label))
+    missed = np.sum((truths == "defect 1") & (decided == "healthy"))
+    found["defect 1 taken for healthy"] = missed
+    found["new runs decided rightly [%]"] = 100 * model.score(bins[~known], labels[~known])
+    return {name: float(value) for name, value in found.items()}
+
+
+def _runs(
+    seed: int, n_new: int, **constants: Any
+) -> tuple[list[Recording], NDArray[Any], NDArray[Any]]:
+    """Return recordings, their labels, and which of them are for learning."""
+    recordings, labels = chapter3_recordings(N_RUNS + n_new, seed=seed, **constants)
+    known = np.array([recording.meta["run"] < N_RUNS for recording in recordings])
+    return recordings, labels, known
+
+
+def _bins(reading: Reading, recordings: Sequence[Recording]) -> NDArray[np.floating]:
+    chain = thesis_pipeline(reading)
+    if reading.angle == "rectangle":
+        recordings = [
+            Recording({"current": r.signals["current"]}, FS, angle=rectangle_angle(r.velocity, FS))
+            for r in recordings
+        ]
+    elif reading.angle == "printed":
+        rows = np.array([
+            printed_resampling(
+                r.signals["current"], angle_from_velocity(r.velocity, FS), THETA_S
+            )[:N_ANGLES]
+            for r in recordings
+        ])  # fmt: skip
+        chain = Pipeline(chain.steps[1:]).set_params(orderpsd__theta_s=THETA_S)
+        return np.asarray(chain.fit_transform(rows))
+    return np.asarray(chain.fit_transform(list(recordings)))
+
+
+def _classifier() -> Pipeline:
+    return make_pipeline(PCA(2), CostSensitiveGaussianBayes(priors="uniform"))  # Eq. (3.7)
+
+
+def _hertz_against_orders(
+    recordings: list[Recording],
+    labels: NDArray[np.str_],
+    known: NDArray[np.bool_],
+    order_bins: NDArray[np.floating],
+) -> dict[str, float]:
+    """Judge by bins in hertz and in orders; 10 Hz is order 1 at the mean speed."""
+    rows = np.array([recording.signals["current"] for recording in recordings])
+    # 2000 samples a second in the place of samples a revolution: hertz in the place of orders.
+    spectra = np.asarray(OrderPSD(n_per_segment=N_TIMES, theta_s=TURN / FS).fit_transform(rows))
+    step = FS / N_TIMES
+    tables = {"orders": order_bins}
+    for name, stop_bands in (("Hz", ()), (NO_LOW_HZ, ((0, 130),))):
+        bins = BinTransformer(10, max_order=500, stop_bands=stop_bands, order_step=step)
+        tables[name] = np.asarray(bins.fit_transform(spectra))
+    found: dict[str, float] = {}
+    for name, table in tables.items():
+        model = _classifier().fit(table[known], labels[known])
+        for which, chosen in (("known runs", known), ("new runs", ~known)):
+            found[f"{name}, {which} [%]"] = 100 * model.score(table[chosen], labels[chosen])
+    return found

@@ -1,0 +1,130 @@
+"""Equations of the thesis as they are printed, where emacm reads them otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_number, check_signal
+
+
+def printed_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
+    """Integrate the shaft speed by Eq. (2.9) as printed [1]_.
+
+    The sum lacks parentheses around the two speeds: it runs over the first alone, and the
+    second is added once, unscaled. `emacm.angle_from_velocity` is what was meant.
+
+    Parameters
+    ----------
+    velocity : array-like of shape (n_times,)
+        Shaft speed [rad/s].
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        What the equation gives; no angle, as its units differ.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the speed is no finite signal, or `fs` not positive.
+
+    References
+    ----------
+    .. [1] Chirico, Eq. (2.9).
+
+    Examples
+    --------
+    >>> printed_angle([0.0, 1.0, 2.0], fs=2)
+    array([0.  , 1.  , 2.25])
+    """
+    speed = check_signal(velocity, "velocity").astype(np.float64)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    before = np.concatenate([[0.0], np.cumsum(speed[:-1])])
+    return before / (2 * fs) + speed
+
+
+def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> NDArray[np.float64]:
+    """Resample by Eq. (2.13) as printed [1]_, which adds the slope to the sample after.
+
+    The angle is measured from the sample before. At low orders this is the signal a time
+    sample early, and so a line is modulated wherever the speed varies.
+    `emacm.resampling.to_angle.interpolate_to_angle` starts from the sample before, as linear
+    interpolation does.
+
+    Parameters
+    ----------
+    signal : array-like of shape (n_times,)
+        Signal in any unit.
+    angle : array-like of shape (n_times,)
+        Shaft angle [rad] that never falls, from which angles are counted.
+    theta_s : float
+        Angle between samples [rad].
+
+    Returns
+    -------
+    ndarray of shape (n_angles,)
+        Signal at angles `theta_s` apart, from the first one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If either is no finite signal, they differ in length, or the angle falls.
+
+    References
+    ----------
+    .. [1] Chirico, Eq. (2.13).
+
+    Examples
+    --------
+    >>> printed_resampling([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], 0.5)
+    array([1. , 1.5, 2. , 2.5, 3. ])
+    """
+    values = check_signal(signal, "signal").astype(np.float64)
+    turned = check_signal(angle, "angle").astype(np.float64)
+    theta_s = check_number(theta_s, "theta_s", above=0, unit="rad")
+    if len(values) != len(turned):
+        raise ValueError(
+            f"signal and angle must be equally long, got {len(values)} and {len(turned)} samples."
+        )
+    if np.any(np.diff(turned) < 0):
+        raise ValueError("angle must not fall; Eq. (2.13) is not defined where the shaft reverses.")
+    turned = turned - turned[0]
+    places = theta_s * np.arange(int(np.floor(turned[-1] / theta_s + 1e-9)) + 1)
+    after = np.clip(np.searchsorted(turned, places, side="right"), 1, len(turned) - 1)
+    slope = np.diff(values)[after - 1] / np.diff(turned)[after - 1]
+    return values[after] + slope * (places - turned[after - 1])
+
+
+def rectangle_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
+    """Integrate the shaft speed by the rectangle rule, half a sample behind the trapezoid rule.
+
+    Not in the thesis: a slip that is easily made, to see what it does.
+
+    Parameters
+    ----------
+    velocity : array-like of shape (n_times,)
+        Shaft speed [rad/s].
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Angle [rad], from 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the speed is no finite signal, or `fs` not positive.
+
+    Examples
+    --------
+    >>> rectangle_angle([1.0, 1.0, 3.0], fs=2)
+    array([0. , 0.5, 1. ])
+    """
+    speed = check_signal(velocity, "velocity").astype(np.float64)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    return np.concatenate([[0.0], np.cumsum(speed[:-1])]) / fs

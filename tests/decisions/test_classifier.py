@@ -1,0 +1,780 @@
+"""Facts about the classifier of least risk and its scorer."""
+
+import inspect
+import pickle
+from itertools import pairwise
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import softmax
+from scipy.stats import multivariate_normal
+from sklearn.base import BaseEstimator, clone
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.covariance import OAS
+from sklearn.discriminant_analysis import (
+    LinearDiscriminantAnalysis,
+    QuadraticDiscriminantAnalysis,
+)
+from sklearn.metrics import make_scorer
+from sklearn.model_selection import (
+    GridSearchCV,
+    StratifiedKFold,
+    cross_val_predict,
+    cross_val_score,
+)
+from sklearn.naive_bayes import GaussianNB
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm.decisions.classifier import CostSensitiveGaussianBayes, neg_expected_cost
+from emacm.decisions.costs import expected_cost, least_risk
+
+NAMES = np.array(["ball", "healthy", "screw"])
+COST = np.array([[0.0, 8.0, 3.0], [20.0, 0.0, 40.0], [5.0, 6.0, 0.0]])
+INSPECT = {("inspect", name): 0.2 for name in NAMES}
+CHOICES = [
+    (covariance, shrinkage)
+    for covariance in ("full", "tied", "diag")
+    for shrinkage in (None, 0.2, "oas")
+]
+
+
+def draw(seed=0, n_recordings=90, n_features=3, spread=1.0):
+    """Equally many recordings of three overlapping classes."""
+    rng = np.random.default_rng(seed)
+    codes = rng.permutation(np.arange(n_recordings) % 3)
+    mixing = np.eye(n_features) + 0.3 * rng.normal(size=(n_features, n_features))
+    shape = 1 + 0.5 * codes[:, None] * np.linspace(0, 1, n_features)
+    X = rng.normal(size=(n_recordings, n_features)) * shape @ mixing
+    return X + spread * np.array([[0.0], [1.0], [-1.0]])[codes], NAMES[codes]
+
+
+def posterior_by_scipy(model, X, scale=1.0):
+    """Posterior of the fitted means, priors and covariances, the latter times `scale`."""
+    joint = np.empty((len(X), len(model.classes_)))
+    for k, mean in enumerate(model.means_):
+        tied = model.covariance == "tied"
+        covariance = model.covariances_ if tied else model.covariances_[k]
+        covariance = np.diag(covariance) if model.covariance == "diag" else covariance
+        joint[:, k] = multivariate_normal(mean, covariance * scale).logpdf(X)
+    return softmax(joint + np.log(model.priors_), axis=1)
+
+
+def assert_same_model(first, second, X):
+    for name in ("class_count_", "means_", "covariances_", "priors_", "cost_"):
+        expected = getattr(second, name)
+        np.testing.assert_allclose(getattr(first, name), expected, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(first.predict_proba(X), second.predict_proba(X), atol=1e-9)
+    np.testing.assert_array_equal(first.predict(X), second.predict(X))
+
+
+# Scikit-learn's own conventions
+
+
+@pytest.mark.filterwarnings("ignore:The covariance of .* is singular:UserWarning")
+@parametrize_with_checks([CostSensitiveGaussianBayes()])
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.parametrize("cost", [pd.DataFrame(COST, NAMES, NAMES), INSPECT, COST.tolist()])
+def test_a_clone_keeps_the_cost_as_it_was_given(cost):
+    model = CostSensitiveGaussianBayes(cost, priors="uniform")
+    copy = clone(model)
+    assert isinstance(copy.cost, type(cost))
+    X, y = draw()
+    np.testing.assert_array_equal(copy.fit(X, y).risk(X), model.fit(X, y).risk(X))
+    assert "CostSensitiveGaussianBayes" in repr(model)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_a_saved_model_decides_the_same(covariance, tmp_path):
+    X, y = draw()
+    model = CostSensitiveGaussianBayes(INSPECT, covariance=covariance).fit(X, y)
+    joblib.dump(model, tmp_path / "model.joblib")
+    for copy in (pickle.loads(pickle.dumps(model)), joblib.load(tmp_path / "model.joblib")):
+        np.testing.assert_array_equal(copy.predict(X), model.predict(X))
+        np.testing.assert_array_equal(copy.partial_fit(X, y).means_, model.means_)
+
+
+@pytest.mark.parametrize("labels", [NAMES, np.array([3, 1, 2]), NAMES.astype(object)])
+def test_decisions_come_in_the_kind_of_the_labels(labels):
+    X, y = draw(spread=8.0)
+    y = labels[np.searchsorted(NAMES, y)]
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    assert model.predict(X).dtype == y.dtype
+    assert model.decisions_.tolist() == model.classes_.tolist() == sorted(labels.tolist())
+    assert model.score(X, y) > 0.95
+
+
+def test_bool_labels_serve_as_faulty_or_not():
+    X, y = draw(spread=8.0)
+    model = CostSensitiveGaussianBayes({(False, True): 10}).fit(X, y != "healthy")
+    assert model.predict(X).dtype == bool
+    np.testing.assert_array_equal(model.cost_, [[0, 10], [1, 0]])
+
+
+def test_feature_names_are_kept():
+    X, y = draw()
+    frame = pd.DataFrame(X, columns=["current@1-2", "current@2-3", "vibration@1-2"])
+    model = CostSensitiveGaussianBayes().fit(frame, y)
+    assert model.feature_names_in_.tolist() == frame.columns.tolist()
+    assert model.n_features_in_ == 3
+
+
+def test_it_calibrates_and_searches():
+    X, y = draw()
+    calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(INSPECT), cv=3).fit(X, y)
+    np.testing.assert_allclose(calibrated.predict_proba(X).sum(axis=1), 1)
+    grid = {
+        "costsensitivegaussianbayes__covariance": ["full", "tied", "diag"],
+        "costsensitivegaussianbayes__shrinkage": [None, 0, 0.1, "oas", "auto"],
+    }
+    pipe = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(COST))
+    search = GridSearchCV(pipe, grid, scoring=neg_expected_cost, cv=3, error_score="raise")
+    search.fit(X, y)
+    assert search.best_score_ == max(search.cv_results_["mean_test_score"])
+    best = expected_cost(y, search.predict(X), cost=COST, labels=NAMES)
+    assert neg_expected_cost(search, X, y) == pytest.approx(-best)
+
+
+# Agreement with independent implementations
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
+def test_the_posterior_follows_from_the_attributes(covariance, shrinkage):
+    X, y = draw(1)
+    model = CostSensitiveGaussianBayes(COST, covariance=covariance, shrinkage=shrinkage)
+    model.fit(X, y)
+    expected = posterior_by_scipy(model, X)
+    np.testing.assert_allclose(model.predict_proba(X), expected, rtol=1e-9)
+    np.testing.assert_allclose(model.predict_log_proba(X), np.log(expected), atol=1e-9)
+    np.testing.assert_allclose(model.risk(X), expected @ COST.T, rtol=1e-9)
+    np.testing.assert_array_equal(model.predict(X), NAMES[(expected @ COST.T).argmin(axis=1)])
+    joint = model.predict_joint_log_proba(X)
+    np.testing.assert_allclose(softmax(joint, axis=1), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["lsqr", "eigen"])
+@pytest.mark.parametrize("shrinkage", [None, 0.0, 0.3, 1.0])
+def test_tied_covariances_agree_with_linear_discriminant_analysis(solver, shrinkage):
+    X, y = draw(2)
+    linear = LinearDiscriminantAnalysis(
+        solver=solver, shrinkage=shrinkage, priors=[1 / 3] * 3, store_covariance=True
+    ).fit(X, y)
+    model = CostSensitiveGaussianBayes(priors="uniform", covariance="tied", shrinkage=shrinkage)
+    model.fit(X, y)
+    divisors = (90 - 3) / 90  # LDA divides by N
+    np.testing.assert_allclose(model.covariances_ * divisors, linear.covariance_, rtol=1e-10)
+    rescaled = posterior_by_scipy(model, X, divisors)
+    np.testing.assert_allclose(rescaled, linear.predict_proba(X), rtol=1e-6)
+
+
+class Pooled(BaseEstimator):
+    """Covariance estimator that answers with a given matrix."""
+
+    def __init__(self, covariance):
+        self.covariance = covariance
+
+    def fit(self, X):
+        self.covariance_ = self.covariance
+        return self
+
+
+@pytest.mark.parametrize("solver", ["lsqr", "eigen"])
+def test_tied_automatic_shrinkage_given_to_linear_discriminant_analysis_agrees(solver):
+    X, y = draw(3, n_recordings=300, n_features=6)
+    model = CostSensitiveGaussianBayes(priors="uniform", covariance="tied", shrinkage="auto")
+    estimator = Pooled(model.fit(X, y).covariances_)
+    linear = LinearDiscriminantAnalysis(
+        solver=solver, covariance_estimator=estimator, priors=[1 / 3] * 3
+    ).fit(X, y)
+    np.testing.assert_allclose(model.predict_proba(X), linear.predict_proba(X), rtol=1e-6)
+
+
+def test_tied_automatic_shrinkage_tends_to_that_of_linear_discriminant_analysis():
+    # One estimate on all residuals against LDA's mean of one estimate per class.
+    apart = []
+    for n_recordings in (300, 30_000):
+        X, y = draw(3, n_recordings=n_recordings, n_features=6)
+        model = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, y)
+        linear = LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto").fit(X, y)
+        apart.append(np.abs(model.predict_proba(X) - linear.predict_proba(X)).max())
+    assert apart[1] < apart[0] / 10 < 0.02
+
+
+@pytest.mark.parametrize("priors", [None, [0.5, 0.2, 0.3]])
+def test_full_covariances_agree_with_quadratic_discriminant_analysis(priors):
+    X, y = draw(4)
+    quadratic = QuadraticDiscriminantAnalysis(priors=priors, store_covariance=True).fit(X, y)
+    model = CostSensitiveGaussianBayes(priors=priors).fit(X, y)
+    by_n = np.cov(X[y == "ball"].T, bias=True)  # QDA divides by N since 1.8, by N - 1 before
+    divisors = (30 - 1) / 30 if np.allclose(quadratic.covariance_[0], by_n) else 1.0
+    expected = np.array(quadratic.covariance_)
+    np.testing.assert_allclose(model.covariances_ * divisors, expected, rtol=1e-10)
+    rescaled = posterior_by_scipy(model, X, divisors)
+    np.testing.assert_allclose(rescaled, quadratic.predict_proba(X), rtol=1e-6)
+
+
+@pytest.mark.skipif(
+    "shrinkage" not in inspect.signature(QuadraticDiscriminantAnalysis).parameters,
+    reason="this scikit-learn has no shrinkage in QuadraticDiscriminantAnalysis",
+)
+@pytest.mark.parametrize("shrinkage", [0.0, 0.3, "auto"])
+def test_full_shrinkage_agrees_with_quadratic_discriminant_analysis(shrinkage):
+    X, y = draw(5)
+    quadratic = QuadraticDiscriminantAnalysis(solver="eigen", shrinkage=shrinkage).fit(X, y)
+    model = CostSensitiveGaussianBayes(shrinkage=shrinkage).fit(X, y)
+    rescaled = posterior_by_scipy(model, X, (30 - 1) / 30)  # its eigen solver divides by N
+    np.testing.assert_allclose(rescaled, quadratic.predict_proba(X), rtol=1e-6)
+
+
+def test_diagonal_covariances_agree_with_naive_bayes():
+    X, y = draw(6)
+    naive = GaussianNB(var_smoothing=0).fit(X, y)
+    model = CostSensitiveGaussianBayes(covariance="diag").fit(X, y)
+    divisors = (30 - 1) / 30  # GaussianNB divides by N
+    np.testing.assert_allclose(model.covariances_ * divisors, naive.var_, rtol=1e-10)
+    rescaled = posterior_by_scipy(model, X, divisors)
+    np.testing.assert_allclose(rescaled, naive.predict_proba(X), rtol=1e-6)
+
+
+def test_oas_of_each_class_is_that_of_scikit_learn():
+    X, y = draw(7, n_recordings=30, n_features=12)
+    model = CostSensitiveGaussianBayes(shrinkage="oas").fit(X, y)
+    variances = CostSensitiveGaussianBayes(shrinkage="oas", covariance="diag").fit(X, y)
+    for k, name in enumerate(NAMES):
+        expected = OAS().fit(X[y == name]).covariance_ * 10 / 9
+        np.testing.assert_allclose(model.covariances_[k], expected, rtol=1e-10)
+        np.testing.assert_allclose(variances.covariances_[k], np.diag(expected), rtol=1e-10)
+
+
+def test_tied_oas_is_that_of_the_residuals():
+    X, y = draw(8, n_recordings=30, n_features=40)
+    model = CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied").fit(X, y)
+    residuals = X - model.means_[np.searchsorted(NAMES, y)]
+    expected = OAS().fit(residuals).covariance_ * 30 / 27
+    np.testing.assert_allclose(model.covariances_, expected, rtol=1e-10)
+
+
+# Decisions
+
+
+def test_a_dear_missed_detection_trades_misses_for_false_alarms():
+    # The example of section 2.2.1, with rows as decisions (Eqs. 2.47, 2.48).
+    rng = np.random.default_rng(2013)
+    X = np.r_[rng.normal([0, 0], 1, (1000, 2)), rng.normal([3.2, 3.2], 1, (1000, 2))]
+    y = np.repeat(["w1", "w2"], 1000)
+    errors = {}
+    for price in (1, 10):
+        model = CostSensitiveGaussianBayes([[0, price], [1, 0]], priors="uniform").fit(X, y)
+        decision = model.predict(X)
+        errors[price] = (
+            int(np.sum((decision == "w1") & (y == "w2"))),
+            int(np.sum((decision == "w2") & (y == "w1"))),
+        )
+    missed, false_alarms = zip(errors[1], errors[10], strict=True)
+    assert missed[1] < missed[0] / 2
+    assert false_alarms[1] > 2 * false_alarms[0]
+
+
+def test_rows_are_the_decision_and_columns_the_truth():
+    # Two unit Gaussians at 0 and 1; where the posterior is (0.7, 0.3) R(0) = 0.3, R(1) = 7.
+    X, y = np.array([[-1.0], [0.0], [1.0], [0.0], [1.0], [2.0]]), [0, 0, 0, 1, 1, 1]
+    point = [[0.5 - np.log(0.7 / 0.3)]]
+    model = CostSensitiveGaussianBayes([[0, 1], [10, 0]], covariance="tied").fit(X, y)
+    np.testing.assert_allclose(model.predict_proba(point), [[0.7, 0.3]])
+    np.testing.assert_allclose(model.risk(point), [[0.3, 7.0]])
+    assert model.predict(point) == [0]
+    assert clone(model).set_params(cost=[[0, 10], [1, 0]]).fit(X, y).predict(point) == [1]
+
+
+def test_the_same_cost_in_any_form_and_order_decides_the_same():
+    X, y = draw(9)
+    frame = pd.DataFrame(COST, index=NAMES, columns=NAMES)
+    mapping = {(d, k): frame.loc[d, k] for d in NAMES for k in NAMES}
+    expected = CostSensitiveGaussianBayes(COST).fit(X, y).predict(X)
+    shuffled = frame.loc[NAMES[[2, 0, 1]], NAMES[[1, 2, 0]]]
+    for cost in (frame, shuffled, mapping, dict(reversed(mapping.items()))):
+        decided = CostSensitiveGaussianBayes(cost).fit(X, y).predict(X)
+        np.testing.assert_array_equal(decided, expected)
+
+
+costs = st.lists(st.integers(-30, 30), min_size=12, max_size=12).map(
+    lambda values: pd.DataFrame(
+        np.reshape(values, (4, 3)) / 10.0, index=[*NAMES, "inspect"], columns=NAMES
+    )
+)
+
+
+@given(
+    costs,
+    st.sampled_from([1e-6, 0.3, 7.0, 1e9]),
+    st.lists(st.integers(-99, 99), min_size=3, max_size=3),
+)
+@settings(max_examples=40, deadline=None)
+def test_the_unit_and_the_zero_of_costs_change_no_decision(cost, scale, constants):
+    X, y = draw(10)
+    first, scaled, shifted = (
+        CostSensitiveGaussianBayes(table).fit(X, y).predict(X)
+        for table in (cost, cost * scale, cost + np.array(constants) / 7)
+    )
+    np.testing.assert_array_equal(scaled, first)
+    np.testing.assert_array_equal(shifted, first)
+
+
+def test_inspection_is_chosen_exactly_where_its_risk_is_least():
+    X, y = draw(11)
+    model = CostSensitiveGaussianBayes(INSPECT).fit(X, y)
+    assert model.decisions_.tolist() == [*NAMES, "inspect"]
+    inspected = model.predict(X) == "inspect"
+    # 0-1 cost: the risk of a class is what its posterior lacks to 1.
+    np.testing.assert_array_equal(inspected, model.predict_proba(X).max(axis=1) < 0.8)
+    assert 0 < inspected.sum() < len(X)
+
+
+def test_families_of_classes_can_be_the_only_decisions():
+    X, y = draw(12)
+    cost = pd.DataFrame([[9, 0, 9], [0, 1, 0]], index=["fly", "ground"], columns=NAMES)
+    model = CostSensitiveGaussianBayes(cost).fit(X, y)
+    fly = model.predict(X) == "fly"
+    healthy = model.predict_proba(X)[:, 1]
+    np.testing.assert_array_equal(fly, 9 * (1 - healthy) <= healthy)
+    assert model.risk(X).shape == (90, 2)
+
+
+STATES = ["backlash 1", "backlash 2", "dry 1", "dry 2", "healthy"]
+FAMILY = {state: state.split()[0] for state in STATES}
+FAMILIES = pd.DataFrame(
+    [[10.0 * (family != FAMILY[state]) for state in STATES] for family in ("healthy", "dry")]
+    + [[0, 0, 3, 3, 3]],
+    index=["healthy", "dry", "backlash"],
+    columns=STATES,
+)
+
+
+def states(seed, n_each=12):
+    """Recordings of sub-states that lie apart, and which they are."""
+    rng = np.random.default_rng(seed)
+    y = np.repeat(STATES, n_each)
+    centres = np.repeat(2 * rng.normal(size=(len(STATES), 3)), n_each, axis=0)
+    return centres + rng.normal(size=(len(y), 3)), y
+
+
+def by_hand(decided, y):
+    """Cost of each decision, and whether it is the family of the truth."""
+    rows, columns = FAMILIES.index.get_indexer(decided), FAMILIES.columns.get_indexer(y)
+    return FAMILIES.to_numpy()[rows, columns], decided == np.array([FAMILY[k] for k in y])
+
+
+def test_families_decided_for_sub_states_are_right_if_they_are_the_family():
+    X, y = states(30)
+    model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
+    _, right = by_hand(model.predict(X), y)
+    assert 0.5 < right.mean() < 1
+    assert model.score(X, y) == right.mean()
+    weight = np.arange(len(y))
+    assert model.score(X, y, weight) == pytest.approx(np.average(right, weights=weight))
+    assert model.score(X, [FAMILY[k] for k in y]) == right.mean()
+
+
+def test_families_are_cross_validated_scored_and_searched_for():
+    X, y = states(31)
+    model, cv = CostSensitiveGaussianBayes(FAMILIES, covariance="tied"), StratifiedKFold(4)
+    decided = cross_val_predict(model, X, y, cv=cv)
+    cost, right = by_hand(decided, y)
+    assert {"dry", "backlash"} <= set(decided) <= set(FAMILIES.index)
+    strict = {"cv": cv, "error_score": "raise"}
+    assert cross_val_score(model, X, y, **strict).mean() == pytest.approx(right.mean())
+    scores = cross_val_score(model, X, y, scoring=neg_expected_cost, **strict)
+    assert -scores.mean() == pytest.approx(cost.mean())
+    grid = {"costsensitivegaussianbayes__shrinkage": [None, 1.0]}
+    search = GridSearchCV(make_pipeline(model), grid, scoring=neg_expected_cost, **strict)
+    search.fit(X, y)
+    assert search.cv_results_["mean_test_score"][0] == pytest.approx(-cost.mean())
+    assert search.score(X, y) == -by_hand(search.predict(X), y)[0].mean()
+
+
+def test_posteriors_of_sub_states_need_no_cost_and_decide_for_families_afterwards():
+    X, y = states(32)
+    model = CostSensitiveGaussianBayes(covariance="tied")
+    posterior = cross_val_predict(model, X, y, cv=4, method="predict_proba")
+    rows = least_risk(posterior, FAMILIES)
+    decided = cross_val_predict(clone(model).set_params(cost=FAMILIES), X, y, cv=4)
+    np.testing.assert_array_equal(FAMILIES.index[rows], decided)
+
+
+def test_a_sub_state_never_trained_on_cannot_be_scored_but_its_family_can():
+    X, y = states(33)
+    model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
+    with pytest.raises(ValueError, match="y holds 'dry 3' at recording 1, which is none of the"):
+        model.score(X[:2], ["dry 1", "dry 3"])
+    assert model.score(X[:2], ["dry", "dry"]) == np.mean(model.predict(X[:2]) == "dry")
+
+
+def test_accuracy_counts_other_decisions_as_wrong_whatever_the_labels():
+    X, y = draw(11)
+    numbers = np.searchsorted(NAMES, y)
+    model = CostSensitiveGaussianBayes({("inspect", k): 0.2 for k in range(3)}).fit(X, numbers)
+    decided = model.predict(X)
+    assert decided.dtype == object
+    right = np.array([d == k for d, k in zip(decided, numbers, strict=True)])
+    assert model.score(X, numbers) == right.mean() < 1 - np.mean(decided == "inspect")
+    weight = np.arange(90.0)
+    assert model.score(X, numbers, weight) == pytest.approx(np.average(right, weights=weight))
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
+    X, y = draw(13)
+    model = CostSensitiveGaussianBayes(INSPECT, covariance=covariance).fit(X, y)
+    far = np.array([[1.0, -1.0, 1.0]]) * np.array([[5e4], [-5e4], [1e100], [-1e200], [1e308]])
+    assert model.predict_joint_log_proba(far[:1]).max() < -1e8
+    for values in (model.predict_proba(far), model.risk(far), model.predict_joint_log_proba(far)):
+        assert np.isfinite(values).all()
+    assert not np.isnan(model.predict_log_proba(far)).any()
+    np.testing.assert_allclose(model.predict_proba(far).sum(axis=1), 1, rtol=1e-12)
+    assert set(model.predict(far)) <= set(model.decisions_)
+
+
+# Priors
+
+
+def test_priors_default_to_the_shares_of_the_weights():
+    X, y = draw(14)
+    weight = np.where(y == "screw", 2.0, 1.0)
+    np.testing.assert_allclose(
+        CostSensitiveGaussianBayes().fit(X, y, weight).priors_, [0.25, 0.25, 0.5]
+    )
+
+
+@pytest.mark.parametrize(
+    "priors",
+    [
+        [0.1, 0.7, 0.2],
+        {"screw": 0.2, "ball": 0.1, "healthy": 0.7},
+        pd.Series({"screw": 0.2, "ball": 0.1, "healthy": 0.7}),
+    ],
+)
+def test_priors_by_name_or_in_order_are_the_same(priors):
+    X, y = draw(14)
+    model = CostSensitiveGaussianBayes(priors=priors).fit(X, y)
+    np.testing.assert_allclose(model.priors_, [0.1, 0.7, 0.2])
+
+
+def test_a_class_of_prior_zero_is_never_decided():
+    X, y = draw(14)
+    model = CostSensitiveGaussianBayes(priors=[0.5, 0.5, 0]).fit(X, y)
+    assert "screw" not in model.predict(X)
+    np.testing.assert_array_equal(model.predict_proba(X)[:, 2], 0)
+
+
+@pytest.mark.parametrize(
+    ("priors", "error", "message"),
+    [
+        ([0.5, 0.5], ValueError, r"each of the 3 classes .*got shape \(2,\)"),
+        (0.5, ValueError, r"got shape \(\)"),
+        (
+            [0.5, 0.6, -0.1],
+            ValueError,
+            "prior of class 'screw' must be a number at least 0, got -0.1",
+        ),
+        ([0.5, 0.5, np.nan], ValueError, "prior of class 'screw'.*nan"),
+        ([0.5, 0.4, 0.2], ValueError, "add up to 1.*sum 1.1"),
+        ({"ball": 0.5, "healthy": 0.5}, ValueError, r"unknown: \[\], missing: \['screw'\]"),
+        ({"ball": 0.5, "healthy": 0.2, "nut": 0.3}, ValueError, r"unknown: \['nut'\]"),
+        (pd.Series([0.2, 0.3, 0.5]), ValueError, r"unknown: \[0, 1, 2\]"),
+        ("equal", ValueError, "priors as a word must be one of 'uniform'; got 'equal'"),
+        (["a", "b", "c"], TypeError, "priors must be numeric"),
+    ],
+)
+def test_priors_that_fit_no_classes_are_refused(priors, error, message):
+    with pytest.raises(error, match=message):
+        CostSensitiveGaussianBayes(priors=priors).fit(*draw())
+
+
+# Pieces and weights
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
+@given(cuts=st.lists(st.integers(1, 89), unique=True, max_size=5), seed=st.integers(0, 99))
+@settings(max_examples=10, deadline=None)
+def test_any_pieces_give_what_one_fit_gives(covariance, shrinkage, cuts, seed):
+    X, y = draw(seed)
+    model = CostSensitiveGaussianBayes(COST, covariance=covariance, shrinkage=shrinkage)
+    pieces = clone(model)
+    for start, stop in pairwise([0, *sorted(cuts), 90]):
+        pieces.partial_fit(X[start:stop], y[start:stop], classes=NAMES)
+    assert_same_model(pieces, model.fit(X, y), X)
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
+def test_recordings_may_come_one_by_one(covariance, shrinkage):
+    X, y = draw(15)
+    model = CostSensitiveGaussianBayes(INSPECT, covariance=covariance, shrinkage=shrinkage)
+    pieces = clone(model)
+    for row, label in zip(X, y, strict=True):
+        pieces.partial_fit([row], [label], classes=NAMES)
+    assert_same_model(pieces, model.fit(X, y), X)
+
+
+def test_partial_fit_goes_on_from_fit_and_fit_starts_afresh():
+    X, y = draw(16)
+    whole = CostSensitiveGaussianBayes().fit(X, y)
+    longer = CostSensitiveGaussianBayes().fit(X[:40], y[:40]).partial_fit(X[40:], y[40:])
+    assert_same_model(longer, whole, X)
+    again = CostSensitiveGaussianBayes().partial_fit(X[:40], y[:40], classes=NAMES).fit(X, y)
+    assert_same_model(again, whole, X)
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
+def test_a_weight_of_k_is_k_recordings_and_zero_leaves_out(covariance, shrinkage):
+    X, y = draw(17)
+    weight = np.random.default_rng(17).integers(0, 4, 90)
+    model = CostSensitiveGaussianBayes(COST, covariance=covariance, shrinkage=shrinkage)
+    repeated = clone(model).fit(np.repeat(X, weight, axis=0), np.repeat(y, weight))
+    assert_same_model(clone(model).fit(X, y, sample_weight=weight), repeated, X)
+    pieces = clone(model).partial_fit(X[:50], y[:50], NAMES, weight[:50])
+    assert_same_model(pieces.partial_fit(X[50:], y[50:], sample_weight=weight[50:]), repeated, X)
+
+
+def test_a_class_not_seen_yet_is_never_decided():
+    X, y = draw(18)
+    seen = y != "screw"
+    model = CostSensitiveGaussianBayes().partial_fit(X[seen], y[seen], classes=NAMES)
+    assert model.priors_[2] == 0
+    assert set(model.predict(X)) == {"ball", "healthy"}
+    np.testing.assert_array_equal(model.predict_proba(X)[:, 2], 0)
+    whole = CostSensitiveGaussianBayes().fit(X, y)
+    assert_same_model(model.partial_fit(X[~seen], y[~seen]), whole, X)
+
+
+@pytest.mark.parametrize("priors", ["uniform", [0.2, 0.3, 0.5]])
+def test_a_class_with_a_prior_and_no_recordings_is_an_error_when_deciding(priors):
+    X, y = draw(18)
+    seen = y != "screw"
+    model = CostSensitiveGaussianBayes(priors=priors)
+    model.partial_fit(X[seen], y[seen], classes=NAMES)
+    with pytest.raises(ValueError, match=r"class \['screw'\] has had no recordings yet"):
+        model.predict(X)
+    assert len(model.partial_fit(X[~seen], y[~seen]).predict(X)) == 90
+
+
+def test_partial_fit_refuses_what_it_cannot_merge():
+    X, y = draw()
+    model = CostSensitiveGaussianBayes()
+    with pytest.raises(ValueError, match="classes must be given in the first call"):
+        model.partial_fit(X, y)
+    with pytest.raises(ValueError, match="zero for every recording"):
+        model.partial_fit(X, y, NAMES, np.zeros(90))
+    with pytest.raises(ValueError, match="holds the class 'screw' at recording"):
+        model.partial_fit(X, y, NAMES[:2])
+    model.partial_fit(X, y, NAMES)
+    with pytest.raises(ValueError, match=r"classes must stay the same.*\['ball', 'healthy'\]"):
+        model.partial_fit(X, y, NAMES[:2])
+    with pytest.raises(ValueError, match="'nut' at recording 0, which is none of the classes"):
+        model.partial_fit(X[:1], ["nut"])
+    with pytest.raises(ValueError, match=r"covariance or shrinkage changed since.*Call fit"):
+        model.set_params(covariance="tied").partial_fit(X, y)
+
+
+def test_a_refused_piece_is_not_counted():
+    X, y = draw()
+    model = CostSensitiveGaussianBayes(cost=np.ones((2, 2)))
+    with pytest.raises(ValueError, match="square array"):
+        model.partial_fit(X, y, NAMES)
+    model.set_params(cost=None).partial_fit(X, y, NAMES)
+    assert model.class_count_.tolist() == [30, 30, 30]
+
+
+def test_automatic_shrinkage_refuses_pieces_and_weights_and_says_why():
+    X, y = draw()
+    model = CostSensitiveGaussianBayes(shrinkage="auto")
+    with pytest.raises(ValueError, match=r'partial_fit: Ledoit-Wolf needs fourth moments.*"oas"'):
+        model.partial_fit(X, y, NAMES)
+    with pytest.raises(ValueError, match=r'other than 1: Ledoit-Wolf needs fourth moments.*"oas"'):
+        model.fit(X, y, sample_weight=np.full(90, 2.0))
+    np.testing.assert_array_equal(
+        model.fit(X, y, np.ones(90)).covariances_, clone(model).fit(X, y).covariances_
+    )
+
+
+def test_a_class_without_weight_is_refused():
+    X, y = draw()
+    with pytest.raises(ValueError, match=r"all recordings of class \['screw'\]"):
+        CostSensitiveGaussianBayes().fit(X, y, np.where(y == "screw", 0.0, 1.0))
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_weights_that_do_not_count_recordings_are_refused(covariance):
+    X, y = draw()
+    with pytest.raises(ValueError, match=r"counts recordings.*Scale the weights up"):
+        CostSensitiveGaussianBayes(covariance=covariance).fit(X, y, np.full(90, 1 / 90))
+
+
+# Singular covariances
+
+
+def singular(covariance):
+    """Recordings of which the class "screw" (all, if tied) has one feature constant."""
+    X, y = draw(19)
+    X[(y == "screw") | (covariance == "tied"), 1] = 3.0
+    return X, y
+
+
+@pytest.mark.parametrize(
+    ("covariance", "named"),
+    [("full", "class 'screw'"), ("tied", "all classes"), ("diag", "class 'screw'")],
+)
+def test_a_singular_covariance_is_raised_to_the_floor_with_a_warning(covariance, named):
+    X, y = singular(covariance)
+    model = CostSensitiveGaussianBayes(covariance=covariance)
+    with pytest.warns(UserWarning, match=f'{named} is singular.*raised to 1e-09.*shrinkage="oas"'):
+        model.fit(X, y)
+    lifted = model.covariances_ if covariance == "tied" else model.covariances_[2]
+    least = lifted.min() if covariance == "diag" else np.linalg.eigvalsh(lifted)[0]
+    assert least == pytest.approx(1e-9 * X.var(axis=0).max(), rel=1e-4)
+    assert np.isfinite(model.predict_proba(X)).all()  # and no second warning
+
+
+@pytest.mark.parametrize(
+    ("covariance", "named"),
+    [("full", "class 'screw'"), ("tied", "all classes"), ("diag", "class 'screw'")],
+)
+def test_with_shrinkage_zero_a_singular_covariance_is_an_error(covariance, named):
+    X, y = singular(covariance)
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=0)
+    for _ in range(2):
+        with pytest.raises(ValueError, match=f"{named} is singular with shrinkage=0.*by PCA"):
+            model.fit(X, y)
+    with pytest.raises(ValueError, match="is singular"):
+        model.predict(X)
+    assert len(model.set_params(shrinkage=0.1).fit(X, y).predict(X)) == 90
+
+
+@pytest.mark.parametrize("shrinkage", [0.5, "oas", "auto"])
+def test_a_class_of_one_recording_has_no_covariance_to_shrink(shrinkage):
+    X, y = draw(20)
+    keep = (y != "screw") | (np.cumsum(y == "screw") == 1)
+    with pytest.raises(ValueError, match=r"class 'screw' is singular.*more recordings"):
+        CostSensitiveGaussianBayes(shrinkage=shrinkage).fit(X[keep], y[keep])
+    with pytest.warns(UserWarning, match="class 'screw' is singular"):
+        CostSensitiveGaussianBayes().fit(X[keep], y[keep])
+    tied = CostSensitiveGaussianBayes(covariance="tied", shrinkage=shrinkage)
+    assert tied.fit(X[keep], y[keep]).class_count_[2] == 1
+
+
+def test_pieces_complain_of_singular_covariances_when_they_are_used():
+    X, y = singular("full")
+    floored = CostSensitiveGaussianBayes().partial_fit(X, y, NAMES)
+    with pytest.warns(UserWarning, match="class 'screw' is singular"):
+        decided = floored.predict(X)
+    with pytest.warns(UserWarning, match="class 'screw' is singular"):
+        whole = CostSensitiveGaussianBayes().fit(X, y)
+    np.testing.assert_allclose(floored.covariances_, whole.covariances_, atol=1e-12)
+    np.testing.assert_array_equal(decided, whole.predict(X))
+    strict = CostSensitiveGaussianBayes(shrinkage=0).partial_fit(X, y, NAMES)
+    with pytest.raises(ValueError, match="class 'screw' is singular"):
+        strict.risk(X)
+
+
+def test_more_features_than_recordings_need_shrinkage():
+    X, y = draw(21, n_recordings=30, n_features=40)
+    with pytest.raises(ValueError, match="class 'ball', 'healthy', 'screw' is singular"):
+        CostSensitiveGaussianBayes(shrinkage=0).fit(X, y)
+    for covariance in ("full", "tied", "diag"):
+        for shrinkage in (0.1, "oas", "auto"):
+            model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
+            assert np.isfinite(model.fit(X, y).predict_log_proba(X)).all()
+
+
+def test_features_in_very_different_units_need_no_floor():
+    X, y = draw(22)
+    units = np.array([1e-9, 1.0, 1e9])
+    model = CostSensitiveGaussianBayes().fit(X * units, y)
+    expected = CostSensitiveGaussianBayes().fit(X, y).predict_proba(X)
+    np.testing.assert_allclose(model.predict_proba(X * units), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("shrinkage", [None, 0.1, "oas", "auto"])
+def test_features_that_never_vary_are_an_error(shrinkage):
+    _, y = draw()
+    with pytest.raises(ValueError, match="largest variance of the features is 0"):
+        CostSensitiveGaussianBayes(shrinkage=shrinkage).fit(np.full((90, 2), 0.1), y)
+
+
+# Parameters and the scorer
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        (
+            {"covariance": "spherical"},
+            ValueError,
+            "covariance must be one of 'full', 'tied', 'diag'",
+        ),
+        (
+            {"shrinkage": "lw"},
+            ValueError,
+            "shrinkage as a word must be one of 'oas', 'auto'; got 'lw'",
+        ),
+        ({"shrinkage": 1.1}, ValueError, "shrinkage.*at least 0 and at most 1, got 1.1"),
+        ({"shrinkage": -0.1}, ValueError, "shrinkage.*got -0.1"),
+        ({"shrinkage": True}, TypeError, "shrinkage.*got True"),
+        ({"shrinkage": [0.1]}, TypeError, "shrinkage.*got "),
+        (
+            {"cost": np.ones((2, 2))},
+            ValueError,
+            "square array of shape.*'ball', 'healthy', 'screw'",
+        ),
+        ({"cost": {("healthy", "nut"): 1}}, ValueError, "class 'nut' as a truth, which is unknown"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        CostSensitiveGaussianBayes(**options).fit(*draw())
+    if "cost" not in options:
+        with pytest.raises(error, match=message):
+            CostSensitiveGaussianBayes(**options).partial_fit(*draw(), NAMES)
+
+
+def test_the_scorer_takes_the_cost_of_the_classifier():
+    X, y = draw(23)
+    model = CostSensitiveGaussianBayes(INSPECT).fit(X, y)
+    expected = -expected_cost(y, model.predict(X), cost=INSPECT)
+    assert neg_expected_cost(model, X, y) == expected
+    pipe = make_pipeline(make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(INSPECT)))
+    assert neg_expected_cost(pipe.fit(X, y), X, list(y)) == expected
+    assert cross_val_score(pipe, X, y, scoring=neg_expected_cost, cv=3).max() < 0
+
+
+def test_the_scorer_serves_decisions_of_mixed_kinds():
+    X, y = draw(23)
+    numbers = np.searchsorted(NAMES, y)
+    cost = {("inspect", k): 0.2 for k in range(3)}
+    model = CostSensitiveGaussianBayes(cost).fit(X, numbers)
+    named = CostSensitiveGaussianBayes(INSPECT).fit(X, y)
+    assert neg_expected_cost(model, X, numbers) == neg_expected_cost(named, X, y)
+
+
+def test_a_classifier_without_a_cost_is_told_of_make_scorer():
+    X, y = draw()
+    remedy = r"GaussianNB has no cost_.*make_scorer\(expected_cost, greater_is_better=False, cost="
+    with pytest.raises(TypeError, match=remedy):
+        neg_expected_cost(make_pipeline(StandardScaler(), GaussianNB()).fit(X, y), X, y)
+    cost = pd.DataFrame(COST, index=NAMES, columns=NAMES)
+    scorer = make_scorer(expected_cost, greater_is_better=False, cost=cost)
+    assert scorer(GaussianNB().fit(X, y), X, y) < 0
+
+
+def test_the_scorer_refuses_a_class_it_was_not_trained_on():
+    X, y = draw()
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    with pytest.raises(ValueError, match="y_true holds 'nut' at position 1"):
+        neg_expected_cost(model, X[:2], ["ball", "nut"])

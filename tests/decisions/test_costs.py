@@ -1,0 +1,299 @@
+"""Facts about costs: the table, the decision of least risk, the mean cost."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from sklearn.dummy import DummyClassifier
+from sklearn.metrics import confusion_matrix, make_scorer
+
+from emacm.decisions.costs import (
+    canonical_cost,
+    check_weights,
+    conditional_risk,
+    cost_table,
+    expected_cost,
+    least_risk,
+)
+
+CLASSES = ["ball", "healthy", "screw"]
+MATRIX = np.array([[0.0, 10.0, 2.0], [5.0, 0.0, 7.0], [1.0, 3.0, 0.0]])
+
+whole_costs = arrays(float, (3, 3), elements=st.integers(-20, 20).map(float))
+posteriors = arrays(float, (6, 3), elements=st.integers(0, 8).map(float)).map(
+    lambda p: (p + 1e-3) / (p + 1e-3).sum(axis=1, keepdims=True)
+)
+
+
+def test_no_cost_is_zero_for_right_and_one_for_wrong():
+    decisions, matrix = cost_table(None, CLASSES)
+    assert decisions.tolist() == CLASSES
+    np.testing.assert_array_equal(matrix, [[0, 1, 1], [1, 0, 1], [1, 1, 0]])
+
+
+def test_an_array_is_read_with_rows_as_decisions_in_the_order_of_the_classes():
+    decisions, matrix = cost_table(MATRIX.tolist(), CLASSES)
+    assert decisions.tolist() == CLASSES
+    np.testing.assert_array_equal(matrix, MATRIX)
+
+
+def test_a_frame_may_name_its_columns_in_any_order():
+    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
+    decisions, matrix = cost_table(frame[["screw", "ball", "healthy"]], CLASSES)
+    assert decisions.tolist() == CLASSES
+    np.testing.assert_array_equal(matrix, MATRIX)
+
+
+def test_a_frame_keeps_the_order_of_its_index():
+    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES).iloc[::-1]
+    decisions, matrix = cost_table(frame, CLASSES)
+    assert decisions.tolist() == CLASSES[::-1]
+    np.testing.assert_array_equal(matrix, MATRIX[::-1])
+
+
+def test_a_frame_need_not_offer_the_classes_as_decisions():
+    frame = pd.DataFrame([[9, 0, 9], [0, 1, 0]], index=["fly", "ground"], columns=CLASSES)
+    decisions, matrix = cost_table(frame, CLASSES)
+    assert decisions.tolist() == ["fly", "ground"]
+    assert decisions.dtype.kind == "U"
+    assert matrix.shape == (2, 3)
+
+
+def test_a_mapping_leaves_the_rest_at_zero_and_one():
+    _, matrix = cost_table({("healthy", "screw"): 50}, CLASSES)
+    np.testing.assert_array_equal(matrix, [[0, 1, 1], [1, 0, 50], [1, 1, 0]])
+
+
+def test_a_mapping_lists_other_decisions_after_the_classes_as_they_appear():
+    prices = {(d, k): 0.1 for d in ("stop", "inspect") for k in reversed(CLASSES)}
+    decisions, matrix = cost_table(prices, CLASSES)
+    assert decisions.tolist() == [*CLASSES, "stop", "inspect"]
+    np.testing.assert_array_equal(matrix[3:], 0.1)
+
+
+def test_costs_may_be_negative():
+    assert cost_table({(0, 0): -3}, [0, 1])[1][0, 0] == -3
+
+
+@pytest.mark.parametrize(
+    ("classes", "extra", "kind"),
+    [
+        ([0, 1], "inspect", "O"),
+        ([0, 1], -1, "i"),
+        (["a", "b"], "inspect", "U"),
+        ([False, True], 2, "O"),
+    ],
+)
+def test_decisions_keep_a_plain_dtype_where_one_holds_them_all(classes, extra, kind):
+    decisions, _ = cost_table({(extra, k): 0.5 for k in classes}, classes)
+    assert decisions.dtype.kind == kind
+    assert decisions.tolist() == [*classes, extra]
+
+
+def test_decisions_that_are_all_classes_have_the_dtype_of_the_classes():
+    classes = np.array([1, 2], dtype=np.int16)
+    frame = pd.DataFrame([[0, 1], [1, 0]], index=[2, 1], columns=[1, 2])
+    assert cost_table(frame, classes)[0].dtype == np.int16
+
+
+@pytest.mark.parametrize(
+    ("cost", "error", "message"),
+    [
+        (np.ones((4, 3)), ValueError, r"shape \(3, 3\).*got shape \(4, 3\).*no class need names"),
+        (np.ones(3), ValueError, r"got shape \(3,\)"),
+        (3.0, ValueError, r"got shape \(\)"),
+        ([[0, 1], [1]], ValueError, "rectangular"),
+        (
+            [[0, 1, 1], [1, 0, np.nan], [1, 1, 0]],
+            ValueError,
+            r"cost\[1, 2\] \(deciding 'healthy' when 'screw' is true\).*nan",
+        ),
+        ([[0, 1, 1], [1, 0, np.inf], [1, 1, 0]], ValueError, r"cost\[1, 2\].*inf"),
+        (np.full((3, 3), "1"), TypeError, r"cost\[0, 0\].*must be a number"),
+        (np.ones((3, 3)) * 1j, TypeError, r"cost\[0, 0\].*must be a number"),
+        (
+            {("healthy", "scew"): 1},
+            ValueError,
+            r"class 'scew'.*unknown.*\['ball', 'healthy', 'screw'\]",
+        ),
+        (
+            {("inspect", "ball"): 1},
+            ValueError,
+            r"'inspect'.*price every class; missing: \['healthy', 'screw'\]",
+        ),
+        ({"healthy": 1}, TypeError, r"keys \(decision, truth\), got the key 'healthy'"),
+        (
+            {("healthy", "ball"): None},
+            TypeError,
+            r"deciding 'healthy' when 'ball' is true.*got None",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=CLASSES, columns=["ball", "healthy", "x"]),
+            ValueError,
+            "class 'x'.*unknown",
+        ),
+        (
+            pd.DataFrame(MATRIX[:, :2], index=CLASSES, columns=CLASSES[:2]),
+            ValueError,
+            r"missing: \['screw'\]",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=["a", "a", "b"], columns=CLASSES),
+            ValueError,
+            r"index.*more than one of \['a'\]",
+        ),
+        (
+            pd.DataFrame(MATRIX, index=CLASSES, columns=["ball"] * 3),
+            ValueError,
+            r"columns.*more than one of \['ball'\]",
+        ),
+        (pd.DataFrame(MATRIX[:0], columns=CLASSES), ValueError, "at least one decision"),
+        (pd.DataFrame("low", index=CLASSES, columns=CLASSES), TypeError, "must be a number.*'low'"),
+    ],
+)
+def test_a_cost_that_makes_no_table_is_refused_with_its_place(cost, error, message):
+    with pytest.raises(error, match=message):
+        cost_table(cost, CLASSES)
+
+
+def test_classes_named_twice_are_refused():
+    with pytest.raises(ValueError, match=r"classes must be named once each.*\['a'\]"):
+        cost_table(None, ["a", "a"])
+
+
+def test_rows_are_the_decision():
+    # By hand: R(0) = 0.7*0 + 0.3*1 = 0.3; R(1) = 0.7*10 + 0.3*0 = 7.
+    np.testing.assert_allclose(conditional_risk([[0.7, 0.3]], [[0, 1], [10, 0]]), [[0.3, 7.0]])
+    assert least_risk([[0.7, 0.3]], [[0, 1], [10, 0]]) == [0]
+    # Eq. (2.48): R(0) = 0.3*10 = 3; R(1) = 0.7*1.
+    assert least_risk([[0.7, 0.3]], [[0, 10], [1, 0]]) == [1]
+
+
+@given(posteriors, whole_costs, st.sampled_from([1e-9, 0.1, 1 / 3, 3.0, 7e8]))
+def test_scaling_all_costs_changes_no_decision(posterior, cost, scale):
+    np.testing.assert_array_equal(least_risk(posterior, cost * scale), least_risk(posterior, cost))
+
+
+@given(posteriors, whole_costs, arrays(float, 3, elements=st.sampled_from([0, 0.1, -7 / 3, 50])))
+def test_a_constant_on_every_decision_of_one_truth_changes_no_decision(posterior, cost, constant):
+    shifted = least_risk(posterior, cost * 0.1 + constant)
+    np.testing.assert_array_equal(shifted, least_risk(posterior, cost * 0.1))
+
+
+@given(posteriors, whole_costs)
+def test_the_decision_has_the_least_risk(posterior, cost):
+    risk = conditional_risk(posterior, cost)
+    chosen = np.take_along_axis(risk, least_risk(posterior, cost)[:, None], axis=1)[:, 0]
+    np.testing.assert_allclose(chosen, risk.min(axis=1), atol=1e-10)
+
+
+def test_ties_go_to_the_first_decision():
+    assert least_risk([[0.5, 0.5]], [[0, 1], [1, 0]]) == [0]
+    assert least_risk([[0.5, 0.5]], [[0.3 + 7, 0.1], [7, 0.1 + 0.3]]) == [0]
+    assert least_risk([[0.2, 0.8]], np.ones((3, 2))) == [0]
+
+
+def test_a_rare_truth_still_decides_between_decisions_equal_under_the_sure_one():
+    assert least_risk([[1.0, 1e-30]], [[5, 9], [5, 1]]) == [1]
+
+
+def test_costs_of_any_size_stay_finite():
+    huge = [[0, 1.7e308], [-1.7e308, 0]]
+    assert np.isfinite(canonical_cost(huge)).all()
+    np.testing.assert_array_equal(canonical_cost([[2.0, 3.0], [2.0, 3.0]]), np.zeros((2, 2)))
+    np.testing.assert_array_equal(canonical_cost(np.zeros((2, 2))), np.zeros((2, 2)))
+
+
+def test_the_mean_cost_is_the_product_with_the_transposed_confusion_matrix():
+    rng = np.random.default_rng(0)
+    truth, decision = rng.integers(0, 3, 200), rng.integers(0, 3, 200)
+    counts = confusion_matrix(truth, decision)
+    mean = expected_cost(truth, decision, cost=MATRIX)
+    assert mean == pytest.approx((MATRIX.T * counts).sum() / 200, rel=1e-14)
+    assert expected_cost(truth, decision) == pytest.approx(np.mean(truth != decision))
+
+
+def test_the_mean_cost_counts_recordings_by_their_weight():
+    cost = [[0, 10], [1, 0]]
+    repeated = expected_cost([0, 1, 1, 1], [1, 0, 0, 0], cost=cost)
+    weighted = expected_cost([0, 1], [1, 0], cost=cost, sample_weight=[1, 3])
+    assert weighted == repeated == 7.75
+
+
+def test_the_mean_cost_is_the_same_for_every_form_of_cost():
+    truth, decision = ["ball", "screw", "healthy"], ["healthy", "healthy", "screw"]
+    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES).sample(frac=1, random_state=1)
+    mapping = {(d, k): MATRIX[i, j] for i, d in enumerate(CLASSES) for j, k in enumerate(CLASSES)}
+    means = {
+        expected_cost(truth, decision, cost=MATRIX, labels=CLASSES),
+        expected_cost(pd.Series(truth), np.array(decision), cost=frame),
+        expected_cost(truth, decision, cost=mapping),
+        expected_cost(truth, decision, cost=mapping, labels=CLASSES[::-1]),
+    }
+    assert means == {(5 + 7 + 3) / 3}
+
+
+def test_a_decision_that_is_no_class_has_its_price():
+    inspect = {("inspect", 0): 0.2, ("inspect", 1): 0.4}
+    assert expected_cost([0, 1, 1], ["inspect", "inspect", 0], cost=inspect) == pytest.approx(
+        1.6 / 3
+    )
+
+
+def test_a_class_that_was_never_true_may_be_decided_without_a_price():
+    assert expected_cost(["a", "b"], ["c", "b"], cost={("a", "b"): 5}) == 0.5
+
+
+def test_the_mean_cost_serves_make_scorer():
+    healthy = DummyClassifier(strategy="constant", constant=0).fit(np.zeros((2, 1)), [0, 1])
+    scorer = make_scorer(expected_cost, greater_is_better=False, cost=[[0, 10], [1, 0]])
+    assert scorer(healthy, np.zeros((4, 1)), [0, 1, 1, 0]) == -5
+
+
+@pytest.mark.parametrize(
+    ("truth", "decision", "options", "message"),
+    [
+        ([0, 1], [0], {}, "equally long, got 2 and 1"),
+        ([], [], {}, "at least one label"),
+        ([[0], [1]], [0, 1], {}, r"y_true must be one-dimensional, got shape \(2, 1\)"),
+        ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur.*Give labels"),
+        ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred holds 5 at position 1.*no known decision"),
+        (
+            [0, 5],
+            [0, 0],
+            {"labels": [0, 1]},
+            r"y_true holds 5 at position 1.*class. Known: \[0, 1\]",
+        ),
+        ([0, "a"], [0, 0], {}, "different kinds.*Give labels"),
+        ([0, 1], [0, 0], {"cost": 3.0}, r"got shape \(\)"),
+        ([0, 1], [0, 0], {"sample_weight": [0, 0]}, "zero for every recording"),
+        ([0, 1], ["x", 0], {"cost": {("x", 0): 1}}, r"'x'.*missing: \[1\]"),
+    ],
+)
+def test_labels_that_have_no_cost_are_refused(truth, decision, options, message):
+    with pytest.raises(ValueError, match=message):
+        expected_cost(truth, decision, **options)
+
+
+@pytest.mark.parametrize(
+    ("weight", "error", "message"),
+    [
+        ([1, 2], ValueError, r"shape \(3,\), got shape \(2,\)"),
+        (2.0, ValueError, r"got shape \(\)"),
+        ([1, -1, 1], ValueError, "got -1.0 at recording 1"),
+        ([1, 1, np.nan], ValueError, "got nan at recording 2"),
+        (["a", "b", "c"], TypeError, "sample_weight must be numeric"),
+    ],
+)
+def test_weights_must_be_one_number_per_recording(weight, error, message):
+    with pytest.raises(error, match=message):
+        check_weights(weight, 3)
+
+
+def test_a_table_without_an_index_is_refused_as_its_decisions_have_no_names():
+    polars = pytest.importorskip("polars")
+    table = polars.DataFrame({"worn": [9, 0], "healthy": [0, 1]})
+    with pytest.raises(TypeError, match=r"polars DataFrame, which has no index.*pandas"):
+        cost_table(table, ["healthy", "worn"])

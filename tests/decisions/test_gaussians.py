@@ -1,0 +1,213 @@
+"""Facts about Gaussian classes: moments, shrinkage, singular covariances, densities."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
+from sklearn.preprocessing import StandardScaler
+
+from emacm.decisions.gaussians import (
+    FLOOR,
+    class_moments,
+    fit_gaussians,
+    is_singular,
+    ledoit_wolf_coefficients,
+    oas_coefficient,
+    shrink,
+)
+
+KINDS = [{}, {"pooled": True}, {"variances_only": True}, {"pooled": True, "variances_only": True}]
+
+
+def draw(seed, n_recordings=60, n_features=4, n_classes=3):
+    rng = np.random.default_rng(seed)
+    mixing = rng.normal(size=(n_features, n_features))
+    codes = rng.permutation(np.arange(n_recordings) % n_classes)
+    return rng.normal(size=(n_recordings, n_features)) @ mixing + codes[:, None], codes
+
+
+def assert_same_moments(first, second):
+    np.testing.assert_allclose(first.counts, second.counts, rtol=1e-13)
+    np.testing.assert_allclose(first.means, second.means, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(first.scatter, second.scatter, rtol=1e-10, atol=1e-10)
+
+
+def test_means_and_covariances_are_those_of_numpy():
+    X, codes = draw(0)
+    moments = class_moments(X, codes, 3)
+    covariances = fit_gaussians(moments).covariances
+    for k in range(3):
+        np.testing.assert_allclose(moments.means[k], X[codes == k].mean(axis=0))
+        np.testing.assert_allclose(covariances[k], np.cov(X[codes == k].T), rtol=1e-12)
+
+
+def test_a_tied_covariance_divides_by_recordings_less_classes():
+    X, codes = draw(1)
+    moments = class_moments(X, codes, 3, pooled=True)
+    residuals = X - moments.means[codes]
+    expected = residuals.T @ residuals / (60 - 3)
+    np.testing.assert_allclose(fit_gaussians(moments).covariances, [expected], rtol=1e-12)
+
+
+def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
+    X, codes = draw(2)
+    full = fit_gaussians(class_moments(X, codes, 3), 0.3).covariances
+    for options in ({}, {"variances_only": True}):
+        moments = class_moments(X, codes, 3, **options)
+        variances = fit_gaussians(moments, 0.3, diagonal=True).covariances
+        np.testing.assert_allclose(variances, np.diagonal(full, axis1=1, axis2=2), rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(st.lists(st.integers(0, 60), max_size=6), st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_moments_of_pieces_merge_exactly(kind, cuts, seed):
+    X, codes = draw(seed)
+    X += 1e3
+    merged = class_moments(X[:0], codes[:0], 3, **kind)
+    for part in np.split(np.arange(60), sorted(cuts)):
+        merged = merged.merge(class_moments(X[part], codes[part], 3, **kind))
+    whole = class_moments(X, codes, 3, **kind)
+    assert_same_moments(merged, whole)
+    np.testing.assert_allclose(merged.feature_variances, X.var(axis=0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_weight_of_k_is_k_recordings_and_zero_is_none(kind):
+    X, codes = draw(3)
+    weight = np.random.default_rng(3).integers(0, 4, 60)
+    weighted = class_moments(X, codes, 3, sample_weight=weight.astype(float), **kind)
+    repeated = class_moments(np.repeat(X, weight, axis=0), np.repeat(codes, weight), 3, **kind)
+    assert_same_moments(weighted, repeated)
+
+
+def test_moments_of_two_kinds_do_not_merge():
+    X, codes = draw(4)
+    with pytest.raises(
+        ValueError, match=r"one kind, got scatter of shapes \(3, 4, 4\) and \(1, 4, 4\)"
+    ):
+        class_moments(X, codes, 3).merge(class_moments(X, codes, 3, pooled=True))
+
+
+@given(st.floats(-1e6, 1e6), st.floats(0.1, 7))
+def test_a_constant_feature_has_no_spread_at_all(value, weight):
+    X = np.full((7, 1), value)
+    moments = class_moments(X, np.zeros(7, int), 1, sample_weight=np.full(7, weight))
+    merged = moments.merge(class_moments(X[:2], np.zeros(2, int), 1))
+    assert moments.scatter == 0
+    assert merged.scatter == 0
+
+
+def test_features_whose_square_overflows_are_refused_with_their_place():
+    X = np.ones((3, 2))
+    X[2, 1] = -1e200
+    with pytest.raises(ValueError, match="got -1e\\+200 at recording 2, feature 1"):
+        class_moments(X, np.zeros(3, int), 1)
+
+
+@pytest.mark.parametrize("shape", [(5, 20), (30, 4), (400, 10), (9, 1), (2, 2)])
+def test_the_oas_coefficient_is_that_of_scikit_learn(shape):
+    X = np.random.default_rng(5).normal(size=shape) * np.linspace(1, 2, shape[1])
+    centred = X - X.mean(axis=0)
+    expected = oas(X)[1]
+    assert oas_coefficient(centred.T @ centred, shape[0]) == pytest.approx(expected, rel=1e-10)
+
+
+def test_the_oas_coefficient_of_a_sphere_is_one_and_of_nothing_is_zero():
+    assert oas_coefficient(np.eye(3) * 1e200, 10) == 1
+    assert oas_coefficient(np.zeros((3, 3)), 10) == 0
+
+
+def test_shrinkage_by_a_number_is_that_of_scikit_learn():
+    X, codes = draw(6)
+    covariances = fit_gaussians(class_moments(X, codes, 3)).covariances
+    expected = [shrunk_covariance(S, 0.2) for S in covariances]
+    np.testing.assert_allclose(shrink(covariances, 0.2), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("pooled", [False, True])
+def test_automatic_shrinkage_is_ledoit_wolf_of_standardised_features(pooled):
+    X, codes = draw(7, n_features=12)
+    X *= np.logspace(-6, 6, 12)
+    moments = class_moments(X, codes, 3, pooled=pooled)
+    coefficients = ledoit_wolf_coefficients(X, codes, moments.means, pooled=pooled)
+    found = fit_gaussians(moments, *coefficients).covariances
+    groups = [X - moments.means[codes]] if pooled else [X[codes == k] for k in range(3)]
+    for covariance, rows, divisor in zip(found, groups, moments.divisors, strict=True):
+        scaler = StandardScaler().fit(rows)
+        standard = ledoit_wolf(scaler.transform(rows))[0] * np.outer(scaler.scale_, scaler.scale_)
+        np.testing.assert_allclose(covariance, standard * len(rows) / divisor, rtol=1e-10)
+
+
+def test_automatic_shrinkage_leaves_variances_as_they_are():
+    X, codes = draw(8)
+    moments = class_moments(X, codes, 3, variances_only=True)
+    coefficients = ledoit_wolf_coefficients(X, codes, moments.means, pooled=False)
+    shrunk = fit_gaussians(moments, *coefficients, diagonal=True).covariances
+    np.testing.assert_allclose(shrunk, fit_gaussians(moments, diagonal=True).covariances)
+
+
+def test_features_of_very_different_units_are_not_singular():
+    rng = np.random.default_rng(9)
+    X = rng.normal(size=(50, 3)) * [1e-12, 1.0, 1e12]
+    assert not is_singular(np.cov(X.T))
+    gaussians = fit_gaussians(class_moments(X, np.zeros(50, int), 1))
+    assert not gaussians.singular.any()
+    unit = fit_gaussians(class_moments(X / [1e-12, 1.0, 1e12], np.zeros(50, int), 1))
+    np.testing.assert_allclose(
+        gaussians.log_densities(X), unit.log_densities(X / [1e-12, 1.0, 1e12]), rtol=1e-10
+    )
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
+def test_dependent_features_are_singular_in_any_unit(scale):
+    X = np.random.default_rng(10).normal(size=(50, 3))
+    X[:, 2] = X[:, 0] - 2 * X[:, 1]
+    assert is_singular(np.cov((X * [1.0, scale, 1.0]).T))
+    assert is_singular(np.diag([1.0, 0.0]))
+    assert is_singular(np.array([1.0, 0.0]))
+
+
+def test_fewer_recordings_than_features_are_singular():
+    X, codes = draw(11, n_recordings=30, n_features=12)
+    assert fit_gaussians(class_moments(X, codes, 3)).singular.all()
+    assert not fit_gaussians(class_moments(X, codes, 3, pooled=True)).singular.any()
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_the_floor_raises_the_eigenvalues_of_singular_covariances_only(diagonal):
+    X, codes = draw(12)
+    X[codes == 1, 2] = 0.5
+    moments = class_moments(X, codes, 3)
+    floor = FLOOR * moments.feature_variances.max()
+    raw = fit_gaussians(moments, diagonal=diagonal)
+    lifted = fit_gaussians(moments, diagonal=diagonal, floor=floor)
+    assert lifted.singular.tolist() == [False, True, False]
+    np.testing.assert_array_equal(lifted.covariances[[0, 2]], raw.covariances[[0, 2]])
+    covariance = np.diag(lifted.covariances[1]) if diagonal else lifted.covariances[1]
+    assert np.linalg.eigvalsh(covariance)[0] == pytest.approx(floor, rel=1e-4)
+    expected = multivariate_normal(moments.means[1], covariance).logpdf(X)
+    np.testing.assert_allclose(lifted.log_densities(X)[:, 1], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("options", [{}, {"pooled": True}])
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_log_densities_are_those_of_scipy(options, diagonal):
+    X, codes = draw(13)
+    X = X * [0.1, 1, 10, 1] + 1e4
+    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
+    densities = gaussians.log_densities(X)
+    for k in range(3):
+        covariance = gaussians.covariances[k % len(gaussians.covariances)]
+        covariance = np.diag(covariance) if diagonal else covariance
+        expected = multivariate_normal(gaussians.means[k], covariance).logpdf(X)
+        np.testing.assert_allclose(densities[:, k], expected, rtol=1e-8)
+
+
+def test_no_distance_makes_a_density_undefined():
+    X, codes = draw(14)
+    gaussians = fit_gaussians(class_moments(X, codes, 3))
+    far = np.array([[1e5] * 4, [1e160] * 4, [1.7e308, -1.7e308, 1.7e308, -1.7e308]])
+    assert np.isfinite(gaussians.log_densities(far)).all()

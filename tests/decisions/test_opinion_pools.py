@@ -1,0 +1,137 @@
+"""Facts about posteriors brought to one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import logsumexp
+
+from emacm.decisions.opinion_pools import pooled_log_posterior
+
+HALF = [0.5, 0.5]
+
+
+def normal(rng, *shape):
+    logs = rng.normal(size=shape)
+    return logs - logsumexp(logs, axis=-1, keepdims=True)
+
+
+def test_the_product_is_bayes_rule_by_hand():
+    # Two tests of a state of prior 1/4, right in 9 and in 8 of 10 cases: by counting.
+    priors = np.array([0.75, 0.25])
+    first, second = np.array([0.1, 0.9]), np.array([0.2, 0.8])
+    members = [np.log(p * priors / (p @ priors))[np.newaxis] for p in (first, second)]
+    expected = first * second * priors
+    np.testing.assert_allclose(
+        np.exp(pooled_log_posterior(members, [priors, priors], priors)[0]),
+        expected / expected.sum(),
+        rtol=1e-14,
+    )
+
+
+def test_members_of_other_priors_say_the_same_once_their_priors_are_divided_out():
+    rng = np.random.default_rng(0)
+    likelihoods = rng.normal(size=(3, 20, 4))
+    priors = rng.dirichlet(np.ones(4), size=3)
+    shared = np.array([0.7, 0.1, 0.1, 0.1])
+
+    def members(own):
+        joint = likelihoods + np.log(own)[:, np.newaxis]
+        return joint - logsumexp(joint, axis=2, keepdims=True)
+
+    np.testing.assert_allclose(
+        pooled_log_posterior(members(priors), priors, shared),
+        pooled_log_posterior(members(np.full((3, 4), 0.25)), np.full((3, 4), 0.25), shared),
+        rtol=1e-12,
+    )
+
+
+def test_one_member_of_the_shared_prior_stays_as_it_is():
+    logs = normal(np.random.default_rng(1), 30, 3)
+    prior = np.array([0.2, 0.3, 0.5])
+    np.testing.assert_allclose(pooled_log_posterior([logs], [prior], prior), logs, rtol=1e-12)
+
+
+@given(st.integers(2, 9), st.integers(0, 99))
+@settings(max_examples=30, deadline=None)
+def test_copies_of_one_member_sharing_one_weight_are_that_member(copies, seed):
+    logs = normal(np.random.default_rng(seed), 5, 3)
+    prior = np.random.default_rng(seed + 1).dirichlet(np.ones(3))
+    pooled = pooled_log_posterior(
+        [logs] * copies, [prior] * copies, prior, np.full(copies, 1 / copies)
+    )
+    np.testing.assert_allclose(pooled, logs, atol=1e-12)
+
+
+def test_two_copies_of_one_member_square_the_odds_of_its_evidence():
+    one = np.log([[0.2, 0.8]])
+    np.testing.assert_allclose(
+        np.exp(np.diff(pooled_log_posterior([one, one], [HALF, HALF], HALF))), 16.0, rtol=1e-13
+    )
+
+
+def test_a_member_of_weight_zero_is_not_heard():
+    first, second = normal(np.random.default_rng(2), 2, 6, 2)
+    np.testing.assert_allclose(
+        pooled_log_posterior([first, second], [HALF, [0.1, 0.9]], HALF, [1, 0]), first, rtol=1e-12
+    )
+
+
+@given(st.permutations(range(3)), st.permutations(range(4)))
+@settings(max_examples=30, deadline=None)
+def test_the_order_of_members_and_of_classes_does_not_matter(members, classes):
+    rng = np.random.default_rng(3)
+    logs, own = normal(rng, 3, 7, 4), rng.dirichlet(np.ones(4), size=3)
+    shared = rng.dirichlet(np.ones(4))
+    np.testing.assert_allclose(
+        pooled_log_posterior(
+            logs[members][..., classes], own[members][:, classes], shared[classes]
+        ),
+        pooled_log_posterior(logs, own, shared)[:, classes],
+        rtol=1e-12,
+    )
+
+
+def test_posteriors_far_below_the_smallest_float_still_weigh():
+    first, second = np.array([[0.0, -5000.0, -9000.0]]), np.array([[-7000.0, 0.0, -1.0]])
+    third = np.full((1, 3), np.log(1 / 3))
+    pooled = pooled_log_posterior([first, second, third], np.full((3, 3), 1 / 3), [1 / 3] * 3)
+    np.testing.assert_allclose(pooled, [[-2000.0, 0.0, -4001.0]], rtol=1e-12)
+
+
+def test_certain_contradictions_cancel_and_leave_the_prior():
+    certain = np.array([[0.0, -np.inf]])
+    pooled = pooled_log_posterior([certain, certain[:, ::-1]], [HALF, HALF], [0.3, 0.7])
+    np.testing.assert_allclose(np.exp(pooled), [[0.3, 0.7]], rtol=1e-12)
+
+
+def test_what_reads_zero_is_no_more_probable_than_what_is_known_to_be_less():
+    logs = np.array([[0.0, -1e5, -np.inf]])
+    pooled = pooled_log_posterior([logs], [[1 / 3] * 3], [1 / 3] * 3)
+    assert pooled[0, 2] <= pooled[0, 1] == -1e5
+
+
+@pytest.mark.parametrize("size", [1e300, 1e308])
+def test_sums_of_huge_logarithms_do_not_overflow(size):
+    logs = [np.array([[0.0, -size]]), np.array([[-size, 0.0]]), np.array([[-size, 0.0]])]
+    pooled = pooled_log_posterior(logs, [HALF] * 3, HALF)
+    assert pooled[0, 1] == 0
+    assert pooled[0, 0] < -1e299
+
+
+def test_a_class_of_prior_zero_stays_impossible_even_if_members_gave_it_one():
+    certain = np.array([[-np.inf, 0.0]])
+    pooled = pooled_log_posterior([np.log([[0.9, 0.1]])], [HALF], [0, 1])
+    np.testing.assert_array_equal(pooled, certain)
+    np.testing.assert_array_equal(pooled_log_posterior([certain], [[0, 1]], [0, 1]), certain)
+
+
+def test_a_member_that_cannot_know_a_class_is_refused():
+    message = "class number 0 has the prior 0.5, but 0 within member number 1"
+    logs = np.log([[0.5, 0.5]])
+    with pytest.raises(ValueError, match=message):
+        pooled_log_posterior([logs, logs], [HALF, [0, 1]], HALF)
+
+
+def test_no_recordings_give_no_posteriors():
+    assert pooled_log_posterior([np.empty((0, 2))], [HALF], HALF).shape == (0, 2)

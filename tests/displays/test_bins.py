@@ -1,0 +1,160 @@
+"""Pictures of bins show each bin between its exact edges."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from sklearn.pipeline import make_pipeline
+
+from emacm import BinTransformer, OrderPSD, OrderResampler
+from emacm.displays import OrderBinsDisplay
+from emacm.orders.columns import parse_bin_columns
+from emacm.simulation import simulate_actuator
+
+EDGES = [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)]
+NAMES = ["current@0-0.5", "current@0.5-2", "current@3-4"]
+
+
+def axes(n_panels=1):
+    return Figure(figsize=(7, 8)).subplots(n_panels, squeeze=False)[:, 0]
+
+
+def table():
+    return pd.DataFrame([[1.0, 10, 100], [3.0, 10, 100]], columns=NAMES)
+
+
+def test_one_group_is_bars_between_exact_edges():
+    (ax,) = axes()
+    OrderBinsDisplay.from_table(table(), unit="A", scale="linear", ax=ax)
+    bars = [(bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in ax.patches]
+    assert bars == [(0.0, 0.5, 2.0), (0.5, 2.0, 10.0), (3.0, 4.0, 100.0)]
+    assert ax.get_ylabel() == "power of current [A²]"
+    assert ax.get_xlabel() == "order [cycles per revolution]"
+
+
+def test_bars_in_db_end_at_their_level():
+    (ax,) = axes()
+    OrderBinsDisplay.from_table(table(), unit="A", ax=ax)
+    tops = [bar.get_y() + bar.get_height() for bar in ax.patches]
+    assert np.allclose(tops, 10 * np.log10([2, 10, 100]))
+    assert ax.get_ylim()[0] < min(tops) < max(tops) < ax.get_ylim()[1]
+    assert "dB re 1 A²" in ax.get_ylabel()
+
+
+def test_several_groups_are_steps_that_end_where_a_bin_is_missing():
+    (ax,) = axes()
+    OrderBinsDisplay.from_table(table(), labels=["new", "worn"], scale="linear", ax=ax)
+    new, worn = ax.lines
+    x, y = worn.get_data()
+    assert x.tolist() == [0, 0.5, 0.5, 2, 3, 3, 4]
+    assert y[:4].tolist() == [3, 3, 10, 10]
+    assert np.isnan(y[4])
+    assert [line.get_label() for line in (new, worn)] == ["new", "worn"]
+    assert new.get_linestyle() != worn.get_linestyle()
+
+
+def test_stop_bands_are_hatched_and_named():
+    (ax,) = axes()
+    OrderBinsDisplay.from_table(table(), labels=["a", "b"], stop_bands=((2, 3),), ax=ax)
+    (band,) = ax.patches
+    assert (band.get_x(), band.get_width()) == (2, 1)
+    assert band.get_hatch()
+    assert "stop band" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_a_pipeline_draws_its_bins_and_its_stop_bands():
+    runs = [simulate_actuator("screw", seed=seed) for seed in (1, 2)]
+    bins = BinTransformer(max_order=10, stop_bands=((5.5, 6.5),))
+    pipeline = make_pipeline(OrderResampler(), OrderPSD(4), bins).fit(runs)
+    panels = axes(2)
+    display = OrderBinsDisplay.from_estimator(
+        pipeline, runs, unit={"current": "A"}, fault_orders={"screw": 3.125}, ax=panels
+    )
+    assert np.allclose(display.frame().iloc[:, 0], pipeline.transform(runs).mean(axis=0))
+    assert display.stop_bands == [(5.5, 6.5)]
+    assert "A²" in panels[0].get_ylabel()
+    assert "unit²" in panels[1].get_ylabel()
+    assert [text.get_text() for text in panels[0].texts] == ["screw"]
+    assert len(panels[1].lines) == 1  # the mark again, without its name
+    assert not panels[1].texts
+
+
+def test_a_channel_is_chosen_wherever_its_columns_stand():
+    mixed = pd.DataFrame([[1.0, 2.0, 3.0, 4.0]], columns=["a@0-1", "b@0-1", "a@1-2", "b@1-2"])
+    (ax,) = axes()
+    display = OrderBinsDisplay.from_table(mixed, "b", scale="linear", ax=ax)
+    assert display.frame().iloc[:, 0].tolist() == [2.0, 4.0]
+    assert [bar.get_height() for bar in ax.patches] == [2.0, 4.0]
+
+
+def test_named_bands_are_drawn_by_their_names():
+    (ax,) = axes()
+    named = pd.DataFrame([[1.0, 2.0]], columns=["a@BPFI", "a@second harmonic of the screw"])
+    OrderBinsDisplay.from_table(named, fault_orders={"BPFI": 1.0}, ax=ax)
+    names = [label.get_text().replace("\n", " ") for label in ax.get_xticklabels()]
+    assert names == ["BPFI", "second harmonic of the screw"]
+    assert ax.get_xlabel() == "order bin"
+    assert not ax.texts  # there is no order axis to mark one on
+
+
+def test_many_named_bands_are_not_all_named():
+    (ax,) = axes()
+    names = [f"a@band number {i}" for i in range(100)]
+    OrderBinsDisplay(names, {"all": np.ones(100)}).plot(ax=ax)
+    assert 20 <= len(ax.get_xticks()) <= 40
+    assert ax.get_xticklabels()[0].get_rotation() == 90
+
+
+def test_silence_has_no_bar_in_db():
+    (ax,) = axes()
+    OrderBinsDisplay(EDGES, {"all": [1.0, 0.0, 2.0]}).plot(ax=ax)
+    assert np.isfinite([bar.get_height() for bar in ax.patches]).tolist() == [True, False, True]
+    OrderBinsDisplay(EDGES, {"all": np.zeros(3)}).plot(ax=axes()[0])
+
+
+def test_tables_without_names_or_channel_are_refused():
+    with pytest.raises(ValueError, match="bins carry no names; pass a DataFrame"):
+        OrderBinsDisplay.from_table(np.ones((2, 3)))
+    with pytest.raises(ValueError, match=r"no channel 'speed', only \['current'\]"):
+        OrderBinsDisplay.from_table(table(), "speed")
+    with pytest.raises(ValueError, match="one label for each of 2 recordings"):
+        OrderBinsDisplay.from_table(table(), labels=["a"])
+    with pytest.raises(ValueError, match=r"must be finite, got nan at index \(0, 1\)"):
+        OrderBinsDisplay.from_table(table().replace(10.0, np.nan))
+    with pytest.raises(ValueError, match="no step of the pipeline is a BinTransformer"):
+        OrderBinsDisplay.from_estimator(make_pipeline(OrderResampler()), [])
+
+
+def test_numbers_that_do_not_fit_the_bins_are_refused():
+    with pytest.raises(ValueError, match=r"powers of 'a' must have shape \(3,\), got \(2,\)"):
+        OrderBinsDisplay(EDGES, {"a": [1, 2]})
+    with pytest.raises(ValueError, match="powers of 'a' must be at least 0"):
+        OrderBinsDisplay(EDGES, {"a": [1, 2, -3]})
+    with pytest.raises(ValueError, match="powers hold no group"):
+        OrderBinsDisplay(EDGES, {})
+    with pytest.raises(ValueError, match="at least one name or band, got none"):
+        OrderBinsDisplay([], {"a": []})
+    with pytest.raises(ValueError, match="name each bin once, but 'a@0-1' comes again"):
+        OrderBinsDisplay(["a@0-1", "a@0-1"], {"a": [1, 2]})
+    with pytest.raises(TypeError, match="names or bands throughout"):
+        OrderBinsDisplay(["a@0-1", (1, 2)], {"a": [1, 2]})
+    with pytest.raises(ValueError, match="from a lower to a higher order"):
+        OrderBinsDisplay([(2, 1)], {"a": [1]})
+
+
+def test_names_of_bins_read_back_as_the_bins():
+    psd = pd.DataFrame(np.ones((1, 11)), columns=[f"a+@{k}" for k in range(11)])
+    bins = BinTransformer(edges=[1e-5, 0.1, 1 / 3, 10]).fit(psd)
+    (block,) = parse_bin_columns(bins.get_feature_names_out())
+    assert block.channel == "a+"
+    assert [tuple(band) for band in block.bands] == list(bins.bins_)
+
+
+def test_names_of_another_form_are_no_bins():
+    assert parse_bin_columns(["x0", "x1"]) is None
+    assert parse_bin_columns(["a@0-1", "load"]) is None
+    assert parse_bin_columns([]) is None
+    (block,) = parse_bin_columns(["a@0-1", "a@3-2"])
+    assert block.bands is None
+    (block,) = parse_bin_columns(["a@0-1", "a@BPFI"])
+    assert block.bands is None

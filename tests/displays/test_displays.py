@@ -1,0 +1,219 @@
+"""What all pictures have in common: one public face, axes, names, and what they refuse."""
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from emacm import Recording, displays
+from emacm.displays import (
+    ContributionsDisplay,
+    DecisionRegionsDisplay,
+    EvaluationDisplay,
+    ExplainedVarianceDisplay,
+    FeatureDensityDisplay,
+    LoadingsDisplay,
+    OrderBinsDisplay,
+    OrderMapDisplay,
+    OrderSpectrumDisplay,
+    OutcomesDisplay,
+    RecordingDisplay,
+)
+from emacm.displays._drawing import (
+    COLOURS,
+    HATCHES,
+    MARKERS,
+    STYLES,
+    decibels,
+    line_style,
+    mark_orders,
+    name_side,
+    one_axes,
+    panel_axes,
+    spread,
+)
+from emacm.displays._tables import (
+    check_fault_orders,
+    check_values,
+)
+
+POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
+BINS = [(0, 1), (1, 2)]
+ONE_OF_EACH = [
+    ContributionsDisplay(BINS, [1.0, -1.0]),
+    DecisionRegionsDisplay([0, 1], [0, 2], [[0, 1], [0, 1]], ["a", "b"], POINTS, ["a", "b"]),
+    EvaluationDisplay(
+        pd.DataFrame(
+            {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [1.0]}, index=["by run"]
+        ),
+        pd.DataFrame([[3, 0], [1, 2]], index=["a", "b"], columns=["a", "b"]),
+    ),
+    ExplainedVarianceDisplay([0.7, 0.2]),
+    FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], POINTS, ["a", "a"]),
+    LoadingsDisplay(BINS, [[0.6, 0.8]]),
+    OrderBinsDisplay(BINS, {"a": [1.0, 2.0]}),
+    OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),
+    OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
+    OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
+    RecordingDisplay({"a": [0, 1]}, {"a": [1, 2]}, [0, 1], [1, 1]),
+]
+each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
+
+
+def axes_for(display):
+    n_panels = 2 if isinstance(display, RecordingDisplay | EvaluationDisplay) else 1
+    return Figure(layout="constrained").subplots(n_panels, squeeze=False)[:, 0]
+
+
+@each
+def test_a_picture_returns_itself_and_keeps_what_it_drew_on(display):
+    axes = axes_for(display)
+    assert display.plot(ax=axes[0] if len(axes) == 1 else axes) is display
+    assert display.figure_ is axes[0].figure
+    assert list(np.atleast_1d(np.asarray(display.ax_, dtype=object))) == list(axes)
+
+
+@each
+def test_a_picture_names_both_axes(display):
+    axes = axes_for(display)
+    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    assert axes[-1].get_xlabel()
+    named = isinstance(display, OutcomesDisplay | EvaluationDisplay)  # what is drawn has names
+    assert axes[0].get_ylabel() or named
+
+
+@each
+def test_a_picture_can_be_written_to_a_file(display, tmp_path):
+    axes = axes_for(display)
+    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    display.figure_.savefig(tmp_path / "picture.pdf")
+    assert (tmp_path / "picture.pdf").stat().st_size > 1000
+
+
+@each
+def test_a_legend_stands_beside_or_above_the_axes(display):
+    axes = axes_for(display)
+    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    display.figure_.draw_without_rendering()
+    legend = axes[0].get_legend()
+    if legend is not None:
+        inside, outside = axes[0].get_window_extent(), legend.get_window_extent()
+        assert outside.x0 > inside.x1 or outside.y0 > inside.y1
+
+
+@each
+def test_drawing_changes_no_number(display):
+    before = display.frame()
+    axes = axes_for(display)
+    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    pd.testing.assert_frame_equal(display.frame(), before)
+
+
+@each
+def test_without_matplotlib_the_extra_is_named(display, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"install emacm\[plot\]"):
+        display.plot()
+
+
+def test_the_public_face_has_every_picture():
+    pictures = {type(display).__name__ for display in ONE_OF_EACH}
+    assert pictures == {name for name in displays.__all__ if name.endswith("Display")}
+
+
+def test_eight_classes_differ_by_colour_and_by_more_than_colour():
+    for kinds in (COLOURS, STYLES, MARKERS, HATCHES):
+        assert len(set(kinds)) == len(kinds) == 8
+
+
+def test_of_sixty_four_classes_no_two_look_alike():
+    assert len({str(line_style(number)) for number in range(64)}) == 64
+
+
+def test_a_new_figure_is_made_where_no_axes_are_given():
+    from matplotlib import pyplot
+
+    display = OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]).plot()
+    assert pyplot.fignum_exists(display.figure_.number)
+    pyplot.close(display.figure_)
+    axes = panel_axes(None, 3)
+    assert len(axes) == 3
+    assert axes[0].get_shared_x_axes().joined(axes[0], axes[2])
+    pyplot.close(axes[0].figure)
+
+
+def test_a_picture_of_one_panel_refuses_several_axes():
+    with pytest.raises(TypeError, match="needs one Axes, got 2"):
+        one_axes(Figure().subplots(2))
+
+
+def test_as_many_axes_as_panels_are_asked_for():
+    recording = Recording({"a": [1.0, 2.0]}, 1, velocity=[1.0, 1.0])
+    with pytest.raises(ValueError, match=r"2 panels and needs as many Axes, got 1. Leave ax out"):
+        RecordingDisplay.from_recording(recording, ax=Figure().subplots())
+
+
+def test_fault_orders_beyond_the_axis_are_passed_over():
+    ax = Figure().subplots()
+    ax.set_xlim(0, 10)
+    mark_orders(ax, {"inside": 5.0, "outside": 11.0})
+    assert [text.get_text() for text in ax.texts] == ["inside"]
+    assert len(ax.lines) == 1
+
+
+def test_names_of_fault_orders_do_not_cover_each_other():
+    ax = Figure(figsize=(6, 3)).subplots()
+    ax.set_xlim(0, 50)
+    mark_orders(ax, {f"a long name {i}": 6 + 0.1 * i for i in range(5)})
+    ax.figure.draw_without_rendering()
+    # The extent of an annotation holds its pointer too; that of a text does not.
+    boxes = sorted((Text.get_window_extent(text) for text in ax.texts), key=lambda box: box.x0)
+    assert len(boxes) == 5
+    assert all(one.x1 <= other.x0 for one, other in pairwise(boxes))
+
+
+def test_a_name_too_long_for_its_axis_is_written_in_lines():
+    ax = Figure(figsize=(6, 1)).subplots()
+    name_side(ax, "vibration of the motor housing", "m/s²")
+    assert ax.get_ylabel().endswith("\n[m/s²]")
+    name_side(ax, "speed", "V")
+    assert ax.get_ylabel() == "speed [V]"
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 500), min_size=1, max_size=12), st.floats(1, 40))
+def test_places_drawn_apart_keep_their_order_their_gap_and_their_mean(places, gap):
+    places = np.sort(places)
+    apart = spread(places, gap)
+    assert np.all(np.diff(apart) >= gap - 1e-6)
+    assert np.isclose(apart.mean(), places.mean())
+
+
+def test_no_power_has_no_level():
+    levels = decibels(np.array([0.0, 1.0, 100.0]))
+    assert np.isnan(levels[0])
+    assert levels[1:].tolist() == [0.0, 20.0]
+
+
+def test_values_that_do_not_fit_say_where():
+    with pytest.raises(ValueError, match=r"psd must have shape \(n, 3\), got \(2, 2\)"):
+        check_values(np.ones((2, 2)), "psd", (None, 3))
+    with pytest.raises(ValueError, match=r"psd must be finite, got nan at index \(1, 0\)"):
+        check_values([[1, 2], [np.nan, 3]], "psd", (None, None))
+    with pytest.raises(ValueError, match=r"psd must be at least 0, got -2.0 at index 1"):
+        check_values([1, -2], "psd", (2,), least=0)
+    with pytest.raises(TypeError, match="psd must be numeric"):
+        check_values(["high"], "psd", (1,))
+
+
+def test_fault_orders_are_a_mapping_to_numbers():
+    with pytest.raises(TypeError, match="fault_orders must map names to orders"):
+        check_fault_orders([3.1])
+    with pytest.raises(ValueError, match="fault order 'screw' must be a number at least 0"):
+        check_fault_orders({"screw": -1.0})

@@ -1,0 +1,170 @@
+"""Pictures of evaluations show every scheme with its limits, and what was decided."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from sklearn.naive_bayes import GaussianNB
+from sklearn.svm import LinearSVC
+
+from emacm.displays import EvaluationDisplay
+from emacm.evaluation.evaluate import evaluate
+
+TABLE = pd.DataFrame(
+    {
+        "balanced_accuracy": [0.9, 0.6, np.nan],
+        "balanced_accuracy_low": [0.85, 0.4, np.nan],
+        "balanced_accuracy_high": [0.95, 0.8, np.nan],
+        "false_alarms": [0.1, 0.3, np.nan],
+        "false_alarms_low": [0.0, np.nan, np.nan],
+        "false_alarms_high": [0.2, np.nan, np.nan],
+        "groups": [7, 7, 0],
+        "resampled": ["run", "run", "unit"],
+    },
+    index=["random split", "by run", "by unit"],
+)
+CONFUSION = pd.DataFrame([[8, 1], [0, 3], [2, 0]], index=["a", "b", "inspect"], columns=["a", "b"])
+CURVE = pd.DataFrame(
+    {
+        "stated": [0.6, 0.9],
+        "came_true": [0.5, 0.95],
+        "low": [0.3, 0.9],
+        "high": [0.7, 1.0],
+        "n": [10, 40],
+    }
+)
+
+
+def axes(n_panels):
+    return Figure(figsize=(14, 5)).subplots(1, n_panels)
+
+
+def found(model=None, **options):
+    rng = np.random.default_rng(0)
+    y = np.tile(np.repeat(["normal", "worn"], 3), 12)
+    X = rng.normal(size=(72, 2)) + 2 * (y == "worn")[:, np.newaxis]
+    runs = pd.Series(np.repeat(np.arange(12), 6), name="run")
+    model = GaussianNB() if model is None else model
+    return evaluate(model, X, y, groups=runs, healthy="normal", **options)
+
+
+def test_a_figure_stands_at_its_share_in_per_cent_on_the_line_of_its_limits():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    points = {line.get_label(): line for line in panels[0].lines}
+    assert np.allclose(points["balanced accuracy"].get_xdata()[:2], [90, 60])
+    segments = panels[0].collections[0].get_segments()
+    assert np.allclose(segments[1][:, 0], [40, 80])
+    assert segments[1][0, 1] == points["balanced accuracy"].get_ydata()[1]
+    assert panels[0].get_xlabel() == "share of the recordings [%]"
+
+
+def test_schemes_are_named_with_the_groups_their_limits_rest_on():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    names = [label.get_text() for label in panels[0].get_yticklabels()]
+    assert names == ["random split\n(runs: 7)", "by run\n(runs: 7)", "by unit"]
+    assert panels[0].get_ylim()[0] > panels[0].get_ylim()[1]  # the first on top
+
+
+def test_a_scheme_without_figures_says_so():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    (text,) = panels[0].texts
+    assert (text.get_text(), text.get_position()[1]) == ("cannot be scored", 2)
+
+
+def test_figures_are_told_apart_by_colour_and_mark():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    points = [line for line in panels[0].lines if not line.get_label().startswith("_")]
+    assert len({line.get_color() for line in points}) == len(points) == 2
+    assert len({line.get_marker() for line in points}) == 2
+
+
+def test_the_confusion_counts_and_is_shaded_by_columns():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION, scheme="by run").plot(ax=panels)
+    assert [text.get_text() for text in panels[1].texts] == ["8", "1", "3", "2"]
+    assert np.allclose(panels[1].images[0].get_array(), [[0.8, 0.25], [0, 0.75], [0.2, 0]])
+    assert [t.get_text() for t in panels[1].get_yticklabels()] == ["a", "b", "inspect"]
+    assert (panels[1].get_xlabel(), panels[1].get_ylabel()) == ("true", "decided")
+    assert panels[1].get_title().startswith("by run")
+
+
+def test_numbers_on_dark_cells_are_white():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    assert [text.get_color() for text in panels[1].texts] == ["white", "black", "white", "black"]
+
+
+def test_reliability_is_drawn_beside_the_diagonal():
+    panels = axes(3)
+    EvaluationDisplay(TABLE, CONFUSION, CURVE).plot(ax=panels)
+    diagonal, curve = panels[2].lines
+    assert np.allclose(diagonal.get_xydata(), [[0, 0], [100, 100]])
+    assert np.allclose(curve.get_xydata(), [[60, 50], [90, 95]])
+    assert np.allclose(panels[2].collections[0].get_segments()[0][:, 1], [30, 70])
+    assert "[%]" in panels[2].get_xlabel()
+    assert "[%]" in panels[2].get_ylabel()
+
+
+def test_an_evaluation_is_drawn_with_its_first_split_by_groups():
+    result = found()
+    display = EvaluationDisplay.from_evaluation(result, ax=axes(3))
+    assert display.scheme == "by run"
+    assert display.confusion.equals(result.confusions["by run"])
+    assert display.figures == ["balanced_accuracy", "false_alarms", "missed_detections"]
+    frame = display.frame().set_index(["scheme", "figure"])
+    expected = result.table.loc["random split", "false_alarms_high"]
+    assert frame.loc[("random split", "false_alarms"), "high"] == expected
+
+
+def test_another_scheme_can_be_drawn():
+    display = EvaluationDisplay.from_evaluation(
+        found(), scheme="random split", figures="accuracy", ax=axes(3)
+    )
+    assert display.scheme == "random split"
+    assert display.figures == ["accuracy"]
+
+
+def test_without_probabilities_there_are_two_panels():
+    display = EvaluationDisplay.from_evaluation(found(LinearSVC()), ax=axes(2))
+    assert len(display.ax_) == 2
+
+
+def test_a_new_figure_has_its_panels_beside_each_other():
+    from matplotlib import pyplot
+
+    display = EvaluationDisplay.from_evaluation(found())
+    display.figure_.draw_without_rendering()
+    boxes = [panel.get_window_extent() for panel in display.ax_]
+    assert boxes[0].x1 < boxes[1].x0 < boxes[1].x1 < boxes[2].x0
+    pyplot.close(display.figure_)
+
+
+def test_what_cannot_be_drawn_is_refused():
+    with pytest.raises(TypeError, match="evaluation must be the result of evaluate, got DataFrame"):
+        EvaluationDisplay.from_evaluation(TABLE)
+    with pytest.raises(ValueError, match=r"scored: \['random split', 'by run'\]; got 'by unit'"):
+        EvaluationDisplay.from_evaluation(found(), scheme="by unit")
+    with pytest.raises(TypeError, match="table must be a DataFrame that is not empty"):
+        EvaluationDisplay({}, CONFUSION)
+    with pytest.raises(TypeError, match="confusion must be a DataFrame that is not empty"):
+        EvaluationDisplay(TABLE, CONFUSION.iloc[:0])
+    with pytest.raises(ValueError, match=r"figures must be among .*got \['log_loss'\]"):
+        EvaluationDisplay(TABLE, CONFUSION, figures=["log_loss"])
+    with pytest.raises(ValueError, match=r"the table lacks \['accuracy', 'accuracy_low'"):
+        EvaluationDisplay(TABLE, CONFUSION, figures=["accuracy"])
+    with pytest.raises(ValueError, match="table must hold shares from 0 to 1"):
+        EvaluationDisplay(
+            TABLE[["false_alarms", "false_alarms_low", "false_alarms_high"]] * 9,
+            CONFUSION,
+            figures=["false_alarms"],
+        )
+    with pytest.raises(ValueError, match="confusion must be at least 0"):
+        EvaluationDisplay(TABLE, -CONFUSION)
+    with pytest.raises(ValueError, match=r"calibration must have the columns .*lacks \['n'\]"):
+        EvaluationDisplay(TABLE, CONFUSION, CURVE.drop(columns="n"))
+    with pytest.raises(ValueError, match="this picture has 2 panels and needs as many Axes, got 3"):
+        EvaluationDisplay(TABLE, CONFUSION).plot(ax=axes(3))

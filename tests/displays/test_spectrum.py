@@ -1,0 +1,155 @@
+"""Pictures of order spectra show the spectra."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from sklearn.pipeline import make_pipeline
+
+from emacm import BinTransformer, OrderPSD, OrderResampler
+from emacm.displays import OrderSpectrumDisplay
+from emacm.orders.columns import OrderTable, order_columns
+from emacm.simulation import simulate_actuator
+
+
+@pytest.fixture
+def ax():
+    return Figure().subplots()
+
+
+def spectra():
+    orders = np.arange(9) / 4
+    values = np.array([[1.0], [3.0], [10.0]]) * np.ones((3, 18))
+    return orders, OrderTable(values, order_columns(["vibration", "current"], orders))
+
+
+def test_a_spectrum_is_the_mean_of_each_label_in_db(ax):
+    orders, table = spectra()
+    display = OrderSpectrumDisplay.from_table(
+        table, "current", labels=["a", "a", "b"], unit="A", ax=ax
+    )
+    frame = display.frame()
+    assert list(frame.columns) == ["a", "b"]
+    assert np.array_equal(frame.index, orders)
+    assert (frame["a"] == 2).all()
+    drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
+    assert np.allclose(drawn["b"], 10)
+    assert ax.get_ylabel() == "PSD of current [dB re 1 A²/order]"
+    assert display.ax_ is ax
+
+
+def test_a_spectrum_marks_fault_orders_and_stops_where_asked(ax):
+    _, table = spectra()
+    OrderSpectrumDisplay.from_table(
+        table, "vibration", unit="m/s²", max_order=1, fault_orders={"screw": 0.75}, ax=ax
+    )
+    assert ax.get_xlim() == (0, 1)
+    assert [text.get_text() for text in ax.texts] == ["screw"]
+    assert ax.lines[0].get_xdata().max() == 1
+    assert "(m/s²)²/order" in ax.get_ylabel()
+
+
+def test_a_spectrum_of_a_dataframe_is_the_same(ax):
+    _, table = spectra()
+    frame = pd.DataFrame(np.asarray(table), columns=list(table.columns))
+    one = OrderSpectrumDisplay.from_table(table, "current", ax=ax).frame()
+    pd.testing.assert_frame_equal(
+        one, OrderSpectrumDisplay.from_table(frame, "current", ax=ax).frame()
+    )
+
+
+def test_every_channel_has_a_panel_and_its_own_unit():
+    _, table = spectra()
+    axes = Figure(figsize=(6, 9)).subplots(2)
+    units = {"vibration": "m/s²", "current": "A"}
+    display = OrderSpectrumDisplay.from_table(table, labels=["a", "a", "b"], unit=units, ax=axes)
+    assert display.channel == ["vibration", "current"]
+    two = OrderSpectrumDisplay([0, 1, 2], {"a": [[1, 1, 1], [100, 100, 100]]}, channel=["x", "y"])
+    two.plot(ax=Figure().subplots(2))
+    assert [panel.lines[0].get_ydata()[0] for panel in two.ax_] == [0, 20]
+    assert display.frame()["current", "b"].eq(10).all()
+    assert "A²/order" in axes[1].get_ylabel()
+    assert "(m/s²)²/order" in axes[0].get_ylabel()
+    assert np.allclose(axes[1].lines[0].get_ydata(), 10 * np.log10(2))
+
+
+def test_a_linear_spectrum_is_drawn_as_it_is(ax):
+    _, table = spectra()
+    OrderSpectrumDisplay.from_table(table[2:], "current", unit="A", scale="linear", ax=ax)
+    assert (ax.lines[0].get_ydata() == 10).all()
+    assert ax.get_ylabel() == "PSD of current [A²/order]"
+    assert ax.get_ylim()[0] == 0
+
+
+def test_a_pipeline_draws_what_it_computes(ax):
+    runs = [simulate_actuator("healthy", seed=seed) for seed in (1, 2)]
+    pipeline = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=20)).fit(runs)
+    display = OrderSpectrumDisplay.from_estimator(pipeline, runs, "current", unit="A", ax=ax)
+    n_orders = len(pipeline[1].orders_)
+    expected = np.asarray(pipeline[:2].transform(runs))[:, :n_orders].mean(axis=0)
+    assert np.allclose(display.frame()["current"], expected)
+
+
+def test_a_power_spectrum_is_not_called_a_density(ax):
+    angle = 2 * np.pi / 32 * np.arange(32 * 20)
+    psd = OrderPSD(4, theta_s=2 * np.pi / 32, scaling="spectrum").fit([np.sin(3 * angle)])
+    OrderSpectrumDisplay.from_estimator(psd, [np.sin(3 * angle)], "signal", unit="A", ax=ax)
+    assert ax.get_ylabel() == "power of signal [dB re 1 A²]"
+
+
+def test_where_there_is_no_power_there_is_no_line(ax):
+    OrderSpectrumDisplay(np.arange(4), {"a": np.array([1.0, 1.0, 0.0, 1.0])}).plot(ax=ax)
+    assert np.isnan(ax.lines[0].get_ydata()).tolist() == [False, True, False]
+
+
+def test_eight_spectra_differ_by_colour_and_line(ax):
+    names = [f"unit {i}" for i in range(8)]
+    OrderSpectrumDisplay(np.arange(3), {name: np.ones(3) for name in names}).plot(ax=ax)
+    assert len({line.get_color() for line in ax.lines}) == 8
+    assert {"-", "--", "-.", ":"} <= {line.get_linestyle() for line in ax.lines}
+
+
+def test_a_spectrum_without_axis_or_channel_says_so():
+    _, table = spectra()
+    with pytest.raises(ValueError, match="carries no order axis"):
+        OrderSpectrumDisplay.from_table(np.ones((2, 3)), "current")
+    with pytest.raises(ValueError, match=r"no channel 'speed', only \['vibration', 'current'\]"):
+        OrderSpectrumDisplay.from_table(table, "speed")
+    with pytest.raises(ValueError, match="each once"):
+        OrderSpectrumDisplay.from_table(table, ["current", "current"])
+
+
+def test_labels_that_do_not_fit_the_recordings_are_refused():
+    _, table = spectra()
+    with pytest.raises(ValueError, match=r"one label for each of 3 recordings, got shape \(2,\)"):
+        OrderSpectrumDisplay.from_table(table, "current", labels=["a", "b"])
+    with pytest.raises(ValueError, match="got none for recording 1"):
+        OrderSpectrumDisplay.from_table(table, "current", labels=[1.0, np.nan, 1.0])
+
+
+def test_spectra_that_are_none_are_refused():
+    with pytest.raises(ValueError, match=r"spectrum of 'a' must have shape \(3,\), got \(2,\)"):
+        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(2)})
+    with pytest.raises(ValueError, match="spectrum of 'a' must be finite, got nan at index 1"):
+        OrderSpectrumDisplay(np.arange(3), {"a": np.array([1, np.nan, 1])})
+    with pytest.raises(ValueError, match=r"must be at least 0, got -1\.0"):
+        OrderSpectrumDisplay(np.arange(3), {"a": -np.ones(3)})
+    with pytest.raises(ValueError, match="and increase"):
+        OrderSpectrumDisplay(np.zeros(3), {"a": np.ones(3)})
+    with pytest.raises(ValueError, match="scale must be one of 'dB', 'linear'"):
+        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}, scale="log")
+    with pytest.raises(ValueError, match="holds no recording"):
+        OrderSpectrumDisplay.from_table(pd.DataFrame(columns=["a@0", "a@1"], dtype=float), "a")
+
+
+def test_channels_of_different_orders_are_drawn_one_by_one():
+    table = pd.DataFrame(np.ones((1, 4)), columns=["a@0", "a@1", "b@0", "b@2"])
+    with pytest.raises(ValueError, match="'a' and 'b' have other orders; draw them one by one"):
+        OrderSpectrumDisplay.from_table(table)
+
+
+def test_a_pipeline_without_spectra_says_which_steps_it_has():
+    with pytest.raises(ValueError, match=r"no step of the pipeline is an OrderPSD; .*resampler"):
+        OrderSpectrumDisplay.from_estimator(make_pipeline(OrderResampler()), [])
+    with pytest.raises(ValueError, match="estimator must be or contain an OrderPSD"):
+        OrderSpectrumDisplay.from_estimator(OrderResampler(), [])

@@ -1,0 +1,100 @@
+"""Limits of a figure come from drawing whole groups of recordings."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm, t
+from sklearn.metrics import recall_score
+
+from emacm.evaluation.bootstrap import cell_mean, check_limits, group_intervals
+
+
+def interval(values, groups, **options):
+    cells = np.zeros((1, len(values)), int)
+    return group_intervals([values], cells, groups, **options)[0]
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1))
+def test_right_or_wrong_by_class_averages_to_the_balanced_accuracy(pairs):
+    truths, decided = np.array(pairs).T
+    right = (truths == decided).astype(float)
+    theirs = recall_score(truths, decided, labels=np.unique(truths), average="macro")
+    assert cell_mean(right, truths) == pytest.approx(theirs)
+
+
+def test_what_is_in_no_cell_does_not_count():
+    assert cell_mean([1, 0, 0], [0, -1, -1]) == 1
+    assert np.isnan(cell_mean([1, 0], [-1, -1]))
+
+
+def test_copies_of_a_recording_in_its_group_change_no_limit():
+    values, groups = np.random.default_rng(3).random(12), np.arange(12)
+    once = interval(values, groups)
+    assert np.allclose(interval(np.repeat(values, 9), np.repeat(groups, 9)), once, rtol=1e-12)
+
+
+def test_copies_taken_for_recordings_of_their_own_narrow_the_limits():
+    values, groups = np.random.default_rng(3).random(12), np.repeat(np.arange(12), 9)
+    low, high = interval(np.repeat(values, 9), groups)
+    narrow_low, narrow_high = interval(np.repeat(values, 9), np.arange(108))
+    assert narrow_high - narrow_low < 0.5 * (high - low)
+
+
+def test_of_many_single_recordings_the_limits_are_plain_percentiles():
+    values = np.random.default_rng(5).normal(size=400)
+    reach = np.sqrt(400 / 399) * t.ppf(0.975, 399)
+    means = values[np.random.default_rng(1).integers(0, 400, (20_000, 400))].mean(axis=1)
+    theirs = np.quantile(means, norm.cdf([-reach, reach]))
+    assert np.allclose(interval(values, np.arange(400), n_resamples=20_000), theirs, atol=0.004)
+
+
+@pytest.mark.parametrize("n_groups", [3, 5, 8, 20])
+def test_limits_cover_the_truth_about_as_often_as_they_say(n_groups):
+    rng, covered = np.random.default_rng(n_groups), 0
+    for _ in range(400):
+        rates = rng.beta(6, 4, n_groups)  # runs differ
+        right = (rng.random((n_groups, 20)) < rates[:, np.newaxis]).astype(float)
+        low, high = interval(right.ravel(), np.repeat(np.arange(n_groups), 20), n_resamples=300)
+        covered += low <= 0.6 <= high
+    assert 0.89 <= covered / 400 <= 0.99  # single recordings as groups would give about 0.6
+
+
+def test_of_two_groups_limits_are_those_of_student():
+    # Means 0.5 and 0.7: deviation of their mean 0.1, times t of one degree of freedom, 12.7.
+    groups = [0, 0, 1, 1]
+    assert interval([0.0, 1.0, 0.4, 1.0], groups).tolist() == [0, 1]  # no value lies beyond
+    wide = interval([-9.0, 10.0, 0.4, 1.0], groups)
+    assert np.allclose(wide, [0.6 - 1.27, 0.6 + 1.27], atol=0.03)
+
+
+def test_one_group_has_no_limits():
+    assert np.isnan(interval([0.0, 1.0], ["a", "a"])).all()
+
+
+def test_groups_without_recordings_that_count_are_no_observations():
+    cells = np.array([[0, 0, -1, -1]])
+    assert np.isnan(group_intervals([[0.0, 1.0, 1.0, 1.0]], cells, list("aabb"))).all()
+
+
+def test_there_are_no_limits_where_nearly_every_draw_misses_a_cell():
+    cells = np.arange(8)[np.newaxis]
+    assert np.isnan(group_intervals([np.ones(8)], cells, np.arange(8))).all()
+
+
+def test_values_that_never_differ_have_limits_of_no_width():
+    assert interval(np.ones(6), np.arange(6)).tolist() == [1, 1]
+
+
+def test_the_same_seed_gives_the_same_limits():
+    values, groups = np.random.default_rng(0).random(30), np.arange(30)
+    assert (interval(values, groups) == interval(values, groups)).all()
+    assert (interval(values, groups) != interval(values, groups, random_state=1)).any()
+
+
+def test_confidence_and_draws_are_checked():
+    with pytest.raises(ValueError, match="confidence must be a number above 0 and below 1, got 95"):
+        check_limits(95, 1000)
+    with pytest.raises(ValueError, match="n_resamples must be a whole number of at least 100"):
+        check_limits(0.95, 10)

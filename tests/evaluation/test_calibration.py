@@ -1,0 +1,85 @@
+"""Stated probabilities are held against what came true."""
+
+import numpy as np
+import pytest
+from sklearn.metrics import log_loss
+
+from emacm.evaluation.calibration import brier_scores, log_losses, most_probable, reliability
+
+
+def stated(n_recordings, n_classes, seed=0):
+    """Draw probabilities, and truths that follow them: calibrated by construction."""
+    rng = np.random.default_rng(seed)
+    probabilities = rng.dirichlet(np.ones(n_classes), n_recordings)
+    truths = (rng.random((n_recordings, 1)) > probabilities.cumsum(axis=1)).sum(axis=1)
+    return probabilities, truths
+
+
+def test_the_mean_logarithmic_loss_is_that_of_scikit_learn():
+    probabilities, truths = stated(200, 4)
+    ours = log_losses(probabilities, truths).mean()
+    assert ours == pytest.approx(log_loss(truths, probabilities), rel=1e-12)
+
+
+def test_an_impossible_truth_costs_36_nats():
+    assert log_losses([[1.0, 0.0]], [1])[0] == pytest.approx(36.04, abs=0.01)
+
+
+def test_the_brier_score_of_knowing_nothing_is_one_less_a_share():
+    # (1 - 1/K)^2 + (K - 1) / K^2 = 1 - 1/K
+    assert np.allclose(brier_scores(np.full((5, 5), 0.2), [0, 1, 2, 3, 4]), 0.8)
+
+
+def test_true_probabilities_have_a_lower_expected_score_than_any_other():
+    probabilities, truths = stated(20_000, 3)
+    sharper = probabilities**2 / (probabilities**2).sum(axis=1, keepdims=True)
+    for score in (log_losses, brier_scores):
+        assert score(probabilities, truths).mean() < score(sharper, truths).mean()
+
+
+def test_what_follows_its_probabilities_comes_true_as_often_as_stated():
+    curve = reliability(*stated(50_000, 3))
+    deviation = np.sqrt(curve["stated"] * (1 - curve["stated"]) / curve["n"])
+    assert (np.abs(curve["came_true"] - curve["stated"]) < 4 * deviation).all()
+    assert curve["n"].sum() == 50_000
+
+
+def test_overstated_probabilities_come_true_less_often():
+    probabilities, truths = stated(5000, 2)
+    sharp = probabilities**3 / (probabilities**3).sum(axis=1, keepdims=True)
+    curve = reliability(sharp, truths)
+    middle = curve[curve["to"] < 1]
+    assert (middle["came_true"] < middle["stated"]).all()
+
+
+def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
+    probabilities = np.array([[0.6, 0.4], [0.7, 0.3], [1.0, 0.0], [0.59, 0.41]])
+    assert most_probable(probabilities, [0, 0, 0, 0])[2].tolist() == [6, 7, 9, 5]
+
+
+def test_the_mean_of_a_bin_lies_within_it():
+    curve = reliability(*stated(500, 3), n_bins=7)
+    assert ((curve["from"] <= curve["stated"]) & (curve["stated"] <= curve["to"])).all()
+
+
+@pytest.mark.parametrize("function", [log_losses, brier_scores, reliability])
+def test_what_is_no_probability_is_refused(function):
+    with pytest.raises(ValueError, match=r"add up to 1, got \[0.5, 0.6\] for recording 1"):
+        function([[0.5, 0.5], [0.5, 0.6]], [0, 1])
+    with pytest.raises(ValueError, match="add up to 1, got"):
+        function([[np.nan, 0.5]], [0])
+    with pytest.raises(ValueError, match=r"got shapes \(1, 2\) and \(2,\)"):
+        function([[0.5, 0.5]], [0, 1])
+    with pytest.raises(ValueError, match="numbers of the 2 classes, counted from 0; got 2 to 2"):
+        function([[0.5, 0.5]], [2])
+
+
+def test_bins_are_counted():
+    with pytest.raises(ValueError, match="n_bins must be a whole number of at least 1, got 0"):
+        reliability([[0.5, 0.5]], [0], n_bins=0)
+
+
+def test_a_probability_rounded_to_above_1_is_no_gain():
+    loss = log_losses([[1 + 4e-16, 0.0]], [0])
+    assert loss.tolist() == [0.0]
+    assert not np.signbit(loss).any()

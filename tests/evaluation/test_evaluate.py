@@ -1,0 +1,552 @@
+"""Evaluations by several ways of holding out, side by side."""
+
+import re
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.ensemble import VotingClassifier
+from sklearn.metrics import balanced_accuracy_score, log_loss
+from sklearn.model_selection import GroupKFold, LeaveOneGroupOut
+from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.svm import LinearSVC
+
+from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording, expected_cost
+from emacm.evaluation.evaluate import evaluate
+
+STATES = ["normal", "worn1", "worn2", "spalled"]
+FAMILIES = {"normal": ["normal"], "worn": ["worn1", "worn2"], "spalled": ["spalled"]}
+
+
+def near_copies(n_runs=60, n_copies=4, n_classes=3, seed=0):
+    """Return features that are those of the run and tell nothing of the class."""
+    rng = np.random.default_rng(seed)
+    X = np.repeat(rng.normal(size=(n_runs, 3)), n_copies, axis=0)
+    y = np.repeat(np.arange(n_runs) % n_classes, n_copies)
+    return X, y, np.repeat(np.arange(n_runs), n_copies)
+
+
+def sub_states(n_runs=8, seed=0, width=1.0):
+    """Return features of four states around their own centres, eight runs of each."""
+    rng = np.random.default_rng(seed)
+    y = np.repeat(STATES, n_runs * 3)
+    centres = dict(zip(STATES, [(0, 0), (3, 0), (0, 3), (3, 3)], strict=True))
+    X = np.array([centres[state] for state in y]) + rng.normal(scale=width, size=(len(y), 2))
+    return X, y, np.tile(np.repeat(np.arange(n_runs), 3), len(STATES))
+
+
+def family_cost():
+    family_of = {state: family for family, members in FAMILIES.items() for state in members}
+    prices = [[float(family_of[state] != family) * 2 for state in STATES] for family in FAMILIES]
+    return pd.DataFrame(prices, index=[*FAMILIES], columns=STATES)
+
+
+class Echo(ClassifierMixin, BaseEstimator):
+    """Answers what its feature says, whatever it was taught."""
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        return self
+
+    def predict(self, X):
+        return [row[0] for row in X]
+
+
+def echoed(y, answers, **options):
+    X = np.array(answers, dtype=object)[:, np.newaxis]
+    return evaluate(Echo(), X, y, **options)
+
+
+def test_who_memorises_is_right_by_a_random_split_and_at_chance_by_run():
+    X, y, runs = near_copies()
+    found = evaluate(KNeighborsClassifier(1), X, y, groups=runs)
+    assert found.table.loc["random split", "balanced_accuracy"] > 0.99
+    by_group = found.table.loc["by group"]
+    assert by_group["balanced_accuracy_low"] < 1 / 3 < by_group["balanced_accuracy_high"]
+    assert "the random split has 1, 'by group' 0." in "".join(found.remarks)
+
+
+def test_limits_by_run_are_those_of_runs_and_not_of_copies():
+    X, y, runs = near_copies()
+    found = evaluate(KNeighborsClassifier(1), X, y, groups=runs)
+    width = found.table["accuracy_high"] - found.table["accuracy_low"]
+    binomial = 2 * 1.96 * np.sqrt((1 / 3) * (2 / 3) / 60)  # of 60 runs, all right or all wrong
+    assert width["by group"] == pytest.approx(binomial, rel=0.25)
+    assert found.table.loc["by group", "groups"] == 60
+
+
+def test_figures_are_those_of_scikit_learn_on_the_decisions():
+    X, y, runs = sub_states()
+    found = evaluate(GaussianNB(), X, y, groups=runs)
+    for scheme, held in found.predictions.groupby("scheme"):
+        row = found.table.loc[scheme]
+        assert row["balanced_accuracy"] == pytest.approx(
+            balanced_accuracy_score(held["truth"], held["decision"])
+        )
+        assert row["accuracy"] == pytest.approx((held["truth"] == held["decision"]).mean())
+        stated = held[[f"P({state})" for state in sorted(STATES)]]
+        assert row["log_loss"] == pytest.approx(
+            log_loss(held["truth"], stated, labels=sorted(STATES))
+        )
+        truth = pd.get_dummies(held["truth"])[sorted(STATES)].to_numpy(float)
+        brier = ((stated.to_numpy() - truth) ** 2).sum(axis=1).mean()
+        assert row["brier"] == pytest.approx(brier)
+
+
+def test_decisions_are_those_of_a_clone_fitted_to_the_other_runs():
+    X, y, runs = sub_states()
+    found = evaluate(GaussianNB(), X, y, groups=runs)
+    held = found.predictions.query("scheme == 'by group'").set_index("recording")
+    expected = np.empty(len(y), object)
+    for train, test in LeaveOneGroupOut().split(X, y, runs):
+        expected[test] = GaussianNB().fit(X[train], y[train]).predict(X[test])
+    assert (held.loc[np.arange(len(y)), "decision"].to_numpy() == expected).all()
+    assert held["left_out"].unique().tolist() == [f"group {run}" for run in range(8)]
+
+
+def test_no_group_stands_on_both_sides_where_there_are_more_groups_than_folds():
+    X, y, runs = near_copies(n_runs=23)
+    found = evaluate(GaussianNB(), X, y, groups=runs, n_splits=4)
+    assert found.table.loc["by group", "folds"] == 4
+    held = found.predictions.query("scheme == 'by group'")
+    assert (held.groupby("group")["fold"].nunique() == 1).all()
+    assert sorted(held["recording"]) == list(range(len(y)))
+
+
+def test_alarms_are_shares_of_the_healthy_and_misses_shares_of_the_others():
+    y = ["ok"] * 4 + ["worn"] * 2 + ["spalled"] * 2
+    answers = ["ok", "worn", "spalled", "ok", "ok", "worn", "worn", "spalled"]
+    row = echoed(y, answers, healthy="ok", n_splits=2).table.loc["random split"]
+    assert row["false_alarms"] == 2 / 4
+    assert row["missed_detections"] == 1 / 4  # the spalled one called worn is no miss
+    assert row["accuracy"] == 4 / 8
+    assert row["balanced_accuracy"] == pytest.approx((2 / 4 + 1 / 2 + 1 / 2) / 3)
+
+
+def test_an_inspection_is_an_alarm_and_no_miss_and_is_never_right():
+    cost = {("inspect", "ok"): 0.2, ("inspect", "worn"): 0.2}
+    found = echoed(
+        ["ok", "ok", "worn", "worn"],
+        ["ok", "inspect", "inspect", "inspect"],
+        healthy="ok",
+        cost=cost,
+        n_splits=2,
+    )
+    row = found.table.loc["random split"]
+    assert (row["false_alarms"], row["missed_detections"], row["accuracy"]) == (0.5, 0, 0.25)
+    assert row["expected_cost"] == pytest.approx(0.15)
+    assert found.confusions["random split"].to_dict("index") == {
+        "ok": {"ok": 1, "worn": 0},
+        "worn": {"ok": 0, "worn": 0},
+        "inspect": {"ok": 1, "worn": 2},
+    }
+
+
+def test_without_a_healthy_class_no_alarm_is_counted():
+    found = echoed(["a", "a", "b", "b"], ["a", "a", "b", "a"], n_splits=2)
+    assert not {"false_alarms", "missed_detections"} & set(found.table)
+
+
+def test_the_cost_is_the_expected_cost_of_the_decisions():
+    X, y, runs = sub_states()
+    cost = {("normal", "worn1"): 10, ("normal", "spalled"): 25, ("worn1", "normal"): 0.3}
+    found = evaluate(CostSensitiveGaussianBayes(), X, y, groups=runs, cost=cost)
+    held = found.predictions.query("scheme == 'by group'")
+    expected = expected_cost(held["truth"], held["decision"], cost=cost, labels=sorted(STATES))
+    assert found.table.loc["by group", "expected_cost"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_cost_is_taken_from_the_estimator_if_none_is_stated():
+    X, y, runs = sub_states()
+    cost = np.full((4, 4), 3.0) - 3 * np.eye(4)
+    model = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(cost))
+    row = evaluate(model, X, y, groups=runs).table.loc["by group"]
+    assert row["expected_cost"] == pytest.approx(3 * (1 - row["accuracy"]))
+
+
+def test_without_any_cost_it_is_the_share_of_wrong_decisions():
+    X, y, _ = sub_states()
+    row = evaluate(GaussianNB(), X, y).table.loc["random split"]
+    assert row["expected_cost"] == pytest.approx(1 - row["accuracy"])
+
+
+def test_families_decided_on_are_scored_by_the_zeros_of_the_cost():
+    X, y, runs = sub_states()
+    model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
+    found = evaluate(model, X, y, groups=runs, healthy="normal")
+    held = found.predictions.query("scheme == 'by group'")
+    family_of = {state: family for family, states in FAMILIES.items() for state in states}
+    families = held["truth"].map(family_of)
+    assert set(held["decision"]) == set(FAMILIES)
+    assert found.table.loc["by group", "balanced_accuracy"] == pytest.approx(
+        balanced_accuracy_score(families, held["decision"])
+    )
+    assert found.table.loc["by group", "labels"] == 3
+    assert found.confusions["by group"].shape == (3, 4)
+    assert found.confusions["by group"].loc["worn", ["worn1", "worn2"]].sum() > 40
+    assert "Scored by families" in found.remarks[-1]
+
+
+def test_stated_families_give_the_same_as_the_zeros_of_the_cost():
+    X, y, runs = sub_states()
+    model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
+    read, stated = (evaluate(model, X, y, groups=runs, families=f) for f in (None, FAMILIES))
+    columns = sorted(read.table)
+    pd.testing.assert_frame_equal(read.table[columns], stated.table[columns])
+
+
+def test_sub_states_decided_on_are_right_within_their_family():
+    answers = ["normal", "worn2", "worn1", "spalled", "normal", "worn1", "worn2", "worn1"]
+    found = echoed(STATES * 2, answers, families=FAMILIES, n_splits=2)
+    row = found.table.loc["random split"]
+    assert row["accuracy"] == 7 / 8
+    assert row["balanced_accuracy"] == pytest.approx((1 + 1 + 1 / 2) / 3)
+
+
+def test_the_posterior_of_a_family_is_the_sum_of_its_sub_states():
+    X, y, _ = sub_states()
+    plain = evaluate(GaussianNB(), X, y).predictions
+    found = evaluate(GaussianNB(), X, y, families=FAMILIES).predictions
+    assert np.allclose(found["P(worn)"], plain["P(worn1)"] + plain["P(worn2)"])
+
+
+def test_costs_between_families_price_their_sub_states():
+    cost = {("normal", "worn"): 7, ("worn", "normal"): 0.5}
+    found = echoed(
+        STATES * 2,
+        ["normal", "normal", "worn2", "spalled"] * 2,
+        families=FAMILIES,
+        cost=cost,
+        n_splits=2,
+    )
+    assert found.table.loc["random split", "expected_cost"] == pytest.approx(7 / 4)
+
+
+def test_a_family_is_decided_on_where_one_of_its_sub_states_was_never_seen():
+    X, y, _ = sub_states()
+    unseen = (np.flatnonzero(y != "worn2"), np.flatnonzero(y == "worn2"))
+    model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
+    found = evaluate(model, X, y, splits={"worn2 never seen": unseen})
+    held = found.predictions.query("scheme == 'worn2 never seen'")
+    known = CostSensitiveGaussianBayes(family_cost().drop(columns="worn2"), covariance="tied")
+    expected = known.fit(X[unseen[0]], y[unseen[0]]).predict(X[unseen[1]])
+    assert held["decision"].tolist() == expected.tolist()
+
+
+def test_true_probabilities_lie_on_the_diagonal():
+    rng = np.random.default_rng(0)
+    y = rng.integers(0, 2, 4000)
+    X = rng.normal(y[:, np.newaxis] * 1.5, 1.0)  # Gaussian classes of equal variance
+    found = evaluate(CostSensitiveGaussianBayes(covariance="tied"), X, y, n_splits=5)
+    curve = found.calibration
+    outside = (curve["low"] > curve["stated"]) | (curve["stated"] > curve["high"])
+    assert len(curve) == 5
+    assert outside.sum() == 0
+    entropy = found.table.loc["random split"]
+    p = 1 / (1 + np.exp(-(1.5 * X[:, 0] - 1.5**2 / 2)))  # the true posterior
+    least = -np.mean(np.where(y == 1, np.log(p), np.log(1 - p)))
+    assert entropy["log_loss"] == pytest.approx(least, abs=0.005)
+
+
+def test_a_classifier_without_probabilities_has_no_calibration():
+    X, y, _ = sub_states()
+    found = evaluate(LinearSVC(), X, y)
+    assert found.calibration.empty
+    assert "log_loss" not in found.table
+
+
+def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_scored():
+    X, y, runs = sub_states()
+    units = [
+        f"{state}-{run % 2}" if state != "spalled" else "S"
+        for state, run in zip(y, runs, strict=True)
+    ]
+    with pytest.warns(UserWarning, match="confounded: 'spalled' in 'S' alone"):
+        found = evaluate(GaussianNB(), X, y, groups=runs, units=units)
+    assert found.remarks[0].startswith("Label and unit are confounded")
+    assert found.remarks[1].startswith("Each unit has one label")
+    assert found.remarks[2] == (
+        "'by unit' cannot be scored. In 1 of 7 folds a label is absent from training: without "
+        "unit S, training has no 'spalled'."
+    )
+    assert np.isnan(found.table.loc["by unit", "balanced_accuracy"])
+    assert found.table.loc["by unit", ["recordings", "folds", "groups"]].tolist() == [0, 0, 0]
+    assert "by unit" not in found.confusions
+    assert "by unit" not in set(found.predictions["scheme"])
+
+
+def test_one_unit_for_each_family_but_not_for_each_state_is_no_warning():
+    X, y, runs = sub_states()
+    units = np.where(y == "worn1", "W1", np.where(y == "worn2", "W2", "U"))
+    units = np.where(
+        (y != "worn1") & (y != "worn2"), np.char.add("U", (runs % 2).astype(str)), units
+    )
+    found = evaluate(GaussianNB(), X, y, units=units, families=FAMILIES)
+    assert found.table.loc["by unit", "folds"] == 4
+    assert found.table.loc["by unit", "resampled"] == "unit"
+
+
+def test_folds_of_several_groups_never_leave_a_label_of_two_groups_out():
+    groups = np.repeat(np.arange(24), 2)
+    y = np.where(groups < 2, "rare", np.where(groups % 2, "a", "b"))
+    X = np.random.default_rng(0).normal(size=(48, 2))
+    for seed in range(5):
+        found = evaluate(GaussianNB(), X, y, groups=groups, n_splits=2, random_state=seed)
+        assert found.table.loc["by group", "recordings"] == 48
+
+
+def test_a_condition_is_left_out_at_a_time():
+    X, y, runs = sub_states()
+    loads = pd.Series(np.tile([-40, 20, 40], len(y) // 3), name="load")
+    found = evaluate(GaussianNB(), X, y, groups=runs, conditions=loads, n_splits=2)
+    held = found.predictions.query("scheme == 'by load'")
+    assert held["left_out"].unique().tolist() == ["load -40", "load 20", "load 40"]
+    assert found.table.loc["by load", ["groups", "resampled"]].tolist() == [8, "group"]
+
+
+class OnlyKnownLoads(GaussianNB):
+    """Refuses a load, its first feature, that it was not trained on."""
+
+    def fit(self, X, y):
+        self.loads_ = set(X[:, 0])
+        return super().fit(X, y)
+
+    def predict(self, X):
+        if not set(X[:, 0]) <= self.loads_:
+            raise ValueError(f"no model for the load {X[0, 0]:g}")
+        return super().predict(X)
+
+
+def test_who_refuses_a_load_never_seen_is_not_scored_by_load():
+    X, y, runs = sub_states()
+    loads = np.tile([20.0, 40.0], len(y) // 2)
+    found = evaluate(
+        OnlyKnownLoads(), np.column_stack([loads, X]), y, groups=runs, conditions=loads
+    )
+    assert found.remarks[0].startswith(
+        "'by condition' cannot be scored. The estimator refuses: by condition, fold 0 (condition "
+        "20.0 left out): no model for the load 20"
+    )
+    assert list(found.confusions) == ["random split", "by group"]
+
+
+def test_a_column_of_a_table_names_the_groups():
+    X, y, runs = sub_states()
+    table = pd.DataFrame(X, columns=["a", "b"]).assign(run=runs)
+    by_name = evaluate(GaussianNB(), table, y, groups="run").table
+    pd.testing.assert_frame_equal(
+        by_name, evaluate(GaussianNB(), table, y, groups=table["run"]).table
+    )
+
+
+def test_labels_are_read_from_the_meta_of_recordings():
+    rng = np.random.default_rng(0)
+    recordings, y = [], []
+    for number in range(16):
+        y.append("worn" if number % 2 else "new")
+        signal = rng.normal(scale=1 + 2 * (number % 2), size=2000)
+        meta = {"run": number // 4, "unit": "AB"[number % 4 // 2], "load": number // 2 % 3}
+        recordings.append(
+            Recording({"current": signal}, 500, velocity=np.full(2000, 30.0), meta=meta)
+        )
+    model = make_pipeline(OrderResampler(), OrderPSD(4), GaussianNB())
+    found = evaluate(
+        model, recordings, y, groups="run", units="unit", conditions="load", healthy="new"
+    )
+    assert list(found.table.index) == ["random split", "by run", "by unit", "by load"]
+    assert (found.table["accuracy"] == 1).all()
+    assert any("limits of no width" in remark for remark in found.remarks)
+    lazily = make_pipeline(OrderPSD(4), GaussianNB())
+    resampled = OrderResampler().fit_transform(recordings)
+    again = evaluate(lazily, resampled, y, groups="run", healthy="new")
+    assert (again.table.loc["by run"] == found.table.loc["by run"]).all()
+
+
+def test_later_runs_and_splitters_are_held_out_as_told():
+    X, y, runs = sub_states()
+    late = runs >= 6
+    splits = {
+        "later runs": (~late, late),
+        "numbers": [(np.flatnonzero(~late), np.flatnonzero(late))],
+        "splitter": GroupKFold(4),
+    }
+    found = evaluate(GaussianNB(), X, y, groups=runs, splits=splits)
+    table = found.table
+    assert table.loc["later runs", ["recordings", "folds", "groups"]].tolist() == [24, 1, 2]
+    assert table.loc["later runs", "accuracy"] == table.loc["numbers", "accuracy"]
+    assert table.loc["splitter", ["recordings", "folds"]].tolist() == [96, 4]
+
+
+def test_without_groups_recordings_are_resampled_and_it_says_so():
+    X, y, _ = sub_states()
+    found = evaluate(GaussianNB(), X, y)
+    assert found.table.loc["random split", ["groups", "resampled"]].tolist() == [96, "recording"]
+    assert found.remarks[0].startswith("Only a random split was made")
+    assert "resampling single recordings" in found.remarks[1]
+
+
+def test_few_groups_are_counted_out_loud():
+    X, y, runs = sub_states(n_runs=3)
+    found = evaluate(GaussianNB(), X, y, groups=runs)
+    assert any("3 of group in 'by group'" in remark for remark in found.remarks)
+
+
+def test_a_single_group_cannot_be_held_out():
+    X, y, _ = sub_states()
+    found = evaluate(GaussianNB(), X, y, conditions=pd.Series([20] * len(y), name="load"))
+    assert "There is one load only, 20, and none to hold out" in found.remarks[0]
+
+
+def test_the_same_seed_gives_the_same_everything_with_any_number_of_processes():
+    X, y, runs = sub_states(width=2.0)
+    one, two = (evaluate(GaussianNB(), X, y, groups=runs, n_jobs=n) for n in (None, 2))
+    pd.testing.assert_frame_equal(one.table, two.table)
+    pd.testing.assert_frame_equal(one.predictions, two.predictions)
+    pd.testing.assert_frame_equal(one.calibration, two.calibration)
+    other = evaluate(GaussianNB(), X, y, groups=runs, random_state=1)
+    assert not one.predictions["recording"].equals(other.predictions["recording"])
+
+
+def test_the_estimator_and_the_data_are_left_alone():
+    X, y, runs = sub_states()
+    model, before = CostSensitiveGaussianBayes(family_cost()), joblib.hash((X, y, runs))
+    evaluate(model, X, y, groups=runs)
+    assert not hasattr(model, "classes_")
+    assert model.cost.equals(family_cost())
+    assert joblib.hash((X, y, runs)) == before
+
+
+def test_tables_and_arrays_and_lists_are_the_same_recordings():
+    X, y, runs = sub_states()
+    kinds = [X, pd.DataFrame(X, columns=["a", "b"]), X.tolist()]
+    tables = [evaluate(GaussianNB(), each, y, groups=list(runs)).table for each in kinds]
+    for table in tables[1:]:
+        pd.testing.assert_frame_equal(table, tables[0])
+
+
+def test_classes_may_be_numbers():
+    X, y, runs = near_copies()
+    found = evaluate(
+        KNeighborsClassifier(1), X, y, groups=runs, healthy=0, families={0: 0, 1: 9, 2: 9}
+    )
+    assert found.confusions["by group"].index.tolist() == [0, 9]
+    assert found.confusions["by group"].to_numpy().sum() == len(y)
+
+
+def test_it_prints_what_to_mind_before_the_figures():
+    X, y, runs = sub_states(n_runs=3)
+    found = evaluate(GaussianNB(), X, y, groups=pd.Series(runs, name="<run>"), healthy="normal")
+    text = str(found)
+    assert text.startswith("- Limits rest on few groups")
+    assert text.index("balanced accuracy") > text.index("rough")
+    assert re.search(r"false alarms +0\.\d+ \(", text)
+    page = found._repr_html_()
+    assert page.index("<li>Limits") < page.index("<table")
+    assert "&lt;run&gt;" in page
+    assert "<run>" not in page
+
+
+def test_a_result_can_be_kept(tmp_path):
+    X, y, runs = sub_states()
+    found = evaluate(GaussianNB(), X, y, groups=runs)
+    joblib.dump(found, tmp_path / "found.joblib")
+    assert str(joblib.load(tmp_path / "found.joblib")) == str(found)
+
+
+def test_what_an_estimator_raises_is_placed():
+    X, y, runs = sub_states()
+    X[runs == 5] = np.nan
+    with pytest.raises(ValueError, match=r"^random split, fold 0: .*NaN"):
+        evaluate(GaussianNB(), X, y, groups=runs)
+
+
+def test_a_decision_that_cannot_be_judged_is_refused():
+    with pytest.raises(ValueError, match=r"decided 'x', which is none of the classes \['a', 'b'\]"):
+        echoed(["a", "a", "b", "b"], ["a", "a", "b", "x"], n_splits=2)
+    cost = pd.DataFrame([[0, 1]], index=["a"], columns=["a", "b"])
+    with pytest.raises(ValueError, match="no price for deciding 'b' when 'b' is true"):
+        echoed(
+            ["a", "a", "b", "b"],
+            ["a", "a", "b", "b"],
+            n_splits=2,
+            cost=cost,
+            families={"a": "a", "b": "b"},
+        )
+
+
+def test_several_costs_that_differ_are_refused():
+    X, y, _ = sub_states()
+    first, second = (CostSensitiveGaussianBayes(k * (1 - np.eye(4))) for k in (1, 2))
+    both = VotingClassifier([("first", first), ("second", second)])
+    with pytest.raises(ValueError, match=r"several costs, \['first__cost', 'second__cost'\]"):
+        evaluate(both, X, y)
+
+
+BAD = {
+    "y must hold one class for each of 96 recordings": {"y": ["a"] * 5},
+    "y must name a class for every recording; 0 has none": {"y": [None] * 96},
+    "y must name the class of every recording; recording 95 has nan": {"y": ["a"] * 95 + [np.nan]},
+    "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
+    "y must hold two classes at the least": {"y": ["a"] * 96},
+    "groups must hold one label for each of 96 recordings": {"groups": [1, 2]},
+    "groups must label every recording; recording 0 has none": {"groups": [None] * 96},
+    "units must label every recording; recording 95 has none": {"units": ["a"] * 95 + [np.nan]},
+    "units must hold labels of one kind, got int, str": {
+        "units": np.array([0, "a"] * 48, dtype=object)
+    },
+    "groups='run' names a key of the recordings' meta, but X holds no": {"groups": "run"},
+    "healthy='sound' is no class and no family": {"healthy": "sound"},
+    "n_splits must be a whole number of at least 2": {"n_splits": 1},
+    "confidence must be a number above 0 and below 1": {"confidence": 1},
+    "n_resamples must be a whole number of at least 100": {"n_resamples": 5},
+    "random_state must be a whole number": {"random_state": "a"},
+    "splits must map names to splits": {"splits": [1]},
+    "splits['s'] must be a tuple (train, test), a list of such": {"splits": {"s": 3}},
+    "splits['s'] has no fold": {"splits": {"s": []}},
+    "splits['s'], fold 0 must be a pair (train, test), got int": {"splits": {"s": [1]}},
+    "splits['s'], fold 0: test must hold the numbers of at least": {"splits": {"s": ([1], [])}},
+    "splits['s'], fold 0: train must number recordings 0 to 95, got 96": {
+        "splits": {"s": ([96], [1])}
+    },
+    "splits['s'], fold 0 has recording 2 in train and in test": {"splits": {"s": ([1, 2], [2])}},
+    "both called 'random split'": {"splits": {"random split": ([1], [2])}},
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_what_does_not_fit_is_refused(message):
+    X, y, _ = sub_states()
+    options = {"y": y, **BAD[message]}
+    with pytest.raises((TypeError, ValueError), match=re.escape(message)):
+        evaluate(GaussianNB(), X, options.pop("y"), **options)
+
+
+@pytest.mark.parametrize("estimator", [None, GaussianNB, StandardScaler()])
+def test_what_decides_nothing_is_refused(estimator):
+    X, y, _ = sub_states()
+    with pytest.raises(TypeError, match=r"estimator must be a classifier, with (fit|predict); got"):
+        evaluate(estimator, X, y)
+
+
+def test_recordings_that_can_be_read_only_once_are_refused():
+    X, y, _ = sub_states()
+    with pytest.raises(TypeError, match=r"X must be a list .* write list\(...\)"):
+        evaluate(GaussianNB(), iter(X), y)
+
+
+def test_a_key_that_a_recording_lacks_is_refused():
+    recording = Recording({"a": [0, 1]}, 1, velocity=[1, 1], meta={"run": 1})
+    with pytest.raises(ValueError, match=r"'load' is no key of meta of recording 0.*\['run'\]"):
+        evaluate(GaussianNB(), [recording] * 4, ["a", "b"] * 2, conditions="load")
+
+
+def test_a_class_of_one_recording_cannot_be_held_out():
+    with pytest.raises(ValueError, match="a class needs two recordings"):
+        evaluate(GaussianNB(), [[0.0], [1.0]], ["a", "b"])
+    found = evaluate(GaussianNB(), [[0.0], [1.0], [2.0]], ["a", "a", "b"])
+    assert "'random split' cannot be scored" in found.remarks[0]

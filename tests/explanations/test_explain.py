@@ -1,0 +1,812 @@
+"""What carries a decision: it adds up, it obeys invariances, and it finds a confounded model."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.decomposition import PCA, KernelPCA, TruncatedSVD
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from sklearn.feature_selection import SelectKBest, VarianceThreshold
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import (
+    FunctionTransformer,
+    Normalizer,
+    PowerTransformer,
+    QuantileTransformer,
+    StandardScaler,
+)
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Motor,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingStatistics,
+    explain_decision,
+    explain_model,
+    fault_orders,
+    match_fault_orders,
+)
+from emacm.explanations.feature_traces import trace_features
+
+CHANNELS = ("current", "vibration")
+COLUMNS = [f"{channel}@{low}-{low + 1}" for channel in CHANNELS for low in range(4)]
+COVARIANCES = ("full", "tied", "diag")
+
+
+def powers(seed=0, n_classes=3, n_each=15):
+    """Make positive powers in bins, correlated, of several classes."""
+    rng = np.random.default_rng(seed)
+    mixing = rng.normal(size=(8, 8)) / 2
+    rows, labels = [], []
+    for k in range(n_classes):
+        centre = rng.normal(scale=1.5, size=8)
+        rows.append(centre + rng.normal(size=(n_each, 8)) @ (mixing + np.eye(8)))
+        labels += [f"state {k}"] * n_each
+    return pd.DataFrame(10 ** (np.concatenate(rows) / 3), columns=COLUMNS), np.array(labels)
+
+
+def log():
+    return FunctionTransformer(np.log10, feature_names_out="one-to-one")
+
+
+def chains():
+    return {
+        "none": [],
+        "log": [log()],
+        "log and scaler": [log(), StandardScaler()],
+        "PCA": [log(), StandardScaler(), PCA(3)],
+        "whitened PCA, scaled": [log(), PCA(3, whiten=True), StandardScaler()],
+        "all components": [log(), PCA(8)],
+        "LDA": [log(), StandardScaler(), LinearDiscriminantAnalysis()],
+        "SVD": [TruncatedSVD(4, random_state=0)],
+        "best few": [log(), SelectKBest(k=5), StandardScaler()],
+        "best few, projected": [log(), SelectKBest(k=5), PCA(2), VarianceThreshold()],
+        "power and quantile": [PowerTransformer(), QuantileTransformer(n_quantiles=10)],
+        "two of each": [FeatureUnion([("log", log()), ("root", FunctionTransformer(np.sqrt))])],
+        "pipeline within": [make_pipeline(log(), StandardScaler()), "passthrough", PCA(2)],
+    }
+
+
+def fitted(chain, covariance="full", cost=None, seed=0):
+    X, y = powers(seed)
+    classifier = CostSensitiveGaussianBayes(cost, covariance=covariance, shrinkage=0.1)
+    return make_pipeline(*chains()[chain], classifier).fit(X, y), X, y
+
+
+def adds_up(table):
+    rise = table.attrs["value"] - table.attrs["baseline_value"]
+    size = table["contribution"].abs().sum() + 1
+    assert table["contribution"].sum() == pytest.approx(rise, rel=1e-9, abs=1e-9 * size)
+
+
+@pytest.mark.parametrize("covariance", COVARIANCES)
+@pytest.mark.parametrize("chain", chains())
+def test_contributions_add_up_to_the_log_odds(chain, covariance):
+    model, X, y = fitted(chain, covariance)
+    for row in (3, 20, 40):
+        for background in (None, X[y == "state 1"]):
+            table = explain_decision(
+                model, X.iloc[[row]], decision="state 0", against="state 1", background=background
+            )
+            features = model[:-1].transform(X.iloc[[row]]) if len(model) > 1 else X.iloc[[row]]
+            joint = model[-1].predict_joint_log_proba(features)[0]
+            assert table.attrs["value"] == pytest.approx(joint[0] - joint[1], rel=1e-9)
+            adds_up(table)
+            assert len(table) == len(COLUMNS)
+            assert table["share"].sum() == pytest.approx(1)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    covariance=st.sampled_from(COVARIANCES),
+    chain=st.sampled_from(["log", "PCA", "LDA", "best few"]),
+)
+def test_contributions_add_up_whatever_the_data(seed, covariance, chain):
+    model, X, _ = fitted(chain, covariance, seed=seed)
+    adds_up(explain_decision(model, X.iloc[[seed % len(X)]]))
+
+
+def test_contributions_add_up_over_a_singular_covariance():
+    X, y = powers(n_each=4)
+    model = make_pipeline(log(), CostSensitiveGaussianBayes())
+    with pytest.warns(UserWarning, match="singular"):
+        model.fit(X, y)
+    adds_up(explain_decision(model, X.iloc[[2]]))
+
+
+def test_contributions_are_the_integral_of_the_gradient():
+    # An independent way: differences of the pipeline's own log odds, summed along the line.
+    model, X, _ = fitted("PCA")
+    table = explain_decision(model, X.iloc[[3]]).set_index("column")["contribution"]
+    classes = model.classes_.tolist()
+    odds = explain_decision(model, X.iloc[[3]]).attrs
+    pair = classes.index(odds["decision"]), classes.index(odds["against"])
+    scaled = model[:2].transform(X.iloc[[3]])
+    features = model[2].transform(scaled)
+    start = scaled - (features - model[-1].means_[pair[1]]) @ model[2].components_
+    line = np.asarray(scaled - start)[0]
+
+    def log_odds(point):
+        joint = model[-1].predict_joint_log_proba(model[2].transform(point))
+        return joint[:, pair[0]] - joint[:, pair[1]]
+
+    shares = (np.arange(200) + 0.5) / 200
+    points = np.asarray(start) + shares[:, np.newaxis] * line
+    for j, column in enumerate(COLUMNS):
+        nudge = 1e-4 * np.eye(8)[j]
+        slopes = (log_odds(points + nudge) - log_odds(points - nudge)) / 2e-4
+        assert table[column] == pytest.approx(slopes.mean() * line[j], rel=1e-6, abs=1e-8)
+
+
+def test_the_default_alternative_is_the_most_probable_other_class():
+    model, X, _ = fitted("log and scaler")
+    table = explain_decision(model, X.iloc[[20]])
+    order = np.argsort(model.predict_proba(X.iloc[[20]])[0])
+    assert table.attrs["decision"] == model.predict(X.iloc[[20]])[0]
+    assert table.attrs["against"] == model.classes_[order[-2]]
+    assert table.attrs["baseline"] == table.attrs["against"]
+
+
+def test_without_projection_the_baseline_is_the_mean_of_the_other_class():
+    model, X, y = fitted("log and scaler")
+    x = X.iloc[[0]]
+    one = explain_decision(model, x, decision="state 0", against="state 2")
+    other = explain_decision(
+        model, x, decision="state 0", against="state 2", background=X[y == "state 2"]
+    )
+    assert list(one["column"]) == list(other["column"])
+    assert np.allclose(one["contribution"], other["contribution"], rtol=1e-9)
+    mean = model[-1].means_[[2]]
+    joint = model[-1].predict_joint_log_proba(mean)[0]
+    assert one.attrs["baseline_value"] == pytest.approx(joint[0] - joint[2])
+
+
+@given(scale=st.lists(st.floats(-4, 4), min_size=8, max_size=8))
+@settings(max_examples=12, deadline=None)
+def test_the_unit_of_a_channel_changes_nothing_under_a_scaler(scale):
+    X, y = powers()
+    scaled = X * 10 ** np.array(scale)
+    chain = [StandardScaler(), PCA(3), CostSensitiveGaussianBayes()]
+    one = explain_decision(make_pipeline(*chain).fit(X, y), X.iloc[[7]])
+    chain = [StandardScaler(), PCA(3), CostSensitiveGaussianBayes()]
+    other = explain_decision(make_pipeline(*chain).fit(scaled, y), scaled.iloc[[7]])
+    other = other.set_index("column").loc[one["column"], "contribution"]
+    assert np.allclose(one["contribution"], other, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("covariance", COVARIANCES)
+@pytest.mark.parametrize("projection", [[], [PCA(2)], [LinearDiscriminantAnalysis()]])
+def test_a_bin_without_difference_and_correlation_contributes_nothing(covariance, projection):
+    # Each recording comes twice, with a third bin once low and once high: in both classes the same.
+    pairs = np.random.default_rng(1).normal(size=(12, 2)) * [3, 2]
+    pairs[6:] += [4, -2]
+    idle = np.repeat([-1.0, 1.0], 12)
+    X = pd.DataFrame(np.column_stack([np.tile(pairs, (2, 1)), idle]), columns=COLUMNS[:3])
+    y = np.tile(np.repeat(["healthy", "worn"], 6), 2)
+    model = make_pipeline(*projection, CostSensitiveGaussianBayes(covariance=covariance)).fit(X, y)
+    table = explain_decision(model, X.iloc[[3]]).set_index("column")["contribution"]
+    assert abs(table[COLUMNS[2]]) < 1e-10 * table.abs().max()
+    whole = explain_model(model, X, y).set_index("column")["contribution"]
+    assert whole[COLUMNS[2]] < 1e-10 * whole.max()
+    assert whole.drop(COLUMNS[2]).min() > 1e-3 * whole.max()
+
+
+def test_a_bin_that_was_not_selected_contributes_nothing():
+    model, X, _ = fitted("best few")
+    left_out = np.array(COLUMNS)[~model[1].get_support()]
+    table = explain_decision(model, X.iloc[[1]]).set_index("column")
+    assert (table.loc[left_out, "contribution"] == 0).all()
+    assert (table["contribution"] != 0).sum() == 5
+
+
+def test_swapping_the_classes_turns_the_sign_of_what_a_common_line_explains():
+    X, y = powers(n_classes=2)
+    model = make_pipeline(log(), CostSensitiveGaussianBayes(covariance="tied")).fit(X, y)
+    labels = {"decision": "state 0", "against": "state 1", "background": X}
+    one = explain_decision(model, X.iloc[[0]], **labels)
+    labels |= {"decision": "state 1", "against": "state 0"}
+    other = explain_decision(model, X.iloc[[0]], **labels)
+    assert np.allclose(one["contribution"], -other["contribution"])
+
+
+def test_a_priced_decision_that_is_no_class_is_explained_by_expected_cost():
+    labels = [f"state {k}" for k in range(3)]
+    cost = {("inspect", label): 0.2 for label in labels} | {("state 0", "state 2"): 50}
+    model, X, _ = fitted("PCA", cost=cost)
+    risk = model[-1].risk(model[:-1].transform(X))
+    decisions = model[-1].decisions_.tolist()
+    cases = [(None, None), ("inspect", "state 0"), ("state 0", "inspect"), ("inspect", "state 2")]
+    for row in (0, 5, 18, 33, 44):
+        for decision, against in cases:
+            if decision is None and model.predict(X.iloc[[row]])[0] != "inspect":
+                continue
+            table = explain_decision(model, X.iloc[[row]], decision=decision, against=against)
+            attrs = table.attrs
+            columns = [decisions.index(attrs[name]) for name in ("against", "decision")]
+            assert attrs["value"] == pytest.approx(
+                risk[row, columns[0]] - risk[row, columns[1]], abs=1e-12
+            )
+            assert "expected cost saved" in attrs["quantity"]
+            adds_up(table)
+
+
+def test_a_decision_that_is_no_class_is_compared_with_the_next_least_risk():
+    cost = {("inspect", f"state {k}"): 1e-4 for k in range(3)}
+    model, X, _ = fitted("PCA", cost=cost)
+    row = int(np.flatnonzero(model.predict(X) == "inspect")[0])
+    risk = model[-1].risk(model[:-1].transform(X.iloc[[row]]))[0]
+    table = explain_decision(model, X.iloc[[row]])
+    assert table.attrs["decision"] == "inspect"
+    assert table.attrs["against"] == model[-1].decisions_[np.argsort(risk)[1]]
+    assert table.attrs["value"] > 0
+
+
+def test_the_baseline_of_a_decision_is_the_class_for_which_the_alternative_is_best():
+    cost = {("inspect", f"state {k}"): 0.2 for k in range(3)}
+    model, X, _ = fitted("PCA", cost=cost)
+    table = explain_decision(model, X.iloc[[0]], decision="inspect", against="state 2")
+    assert table.attrs["baseline"] == "state 2"
+    at_mean = model[-1].risk(model[-1].means_[[2]])[0]
+    decisions = model[-1].decisions_.tolist()
+    saved = at_mean[decisions.index("state 2")] - at_mean[decisions.index("inspect")]
+    assert table.attrs["baseline_value"] == pytest.approx(saved)
+    assert saved < 0
+
+
+def families(model):
+    """A family named as its one state, one of two states, and one named as a state of another."""
+    states = [f"state {k}" for k in range(4)]
+    table = [[0, 5, 5, 5], [3, 0, 0, 1], [2, 2, 1, 0]]
+    cost = pd.DataFrame(table, index=["state 0", "dry", "state 2"], columns=states)
+    X, y = powers(n_classes=4)
+    return make_pipeline(log(), model.set_params(cost=cost)).fit(X, y), X
+
+
+def test_families_are_compared_by_cost_even_if_they_share_names_with_states():
+    model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
+    decisions, risk = model[-1].decisions_.tolist(), model[-1].risk(model[0].transform(X))
+    assert set(model.predict(X)) == set(decisions)
+    for row in range(0, len(X), 5):
+        table = explain_decision(model, X.iloc[[row]])
+        best, next_best = np.argsort(risk[row])[:2]
+        assert table.attrs["decision"] == decisions[best]
+        assert table.attrs["against"] == decisions[next_best]
+        assert table.attrs["quantity"].startswith("expected cost saved")
+        assert table.attrs["value"] == pytest.approx(risk[row, next_best] - risk[row, best])
+        adds_up(table)
+
+
+def test_states_that_are_no_decisions_are_compared_by_their_odds():
+    model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
+    table = explain_decision(model, X.iloc[[0]], decision="state 1", against="state 0")
+    logs = model.predict_log_proba(X.iloc[[0]])[0]
+    assert table.attrs["value"] == pytest.approx(logs[1] - logs[0])
+    adds_up(table)
+
+
+def test_decisions_of_which_none_is_a_class_can_be_explained():
+    cost = pd.DataFrame(
+        [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
+    )
+    model, X, _ = fitted("PCA", cost=cost)
+    table = explain_decision(model, X.iloc[[0]])
+    assert {table.attrs["decision"], table.attrs["against"]} == {"fly", "ground"}
+    adds_up(table)
+    adds_up(explain_decision(model, X.iloc[[0]], decision="state 0", against="state 1"))
+
+
+@pytest.mark.parametrize("covariance", COVARIANCES)
+def test_a_model_is_the_mean_size_of_its_decisions(covariance):
+    model, X, _ = fitted("PCA", covariance)
+    decided = model.predict(X)
+    whole = explain_model(model, X).set_index("column")
+    one_by_one = [
+        explain_decision(model, X.iloc[[row]], decision=own, against=other)
+        .set_index("column")["contribution"]
+        .abs()
+        .rename((own, other))
+        for row, own in enumerate(decided)
+        for other in model.classes_
+        if other != own
+    ]
+    table = pd.concat(one_by_one, axis=1).loc[whole.index]
+    assert np.allclose(whole["contribution"], table.mean(axis=1))
+    among = [sorted(pair) == ["state 0", "state 2"] for pair in table.columns]
+    assert np.allclose(whole["state 0 vs state 2"], table.loc[:, among].mean(axis=1))
+    assert whole["contribution"].is_monotonic_decreasing
+
+
+def test_a_model_with_true_classes_takes_their_means_as_baselines():
+    model, X, y = fitted("PCA")
+    whole = explain_model(model, X, y).set_index("column")
+    pair = (y == "state 0", y == "state 1")
+    found = [
+        explain_decision(
+            model,
+            X.iloc[[row]],
+            decision=y[row],
+            against=y[other][0],
+            background=X[other],
+        )
+        .set_index("column")["contribution"]
+        .abs()
+        for own, other in (pair, pair[::-1])
+        for row in np.flatnonzero(own)
+    ]
+    mean = pd.concat(found, axis=1).mean(axis=1).loc[whole.index]
+    assert np.allclose(whole["state 0 vs state 1"], mean)
+
+
+# A confounded rig, as in section 4.5: each unit is one class. The healthy unit has electrical
+# noise in its position signal at orders 12 and 36; the degraded one a bearing defect at 6.123.
+
+
+def rig_recording(state, seed):
+    rng = np.random.default_rng([seed, state == "degraded"])
+    time = np.arange(12_000) / 2_000
+    speed = 2 * np.pi * (9 + 3 * np.sin(2 * np.pi * (0.2 + 0.1 * rng.random()) * time))  # rad/s
+    angle = np.cumsum(speed) / 2_000
+    noise = 0.3 * rng.standard_normal((2, len(time)))
+    gain = 1 + 0.1 * rng.standard_normal()
+    position = noise[0] + 0.5 * np.sin(angle)
+    vibration = noise[1] + 0.5 * np.sin(angle)
+    if state == "healthy":
+        position += gain * (0.3 * np.sin(12 * angle) + 0.3 * np.sin(36 * angle))
+    else:
+        vibration += gain * sum(0.3 * np.sin(k * 6.123 * angle) for k in (1, 2, 3))
+    return Recording({"position": position, "vibration": vibration}, 2_000, velocity=speed)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    states = np.repeat(["healthy", "degraded"], 12)
+    return [rig_recording(state, seed) for seed, state in enumerate(states)], states
+
+
+def rig_pipeline(channel):
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 128, channels=[channel]),
+        OrderPSD(16),
+        # Harmonics of the bearing in the middle of a bin; 12 and 36 lie well inside, too.
+        BinTransformer(edges=(np.arange(2, 150) + 0.5) * 6.123 / 24),
+        log(),
+        PCA(2),
+        CostSensitiveGaussianBayes(shrinkage="oas"),
+    )
+
+
+@pytest.fixture(scope="module")
+def rig_models(rig):
+    return {channel: rig_pipeline(channel).fit(*rig) for channel in ("position", "vibration")}
+
+
+@pytest.fixture(scope="module")
+def predicted():
+    return fault_orders({"BPFI": 6.123}, harmonics=6)
+
+
+DEFECT, NOISE = (6.123, 12.246, 18.369), (12.0, 36.0)
+
+
+def orders_of(table, orders):
+    """Tell which of the orders lie in each bin of a table."""
+    edges = table[["low", "high"]].to_numpy()
+    return [[order for order in orders if low <= order < high] for low, high in edges]
+
+
+def holds_exactly(leading, orders):
+    return sorted(orders_of(leading, orders)) == [[order] for order in orders]
+
+
+def test_both_classifiers_of_a_confounded_rig_look_perfect(rig, rig_models):
+    unseen = [rig_recording(state, seed) for seed in (100, 101) for state in np.unique(rig[1])]
+    for model in rig_models.values():
+        assert (model.predict(rig[0]) == rig[1]).all()
+        assert model.predict(unseen).tolist() == ["degraded", "healthy"] * 2
+
+
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_the_model_of_the_noisy_channel_is_exposed(rig, rig_models, predicted, with_truth):
+    recordings, states = rig
+    table = explain_model(rig_models["position"], recordings, states if with_truth else None)
+    assert holds_exactly(table[:2], NOISE)
+    assert set(table["channel"]) == {"position"}
+    assert table["share"][:2].sum() > 0.5
+    matched = match_fault_orders(table, predicted, slip=0.005)
+    assert list(matched["fault"][:2]) == ["none", "none"]
+    assert matched.attrs["predicted_share"] < matched.attrs["predicted_bins"]
+
+
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_the_model_of_the_bearing_channel_stands(rig, rig_models, predicted, with_truth):
+    recordings, states = rig
+    table = explain_model(rig_models["vibration"], recordings, states if with_truth else None)
+    assert holds_exactly(table[:3], DEFECT)
+    matched = match_fault_orders(table, predicted, slip=0.005)
+    assert set(matched["fault"][:3]) == {"BPFI", "2xBPFI", "3xBPFI"}
+    assert matched.attrs["predicted_share"] > 0.5 > 3 * matched.attrs["predicted_bins"]
+
+
+@pytest.mark.parametrize(("channel", "orders"), [("position", NOISE), ("vibration", DEFECT)])
+def test_every_single_decision_names_the_same_bins_first(rig, rig_models, channel, orders):
+    recordings, states = rig
+    for recording in (recordings[0], recordings[-1]):
+        table = explain_decision(rig_models[channel], recording)
+        assert holds_exactly(table[: len(orders)], orders)
+        assert (table["contribution"][: len(orders)] > 0).all()
+        assert table.attrs["decision"] == states[recordings.index(recording)]
+        adds_up(table)
+
+
+def test_the_noise_is_found_to_be_electrical(rig, rig_models):
+    table = explain_model(rig_models["position"], *rig)
+    matched = match_fault_orders(table, fault_orders(Motor(6), harmonics=6))
+    assert set(matched["fault"][:2]) == {"2xsupply", "6xsupply"}
+
+
+def test_recordings_and_their_table_of_bins_are_explained_alike(rig, rig_models):
+    model = rig_models["vibration"]
+    whole = explain_decision(model, [rig[0][3]])
+    X = pd.DataFrame(model[:3].transform(rig[0]), columns=model[2].get_feature_names_out())
+    behind = make_pipeline(log(), PCA(2), CostSensitiveGaussianBayes(shrinkage="oas"))
+    behind.fit(X, rig[1])
+    for row in (X.iloc[3], X.iloc[[3]]):
+        table = explain_decision(behind, row)
+        pd.testing.assert_frame_equal(table, whole)
+
+
+def test_a_search_is_explained_by_its_best_pipeline(rig, rig_models):
+    search = GridSearchCV(
+        rig_pipeline("position"), {"pca__n_components": [2]}, cv=2, error_score="raise"
+    ).fit(*rig)
+    one = explain_decision(search, rig[0][0])
+    pd.testing.assert_frame_equal(one, explain_decision(search.best_estimator_, rig[0][0]))
+    pd.testing.assert_frame_equal(one, explain_decision(rig_models["position"], rig[0][0]))
+
+
+def test_pandas_output_changes_no_explanation(rig, rig_models):
+    model = rig_pipeline("vibration").set_output(transform="pandas").fit(*rig)
+    one = explain_model(model, rig[0], rig[1])
+    pd.testing.assert_frame_equal(one, explain_model(rig_models["vibration"], *rig))
+
+
+def test_named_bands_keep_their_orders(rig):
+    bands = {"BPFI": (6.0, 6.25), "supply": (11.75, 12.25)}
+    model = make_pipeline(
+        OrderResampler(2 * np.pi / 128),
+        OrderPSD(16),
+        BinTransformer(edges=bands),
+        log(),
+        CostSensitiveGaussianBayes(shrinkage=0.1),
+    ).fit(*rig)
+    table = explain_model(model, *rig).set_index("column")
+    assert list(table.index[:2]) in (
+        ["vibration@BPFI", "position@supply"],
+        ["position@supply", "vibration@BPFI"],
+    )
+    assert table.loc["vibration@BPFI", ["low", "high"]].tolist() == [6.0, 6.25]
+    assert table.loc["position@supply", "channel"] == "position"
+
+
+def knocking(seed, knocks):
+    """A screw drive out and back; where it knocks, the current peaks on the way out."""
+    rng = np.random.default_rng(seed)
+    speed = np.repeat([0.0, 60.0, 0.0, -60.0], 500)
+    current = 3 + rng.normal(size=2000)
+    if knocks:
+        current[rng.integers(500, 1000, 5)] = 30
+    return Recording({"current": current}, 500, velocity=speed)
+
+
+def named_features(*between, log_names="one-to-one"):
+    bins = make_pipeline(
+        OrderResampler(2 * np.pi / 16),
+        OrderPSD(2, by_direction=True),
+        BinTransformer(1, max_order=6),
+        FunctionTransformer(np.log10, feature_names_out=log_names),
+    )
+    union = FeatureUnion([("psd", bins), ("levels", RecordingStatistics(("mean", "kurtosis")))])
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    return make_pipeline(union, *between, classifier)
+
+
+KNOCKING = [knocking(seed, seed % 2) for seed in range(24)]
+KNOCKS = np.array(["smooth", "knocking"] * 12)
+
+
+@pytest.mark.parametrize("between", [(), (StandardScaler(),), (StandardScaler(), PCA(5))])
+def test_several_kinds_of_features_are_explained_by_their_names(between):
+    model = named_features(*between).fit(KNOCKING, KNOCKS)
+    table = explain_decision(model, KNOCKING[1])
+    adds_up(table)
+    assert set(table["column"]) == set(model[0].get_feature_names_out())
+    rows = table.set_index("column")
+    assert rows.loc["levels__current+:kurtosis", "channel"] == "levels__current+"
+    assert np.isnan(rows.loc["levels__current+:kurtosis", "low"])
+    assert rows.loc["psd__current-@1-2", ["low", "high"]].tolist() == [1, 2]
+    adds_up(explain_decision(model, KNOCKING[1], background=KNOCKING[::2]))
+
+
+def test_a_model_that_hears_knocks_is_carried_by_the_kurtosis_of_that_direction():
+    model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING, KNOCKS)
+    assert table["column"][0] == "levels__current+:kurtosis"
+    assert table["share"].sum() == pytest.approx(1)
+    named = model.set_output(transform="pandas").fit(KNOCKING, KNOCKS)
+    again = explain_model(named, KNOCKING, KNOCKS)
+    np.testing.assert_allclose(again["contribution"], table["contribution"])
+
+
+def test_features_need_no_union():
+    model = make_pipeline(
+        RecordingStatistics(("mean", "kurtosis")), CostSensitiveGaussianBayes(shrinkage=0.1)
+    ).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING)
+    assert table["column"][0] == "current+:kurtosis"
+    assert set(table["channel"]) == {"current+", "current-"}
+
+
+def test_lines_without_bins_are_explained_by_their_orders():
+    resampler, psd = OrderResampler(2 * np.pi / 16), OrderPSD(2)
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = make_pipeline(resampler, psd, log(), classifier).fit(KNOCKING, KNOCKS)
+    table = explain_model(model, KNOCKING)
+    assert set(table["low"]) == set(psd.orders_)
+    over_angle = resampler.transform(KNOCKING)
+    pd.testing.assert_frame_equal(explain_model(model[1:], over_angle), table)
+    pd.testing.assert_frame_equal(
+        explain_decision(model[1:], over_angle[3]), explain_decision(model, KNOCKING[3])
+    )
+
+
+def test_features_without_names_are_refused_with_the_remedy():
+    model = named_features(log_names=None).fit(KNOCKING, KNOCKS)
+    with pytest.raises(ValueError, match=r"have no names to explain .* feature_names_out='one-to"):
+        explain_model(model, KNOCKING)
+
+
+def test_what_a_recording_lacks_is_said_when_it_is_explained():
+    model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
+    one_way = Recording({"current": np.arange(999.0)}, 500, velocity=np.full(999, 60.0))
+    with pytest.raises(ValueError, match="it has no reverse stroke"):
+        explain_decision(model, one_way)
+
+
+def test_what_the_names_of_columns_do_not_say_is_not_invented():
+    X, y = powers()
+    X.columns = ["a@1e-05-0.5", "a@BPFI", "a@3.5", "plain", *COLUMNS[4:]]
+    model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X, y)
+    table = explain_decision(model, X.iloc[[0]]).set_index("column")
+    assert table.loc["a@1e-05-0.5", ["low", "high"]].tolist() == [1e-5, 0.5]
+    assert table.loc["a@3.5", ["low", "high"]].tolist() == [3.5, 3.5]
+    assert table.loc[["a@BPFI", "plain"], ["low", "high"]].isna().all(axis=None)
+    assert table.loc["plain", "channel"] == ""
+    matched = match_fault_orders(table.reset_index(), {"BPFI": 6.123}).set_index("column")
+    assert matched.loc["a@BPFI", "fault"] == "BPFI"
+    assert matched.loc["plain", "fault"] == "none"
+
+
+def test_a_bare_array_is_explained_by_numbered_columns():
+    X, y = powers()
+    model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X.to_numpy(), y)
+    table = explain_decision(model, X.to_numpy()[5])
+    assert set(table["column"]) == {f"x{i}" for i in range(8)}
+
+
+def explained(lows, shares, width=1.0):
+    names = [f"v@{low}-{low + width}" for low in lows]
+    highs = np.asarray(lows) + width
+    return pd.DataFrame({"column": names, "low": lows, "high": highs, "share": shares})
+
+
+def test_a_fault_order_is_matched_within_its_slip():
+    table = explained([6.0, 6.2, 6.4], [0.5, 0.3, 0.2], width=0.1)
+    exact = match_fault_orders(table, {"BPFI": 6.05}, slip=0.0)
+    assert exact["fault"].tolist() == ["BPFI", "none", "none"]
+    assert exact["fault_order"].tolist()[0] == 6.05
+    assert exact.attrs["predicted_share"] == 0.5
+    assert exact.attrs["predicted_bins"] == pytest.approx(1 / 3)
+    slipping = match_fault_orders(table, {"BPFI": 6.05}, slip=0.03)
+    assert slipping["fault"].tolist() == ["BPFI", "BPFI", "none"]
+    wide = match_fault_orders(table, {"BPFI": 6.05}, slip=0.0, min_width=0.8)
+    assert wide["fault"].tolist() == ["BPFI"] * 3
+
+
+def test_the_nearest_of_several_orders_in_a_bin_is_named_and_all_are_counted():
+    table = explained([6.0, 12.0], [0.6, 0.4])
+    matched = match_fault_orders(table, {"supply": 6.0, "BPFI": 6.4}, slip=0.0, harmonics=2)
+    assert matched["fault"].tolist() == ["BPFI", "2xBPFI"]
+    assert matched["n_faults"].tolist() == [2, 2]
+
+
+def test_orders_bound_to_the_shaft_are_not_given_slip():
+    table = explained([35.5], [1.0], width=0.3)
+    assert match_fault_orders(table, fault_orders(Motor(36)))["fault"].tolist() == ["none"]
+    assert match_fault_orders(table, {"supply": 36.0})["fault"].tolist() == ["supply"]
+
+
+def test_a_trace_multiplies_out_all_linear_steps():
+    X, y = powers()
+    scaler = StandardScaler().fit(X)
+    pca = PCA(3).fit(scaler.transform(X))
+    lda = LinearDiscriminantAnalysis().fit(pca.transform(scaler.transform(X)), y)
+    trace = trace_features([("s", scaler), ("p", pca), ("l", lda)], X.to_numpy())
+    assert [name for name, _ in trace.linear] == ["p", "l"]
+    assert np.allclose(trace.matrix, (lda.scalings_.T @ pca.components_)[:2])
+
+
+def test_a_slight_mixture_is_no_element_wise_step():
+    mixing = np.eye(3)
+    mixing[0, 2] = 1e-5
+    step = FunctionTransformer(lambda values: values @ mixing)
+    trace = trace_features([("mix", step)], np.array([[1.0, 2.0, 3.0]]))
+    assert [name for name, _ in trace.linear] == ["mix"]
+    assert np.allclose(trace.matrix, mixing.T, rtol=1e-6, atol=1e-12)
+
+
+def test_hundreds_of_columns_are_traced_alike():
+    X = np.random.default_rng(0).uniform(1, 2, size=(700, 600))
+    selector = SelectKBest(k=500).fit(X, np.arange(700) % 2)
+    chosen = np.flatnonzero(selector.get_support())
+    reversal = FunctionTransformer(lambda values: np.log(values)[:, ::-1])
+    pca = PCA(2).fit(np.log(X[:, chosen])[:, ::-1])
+    trace = trace_features([("k", selector), ("r", reversal), ("p", pca)], X)
+    assert np.array_equal(trace.sources, chosen[::-1])
+    assert np.allclose(trace.matrix, pca.components_)
+
+
+def test_a_logarithm_with_a_floor_is_traced_below_it():
+    X, y = powers()
+    X.iloc[0, 2] = 0.0
+    X.iloc[0, 3] = 1e-9
+    chain = make_pipeline(
+        FunctionTransformer(lambda power: np.log10(np.maximum(power, 1e-6))), PCA(3)
+    )
+    model = make_pipeline(chain, CostSensitiveGaussianBayes()).fit(X, y)
+    adds_up(explain_decision(model, X.iloc[[0]]))
+
+
+@pytest.mark.parametrize(
+    ("steps", "name"),
+    [
+        ([log(), KernelPCA(3, kernel="rbf")], r"'kernelpca' \(KernelPCA\)"),
+        ([Normalizer()], r"'normalizer' \(Normalizer\)"),
+        ([log(), PCA(3), PowerTransformer()], r"'powertransformer' \(PowerTransformer\)"),
+        (
+            [make_pipeline(log(), PCA(3)), FunctionTransformer(np.abs)],
+            r"'functiontransformer' \(FunctionTransformer\)",
+        ),
+    ],
+)
+def test_a_step_that_cannot_be_traced_is_named(steps, name):
+    X, y = powers()
+    model = make_pipeline(*steps, CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X, y)
+    with pytest.raises(ValueError, match=f"step {name} cannot be traced back"):
+        explain_decision(model, X.iloc[[0]])
+    with pytest.raises(ValueError, match=f"step {name} cannot be traced back"):
+        explain_model(model, X)
+
+
+def test_a_linear_kernel_is_traced():
+    X, y = powers()
+    model = make_pipeline(log(), KernelPCA(3, kernel="linear"), CostSensitiveGaussianBayes())
+    adds_up(explain_decision(model.fit(X, y), X.iloc[[0]]))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"decision": "broken"}, r"decision must be one of the classes \['state 0'"),
+        ({"against": 3}, "against must be one of the classes"),
+        ({"decision": "state 0", "against": "state 0"}, "must differ, both are 'state 0'"),
+    ],
+)
+def test_labels_that_do_not_exist_are_refused(options, words):
+    model, X, _ = fitted("log")
+    with pytest.raises(ValueError, match=words):
+        explain_decision(model, X.iloc[[0]], **options)
+
+
+def test_a_class_and_a_decision_of_another_kind_cannot_be_compared():
+    cost = pd.DataFrame(
+        [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
+    )
+    model, X, _ = fitted("PCA", cost=cost)
+    with pytest.raises(ValueError, match="'fly' and 'state 0' cannot be compared"):
+        explain_decision(model, X.iloc[[0]], decision="fly", against="state 0")
+
+
+def test_a_class_that_cannot_occur_has_no_odds():
+    X, y = powers()
+    priors = {"state 0": 0.5, "state 1": 0.5, "state 2": 0.0}
+    classifier = CostSensitiveGaussianBayes(priors=priors, shrinkage=0.1)
+    model = make_pipeline(log(), classifier).fit(X, y)
+    with pytest.raises(ValueError, match="'state 2' has the prior 0"):
+        explain_decision(model, X.iloc[[0]], decision="state 0", against="state 2")
+    assert list(explain_model(model, X).columns[6:]) == ["state 0 vs state 1"]
+
+
+def test_more_or_less_than_one_recording_is_refused():
+    model, X, _ = fitted("log")
+    with pytest.raises(ValueError, match="x must be one recording, or one row of a table; got 3"):
+        explain_decision(model, X.iloc[:3])
+
+
+def test_another_classifier_is_refused():
+    X, y = powers()
+    model = make_pipeline(log(), LogisticRegression()).fit(X, y)
+    with pytest.raises(TypeError, match=r"got 'logisticregression' \(LogisticRegression\)"):
+        explain_decision(model, X.iloc[[0]])
+
+
+def test_columns_in_another_order_are_refused():
+    model, X, _ = fitted("log")
+    with pytest.raises(ValueError, match="X has other columns than the pipeline was fitted on"):
+        explain_decision(model, X.iloc[[0], ::-1])
+
+
+def test_recordings_need_bins_and_tables_need_two_dimensions():
+    model, X, _ = fitted("log")
+    recording = Recording({"a": np.ones(9)}, 1.0, velocity=np.ones(9))
+    with pytest.raises(
+        ValueError, match=r"recordings, of which the pipeline makes no table: .* Pass"
+    ):
+        explain_decision(model, recording)
+    bare = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, fitted("log")[2])
+    with pytest.raises(ValueError, match="has no step that makes a table of them"):
+        explain_decision(bare, recording)
+    with pytest.raises(ValueError, match=r"a table of recordings, got shape \(8,\)"):
+        explain_model(model, X.to_numpy()[0])
+    bad = X.copy()
+    bad.iloc[2, 3] = np.nan
+    with pytest.raises(ValueError, match="got NaN in recording 2, column 'current@3-4'"):
+        explain_model(model, bad)
+
+
+@pytest.mark.parametrize(
+    ("y", "words"),
+    [
+        (["state 0"] * 3, "one class for each of 45 recordings, got 3"),
+        (["state 0"] * 44 + ["broken"], "y holds 'broken' at recording 44"),
+        (["state 0"] * 45, "between two classes at the least; found one"),
+    ],
+)
+def test_true_classes_that_do_not_fit_are_refused(y, words):
+    model, X, _ = fitted("log")
+    with pytest.raises(ValueError, match=words):
+        explain_model(model, X, y)
+
+
+def test_what_is_no_explanation_or_no_order_is_refused():
+    table = explained([6.0], [1.0])
+    with pytest.raises(ValueError, match="it has no column 'share'"):
+        match_fault_orders(table.drop(columns="share"), {"BPFI": 6.1})
+    with pytest.raises(ValueError, match="at least one predicted order, got none"):
+        match_fault_orders(table, {})
+    with pytest.raises(ValueError, match="the order of 'BPFI' must be a number of orders, above"):
+        match_fault_orders(table, {"BPFI": 0.0})
+    with pytest.raises(ValueError, match="slip must be a number"):
+        match_fault_orders(table, {"BPFI": 6.1}, slip=2)
+    with pytest.raises(ValueError, match="harmonics must be a whole number"):
+        match_fault_orders(table, {"BPFI": 6.1}, harmonics=0)
+
+
+def test_recordings_in_an_array_of_objects_are_recordings_too(rig, rig_models):
+    X, y = rig
+    several = np.empty(len(X), dtype=object)
+    several[:] = X
+    listed, arrayed = (explain_model(rig_models["vibration"], runs, y) for runs in (X, several))
+    pd.testing.assert_frame_equal(listed, arrayed)
+
+
+def test_a_single_recording_in_the_place_of_many_is_refused(rig, rig_models):
+    X, y = rig
+    with pytest.raises(TypeError, match=r"got a single one; write \[recording\]"):
+        explain_model(rig_models["vibration"], X[0], y[:1])

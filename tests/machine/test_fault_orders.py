@@ -1,0 +1,349 @@
+"""Orders of faults, against published cases and against rolling solved numerically."""
+
+from fractions import Fraction
+from math import atan, cos, pi, sin
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from emacm import (
+    BallScrew,
+    Bearing,
+    BinTransformer,
+    Gear,
+    Motor,
+    fault_orders,
+    order_bands,
+)
+from emacm.displays import OrderSpectrumDisplay
+from emacm.orders.columns import OrderTable, order_columns
+
+# Published orders of real bearings: balls, ball and pitch diameter; BPFO, BPFI, rolling element
+# (twice the spin), cage. The first two: Case Western Reserve University's bearing data centre
+# (SKF 6205 and 6203, inches); the third: MB ER-16K of the Curtin University data (mm), with the
+# spin itself published.
+PUBLISHED = {
+    "6205": ((9, 0.3126, 1.537), (3.5848, 5.4152, 4.7135, 0.39828)),
+    "6203": ((8, 0.2656, 1.122), (3.0530, 4.9469, 3.9874, 0.3817)),
+    "ER-16K": ((9, 7.9375, 38.50), (3.572, 5.428, 2 * 2.32, 0.3969)),
+}
+
+
+def orders(*parts, **options):
+    return fault_orders(*parts, **options)["order"].to_dict()
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_bearing_has_the_orders_its_maker_publishes(name):
+    geometry, published = PUBLISHED[name]
+    found = orders(Bearing(*geometry))
+    assert np.allclose([found[k] for k in ("BPFO", "BPFI", "2xBSF", "FTF")], published, rtol=1e-3)
+
+
+def test_a_defect_of_a_ball_strikes_twice_in_a_turn_of_the_ball():
+    table = fault_orders(Bearing(9, 7.94, 39.04), harmonics=2)
+    balls = table[table["kind"] == "ball"]
+    assert list(balls.index) == ["BSF", "2xBSF", "3xBSF", "4xBSF"]
+    assert balls["order"]["2xBSF"] == pytest.approx(4.7135, abs=5e-4)
+
+
+def rolling(inner_radius, outer_radius, ball_radius, inner_speed, outer_speed):
+    """Solve for cage and ball speed by equal velocities at both contacts of a planar bearing."""
+    centre = (inner_radius + outer_radius) / 2
+    equations = [[centre, -ball_radius], [centre, ball_radius]]
+    return np.linalg.solve(equations, [inner_speed * inner_radius, outer_speed * outer_radius])
+
+
+@given(
+    ball=st.floats(0.05, 0.4),
+    n_balls=st.integers(2, 7),
+    ratio=st.floats(0.1, 5),
+    rotating=st.sampled_from(["inner", "outer"]),
+)
+def test_a_bearing_rolls_without_slip_whichever_ring_turns(ball, n_balls, ratio, rotating):
+    speeds = np.array([ratio, 0.0] if rotating == "inner" else [0.0, ratio])
+    radii = np.array([0.5 - ball / 2, 0.5 + ball / 2])
+    cage, spin = rolling(*radii, ball / 2, *speeds)
+    found = orders(Bearing(n_balls, ball, 1.0, ratio=ratio, rotating=rotating))
+    assert found["FTF"] == pytest.approx(cage)
+    assert found["BSF"] == pytest.approx(abs(spin - cage))
+    passes = n_balls * np.abs(speeds - cage)
+    assert [found["BPFI"], found["BPFO"]] == pytest.approx(list(passes))
+
+
+def test_the_formula_printed_for_the_inner_ring_is_that_of_the_outer():
+    # Chirico's Eq. (2.1) has a minus and so stays below n/2. His 6.123 is between n/2 and n for
+    # 7 to 12 balls; as an outer ring's order it would need 13 or more.
+    n_balls, gamma = 10, 2 * 6.123 / 10 - 1
+    found = orders(Bearing(n_balls, gamma, 1.0))
+    assert found["BPFI"] == pytest.approx(6.123)
+    assert found["BPFO"] == pytest.approx(n_balls / 2 * (1 - gamma))
+    assert found["BPFO"] < n_balls / 2 < found["BPFI"]
+
+
+@given(n_balls=st.integers(2, 12), size=st.floats(0.05, 0.25), angle=st.floats(0, 1.5))
+def test_the_passes_of_both_rings_add_up_to_the_number_of_balls(n_balls, size, angle):
+    found = orders(Bearing(n_balls, size, 1.0, angle))
+    assert found["BPFO"] + found["BPFI"] == pytest.approx(n_balls)
+    assert found["BPFO"] == pytest.approx(n_balls * found["FTF"])
+
+
+def test_a_contact_angle_works_like_smaller_balls():
+    steep = orders(Bearing(9, 0.2, 1.0, pi / 3))
+    assert steep["BPFI"] == pytest.approx(orders(Bearing(9, 0.1, 1.0))["BPFI"])
+
+
+def test_a_ring_that_turns_is_modulated_by_the_shaft_and_one_that_stands_is_not():
+    inner = orders(Bearing(9, 7.94, 39.04, ratio=0.5), sidebands=2)
+    bpfi = inner["BPFI"]
+    assert inner["BPFI-2xshaft"] == pytest.approx(bpfi - 1)
+    assert inner["BPFI+shaft"] == pytest.approx(bpfi + 0.5)
+    assert inner["BSF+FTF"] == pytest.approx(inner["BSF"] + inner["FTF"])
+    assert not [name for name in inner if name.startswith("BPFO") and name != "BPFO"]
+    outer = orders(Bearing(9, 7.94, 39.04, rotating="outer"), sidebands=1)
+    assert "BPFO+shaft" in outer
+    assert "BPFI+shaft" not in outer
+
+
+def test_everything_scales_with_the_speed_of_the_shaft_it_sits_on():
+    for make in (
+        lambda ratio: Bearing(9, 7.94, 39.04, ratio=ratio),
+        lambda ratio: Gear(18, 42, ratio=ratio),
+        lambda ratio: BallScrew(17, 3.175, 20, 5, ratio=ratio, circuit_balls=60),
+    ):
+        one = fault_orders(make(1.0), harmonics=2, sidebands=1)["order"]
+        pd.testing.assert_series_equal(
+            3 * one, fault_orders(make(3.0), harmonics=2, sidebands=1)["order"]
+        )
+
+
+def test_a_twelve_pole_motor_has_its_current_at_order_six():
+    table = fault_orders(Motor(6, slots=36), harmonics=6)
+    assert table["order"]["supply"] == 6
+    # Chirico found electrical noise at orders 12 and 36, section 4.5.
+    assert [table["order"][name] for name in ("2xsupply", "6xsupply")] == [12, 36]
+    assert table["kind"]["2xsupply"] == "supply"
+    assert not table["slips"].any()
+
+
+@pytest.mark.parametrize(("poles", "slots", "periods"), [(8, 9, 72), (10, 12, 60), (12, 36, 36)])
+def test_cogging_repeats_with_every_alignment_of_slots_and_poles(poles, slots, periods):
+    assert orders(Motor(poles // 2, slots))["cogging"] == periods
+    # Count the positions of the rotor in which some magnet faces some slot.
+    magnets = [Fraction(i, poles) for i in range(poles)]
+    facing = {(magnet - Fraction(j, slots)) % 1 for magnet in magnets for j in range(slots)}
+    assert len(facing) == periods
+
+
+def test_the_defect_in_the_current_lies_at_supply_plus_and_minus_its_harmonics():
+    # Section 4.5: fc/fr = |6 + 6.123 m| lines up with harmonics of 6, so it cannot be seen.
+    found = orders({"BPFI": 6.123}, Motor(6), harmonics=2, signal="current")
+    bpfi = [found[f"supply{sign}{name}"] for name in ("BPFI", "2xBPFI") for sign in "+-"]
+    assert bpfi == pytest.approx([12.123, 0.123, 18.246, 6.246])
+    assert np.max(np.abs(np.array(bpfi) - 6 * np.round(np.array(bpfi) / 6))) < 0.25
+
+
+def test_imbalance_and_eccentricity_are_sidebands_of_the_supply():
+    current = orders(Motor(6), harmonics=2, sidebands=2, signal="current")
+    assert current["supply-shaft"] == 5
+    assert current["supply+2xshaft"] == 8
+    assert orders(Motor(6), sidebands=2)["supply+2xshaft"] == 8
+
+
+def test_multiplying_a_line_with_the_supply_makes_what_is_predicted_for_the_current():
+    bearing, motor = Bearing(8, 0.2, 1.0), Motor(4)
+    bpfi = orders(bearing)["BPFI"]
+    angle = np.arange(2**16) / 64  # revolutions
+    product = np.cos(2 * pi * 4 * angle) * np.cos(2 * pi * bpfi * angle)
+    power = np.abs(np.fft.rfft(product * np.hanning(len(angle)))) ** 2
+    axis = np.fft.rfftfreq(len(angle), 1 / 64)
+    peaks = axis[np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] > power[2:])) + 1]
+    strong = peaks[np.argsort(power[np.searchsorted(axis, peaks)])[-2:]]
+    found = orders(bearing, motor, signal="current")
+    predicted = [found["supply-BPFI"], found["supply+BPFI"]]
+    assert sorted(strong) == pytest.approx(sorted(predicted), abs=1e-3)
+
+
+def test_gears_have_the_frequencies_of_a_worked_example():
+    # MathWorks, gearMeshFaultBands: 8 and 42 teeth at 20 rpm: 20, 3.8095, 80 and 160 cpm.
+    found = orders(Gear(8, 42))
+    cpm = [20 * found[name] for name in ("pinion", "wheel", "phase", "mesh")]
+    assert cpm == pytest.approx([20, 3.8095, 80, 160], abs=1e-4)
+    # 24 teeth at 2000 rpm drive 84: a common factor of 12, output at 571.4 rpm.
+    gear = Gear(24, 84)
+    assert 2000 * gear.output_ratio == pytest.approx(571.4, abs=0.05)
+    assert 2000 * orders(gear)["hunting"] == pytest.approx(48000 * 12 / (24 * 84))
+
+
+@given(teeth=st.integers(2, 40), mating=st.integers(2, 40))
+def test_the_same_two_teeth_meet_at_the_hunting_order(teeth, mating):
+    meshes = np.arange(1, teeth * mating + 1)
+    again = meshes[(meshes % teeth == 0) & (meshes % mating == 0)][0]
+    assert orders(Gear(teeth, mating))["hunting"] == pytest.approx(teeth / again)
+
+
+def test_a_second_pair_of_gears_hangs_on_the_first():
+    first = Gear(20, 60)
+    found = orders(first, Gear(15, 45, ratio=first.output_ratio, name="second"))
+    assert found["second mesh"] == pytest.approx(15 / 3)
+    assert found["second wheel"] == pytest.approx(1 / 9)
+
+
+def test_gears_modulate_the_mesh_by_their_turns():
+    found = orders(Gear(20, 50), sidebands=1)
+    sides = [found[f"mesh{side}"] for side in ("-pinion", "+pinion", "-wheel", "+wheel")]
+    assert sides == pytest.approx([19, 21, 19.6, 20.4])
+
+
+def helical_rolling(ball, lead, contact_angle):
+    """Roll a ball between a nut at rest and a screw, in three dimensions; ball circle diameter 1.
+
+    Returns turns of the ball's centre, of the ball relative to its path, per turn of the screw.
+    """
+    radius, rise, slope = 0.5, lead / (2 * pi), atan(lead / pi)
+    along = np.array([0, cos(slope), sin(slope)])  # radial, tangential, axial
+    outward = np.array([cos(contact_angle), 0, 0])
+    contact = ball / 2 * (outward + sin(contact_angle) * np.array([0, -sin(slope), cos(slope)]))
+    at_screw = np.array([radius, 0, 0]) - contact
+    screw = np.cross([0, 0, 2 * pi], at_screw) + [0, 0, 2 * pi * rise]
+    # Ball: centre v along the path, turning w about the axis across path and contact.
+    axis = np.cross(contact, along) / np.linalg.norm(contact)
+    at_nut_turning, at_screw_turning = (np.cross(axis, c) @ along for c in (contact, -contact))
+    v, _ = np.linalg.solve([[1, at_nut_turning], [1, at_screw_turning]], [0, screw @ along])
+    orbit = v * along[1] / radius / (2 * pi)
+    # Seen along with the ball, the nut runs back along its path, and that turns the ball.
+    nut = -(
+        np.cross([0, 0, 2 * pi * orbit], [radius, 0, 0] + contact) + [0, 0, 2 * pi * orbit * rise]
+    )
+    return orbit, abs(nut @ along / (ball / 2)) / (2 * pi)
+
+
+@settings(max_examples=40)
+@given(ball=st.floats(0.05, 0.3), lead=st.floats(0.02, 1.5), angle=st.floats(0, 1.2))
+def test_the_balls_of_a_screw_roll_without_slip(ball, lead, angle):
+    orbit, spin = helical_rolling(ball, lead, angle)
+    found = orders(BallScrew(9, ball, 1.0, lead, angle, circuit_balls=30))
+    assert found["orbit"] == pytest.approx(orbit)
+    assert found["nut race"] == pytest.approx(9 * orbit)
+    assert found["thread"] == pytest.approx(9 * (1 - orbit))
+    assert found["spin"] == pytest.approx(spin)
+    assert found["circuit"] == pytest.approx(9 * orbit / 30)
+
+
+@pytest.mark.parametrize(("driven", "ring"), [("screw", "inner"), ("nut", "outer")])
+def test_a_screw_without_lead_is_a_bearing(driven, ring):
+    screw = orders(BallScrew(9, 8, 39, 1e-7, 0.3, rotating=driven))
+    bearing = orders(Bearing(9, 8, 39, 0.3, rotating=ring))
+    pairs = {"nut race": "BPFO", "thread": "BPFI", "2xspin": "2xBSF", "orbit": "FTF"}
+    for name, twin in pairs.items():
+        assert screw[name] == pytest.approx(bearing[twin])
+    assert screw[driven] == 1
+
+
+def test_the_table_tells_what_each_line_is():
+    table = fault_orders(Bearing(9, 7.94, 39.04, name="front"), Gear(20, 50), sidebands=1)
+    row = table.loc["front BPFI-shaft"]
+    assert (row["part"], row["kind"], row["harmonic"], row["sideband"]) == (
+        "front",
+        "inner ring",
+        1,
+        -1,
+    )
+    assert table["slips"]["front FTF"]
+    assert not table["slips"]["mesh"]
+    assert table["part"]["mesh"] == "Gear"
+
+
+def test_orders_above_the_highest_are_left_out_and_none_is_zero_or_less():
+    table = fault_orders(Gear(5, 7), Motor(2), harmonics=3, sidebands=8, max_order=9.5)
+    assert table["order"].between(0, 9.5, inclusive="neither").all()
+    assert table["order"].max() > 9
+
+
+def test_bands_go_straight_into_bins_and_orders_into_the_picture():
+    table = fault_orders(Bearing(9, 7.94, 39.04), max_order=6)
+    bands = order_bands(table, slip=0.01)
+    psd = OrderTable(np.ones((2, 65)), order_columns(["vibration"], np.arange(65) / 8))
+    bins = BinTransformer(edges=bands).set_output(transform="pandas").fit_transform(psd)
+    assert list(bins.columns) == [
+        f"vibration@{name}" for name in ("FTF", "BSF", "BPFO", "2xBSF", "BPFI")
+    ]
+    assert np.allclose(bins["vibration@BPFI"], 0.02 * table["order"]["BPFI"])
+    ax = Figure().subplots()
+    marks = table["order"].to_dict()
+    OrderSpectrumDisplay.from_table(psd, "vibration", fault_orders=marks, ax=ax)
+    assert sorted(text.get_text() for text in ax.texts) == sorted(table.index)
+
+
+def test_a_band_is_as_wide_as_the_slip_and_never_narrower_than_asked():
+    bands = order_bands({"low": 0.1, "high": 20.0}, slip=0.02, min_width=0.25)
+    assert bands["high"] == (19.6, 20.4)
+    assert bands["low"] == (0.0, 0.225)
+
+
+def test_only_rolling_elements_slip():
+    table = fault_orders(Bearing(9, 7.94, 39.04), Gear(20, 50))
+    bands = order_bands(table, slip=0.02, min_width=0.02, overlap="keep")
+    assert bands["mesh"] == (19.99, 20.01)
+    low, high = bands["BPFO"]
+    assert (high - low) / table["order"]["BPFO"] == pytest.approx(0.04)
+
+
+def test_bands_that_overlap_are_refused_joined_or_kept():
+    near = {"supply": 6.0, "BPFI": 6.123, "2xBPFI": 12.246}
+    with pytest.raises(ValueError, match=r"'supply' \(5.88, 6.12\) and 'BPFI' .* overlap"):
+        order_bands(near)
+    joined = order_bands(near, overlap="join")
+    assert joined["supply/BPFI"] == (5.88, 6.24546)
+    assert list(joined) == ["supply/BPFI", "2xBPFI"]
+    assert list(order_bands(near, overlap="keep")) == list(near)
+    assert order_bands({"a": 6.0, "b": 6.0}, overlap="join") == {"a/b": (5.88, 6.12)}
+
+
+@given(st.lists(st.floats(0.5, 60), min_size=1, max_size=30, unique=True), st.floats(1e-3, 0.1))
+def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
+    bands = order_bands({f"f{i}": v for i, v in enumerate(values)}, slip=slip, overlap="join")
+    edges = np.array(list(bands.values()))
+    assert (edges[1:, 0] >= edges[:-1, 1]).all()
+    homes = {name: band for names, band in bands.items() for name in names.split("/")}
+    for i, value in enumerate(values):
+        low, high = homes[f"f{i}"]
+        assert low < value < high
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda: Bearing(9, 40.0, 8.0), ValueError, "pitch_diameter must be a number above 40"),
+        (lambda: Bearing(20, 8.0, 39.0), ValueError, "20 balls of diameter 8 do not fit"),
+        (lambda: Bearing(1, 8.0, 39.0), ValueError, "n_balls must be a whole number of at least 2"),
+        (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, r"Convert degrees by math.radians\(15\)"),
+        (lambda: Bearing(9, 8.0, 39.0, rotating="cage"), ValueError, "rotating must be one of"),
+        (lambda: Bearing(9, 8.0, 39.0, ratio=0), ValueError, "ratio must be a number above 0"),
+        (lambda: Bearing(9, 8.0, 39.0, name="a@b"), TypeError, "a string without '@'"),
+        (lambda: Motor(0), ValueError, "pole_pairs must be a whole number of at least 1"),
+        (lambda: Motor(6, slots=1), ValueError, "slots must be a whole number of at least 2"),
+        (lambda: Gear(1, 20), ValueError, "teeth must be a whole number of at least 2"),
+        (lambda: Gear(20, 2.5), TypeError, "mating_teeth must be a whole number"),
+        (lambda: BallScrew(30, 3.0, 20.0, 5.0), ValueError, "30 balls of diameter 3 do not fit"),
+        (lambda: BallScrew(9, 3.0, 20.0, 0.0), ValueError, "lead must be a number above 0"),
+        (lambda: fault_orders(6.123), TypeError, "part 0 must be a Bearing, Motor"),
+        (lambda: fault_orders({"BPFI": -1.0}), ValueError, "the order of 'BPFI' must be a number"),
+        (lambda: fault_orders({"BPFI": 6.1}, signal="current"), ValueError, "needs one Motor"),
+        (lambda: fault_orders(Motor(6), signal="sound"), ValueError, "signal must be one of"),
+        (lambda: fault_orders(Gear(9, 20), Gear(9, 30)), ValueError, "two parts .* name 'mesh'"),
+        (lambda: fault_orders(Motor(6), harmonics=0), ValueError, "harmonics must be a whole"),
+        (lambda: order_bands(fault_orders(Motor(6))), ValueError, "has no width, because it does"),
+        (lambda: order_bands([6.1]), TypeError, "a table of fault_orders or a mapping"),
+        (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
+        (lambda: order_bands({"a": 1.0}, slip=1.0), ValueError, "slip must be a number"),
+        (lambda: order_bands({"a": 1.0}, overlap="no"), ValueError, "overlap must be one of"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason(make, error, words):
+    with pytest.raises(error, match=words):
+        make()

@@ -1,0 +1,408 @@
+"""Facts about bins: they add up to the integral of the PSD, whatever their edges."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import trapezoid
+
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm.orders.bins import (
+    bin_edges,
+    bin_operator,
+    check_edges,
+    check_stop_bands,
+    kept_intervals,
+)
+from emacm.orders.columns import OrderTable
+
+TURN = 2 * np.pi
+
+
+def integral(orders, psd, low, high):
+    """Integrate the straight lines between spectral values, by adding points at the edges."""
+    points = np.concatenate([[low], orders[(orders > low) & (orders < high)], [high]])
+    return trapezoid(np.interp(points, orders, psd), points)
+
+
+@st.composite
+def spectra(draw):
+    """Lines evenly spaced from order 0, and a PSD of several decades."""
+    n_orders = draw(st.integers(2, 80))
+    step = draw(st.floats(0.01, 2))
+    psd = np.random.default_rng(draw(st.integers(0, 2**32 - 1))).lognormal(0, 3, n_orders)
+    return step * np.arange(n_orders), psd
+
+
+def bands_within(top):
+    edges = st.floats(0, 1)
+    return st.tuples(edges, edges).filter(lambda pair: pair[1] - pair[0] > 1e-3).map(
+        lambda pair: (pair[0] * top, pair[1] * top)
+    )  # fmt: skip
+
+
+def table(orders, *rows, channel="current"):
+    return pd.DataFrame(list(rows), columns=[f"{channel}@{float(order)!r}" for order in orders])
+
+
+# Edges
+
+
+def test_bins_of_one_order_run_from_0_to_the_highest_order():
+    assert bin_edges(1, 3) == [(0, 1), (1, 2), (2, 3)]
+
+
+def test_the_last_bin_is_narrower_if_need_be():
+    assert bin_edges(0.4, 1) == [(0, 0.4), (0.4, 0.8), (0.8, 1)]
+
+
+def test_edges_carry_no_rounding_errors():
+    assert bin_edges(0.1, 0.5) == [(0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.4, 0.5)]
+
+
+def test_a_bin_wider_than_the_range_is_the_range():
+    assert bin_edges(10, 3) == [(0, 3)]
+
+
+@settings(deadline=None)
+@given(st.floats(0.01, 100), st.floats(0.01, 100))
+def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
+    edges = bin_edges(bin_size, max_order)
+    assert edges[0][0] == 0
+    assert edges[-1][1] == pytest.approx(max_order, rel=1e-11)
+    assert all(low < high for low, high in edges)
+    assert all(before[1] == after[0] for before, after in pairwise(edges))
+    widths = [high - low for low, high in edges]
+    np.testing.assert_allclose(widths[:-1], bin_size, rtol=1e-6)
+    assert widths[-1] <= bin_size + 1e-7
+
+
+# The integral
+
+
+@settings(deadline=None)
+@given(spectrum=spectra(), bin_size=st.floats(0.01, 50), share=st.floats(0.05, 1))
+def test_bins_add_up_to_the_integral_whatever_their_size(spectrum, bin_size, share):
+    orders, psd = spectrum
+    max_order = share * orders[-1]
+    bins = bin_operator(orders, bin_edges(bin_size, max_order)) @ psd
+    assert bins.sum() == pytest.approx(integral(orders, psd, 0, max_order), rel=1e-9)
+
+
+@settings(deadline=None)
+@given(spectrum=spectra(), seed=st.integers(0, 2**32 - 1), n_edges=st.integers(2, 40))
+def test_bins_of_any_edges_are_the_integrals_between_them(spectrum, seed, n_edges):
+    orders, psd = spectrum
+    edges = np.sort(np.random.default_rng(seed).uniform(0, orders[-1], n_edges))
+    assume(np.diff(edges).min() > 1e-6)
+    bands = check_edges(edges)
+    each = bin_operator(orders, bands) @ psd
+    whole = integral(orders, psd, edges[0], edges[-1])
+    assert each.sum() == pytest.approx(whole, rel=1e-9)
+    expected = [integral(orders, psd, low, high) for low, high in bands]
+    np.testing.assert_allclose(each, expected, rtol=1e-9, atol=1e-11 * psd.max() * orders[-1])
+
+
+@settings(deadline=None)
+@given(spectra())
+def test_one_bin_over_all_is_the_trapezoidal_rule(spectrum):
+    orders, psd = spectrum
+    (power,) = bin_operator(orders, [(0, orders[-1])]) @ psd
+    assert power == pytest.approx(trapezoid(psd, orders), rel=1e-12)
+
+
+def test_a_bin_between_two_lines_is_a_slice_of_the_straight_line():
+    # The PSD rises from 0 to 1 over one order: its integral to x is x²/2.
+    operator = bin_operator([0, 1], [(0.2, 0.3), (0.5, 1)])
+    np.testing.assert_allclose(operator @ [0, 1], [(0.09 - 0.04) / 2, (1 - 0.25) / 2], rtol=1e-14)
+
+
+def test_edges_between_lines_lose_nothing():
+    operator = bin_operator(np.arange(5.0), [(0, 1.7), (1.7, 4)])
+    np.testing.assert_allclose(operator @ np.ones(5), [1.7, 2.3], rtol=1e-14)
+
+
+@pytest.mark.parametrize("lines_per_bin", [1, 2, 8, 64])
+def test_a_flat_spectrum_fills_each_bin_by_its_width(lines_per_bin):
+    # Summing the lines inside a bin would give 0, 0.5, 0.875 and 0.984 of it.
+    orders = np.arange(10 * lines_per_bin + 1) / lines_per_bin
+    bins = bin_operator(orders, bin_edges(1, 10)) @ np.ones(len(orders))
+    np.testing.assert_allclose(bins, 1, rtol=1e-12)
+
+
+def test_uneven_lines_are_integrated_too():
+    orders, psd = np.array([0.0, 0.1, 2.0, 2.5, 7.0]), np.array([1.0, 3.0, 0.5, 4.0, 2.0])
+    bins = bin_operator(orders, [(0.05, 2.2), (2.2, 6.9)]) @ psd
+    expected = [integral(orders, psd, 0.05, 2.2), integral(orders, psd, 2.2, 6.9)]
+    np.testing.assert_allclose(bins, expected, rtol=1e-12)
+
+
+# Stop bands
+
+
+@settings(deadline=None)
+@given(spectrum=spectra(), data=st.data())
+def test_a_stop_band_takes_out_exactly_what_lies_in_it(spectrum, data):
+    orders, psd = spectrum
+    low, high = data.draw(bands_within(orders[-1]))
+    bins = bin_edges(orders[-1] / 7, orders[-1])
+    whole = bin_operator(orders, bins) @ psd
+    left = bin_operator(orders, bins, stop_bands=[(low, high)]) @ psd
+    lost = np.array([
+        integral(orders, psd, max(low, a), min(high, b)) if min(high, b) > max(low, a) else 0
+        for a, b in bins
+    ])  # fmt: skip
+    np.testing.assert_allclose(whole - left, lost, atol=1e-9 * whole.sum())
+
+
+@settings(deadline=None)
+@given(spectrum=spectra(), data=st.data())
+def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
+    orders, psd = spectrum
+    bands = data.draw(st.lists(bands_within(orders[-1]), min_size=1, max_size=5))
+    union = check_stop_bands(bands)
+    whole = [(0, orders[-1])]
+    taken = bin_operator(orders, whole) @ psd - bin_operator(orders, whole, stop_bands=bands) @ psd
+    expected = sum(integral(orders, psd, low, high) for low, high in union)
+    assert taken[0] == pytest.approx(expected, rel=1e-9, abs=1e-9 * trapezoid(psd, orders))
+
+
+def test_stop_bands_are_joined_where_they_touch():
+    assert check_stop_bands([(6, 7), (1, 2), (2, 3), (6.5, 6.8)]) == [(1, 3), (6, 7)]
+
+
+@pytest.mark.parametrize(
+    ("stops", "kept"),
+    [
+        ([], [(5, 7)]),
+        ([(5.6, 6.4)], [(5, 5.6), (6.4, 7)]),
+        ([(4, 5.5)], [(5.5, 7)]),
+        ([(6, 9)], [(5, 6)]),
+        ([(5, 7)], []),
+        ([(1, 2), (8, 9)], [(5, 7)]),
+        ([(5.1, 5.2), (6, 6.5)], [(5, 5.1), (5.2, 6), (6.5, 7)]),
+    ],
+)
+def test_what_is_kept_of_a_band_lies_outside_the_stop_bands(stops, kept):
+    assert kept_intervals((5, 7), stops) == kept
+
+
+def test_the_notch_of_the_thesis_is_exact_at_its_edges():
+    orders = np.arange(0, 10.01, 0.061)
+    bins = BinTransformer(1, max_order=10, stop_bands=((5.6, 6.4),), order_step=0.061)
+    np.testing.assert_allclose(
+        bins.fit_transform(np.ones((1, len(orders))))[0],
+        [1, 1, 1, 1, 1, 0.6, 0.6, 1, 1, 1],
+        rtol=1e-12,
+    )
+
+
+# BinTransformer
+
+
+@settings(deadline=None)
+@given(
+    spectrum=spectra(),
+    bin_size=st.floats(0.05, 50),
+    data=st.data(),
+)
+def test_the_transformer_adds_up_to_the_integral_less_the_stop_band(spectrum, bin_size, data):
+    orders, psd = spectrum
+    assume(orders[-1] / bin_size < 200)
+    stop = data.draw(bands_within(orders[-1]))
+    assume(orders[-1] - (stop[1] - stop[0]) > 1e-3)
+    bins = BinTransformer(bin_size, max_order=orders[-1], stop_bands=(stop,))
+    power = bins.fit_transform(table(orders, psd)).sum()
+    whole = trapezoid(psd, orders)
+    assert power == pytest.approx(whole - integral(orders, psd, *stop), rel=1e-9, abs=1e-9 * whole)
+
+
+def test_bins_are_named_by_channel_and_edges():
+    orders = np.arange(0, 10.5, 0.5)
+    bins = BinTransformer(1, max_order=10).fit(table(orders, np.ones(21)))
+    assert bins.get_feature_names_out().tolist() == [f"current@{k}-{k + 1}" for k in range(10)]
+
+
+@pytest.mark.parametrize(
+    ("bin_size", "max_order", "names"),
+    [
+        (0.5, 1, ["current@0-0.5", "current@0.5-1"]),
+        (0.1, 0.4, ["current@0-0.1", "current@0.1-0.2", "current@0.2-0.3", "current@0.3-0.4"]),
+        (0.4, 1, ["current@0-0.4", "current@0.4-0.8", "current@0.8-1"]),
+        (1 / 3, 1, ["current@0-0.333333333333", "current@0.333333333333-0.666666666667",
+                    "current@0.666666666667-1"]),
+    ],
+)  # fmt: skip
+def test_numbers_in_names_are_the_shortest_exact_ones(bin_size, max_order, names):
+    bins = BinTransformer(bin_size, max_order=max_order).fit(table(np.arange(3.0), np.ones(3)))
+    assert bins.get_feature_names_out().tolist() == names
+
+
+@pytest.mark.parametrize("zero", [-0.0, 0.0])
+def test_edges_of_either_zero_have_one_name(zero):
+    bins = BinTransformer(edges=[zero, 1, 2]).fit(table(np.arange(3.0), np.ones(3)))
+    assert bins.get_feature_names_out().tolist() == ["current@0-1", "current@1-2"]
+
+
+def test_columns_run_channel_by_channel():
+    both = pd.concat(
+        [table(np.arange(3.0), np.ones(3)), table(np.arange(3.0), 2 * np.ones(3), channel="b@x")],
+        axis=1,
+    )
+    bins = BinTransformer(1, max_order=2).set_output(transform="pandas").fit_transform(both)
+    assert bins.columns.tolist() == ["current@0-1", "current@1-2", "b@x@0-1", "b@x@1-2"]
+    np.testing.assert_allclose(bins, [[1, 1, 2, 2]])
+
+
+def test_named_bands_may_overlap_and_give_their_names():
+    edges = {"BPFI": (6.0, 6.25), "around it": (5.5, 7)}
+    bins = BinTransformer(edges=edges).set_output(transform="pandas")
+    power = bins.fit_transform(table(np.arange(11.0), np.ones(11), channel="vibration"))
+    assert power.columns.tolist() == ["vibration@BPFI", "vibration@around it"]
+    np.testing.assert_allclose(power, [[0.25, 1.5]], rtol=1e-12)
+
+
+def test_edges_of_ones_own_need_not_start_at_0():
+    bins = BinTransformer(edges=[2, 2.5, 7])
+    power = bins.fit_transform(table(np.arange(11.0), np.ones(11)))
+    assert bins.get_feature_names_out().tolist() == ["current@2-2.5", "current@2.5-7"]
+    np.testing.assert_allclose(power, [[0.5, 4.5]], rtol=1e-12)
+
+
+def test_a_bin_inside_a_stop_band_has_no_column():
+    bins = BinTransformer(1, max_order=5, stop_bands=((0.9, 2), (4.5, 4.6)))
+    power = bins.fit_transform(table(np.arange(6.0), np.ones(6)))
+    names = ["current@0-1", "current@2-3", "current@3-4", "current@4-5"]
+    assert bins.get_feature_names_out().tolist() == names
+    assert bins.bins_ == ((0, 1), (2, 3), (3, 4), (4, 5))
+    np.testing.assert_allclose(power, [[0.9, 1, 1, 0.9]], rtol=1e-12)
+
+
+def test_stop_bands_that_leave_nothing_are_an_error():
+    with pytest.raises(ValueError, match=r"stop_bands \[\(0.0, 9.0\)\] leave nothing of any bin"):
+        BinTransformer(1, max_order=5, stop_bands=((0, 9),)).fit(np.ones((1, 6)))
+
+
+def test_a_table_without_an_axis_runs_evenly_up_to_the_highest_order():
+    bins = BinTransformer(1, max_order=50)
+    power = bins.fit_transform(np.ones((1, 401)))
+    assert power.shape == (1, 50)
+    np.testing.assert_allclose(power, 1, rtol=1e-9)
+
+
+def test_a_table_without_an_axis_may_be_told_its_step():
+    power = BinTransformer(1, max_order=2, order_step=0.25).fit_transform(np.ones((1, 41)))
+    np.testing.assert_allclose(power, [[1, 1]], rtol=1e-12)
+
+
+def test_orders_the_spectrum_does_not_hold_are_an_error():
+    message = r"the bin 49-50 reaches beyond the spectrum, which holds orders 0 to 49.9.*theta_s"
+    with pytest.raises(ValueError, match=message):
+        BinTransformer().fit(table(np.arange(500) / 10, np.ones(500)))
+
+
+def test_orders_below_the_spectrum_are_an_error():
+    with pytest.raises(ValueError, match=r"the bin 0-1 reaches beyond.*holds orders 0.5 to 5.5"):
+        BinTransformer(1, max_order=5).fit(table(np.arange(0.5, 6), np.ones(6)))
+
+
+@pytest.mark.parametrize(("beyond", "fits"), [(5e-10, True), (5e-9, False)])
+def test_an_edge_lies_on_the_end_of_the_axis_to_1e_9(beyond, fits):
+    orders = np.array([0, 1, 2 - beyond])
+    if fits:
+        assert bin_operator(orders, [(0, 2)]).sum() == pytest.approx(2)
+    else:
+        with pytest.raises(ValueError, match="reaches beyond"):
+            bin_operator(orders, [(0, 2)])
+
+
+@pytest.mark.parametrize("window", ["hann", "boxcar", "flattop"])
+def test_bins_of_a_recording_add_up_to_its_mean_square(window):
+    fs = 10_000
+    time = np.arange(8 * fs) / fs
+    angle = TURN * (5 * time + time**2)
+    signal = 2 * np.sin(6 * angle) + np.sin(20.3 * angle)
+    recording = Recording({"x": signal}, fs, angle=angle)
+    psd = OrderPSD(8, window=window)
+    spectra = psd.fit_transform(OrderResampler().fit_transform([recording]))
+    for bin_size in (0.06, 0.3, 1, 7):
+        power = BinTransformer(bin_size, max_order=50).fit_transform(spectra)
+        assert power.sum() == pytest.approx(4 / 2 + 1 / 2, rel=0.005)
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"bin_size": 0}, ValueError, "bin_size must be a number of orders, above 0, got 0"),
+        ({"bin_size": "wide"}, TypeError, "bin_size must be a number.*got 'wide'"),
+        ({"bin_size": 1e-8}, ValueError, r"bin_size = 1e-08 would make 5e\+09 bins"),
+        ({"max_order": -1}, ValueError, "max_order must be a number of orders, above 0, got -1"),
+        ({"edges": [1]}, ValueError, "at least two increasing orders"),
+        ({"edges": [0, 2, 1]}, ValueError, "2 is followed by 1 .at position 2.*Sort them"),
+        ({"edges": [-1, 1]}, ValueError, "finite and at least 0"),
+        ({"edges": {}}, ValueError, "edges holds no band"),
+        ({"edges": {1: (0, 1)}}, TypeError, "named by strings, got 1"),
+        ({"edges": {"a": (2, 1)}}, ValueError, "band 'a' of edges must run from a lower"),
+        ({"edges": {"a": 3}}, TypeError, r"band 'a' of edges must be a pair"),
+        ({"stop_bands": (5.6, 6.4)}, TypeError, r"Write one band as \(\(low, high\),\)"),
+        ({"stop_bands": "5-6"}, TypeError, "sequence of .low, high. pairs, got '5-6'"),
+        ({"stop_bands": ((6, 5),)}, ValueError, "stop band 0 must run from a lower"),
+        ({"stop_bands": ((5, 6, 7),)}, TypeError, "stop band 0 must be a pair"),
+        ({"order_step": 0}, ValueError, "order_step must be a number of orders, above 0"),
+        ({"order_step": 0.2}, ValueError, "order_step = 0.2 contradicts .*'current'.* 0.5 apart"),
+    ],
+)
+def test_what_makes_no_bins_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        BinTransformer(**options).fit(table(np.arange(0, 50.5, 0.5), np.ones(101)))
+
+
+def test_the_operator_refuses_orders_that_fall_and_bands_that_are_none():
+    with pytest.raises(ValueError, match="orders must increase"):
+        bin_operator([0, 2, 1], [(0, 1)])
+    with pytest.raises(ValueError, match="bin 0 must run from a lower to a higher order"):
+        bin_operator([0, 1, 2], [(2, 1)])
+
+
+def renamed(table, dtype):
+    """Return an order table of another type, its columns named again by hand."""
+    changed = table.astype(dtype)
+    changed.columns = table.columns
+    return changed
+
+
+@pytest.mark.parametrize("dtype", [int, bool, object, np.float16, np.longdouble, ">f8"])
+def test_bins_of_a_table_named_by_hand_are_in_float64_whatever_its_type(dtype):
+    table = OrderTable([[1.0, 0.0, 2.0], [0.0, 4.0, 1.0]], ["a@0", "a@1", "a@2"])
+    bins = BinTransformer(1, max_order=2)
+    changed = renamed(table, dtype)
+    expected = bins.fit_transform(pd.DataFrame(np.asarray(changed, float), columns=table.columns))
+    for found in (bins.transform(changed), bins.fit_transform(changed)):
+        assert found.dtype == np.float64
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_single_row_without_its_second_axis_is_no_table():
+    table = OrderTable([[1.0, 0.0, 2.0]], ["a@0", "a@1", "a@2"])
+    bins = BinTransformer(1, max_order=2).fit(table)
+    row = table[0]
+    row.columns = table.columns
+    with pytest.raises(ValueError, match="Expected 2D array, got 1D array"):
+        bins.transform(row)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_bins_are_plain_numbers_that_can_be_saved(dtype, tmp_path):
+    table = OrderTable(np.ones((2, 3), dtype), ["a@0", "a@1", "a@2"])
+    found = BinTransformer(1, max_order=2).fit_transform(table)
+    assert found.dtype == dtype
+    assert found.dtype.metadata is None  # numpy warns when it cannot save it
+    np.save(tmp_path / "bins.npy", found)

@@ -1,0 +1,275 @@
+"""Facts about the axis: names that are exact, and a table that carries them."""
+
+import copy
+import pickle
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from sklearn.utils import _safe_indexing
+
+from emacm.orders.columns import (
+    OrderTable,
+    column_names,
+    number_name,
+    order_columns,
+    parse_order_columns,
+)
+
+COLUMNS = order_columns(["current"], [0, 0.25, 0.5])
+ORDERS = st.floats(0, 1e6, allow_nan=False)
+CHANNELS = st.text(min_size=1, max_size=12)
+
+
+def table(columns=COLUMNS):
+    return OrderTable(np.arange(12.0).reshape(4, 3), columns)
+
+
+# The table
+
+
+def test_a_table_holds_its_numbers_and_its_names():
+    assert table().columns == COLUMNS
+    np.testing.assert_array_equal(table(), np.arange(12.0).reshape(4, 3))
+
+
+def test_names_that_do_not_fit_the_table_are_refused():
+    with pytest.raises(ValueError, match=r"2 names do not fit values of shape \(4, 3\)"):
+        table(COLUMNS[:2])
+
+
+def through_joblib(value, folder):
+    joblib.dump(value, folder / "table.joblib")
+    return joblib.load(folder / "table.joblib")
+
+
+@pytest.mark.parametrize(
+    "through",
+    [
+        lambda value, folder: pickle.loads(pickle.dumps(value)),
+        lambda value, folder: pickle.loads(pickle.dumps(value, protocol=2)),
+        through_joblib,
+        lambda value, folder: copy.copy(value),
+        lambda value, folder: copy.deepcopy(value),
+        lambda value, folder: value.copy(),
+        lambda value, folder: value.copy(order="F"),
+        lambda value, folder: copy.deepcopy([value])[0],
+    ],
+    ids=["pickle", "pickle 2", "joblib", "copy", "deepcopy", ".copy", "order F", "in a list"],
+)
+def test_names_survive_copies_and_files(through, tmp_path):
+    again = through(table(), tmp_path)
+    assert isinstance(again, OrderTable)
+    assert again.columns == COLUMNS
+    np.testing.assert_array_equal(again, table())
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        slice(1, 3),
+        slice(None, None, -1),
+        np.array([3, 0, 0]),
+        [2, 1],
+        np.array([True, False, True, False]),
+        [True, False, True, False],
+        (np.array([3, 0]), ...),
+        (slice(0, 2), slice(None)),
+        (np.array([False, True, True, False]), slice(None)),
+        ...,
+        np.array([], dtype=int),
+    ],
+    ids=repr,
+)
+def test_a_choice_of_rows_keeps_the_names(rows):
+    chosen = table()[rows]
+    assert chosen.columns == COLUMNS
+    np.testing.assert_array_equal(chosen, np.arange(12.0).reshape(4, 3)[rows])
+
+
+@pytest.mark.parametrize(
+    "rows", [[0, 2], np.array([0, 2]), np.array([True, False, True, False]), slice(0, 2)], ids=repr
+)
+def test_a_choice_of_rows_by_scikit_learn_keeps_the_names(rows):
+    assert _safe_indexing(table(), rows).columns == COLUMNS
+
+
+def test_rows_chosen_from_a_choice_keep_the_names():
+    assert table()[[3, 2, 1]][1:].columns == COLUMNS
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda X: X[:, [2, 0, 1]],
+        lambda X: X[:, :2],
+        lambda X: X[:, ::-1],
+        lambda X: X[..., ::-1],
+        lambda X: X[:, np.array([True, True, False])],
+        lambda X: X[[0, 1], [0, 1]],
+        lambda X: X[0],
+        lambda X: X[:, 0],
+        lambda X: X[None],
+        lambda X: X[X > 3],
+        lambda X: X.T,
+        lambda X: X + 1,
+        lambda X: np.log1p(X),
+        lambda X: X @ np.eye(3),
+        lambda X: X.reshape(3, 4),
+        lambda X: X.mean(axis=0),
+        lambda X: X > 3,
+        lambda X: np.sort(X),
+        lambda X: np.flip(X, axis=1),
+        lambda X: np.hstack([X, X]),
+        lambda X: np.take(X, [2, 1, 0], axis=1),
+        lambda X: np.roll(X, 1, axis=1),
+    ],
+)
+def test_names_are_gone_after_anything_but_a_choice_of_rows(change):
+    assert column_names(change(table())) is None
+
+
+def test_a_square_table_forgets_its_names_when_transposed():
+    square = OrderTable(np.eye(3), COLUMNS)
+    assert square.T.columns is None
+
+
+def test_joblib_hashes_equal_tables_alike():
+    assert joblib.hash(table()) == joblib.hash(table())
+
+
+def test_joblib_hashes_equal_numbers_with_different_names_apart():
+    assert joblib.hash(table()) != joblib.hash(table(order_columns(["current"], [0, 0.5, 1])))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda X: X[1:],
+        lambda X: X[[0, 2]],
+        lambda X: X.copy(),
+        lambda X: pickle.loads(pickle.dumps(X)),
+        copy.deepcopy,
+    ],
+)
+def test_joblib_keeps_hashing_names_apart_after_what_keeps_them(change):
+    other = order_columns(["current"], [0, 0.5, 1])
+    assert joblib.hash(change(table())) != joblib.hash(change(table(other)))
+
+
+def test_joblib_hashes_a_table_from_a_file_as_the_table_itself(tmp_path):
+    assert joblib.hash(through_joblib(table(), tmp_path)) == joblib.hash(table())
+
+
+def test_a_choice_of_rows_hashes_as_the_table_of_these_rows():
+    rows = OrderTable(np.arange(6.0).reshape(2, 3), COLUMNS)
+    assert joblib.hash(table()[:2]) == joblib.hash(rows)
+
+
+def test_a_table_does_not_change_with_what_it_was_made_of():
+    values = np.zeros((2, 3))
+    made = OrderTable(values, COLUMNS)
+    values[:] = 1
+    np.testing.assert_array_equal(made, 0)
+
+
+# Names
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_reads_back_from_its_name_exactly(number):
+    assert float(number_name(number)) == number
+
+
+@given(st.floats(0, 1e15))
+def test_the_name_of_a_number_has_no_needless_zero(number):
+    assert not number_name(number).endswith(".0")
+
+
+@pytest.mark.parametrize(
+    ("number", "name"), [(5.0, "5"), (0.5, "0.5"), (10, "10"), (0.1 + 0.2, "0.30000000000000004")]
+)
+def test_the_name_of_a_number_is_the_shortest_that_is_exact(number, name):
+    assert number_name(number) == name
+
+
+def test_numbers_of_numpy_have_the_names_of_pythons():
+    assert number_name(np.float64(0.1)) == number_name(0.1)
+
+
+@given(
+    st.lists(CHANNELS, min_size=1, max_size=3, unique=True),
+    st.lists(ORDERS, min_size=1, max_size=8, unique=True).map(sorted),
+)
+def test_names_read_back_as_the_channels_and_the_very_orders(channels, orders):
+    assume(len({abs(order) for order in orders}) == len(orders))  # -0.0 is 0
+    blocks = parse_order_columns(order_columns(channels, orders))
+    assert [block.channel for block in blocks] == channels
+    for number, block in enumerate(blocks):
+        assert block.orders.tolist() == orders
+        assert block.columns == slice(number * len(orders), (number + 1) * len(orders))
+
+
+@pytest.mark.parametrize(
+    "channel", ["a@b", "a@5", "@", "x+", "x-", "5-6", "Strom µA", "電流", "two words", "a\nb"]
+)
+def test_channels_may_have_any_name(channel):
+    (block,) = parse_order_columns(order_columns([channel], [0, 0.5]))
+    assert block.channel == channel
+
+
+def test_columns_run_channel_by_channel():
+    assert order_columns(["b", "a"], [0, 0.5]) == ("b@0", "b@0.5", "a@0", "a@0.5")
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        ["mean", "rms"],
+        [0, 1, 2],
+        ["a@x", "b@"],
+        ["a@5-6", "a@6-7"],
+        ["a@nan", "a@inf"],
+        ["a@-1"],
+        [("a@", 1), None],
+    ],
+)
+def test_other_names_carry_no_axis(columns):
+    assert parse_order_columns(columns) is None
+
+
+@pytest.mark.parametrize("name", ["part@1_0", "part@ 5", "part@٥", "part@1e1_0"])
+def test_a_name_that_number_name_could_not_have_written_carries_no_axis(name):
+    assert parse_order_columns([name]) is None
+
+
+@pytest.mark.parametrize(
+    "columns", [["unit", "a@0", "a@1"], ["a@0", "unit", "a@1"], ["a@0", "a@1", "unit"]]
+)
+def test_a_stranger_among_order_columns_is_named_beside_one_of_them(columns):
+    with pytest.raises(ValueError, match=r"'a@0' and the like stand beside 'unit'.*Choose"):
+        parse_order_columns(columns)
+
+
+def test_orders_that_do_not_increase_are_refused_with_their_names():
+    with pytest.raises(ValueError, match=r"must increase, but column 'a@1' follows 'a@2'"):
+        parse_order_columns(["a@0", "a@2", "a@1"])
+
+
+def test_an_order_that_comes_twice_is_refused():
+    with pytest.raises(ValueError, match=r"'a@1' follows 'a@1'"):
+        parse_order_columns(["a@0", "a@1", "a@1"])
+
+
+def test_a_channel_in_two_places_is_refused():
+    with pytest.raises(ValueError, match=r"side by side.*\['a', 'b', 'a'\]"):
+        parse_order_columns(["a@0", "b@0", "a@1"])
+
+
+def test_the_names_of_any_table_are_found():
+    assert column_names(pd.DataFrame({"a@0": [1], "a@1": [2]})) == ("a@0", "a@1")
+    assert column_names(table()) == COLUMNS
+    assert column_names(np.eye(2)) is None

@@ -1,0 +1,238 @@
+"""Facts about two channels over orders: cross spectrum, coherence, response."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal as filters
+from scipy.integrate import trapezoid
+
+from emacm.orders.bins import bin_operator
+from emacm.orders.cross_spectrum import (
+    coherence,
+    cross_averages,
+    cross_spectrum,
+    frequency_response,
+)
+from emacm.orders.welch import order_psd, segment_plan
+
+TURN = 2 * np.pi
+
+
+def noise(*shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def assert_same(ours, theirs):
+    np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-12)
+    largest = np.abs(theirs[1]).max()
+    np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-12, atol=1e-12 * largest)
+
+
+# The same samples, and scipy.signal
+
+
+@pytest.mark.parametrize("length", [255, 256])
+@pytest.mark.parametrize("detrend", ["constant", "linear", False])
+@pytest.mark.parametrize("scaling", ["density", "spectrum"])
+def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
+    x, y = noise(2, 3, 5000)
+    y[:, 4:] += 2 * x[:, :-4]
+    options = {"detrend": detrend, "scaling": scaling}
+    ours = cross_spectrum(x, y, 60, n_per_segment=length, **options)
+    assert_same(ours, filters.csd(x, y, 60, nperseg=length, **options))
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    length=st.integers(4, 60),
+    overlap=st.floats(0, 0.9),
+    window=st.sampled_from(["hann", "boxcar", "flattop", ("kaiser", 8.0)]),
+)
+def test_every_overlap_and_window_is_that_of_scipy(length, overlap, window):
+    x, y = noise(2, 300, seed=1)
+    y += x
+    ours = cross_spectrum(x, y, 50, n_per_segment=length, overlap=overlap, window=window)
+    options = {"nperseg": length, "noverlap": int(overlap * length), "window": window}
+    assert_same(ours, filters.csd(x, y, 50, **options))
+
+
+@pytest.mark.parametrize("length", [100, 129])
+def test_the_coherence_is_that_of_scipy(length):
+    x, y = noise(2, 4000)
+    y += x
+    ours = coherence(x, y, 60, n_per_segment=length)
+    theirs = filters.coherence(x, y, 60, nperseg=length)
+    np.testing.assert_allclose(ours[1], theirs[1], rtol=1e-12)
+
+
+def test_the_cross_spectrum_of_a_signal_with_itself_is_its_power_spectrum():
+    x = noise(3000)
+    csd = cross_spectrum(x, x, 50, revolutions=4)[1]
+    np.testing.assert_allclose(csd.imag, 0, atol=1e-15)
+    np.testing.assert_allclose(csd.real, order_psd(x, 50, revolutions=4)[1], rtol=1e-12)
+
+
+def test_float32_agrees_with_float64():
+    x, y = noise(2, 5000)
+    y += x
+    single = coherence(x.astype(np.float32), y.astype(np.float32), 50, revolutions=4)[1]
+    assert single.dtype == np.float64
+    np.testing.assert_allclose(single, coherence(x, y, 50, revolutions=4)[1], atol=1e-5)
+
+
+# Known answers
+
+
+def test_the_response_of_a_filter_is_its_response():
+    x = noise(400_000)
+    taps = [0.5, 0.3, -0.2]
+    orders, response = frequency_response(x, np.convolve(x, taps)[: len(x)], 64, revolutions=16)
+    expected = filters.freqz(taps, worN=TURN * orders / 64)[1]
+    # Three taps against segments of 1024 samples: what leaks is of their ratio.
+    np.testing.assert_allclose(response[2:-2], expected[2:-2], atol=5e-3)
+
+
+def test_a_delay_turns_the_phase_in_proportion_to_the_order():
+    x = noise(200_000)
+    orders, response = frequency_response(x[3:], x[:-3], 64, revolutions=16)
+    turned = np.unwrap(np.angle(response[2:-2]))
+    np.testing.assert_allclose(turned, -orders[2:-2] * 3 * TURN / 64, atol=0.02)
+
+
+@settings(deadline=None, max_examples=20)
+@given(gain=st.floats(0.01, 100), sign=st.sampled_from([-1, 1]))
+def test_a_gain_is_the_response_whatever_the_signal(gain, sign):
+    x = noise(3000)
+    response = frequency_response(x, sign * gain * x, 50, revolutions=4)[1]
+    np.testing.assert_allclose(response, sign * gain, rtol=1e-9)
+
+
+def test_noise_in_the_output_leaves_the_response_as_it_is():
+    x, z = noise(2, 400_000)
+    response = frequency_response(x, 2 * x + z, 64, revolutions=4)[1]
+    # 3100 segments: each line errs by 1 / 2 / sqrt(3100).
+    assert abs(response.mean() - 2) < 0.01
+    assert np.abs(response - 2).max() < 0.1
+
+
+def test_noise_in_the_input_makes_the_response_smaller_by_its_share():
+    x, z = noise(2, 400_000)
+    response = frequency_response(x + z, 2 * x, 64, revolutions=4)[1]
+    assert abs(response.mean() - 1) < 0.02
+
+
+def test_what_depends_linearly_is_coherent():
+    x = noise(100_000)
+    shared = coherence(x, np.convolve(x, [1, -0.5])[: len(x)], 64, revolutions=16)[1]
+    assert shared[2:].min() > 0.999
+
+
+@settings(deadline=None, max_examples=15)
+@given(n_segments=st.integers(2, 40), seed=st.integers(0, 1000))
+def test_unrelated_noise_has_a_coherence_of_one_over_the_number_of_segments(n_segments, seed):
+    x, y = noise(2, n_segments * 2000, seed=seed)
+    shared = coherence(x, y, 100, n_per_segment=2000, overlap=0, window="boxcar", detrend=False)[1]
+    inner = shared[1:-1]
+    # Beta(1, n - 1) on 999 independent lines, to five standard errors.
+    spread = np.sqrt((n_segments - 1) / (n_segments**2 * (n_segments + 1)))
+    assert abs(inner.mean() - 1 / n_segments) < 5 * spread / np.sqrt(len(inner))
+
+
+@settings(deadline=None)
+@given(gain=st.floats(1e-150, 1e150), seed=st.integers(0, 100))
+def test_units_do_not_change_the_coherence(gain, seed):
+    x, y = noise(2, 800, seed=seed)
+    y += x
+    expected = coherence(x, y, 50, revolutions=4)[1]
+    np.testing.assert_allclose(coherence(gain * x, y, 50, revolutions=4)[1], expected, rtol=1e-9)
+
+
+def test_the_shaft_angle_at_which_both_begin_does_not_matter():
+    x = np.tile(noise(64 * 8), 20)
+    y = np.roll(x, 5) + np.tile(noise(64 * 8, seed=1), 20)
+    options = {"revolutions": 8, "overlap": 0, "window": "boxcar"}
+    here = frequency_response(x, y, 64, **options)[1]
+    there = frequency_response(np.roll(x, 17), np.roll(y, 17), 64, **options)[1]
+    np.testing.assert_allclose(there[1:], here[1:], rtol=1e-9)
+    assert not np.allclose(np.fft.rfft(np.roll(x, 17)), np.fft.rfft(x))
+
+
+# Bins
+
+
+def test_a_bin_is_the_ratio_of_integrals_and_so_never_more_than_coherent():
+    x, y = noise(2, 2000)
+    y += x
+    plan = segment_plan(50, revolutions=4)
+    lines = cross_averages(plan, plan.lines_of([np.stack([x, y])]), [(0, 1)], "xy")
+    bins = lines.gathered(bin_operator(plan.orders, [(1, 2), (2, 25)]))
+    line = plan.orders.searchsorted([1, 2])
+    inside = slice(line[0], line[1] + 1)
+    expected = trapezoid(lines.cross[0, inside]) / trapezoid(lines.power[0, inside])
+    np.testing.assert_allclose(bins.response()[0, 0], expected, rtol=1e-12)
+    assert np.all(bins.coherence() <= 1)
+    assert np.all(bins.coherence() < lines.coherence()[0, 2:].max())
+
+
+# What is refused
+
+
+def test_a_single_segment_has_no_coherence():
+    x, y = noise(2, 250)
+    with pytest.raises(ValueError, match=r"single segment is 1 whatever the signals.*Lower rev"):
+        coherence(x, y, 50, revolutions=5)
+
+
+@pytest.mark.parametrize("estimate", [frequency_response, coherence])
+def test_a_dead_channel_is_named(estimate):
+    x = noise(500)
+    with pytest.raises(ValueError, match=r"channel 'x' has no power at any order.*dead"):
+        estimate(0 * x, x, 50, revolutions=4)
+
+
+def test_a_dead_output_has_a_response_of_nothing():
+    x = noise(500)
+    assert not frequency_response(x, 0 * x, 50, revolutions=4)[1].any()
+
+
+def test_where_the_mean_is_taken_out_nothing_is_coherent():
+    x, y = noise(2, 4000)
+    options = {"n_per_segment": 200, "overlap": 0, "window": "boxcar"}
+    assert coherence(x, x + y, 50, **options)[1][0] == 0
+    assert frequency_response(x, x + y, 50, **options)[1][0] == 0
+
+
+def test_unequal_shapes_are_refused():
+    with pytest.raises(ValueError, match=r"same shape, got \(500,\) and \(499,\)"):
+        cross_spectrum(noise(500), noise(499), 50)
+
+
+def test_too_short_signals_are_refused():
+    with pytest.raises(ValueError, match=r"hold no segment of 800 samples \(16 revolutions\)"):
+        cross_spectrum(noise(500), noise(500), 50)
+
+
+@pytest.mark.parametrize("x", [1.0, []])
+def test_what_holds_no_sample_is_refused(x):
+    with pytest.raises(ValueError, match="hold no segment"):
+        cross_spectrum(x, x, 50)
+
+
+def test_a_median_of_cross_spectra_is_refused():
+    with pytest.raises(ValueError, match="average must be 'mean' for two signals, got 'median'"):
+        cross_spectrum(noise(500), noise(500), 50, average="median")
+
+
+def test_a_gap_is_named():
+    x = noise(1000)
+    broken = x.copy()
+    broken[7] = np.nan
+    with pytest.raises(ValueError, match="y must be finite, got nan at sample 7"):
+        cross_spectrum(x, broken, 50)
+
+
+def test_no_segment_at_all_is_refused():
+    plan = segment_plan(50, revolutions=4)
+    with pytest.raises(ValueError, match="no signal holds a segment of 200 samples"):
+        cross_averages(plan, plan.lines_of([noise(2, 100)]), [(0, 1)], "xy")

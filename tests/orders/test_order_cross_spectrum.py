@@ -1,0 +1,459 @@
+"""Facts about OrderCrossSpectrum: pairs, names, bins, directions, and what is refused."""
+
+import pickle
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from scipy.integrate import trapezoid
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderCrossSpectrum,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+)
+from emacm.orders.cross_spectrum import coherence, cross_spectrum, frequency_response
+
+TURN = 2 * np.pi
+RESAMPLER = OrderResampler(TURN / 32, min_speed=1.0)
+
+
+def drive(seed=0, gain=2.0, *, shift=0.0, dtype=float, seconds=20, other_rate=False, **meta):
+    """A shaft goes to and fro; the current follows the torque three samples later."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(500 * seconds) / 500
+    velocity = TURN * 8 * np.sin(TURN * 0.1 * times)
+    angle = np.cumsum(velocity) / 500 + shift
+    torque = rng.standard_normal(len(times))
+    current = gain * np.roll(torque, 3) + rng.standard_normal(len(times))
+    error = np.sin(3 * angle) + rng.standard_normal(len(times))
+    rates = {"torque": 500.0, "current": 500.0, "error": 500.0}
+    if other_rate:
+        error, rates["error"] = error[::2], 250.0
+    signals = {"torque": torque, "current": current, "error": error}
+    signals = {name: values.astype(dtype) for name, values in signals.items()}
+    return Recording(signals, rates, angle=angle, shaft_fs=500, meta=meta)
+
+
+@pytest.fixture(scope="module")
+def over_angle():
+    return RESAMPLER.fit_transform([drive(seed, unit=seed) for seed in range(3)])
+
+
+def frame(estimator, X):
+    return clone(estimator).set_output(transform="pandas").fit_transform(X)
+
+
+# Agreement with the functions on arrays
+
+
+def test_of_one_stroke_it_is_what_the_functions_say():
+    run = Recording(
+        dict(zip("xy", np.random.default_rng(0).standard_normal((2, 8000)), strict=True)),
+        500,
+        velocity=np.full(8000, 50.0),
+    )
+    (row,) = RESAMPLER.fit_transform([run])
+    x, y = row.strokes[0].signals
+    table = frame(OrderCrossSpectrum(4, kind=("cross", "coherence", "response")), [row]).iloc[0]
+    orders, csd = cross_spectrum(x, y, 32, revolutions=4)
+    response = frequency_response(x, y, 32, revolutions=4)[1]
+    shared = coherence(x, y, 32, revolutions=4)[1]
+    expected = np.concatenate([csd.real, csd.imag, shared, response.real, response.imag])
+    np.testing.assert_allclose(table, expected, rtol=1e-9, atol=1e-12)
+    quantities = ["cross.real", "cross.imag", "coherence", "response.real", "response.imag"]
+    assert list(table.index) == [f"x*y:{what}@{k:g}" for what in quantities for k in orders]
+
+
+def test_no_segment_spans_two_strokes(over_angle):
+    row = over_angle[0]
+    table = OrderCrossSpectrum(4, kind="cross", pairs=[("torque", "current")]).fit_transform([row])
+    n_orders = table.shape[1] // 2
+    sums, count = 0.0, 0
+    for stroke in row.strokes:
+        x, y = stroke.signals[:2]
+        n_segments = (len(x) - 128) // 64 + 1
+        sums = sums + n_segments * cross_spectrum(x, y, 32, revolutions=4)[1]
+        count += n_segments
+    assert len(row.strokes) > 2
+    ours = table[0, :n_orders] + 1j * table[0, n_orders:]
+    np.testing.assert_allclose(ours, sums / count, rtol=1e-9, atol=1e-15)
+
+
+def test_channels_of_different_rates_share_one_angle_grid():
+    (row,) = RESAMPLER.fit_transform([drive(other_rate=True)])
+    stroke = row.strokes[0]
+    joint = np.concatenate(list(stroke.joint_blocks([2, 0])), axis=1)
+    np.testing.assert_array_equal(joint, stroke.signals[[2, 0]])
+    pairs = [("error", "torque"), ("torque", "current")]
+    estimator = OrderCrossSpectrum(4, pairs=pairs, kind="cross", max_order=8)
+    ours = estimator.fit_transform([row])
+    same = RESAMPLER.fit_transform([drive()])
+    # The error is sampled at half the rate: below a quarter of it, it is the same but for folding.
+    names = list(estimator.get_feature_names_out())
+    torque = [i for i, name in enumerate(names) if name.startswith("torque")]
+    np.testing.assert_allclose(ours[0, torque], estimator.transform(same)[0, torque], rtol=1e-9)
+
+
+def test_blocks_of_streams_of_unequal_lengths_lie_abreast():
+    long = Recording(
+        {"fast": np.arange(400_000.0), "slow": np.arange(100_000.0)},
+        {"fast": 4000.0, "slow": 1000.0},
+        velocity=np.full(100_000, 60.0),
+        shaft_fs=1000,
+    )
+    stroke = OrderResampler(TURN / 256).fit_transform([long])[0].strokes[0]
+    blocks = list(stroke.joint_blocks([0, 1]))
+    assert len(blocks) > 2
+    np.testing.assert_array_equal(np.concatenate(blocks, axis=1), stroke.signals)
+
+
+# Physics
+
+
+def test_the_response_is_that_of_the_drive(over_angle):
+    estimator = OrderCrossSpectrum(4, pairs=[("torque", "current")], form="polar", bin_size=1)
+    table = frame(estimator.set_params(max_order=8), over_angle)
+    gain = table.filter(like="response.magnitude").to_numpy()
+    assert gain.shape == (3, 8)
+    np.testing.assert_allclose(gain[:, 1:].mean(axis=0), 2, rtol=0.2)
+
+
+def test_the_phase_between_channels_is_blind_to_the_shaft_angle_at_the_start():
+    estimator = OrderCrossSpectrum(4, form="polar", bin_size=1, max_order=8)
+    here, there = (frame(estimator, RESAMPLER.fit_transform([drive(shift=a)])) for a in (0, 1))
+    wave = [c for c in here if "*error" not in c]
+    np.testing.assert_allclose(there[wave], here[wave], rtol=1e-7)
+
+
+def test_a_delay_lags_on_forward_and_reverse_strokes_alike(over_angle):
+    estimator = OrderCrossSpectrum(
+        4, pairs=[("torque", "current")], form="log", edges={"low": (2, 6)}, by_direction=True
+    )
+    table = frame(estimator, over_angle)
+    names = ["log", "phase"]
+    assert list(table) == [f"torque*current:response.{q}{s}@low" for q in names for s in "+-"]
+    assert (table.iloc[:, 2:] < -0.3).to_numpy().all()
+    assert np.allclose(table.iloc[:, 2], table.iloc[:, 3], atol=0.3)
+
+
+def test_the_logarithm_is_that_of_the_magnitude(over_angle):
+    log, polar = (
+        OrderCrossSpectrum(4, form=form, bin_size=2, max_order=8).fit_transform(over_angle)
+        for form in ("log", "polar")
+    )
+    three = log.reshape(3, 3, 2, 4), polar.reshape(3, 3, 2, 4)
+    np.testing.assert_allclose(three[0][:, :, 0], np.log(three[1][:, :, 0]))
+    np.testing.assert_array_equal(three[0][:, :, 1], three[1][:, :, 1])
+
+
+def test_what_is_unrelated_is_hardly_coherent(over_angle):
+    table = frame(OrderCrossSpectrum(2, kind="coherence", bin_size=2, max_order=12), over_angle)
+    assert table.filter(like="torque*error").to_numpy().max() < 0.2
+    assert table.filter(like="torque*current").iloc[:, 1:].to_numpy().min() > 0.4
+
+
+# Columns and bins
+
+
+def test_all_pairs_by_default_in_the_order_of_the_channels(over_angle):
+    estimator = OrderCrossSpectrum(4).fit(over_angle)
+    assert estimator.pairs_ == (("torque", "current"), ("torque", "error"), ("current", "error"))
+
+
+def test_an_ordered_pair_says_which_is_the_input(over_angle):
+    there, back = (
+        frame(OrderCrossSpectrum(4, kind="cross", pairs=[pair]), over_angle).to_numpy()
+        for pair in [("torque", "error"), ("error", "torque")]
+    )
+    n_orders = there.shape[1] // 2
+    np.testing.assert_allclose(there[:, :n_orders], back[:, :n_orders], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(there[:, n_orders:], -back[:, n_orders:], rtol=1e-9, atol=1e-15)
+
+
+def test_channels_in_no_pair_are_not_resampled(over_angle, monkeypatch):
+    estimator = OrderCrossSpectrum(4, pairs=[("error", "torque")])
+    asked = []
+    original = type(over_angle[0].strokes[0]).blocks
+    monkeypatch.setattr(
+        type(over_angle[0].strokes[0]),
+        "blocks",
+        lambda stroke, rows: asked.append(list(rows)) or original(stroke, rows),
+    )
+    estimator.fit(over_angle).transform(over_angle)
+    assert asked
+    assert all(rows == [2, 0] for rows in asked)
+
+
+def test_lines_pass_through_the_bin_transformer_and_agree_with_own_bins(over_angle):
+    after = make_pipeline(OrderCrossSpectrum(4, kind="cross"), BinTransformer(1.5, max_order=9))
+    within = OrderCrossSpectrum(4, kind="cross", bin_size=1.5, max_order=9)
+    np.testing.assert_allclose(
+        after.fit_transform(over_angle), within.fit_transform(over_angle), rtol=1e-9, atol=1e-15
+    )
+    assert list(after.get_feature_names_out()) == list(within.get_feature_names_out())
+
+
+def test_a_ratio_in_a_bin_is_the_ratio_of_bins(over_angle):
+    pair = [("torque", "current")]
+    options = {"pairs": pair, "edges": [1, 3], "stop_bands": [(1.9, 2.1)]}
+    real, imag = OrderCrossSpectrum(4, **options).fit_transform(over_angle)[0]
+    bins = make_pipeline(
+        OrderCrossSpectrum(4, kind="cross", pairs=pair),
+        BinTransformer(edges=[1, 3], stop_bands=[(1.9, 2.1)]),
+    ).fit_transform(over_angle)[0]
+    psd = make_pipeline(OrderPSD(4), BinTransformer(edges=[1, 3], stop_bands=[(1.9, 2.1)]))
+    np.testing.assert_allclose([real, imag], bins / psd.fit_transform(over_angle)[0, 0], rtol=1e-9)
+
+
+def test_bins_end_at_the_highest_order_unless_told(over_angle):
+    estimator = OrderCrossSpectrum(4, bin_size=3).fit(over_angle)
+    assert estimator.bins_[-1] == (15, 16)
+    assert estimator.get_feature_names_out()[5] == "torque*current:response.real@15-16"
+
+
+def test_max_order_cuts_the_lines(over_angle):
+    full = OrderCrossSpectrum(4).fit_transform(over_angle)
+    short = OrderCrossSpectrum(4, max_order=5).fit_transform(over_angle)
+    kept = [full.columns.index(name) for name in short.columns]
+    assert short.columns[20] == "torque*current:response.real@5"
+    assert short.shape == (3, 3 * 2 * 21)
+    np.testing.assert_allclose(short, np.asarray(full)[:, kept], rtol=1e-9, atol=1e-12)
+
+
+def test_integrals_of_lines_are_those_of_trapezoids(over_angle):
+    table = OrderCrossSpectrum(4, kind="cross", max_order=8).fit_transform(over_angle)
+    bins = BinTransformer(8, max_order=8).fit_transform(table)
+    np.testing.assert_allclose(bins[:, 0], trapezoid(np.asarray(table)[:, :33], dx=0.25), rtol=1e-9)
+
+
+# scikit-learn
+
+
+@pytest.mark.parametrize("container", [pd.DataFrame, pl.DataFrame])
+def test_frames_change_no_number(over_angle, container):
+    estimator = OrderCrossSpectrum(4, kind=["coherence", "response"], bin_size=2)
+    plain = clone(estimator).fit_transform(over_angle)
+    name = container.__module__.split(".")[0]
+    framed = clone(estimator).set_output(transform=name).fit_transform(over_angle)
+    assert isinstance(framed, container)
+    assert list(framed.columns) == list(estimator.fit(over_angle).get_feature_names_out())
+    np.testing.assert_array_equal(np.asarray(framed), plain)
+
+
+def test_threads_and_pickles_change_no_number(over_angle):
+    estimator = OrderCrossSpectrum(4, kind=["coherence", "cross"]).fit(over_angle)
+    expected = estimator.transform(over_angle)
+    again = pickle.loads(pickle.dumps(estimator))
+    np.testing.assert_array_equal(again.transform(over_angle), expected)
+    np.testing.assert_array_equal(estimator.set_params(n_jobs=2).transform(over_angle), expected)
+
+
+def test_a_recording_does_not_depend_on_others(over_angle):
+    estimator = OrderCrossSpectrum(4).fit(over_angle)
+    np.testing.assert_array_equal(
+        estimator.transform(over_angle)[1:2], estimator.transform(over_angle[1:2])
+    )
+
+
+def test_it_is_searched_and_decides_beside_the_power_spectrum():
+    X = [drive(seed, gain=2 + seed % 2, seconds=10) for seed in range(12)]
+    y = ["sound", "worn"] * 6
+    pipe = make_pipeline(
+        OrderResampler(TURN / 32, min_speed=1.0),
+        FeatureUnion(
+            [
+                ("power", make_pipeline(OrderPSD(2), BinTransformer(4, max_order=12))),
+                ("between", OrderCrossSpectrum(2, bin_size=4, max_order=12, form="log")),
+            ]
+        ),
+        StandardScaler(),
+        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
+    )
+    grid = {"featureunion__between__bin_size": [4, 6]}
+    search = GridSearchCV(pipe, grid, cv=3, error_score="raise").fit(X, y)
+    assert search.best_score_ == 1
+    assert list(search.best_estimator_.predict(X)) == y
+
+
+def test_float32_recordings_agree_with_float64():
+    single, double = (
+        OrderCrossSpectrum(4, kind="coherence").fit_transform(
+            RESAMPLER.fit_transform([drive(dtype=dtype)])
+        )
+        for dtype in (np.float32, float)
+    )
+    np.testing.assert_allclose(np.asarray(single)[:, 2:], np.asarray(double)[:, 2:], atol=1e-4)
+
+
+def test_a_long_stroke_is_never_held_as_a_whole():
+    n_times = 2_000_000
+    rng = np.random.default_rng(0)
+    signals = {name: rng.standard_normal(n_times, dtype=np.float32) for name in "xy"}
+    run = Recording(signals, 10_000, velocity=np.full(n_times, 600.0, np.float32))
+    (row,) = OrderResampler(TURN / 128).fit_transform([run])
+    estimator = OrderCrossSpectrum(4).fit([row])
+    estimator.transform([row])  # makes what is made once; compiled loops take memory of their own
+    tracemalloc.start()
+    estimator.transform([row])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert row.strokes[0].n_angles * 2 * 4 > 19e6  # bytes of the stroke
+    assert peak < 10e6
+
+
+# What is refused
+
+
+def short_run():
+    times = np.arange(2000) / 500
+    return Recording({"a": np.sin(times), "b": np.cos(times)}, 500, velocity=np.full(2000, 20.0))
+
+
+def test_a_recording_without_a_segment_is_named_with_the_remedy(over_angle):
+    rows = RESAMPLER.fit_transform([short_run()])
+    match = r"recording 0: no stroke holds a segment of 16 revolutions.*of OrderCrossSpectrum"
+    with pytest.raises(ValueError, match=match):
+        OrderCrossSpectrum().fit_transform(rows)
+
+
+def test_short_recordings_are_padded_on_demand():
+    rows = RESAMPLER.fit_transform([short_run()])
+    assert OrderCrossSpectrum(short="pad").fit_transform(rows).shape == (1, 2 * 257)
+    with pytest.raises(ValueError, match=r"recording 0: coherence of a single segment is 1"):
+        OrderCrossSpectrum(short="pad", kind="coherence").fit_transform(rows)
+
+
+def test_a_missing_direction_is_said():
+    rows = RESAMPLER.fit_transform([short_run()])
+    with pytest.raises(ValueError, match="it has no reverse stroke of two samples"):
+        OrderCrossSpectrum(4, by_direction=True).fit_transform(rows)
+
+
+def test_a_missing_channel_is_named_with_the_recording(over_angle):
+    fitted = OrderCrossSpectrum(4, pairs=[("current", "error")]).fit(over_angle)
+    less = OrderResampler(TURN / 32, channels=["torque", "current"], min_speed=1.0)
+    rows = less.fit_transform([drive(unit="A")])
+    with pytest.raises(ValueError, match=r"recording 0 \(unit='A'\) has no channel 'error'; its"):
+        fitted.transform(rows)
+
+
+def test_a_dead_sensor_is_named_with_the_recording():
+    run = Recording(
+        {"a": np.zeros(5000), "b": np.arange(5000.0)}, 500, velocity=np.full(5000, 60.0)
+    )
+    rows = RESAMPLER.fit_transform([run])
+    with pytest.raises(ValueError, match=r"recording 0: channel 'a' has no power at any order"):
+        OrderCrossSpectrum(4).fit_transform(rows)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("level", [0.1, 2.0, -1e6])
+def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
+    motion = {"velocity": np.full(5000, 60.0)}
+    channels = {"a": np.full(5000, level, kind), "b": np.sin(np.arange(5000.0)).astype(kind)}
+    rows = RESAMPLER.fit_transform([Recording(channels, 500, **motion)])
+    with pytest.raises(ValueError, match=r"channel 'a' has no power at any order.*dead or stuck"):
+        OrderCrossSpectrum(4).fit_transform(rows)
+
+
+def test_a_small_ripple_on_a_large_level_has_a_response():
+    ripple = np.sin(np.arange(5000) / 4)
+    rows = RESAMPLER.fit_transform(
+        [Recording({"a": 1e3 + 1e-3 * ripple, "b": ripple}, 500, velocity=np.full(5000, 60.0))]
+    )
+    table = OrderCrossSpectrum(4, form="polar").fit_transform(rows)
+    order = round(500 / 4 / 60, 2)
+    line = int(np.abs(OrderCrossSpectrum(4).fit(rows).orders_ - order).argmin())
+    assert np.asarray(table)[0, line] == pytest.approx(1e3, rel=1e-3)
+
+
+def test_another_theta_s_is_refused(over_angle):
+    other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive()])
+    with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Resample it alike"):
+        OrderCrossSpectrum(4).fit(over_angle).transform(other)
+
+
+def test_joined_directions_cannot_be_kept_apart():
+    rows = OrderResampler(TURN / 32, direction="travel", min_speed=1.0).fit_transform([drive()])
+    with pytest.raises(ValueError, match="by_direction needs strokes"):
+        OrderCrossSpectrum(4, by_direction=True).fit(rows)
+
+
+@pytest.mark.parametrize(
+    ("X", "error", "match"),
+    [
+        (drive(seconds=1), TypeError, "got a single one; write"),
+        ([drive(seconds=1)], TypeError, "recording 0 is over time; put an OrderResampler before"),
+        ([], ValueError, "X holds no recording"),
+        (3, TypeError, "must be a list of recordings over the angle, got int"),
+        ([[1.0, 2.0]], TypeError, "entry 0 of X is no recording over the angle"),
+    ],
+)
+def test_what_is_no_list_of_recordings_over_the_angle_is_refused(X, error, match):
+    with pytest.raises(error, match=match):
+        OrderCrossSpectrum().fit(X)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "match"),
+    [
+        ({"pairs": "torque"}, TypeError, "must be a list of"),
+        ({"pairs": ["torque"]}, TypeError, "got 'torque' in it"),
+        ({"pairs": [("torque", "lvdt")]}, ValueError, "name a channel 'lvdt', but the recordings"),
+        ({"pairs": [("torque", "torque")]}, ValueError, "a pair needs two channels"),
+        ({"pairs": []}, ValueError, "one or more pairs, each once"),
+        ({"pairs": [("torque", "error")] * 2}, ValueError, "one or more pairs, each once"),
+        ({"kind": "gain"}, ValueError, "kind must be one of 'response', 'coherence', 'cross'"),
+        ({"kind": 3}, ValueError, "kind must be one of"),
+        ({"kind": ["cross", "cross"]}, ValueError, "each once"),
+        ({"form": "bode"}, ValueError, "form must be one of 'rectangular', 'polar', 'log'"),
+        ({"bin_size": 0}, ValueError, "bin_size must be a number of orders, above 0"),
+        ({"bin_size": 1, "max_order": 20}, ValueError, "reaches beyond the spectrum"),
+        ({"stop_bands": [(1, 2)]}, ValueError, "set bin_size or edges"),
+        ({"short": "skip"}, ValueError, "short must be one of"),
+        ({"by_direction": "both"}, ValueError, "by_direction must be one of"),
+        ({"overlap": 1}, ValueError, "overlap must be"),
+    ],
+)
+def test_wrong_parameters_are_told_at_fit(over_angle, options, error, match):
+    estimator = OrderCrossSpectrum(**options)
+    with pytest.raises(error, match=match):
+        estimator.fit(over_angle)
+
+
+def test_a_single_channel_makes_no_pair():
+    rows = OrderResampler(channels=["torque"], min_speed=1.0).fit_transform([drive()])
+    with pytest.raises(ValueError, match=r"a pair needs two channels, but.*\['torque'\] only"):
+        OrderCrossSpectrum().fit(rows)
+
+
+def test_the_logarithm_of_nothing_is_refused():
+    run = drive()
+    signals = {"a": run.signals["torque"], "b": np.zeros(len(run.signals["torque"]))}
+    rows = RESAMPLER.fit_transform([Recording(signals, 500, angle=run.angle)])
+    with pytest.raises(ValueError, match=r"recording 0: some value is beyond.*logarithm of 0"):
+        OrderCrossSpectrum(4, form="log").fit_transform(rows)
+
+
+def test_a_pipeline_names_the_columns_of_chosen_pairs():
+    pipe = make_pipeline(
+        RESAMPLER, OrderCrossSpectrum(4, pairs=[("error", "torque")], edges={"low": (1, 2)})
+    ).fit([drive()])
+    names = ["error*torque:response.real@low", "error*torque:response.imag@low"]
+    assert list(pipe.get_feature_names_out()) == names
+
+
+def test_names_of_other_channels_are_refused(over_angle):
+    estimator = OrderCrossSpectrum(4).fit(over_angle)
+    with pytest.raises(ValueError, match="input_features is not equal"):
+        estimator.get_feature_names_out(["torque", "lvdt", "error"])

@@ -1,0 +1,704 @@
+"""Facts about the recording: what it takes, keeps and refuses to change."""
+
+import copy
+import mmap
+import os
+import pickle
+import time
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import emacm.recordings.recording
+from emacm import Recording
+
+TIMES = np.arange(200) / 100
+
+
+def sine(**options):
+    """Two seconds at 100 Hz of a shaft at 3 rad/s."""
+    options = {"velocity": np.full(200, 3.0), "meta": {"unit": "A"}} | options
+    return Recording({"current": np.sin(9 * TIMES), "torque": np.cos(9 * TIMES)}, 100, **options)
+
+
+# What it takes
+
+
+def test_channels_come_in_the_order_of_the_mapping():
+    assert sine().channels == ("current", "torque")
+
+
+def test_a_frame_gives_a_channel_for_each_column():
+    frame = pd.DataFrame({"b": np.sin(TIMES), "a": np.cos(TIMES)})
+    recording = Recording(frame, 100, velocity=np.ones(200))
+    assert recording.channels == ("b", "a")
+    np.testing.assert_array_equal(recording.signals["a"], np.cos(TIMES))
+
+
+def test_a_frame_equals_the_mapping_of_its_columns():
+    signals = {"a": np.sin(TIMES), "b": np.cos(TIMES)}
+    velocity = np.ones(200)
+    from_frame = Recording(pd.DataFrame(signals), 100, velocity=velocity)
+    assert from_frame == Recording(signals, 100, velocity=velocity)
+
+
+def test_a_frame_column_of_the_machine_may_be_the_shaft():
+    frame = pd.DataFrame({"a": np.sin(TIMES), "speed": np.full(200, 2.0)})
+    recording = Recording(frame[["a"]], 100, velocity=frame["speed"])
+    np.testing.assert_array_equal(recording.velocity, 2.0)
+
+
+def test_lists_of_numbers_are_channels():
+    recording = Recording({"a": [1, 2, 3]}, 10, velocity=[1, 1, 1])
+    np.testing.assert_array_equal(recording.signals["a"], [1.0, 2.0, 3.0])
+
+
+def test_one_rate_serves_all_channels_and_the_shaft():
+    recording = sine()
+    assert dict(recording.fs) == {"current": 100.0, "torque": 100.0}
+    assert recording.shaft_fs == 100.0
+
+
+def test_each_channel_may_have_a_rate_of_its_own():
+    recording = Recording(
+        {"vibration": np.zeros(4800), "position": np.zeros(100)},
+        {"position": 1000, "vibration": 48_000},
+        velocity=np.ones(50),
+        shaft_fs=500,
+    )
+    assert dict(recording.fs) == {"vibration": 48_000.0, "position": 1000.0}
+    assert recording.duration == 0.1
+
+
+def test_the_rate_of_the_shaft_is_that_of_the_channels_if_they_agree():
+    recording = Recording({"a": TIMES, "b": TIMES}, {"a": 100, "b": 100.0}, velocity=np.ones(200))
+    assert recording.shaft_fs == 100.0
+
+
+def test_the_rate_of_the_shaft_must_be_given_if_channels_differ():
+    with pytest.raises(ValueError, match="shaft_fs must be given"):
+        Recording({"a": np.zeros(20), "b": np.zeros(10)}, {"a": 20, "b": 10}, velocity=np.ones(20))
+
+
+@pytest.mark.parametrize(("n_times", "n_shaft"), [(200, 200), (199, 200), (201, 200), (200, 20)])
+def test_durations_may_differ_by_one_sample(n_times, n_shaft):
+    shaft_fs = 100 if n_shaft > 20 else 10
+    recording = Recording(
+        {"a": np.zeros(n_times)}, 100, velocity=np.ones(n_shaft), shaft_fs=shaft_fs
+    )
+    assert recording.duration == min(n_times / 100, 2.0)
+
+
+def test_the_sample_that_durations_may_differ_by_is_that_of_the_coarser_series():
+    recording = Recording({"a": np.zeros(191)}, 100, velocity=np.ones(20), shaft_fs=10)
+    assert recording.duration == 1.91
+
+
+def test_durations_two_samples_apart_are_refused():
+    with pytest.raises(ValueError, match=r"channel 'a' lasts 1\.98 s .* velocity 2 s"):
+        Recording({"a": np.zeros(198)}, 100, velocity=np.ones(200))
+
+
+# Numbers
+
+
+def test_float32_stays_float32():
+    recording = Recording({"a": TIMES.astype(np.float32)}, 100, velocity=np.ones(200, np.float32))
+    assert recording.signals["a"].dtype == np.float32
+    assert recording.velocity.dtype == np.float32
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int64, np.bool_, np.float16])
+def test_other_numbers_become_float64(dtype):
+    recording = Recording({"a": np.arange(200).astype(dtype)}, 100, velocity=np.ones(200, dtype))
+    assert recording.signals["a"].dtype == np.float64
+    assert recording.velocity.dtype == np.float64
+
+
+@pytest.mark.parametrize("dtype", [">f8", ">f4", ">i2"])
+def test_big_endian_numbers_become_native_ones_of_equal_value(dtype):
+    values = np.arange(200).astype(dtype)
+    signal = Recording({"a": values}, 100, velocity=np.ones(200)).signals["a"]
+    assert signal.dtype.isnative
+    np.testing.assert_array_equal(signal, np.arange(200))
+
+
+def test_a_masked_array_is_refused_as_its_masked_samples_are_no_measurement():
+    masked = np.ma.masked_array(TIMES, mask=TIMES > 1)
+    with pytest.raises((TypeError, ValueError), match="mask"):
+        Recording({"a": masked}, 100, velocity=np.ones(200))
+
+
+# The shaft
+
+
+def test_a_velocity_is_integrated_by_the_trapezoid_rule():
+    speed = 3 + np.sin(TIMES)
+    recording = sine(velocity=speed)
+    expected = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 200)])
+    np.testing.assert_allclose(recording.angle, expected, atol=1e-12)
+    assert recording.reference == "velocity"
+
+
+def test_an_angle_is_differentiated():
+    recording = sine(velocity=None, angle=3.0 * TIMES)
+    np.testing.assert_allclose(recording.velocity, 3.0, rtol=1e-9)
+    assert recording.reference == "angle"
+
+
+def test_a_wrapped_angle_is_unwrapped():
+    angle = 7.0 * TIMES
+    recording = sine(velocity=None, angle=angle % (2 * np.pi))
+    np.testing.assert_allclose(recording.angle, angle, atol=1e-9)
+
+
+def test_an_angle_wrapped_about_zero_that_runs_backwards_is_unwrapped():
+    angle = -7.0 * TIMES
+    wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+    np.testing.assert_allclose(sine(velocity=None, angle=wrapped).angle, angle, atol=1e-9)
+
+
+def test_a_jump_beyond_pi_within_one_revolution_is_a_wrap():
+    jump = np.linspace(0, 1, 200)
+    jump[100:] += 3.2
+    assert np.ptp(sine(velocity=None, angle=jump).angle) < np.pi
+
+
+def test_steps_within_pi_are_never_taken_for_a_wrap():
+    small = np.linspace(0, 1, 200)
+    small[100:] += 3.1
+    np.testing.assert_array_equal(sine(velocity=None, angle=small).angle, small)
+
+
+def test_an_angle_that_spans_more_than_a_revolution_is_cumulative_whatever_its_steps():
+    fast = 4.0 * np.arange(200)
+    np.testing.assert_array_equal(sine(velocity=None, angle=fast).angle, fast)
+
+
+# Immutability
+
+
+def test_later_changes_of_the_input_do_not_show():
+    signal, speed = np.sin(TIMES), np.ones(200)
+    recording = Recording({"a": signal}, 100, velocity=speed)
+    signal[:], speed[:] = 7.0, 7.0
+    np.testing.assert_array_equal(recording.signals["a"], np.sin(TIMES))
+    np.testing.assert_array_equal(recording.velocity, 1.0)
+
+
+def test_later_changes_of_a_frame_do_not_show():
+    frame = pd.DataFrame({"a": np.sin(TIMES), "b": np.cos(TIMES)})
+    recording = Recording(frame, 100, velocity=np.ones(200))
+    frame.iloc[:, 0] = 7.0
+    frame.loc[3, "b"] = 7.0
+    frame["a"] = 8.0
+    np.testing.assert_array_equal(recording.signals["a"], np.sin(TIMES))
+    np.testing.assert_array_equal(recording.signals["b"], np.cos(TIMES))
+
+
+def test_later_changes_of_a_column_do_not_show():
+    column = pd.Series(np.sin(TIMES))
+    recording = Recording({"a": column}, 100, velocity=column)
+    column.iloc[:] = 7.0
+    np.testing.assert_array_equal(recording.signals["a"], np.sin(TIMES))
+    np.testing.assert_array_equal(recording.velocity, np.sin(TIMES))
+
+
+def test_later_changes_of_mappings_do_not_show():
+    signals, rates, meta = {"a": TIMES}, {"a": 100}, {"unit": "A"}
+    recording = Recording(signals, rates, velocity=np.ones(200), meta=meta)
+    signals["b"], rates["a"], meta["unit"] = TIMES, 5, "B"
+    assert recording.channels == ("a",)
+    assert recording.fs["a"] == 100
+    assert recording.meta["unit"] == "A"
+
+
+def test_later_changes_of_what_meta_holds_do_not_show():
+    loads, trace = [1, 2], np.arange(3)
+    recording = sine(meta={"loads": loads, "trace": trace})
+    loads.append(3)
+    trace[0] = 9
+    assert recording.meta["loads"] == [1, 2]
+    np.testing.assert_array_equal(recording.meta["trace"], [0, 1, 2])
+
+
+def test_the_input_stays_writeable():
+    signal = np.sin(TIMES)
+    Recording({"a": signal}, 100, velocity=signal)
+    assert signal.flags.writeable
+
+
+def test_arrays_are_read_only():
+    recording = sine()
+    with pytest.raises(ValueError, match="read-only"):
+        recording.signals["current"][0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        recording.velocity[0] = 1
+
+
+@pytest.mark.parametrize("name", ["signals", "fs", "meta"])
+def test_mappings_are_read_only(name):
+    with pytest.raises(TypeError, match="assignment"):
+        getattr(sine(), name)["current"] = 1
+
+
+@pytest.mark.parametrize("name", ["signals", "shaft_fs", "meta", "note", "_shaft"])
+def test_setting_an_attribute_is_refused(name):
+    with pytest.raises(AttributeError, match=f"cannot be changed.*{name}.*make a new one"):
+        setattr(sine(), name, 1)
+
+
+def test_deleting_an_attribute_is_refused():
+    with pytest.raises(AttributeError, match="cannot be changed"):
+        del sine().shaft_fs
+
+
+def test_a_read_only_file_is_kept_without_a_copy(tmp_path):
+    np.save(tmp_path / "long.npy", np.sin(TIMES))
+    mapped = np.load(tmp_path / "long.npy", mmap_mode="r")
+    recording = Recording({"a": mapped}, 100, velocity=np.ones(200))
+    assert np.shares_memory(recording.signals["a"], mapped)
+
+
+def test_a_writeable_file_is_copied(tmp_path):
+    np.save(tmp_path / "long.npy", np.sin(TIMES))
+    mapped = np.load(tmp_path / "long.npy", mmap_mode="r+")
+    recording = Recording({"a": mapped}, 100, velocity=np.ones(200))
+    assert not np.shares_memory(recording.signals["a"], mapped)
+
+
+# Copies and files
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])
+def test_a_copy_is_the_recording_itself(copied):
+    recording = sine()
+    assert copied(recording) is recording
+
+
+def test_a_deep_copy_of_a_list_holds_the_same_recordings():
+    recordings = [sine(), sine()]
+    again = copy.deepcopy(recordings)
+    assert all(one is other for one, other in zip(recordings, again, strict=True))
+
+
+@pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
+def test_a_recording_survives_pickle(protocol):
+    recording = sine(meta={"unit": "A", "trace": np.arange(3)})
+    assert pickle.loads(pickle.dumps(recording, protocol)) == recording
+
+
+def test_a_recording_from_pickle_is_read_only():
+    again = pickle.loads(pickle.dumps(sine()))
+    assert not again.signals["current"].flags.writeable
+    with pytest.raises(AttributeError, match="cannot be changed"):
+        again.shaft_fs = 3
+
+
+@pytest.mark.parametrize("mmap_mode", [None, "r"])
+def test_a_recording_survives_joblib(tmp_path, mmap_mode):
+    joblib.dump([sine()], tmp_path / "runs.joblib")
+    assert joblib.load(tmp_path / "runs.joblib", mmap_mode=mmap_mode) == [sine()]
+
+
+def test_joblib_hashes_equal_recordings_alike():
+    assert joblib.hash(sine()) == joblib.hash(sine())
+
+
+@pytest.mark.parametrize(
+    "change", [{"velocity": np.full(200, 4.0)}, {"meta": {"unit": "B"}}, {"shaft_fs": 100.2}]
+)
+def test_joblib_hashes_different_recordings_apart(change):
+    assert joblib.hash(sine()) != joblib.hash(sine(**change))
+
+
+# Digest
+
+CHANGES = {
+    "velocity": {"velocity": np.full(200, 4.0)},
+    "angle": {"velocity": None, "angle": 3.0 * TIMES},
+    "the same numbers as angle": {"velocity": None, "angle": np.full(200, 3.0)},
+    "float32": {"velocity": np.full(200, 3.0, dtype=np.float32)},
+    "rate": {"shaft_fs": 100.2},
+}
+
+
+def known_digests(monkeypatch):
+    """Count how often content is read for a digest."""
+    read = []
+    original = emacm.recordings.recording.content_digest
+
+    def counting(*args):
+        read.append(args)
+        return original(*args)
+
+    monkeypatch.setattr(emacm.recordings.recording, "content_digest", counting)
+    return read
+
+
+def settled(file):
+    """Make a file look as if it was written an hour ago."""
+    os.utime(file, (time.time() - 3600,) * 2)
+
+
+def mapped_sine(file, factor=1.0):
+    """A recording of a file in which no time stamp is too fresh to be trusted."""
+    np.save(file, factor * np.sin(TIMES))
+    settled(file)
+    return Recording({"a": np.load(file, mmap_mode="r")}, 100, velocity=np.ones(200))
+
+
+def in_memory(recording):
+    signals = {name: np.array(signal) for name, signal in recording.signals.items()}
+    return Recording(signals, recording.fs, velocity=recording.velocity)
+
+
+def test_recordings_of_equal_content_have_one_digest_whatever_their_meta():
+    assert sine().digest == sine(meta={"unit": "B"}).digest
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=list(CHANGES))
+def test_recordings_of_other_content_have_other_digests(change):
+    assert sine().digest != sine(**change).digest
+
+
+def test_names_order_and_rates_of_channels_are_part_of_the_digest():
+    one, other = np.sin(TIMES), np.cos(TIMES)
+    made = [
+        Recording({"a": one, "b": other}, 100, velocity=one),
+        Recording({"b": other, "a": one}, 100, velocity=one),
+        Recording({"a": other, "b": one}, 100, velocity=one),
+        Recording({"a": one, "c": other}, 100, velocity=one),
+        Recording({"a": one, "b": other}, {"a": 100, "b": 100.2}, velocity=one, shaft_fs=100),
+    ]
+    assert len({recording.digest for recording in made}) == len(made)
+
+
+def test_where_one_channel_ends_and_the_next_begins_is_part_of_the_digest():
+    long, short = np.arange(201.0), np.arange(201.0, 401.0)
+    moved = np.concatenate([long, short])
+    one = Recording({"a": long, "b": short}, 100, velocity=np.ones(200))
+    other = Recording({"a": moved[:200], "b": moved[200:]}, 100, velocity=np.ones(200))
+    assert one.digest != other.digest
+
+
+def test_how_a_channel_lies_in_memory_is_no_part_of_the_digest():
+    spread = np.zeros((200, 2))
+    spread[:, 0] = np.sin(TIMES)
+    spread.flags.writeable = False
+    one = Recording({"a": spread[:, 0]}, 100, velocity=np.ones(200))
+    assert one.digest == Recording({"a": np.sin(TIMES)}, 100, velocity=np.ones(200)).digest
+
+
+def test_a_long_channel_is_read_to_its_end():
+    signal = np.zeros((1 << 20) + 5)
+    one = Recording({"a": signal}, 100, velocity=np.ones(len(signal)))
+    signal[-1] = 1
+    other = Recording({"a": signal}, 100, velocity=np.ones(len(signal)))
+    assert one.digest != other.digest
+
+
+def test_a_digest_is_worked_out_once(monkeypatch):
+    read = known_digests(monkeypatch)
+    recording = sine()
+    assert recording.digest == recording.digest
+    assert len(read) == 1
+
+
+@pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
+def test_a_digest_goes_with_pickle(monkeypatch, protocol):
+    pickled = pickle.dumps(sine(), protocol)
+    read = known_digests(monkeypatch)
+    assert pickle.loads(pickled).digest
+    assert not read
+
+
+def test_pickling_again_and_again_works_the_digest_out_once(monkeypatch):
+    read = known_digests(monkeypatch)
+    recording = sine()
+    for _ in range(3):
+        pickle.dumps(recording)
+    assert len(read) == 1
+
+
+def test_asking_for_the_digest_changes_nothing_else():
+    asked, other = sine(), sine()
+    assert asked.digest
+    assert asked.velocity_range
+    assert asked == other
+    assert hash(asked) == hash(other)
+    assert repr(asked) == repr(other)
+    assert joblib.hash(asked) == joblib.hash(other)
+    assert pickle.dumps(asked) == pickle.dumps(other)
+
+
+def test_a_recording_from_pickle_hashes_like_its_origin_for_joblib():
+    assert joblib.hash(pickle.loads(pickle.dumps(sine()))) == joblib.hash(sine())
+
+
+def test_a_recording_of_a_file_hashes_like_one_in_memory_for_joblib(tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert recording.digest
+    assert joblib.hash(recording) == joblib.hash(in_memory(recording))
+
+
+@pytest.mark.parametrize("made_by", ["", "0"])
+def test_pickles_without_a_digest_of_today_still_load(made_by):
+    state = sine().__getstate__()
+    state["_digest"] = (made_by, "0" * 64)
+    if not made_by:
+        del state["_digest"]
+    old = Recording.__new__(Recording)
+    old.__setstate__(state)
+    assert old == sine()
+    assert old.digest == sine().digest
+
+
+def test_the_digest_of_a_file_is_worked_out_once(monkeypatch, tmp_path):
+    read = known_digests(monkeypatch)
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert recording.digest == recording.digest == in_memory(recording).digest
+    assert len(read) == 2
+
+
+def test_the_digest_of_a_file_that_was_rewritten_is_another(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    before = recording.digest
+    mapped_sine(file, factor=2.0)
+    assert recording.digest != before
+    assert recording.digest == in_memory(recording).digest
+
+
+def test_time_stamps_that_may_not_change_any_more_are_not_trusted(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    now = time.time_ns() + 3600 * 10**9  # so that it is fresh, however slow this test is
+    os.utime(file, ns=(now, now))
+    before = recording.digest
+    np.save(file, np.cos(TIMES))
+    os.utime(file, ns=(now, now))  # as on a file system with a coarse clock
+    assert recording.digest != before
+
+
+def test_the_map_of_a_replaced_file_shows_the_old_one_and_so_does_its_digest(tmp_path):
+    file = tmp_path / "long.npy"
+    old = mapped_sine(file)
+    before = old.digest
+    os.rename(file, tmp_path / "moved.npy")
+    new = mapped_sine(file, factor=2.0)
+    assert old.digest == before
+    assert new.digest == in_memory(new).digest != before
+
+
+def test_the_digest_of_a_file_that_is_gone_is_still_that_of_the_content(tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    expected = in_memory(recording).digest
+    os.rename(tmp_path / "long.npy", tmp_path / "moved.npy")
+    assert recording.digest == recording.digest == expected
+
+
+def as_in_a_worker(recording):
+    """Send a recording as joblib does: a memory map goes by the name of its file."""
+    state = recording.__getstate__()
+    file = recording.signals["a"].base.filename
+    state["_signals"] = {"a": np.load(file, mmap_mode="r")}
+    received = Recording.__new__(Recording)
+    received.__setstate__(state)
+    return received
+
+
+def test_a_worker_reads_a_file_once_however_often_it_is_sent(monkeypatch, tmp_path):
+    recording = mapped_sine(tmp_path / "long.npy")
+    assert as_in_a_worker(recording).digest == recording.digest
+    read = known_digests(monkeypatch)
+    for _ in range(3):
+        assert as_in_a_worker(recording).digest == recording.digest
+    assert not read
+
+
+def test_a_worker_does_not_believe_the_digest_of_a_file_that_was_replaced(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    assert as_in_a_worker(recording).digest == recording.digest
+    os.rename(file, tmp_path / "moved.npy")
+    mapped_sine(file, factor=2.0)
+    for _ in range(2):
+        received = as_in_a_worker(recording)
+        assert received.digest == in_memory(received).digest != recording.digest
+
+
+def test_a_mapped_buffer_of_an_unknown_file_is_read_each_time(monkeypatch, tmp_path):
+    file = tmp_path / "long.bin"
+    file.write_bytes(np.sin(TIMES).tobytes())
+    with open(file, "rb") as opened:
+        buffer = mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ)
+    recording = Recording({"a": np.frombuffer(buffer)}, 100, velocity=np.ones(200))
+    before = recording.digest
+    file.write_bytes(np.cos(TIMES).tobytes())
+    assert recording.digest != before
+
+
+# Range of the speed
+
+
+@pytest.mark.parametrize("reference", ["velocity", "angle"])
+def test_the_range_of_the_velocity_is_its_least_and_its_largest_value(reference):
+    options = {"velocity": None} | {reference: np.sin(TIMES)}
+    recording = sine(**options)
+    expected = (recording.velocity.min(), recording.velocity.max())
+    assert recording.velocity_range == recording.velocity_range == expected
+
+
+def test_the_range_of_the_velocity_is_looked_up_once(monkeypatch):
+    recording = sine()
+    expected = recording.velocity_range
+    monkeypatch.delattr(Recording, "velocity")
+    assert recording.velocity_range == expected
+
+
+def test_the_range_of_the_velocity_follows_its_file(tmp_path):
+    file = tmp_path / "speed.npy"
+    np.save(file, np.ones(200))
+    speed = np.load(file, mmap_mode="r")
+    settled(file)
+    recording = Recording({"a": np.sin(TIMES)}, 100, velocity=speed)
+    assert recording.velocity_range == (1.0, 1.0)
+    np.save(file, np.full(200, 2.0))
+    assert recording.velocity_range == (2.0, 2.0)
+
+
+# Comparison
+
+
+def test_recordings_of_equal_content_are_equal_and_hash_alike():
+    assert sine() == sine()
+    assert hash(sine()) == hash(sine())
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        sine(velocity=np.full(200, 4.0)),
+        sine(velocity=None, angle=3.0 * TIMES),
+        sine(meta={"unit": "B"}),
+        sine(meta=None),
+        sine(shaft_fs=100.2),
+        Recording({"current": np.sin(9 * TIMES)}, 100, velocity=np.full(200, 3.0)),
+        "a recording",
+        None,
+    ],
+)
+def test_recordings_of_other_content_are_not_equal(other):
+    assert sine() != other
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.arange(3),
+        {"deep": np.arange(3)},
+        [np.arange(3), "b"],
+        (np.arange(2), np.arange(3)),
+        pd.DataFrame({"x": [1, 2]}),
+        pd.Series([1, 2]),
+        np.array([1.0, np.nan]),
+        float("nan"),
+        [1, 2],
+        None,
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_equal_meta_of_any_kind_compares_equal(value):
+    one, other = sine(meta={"x": value}), sine(meta={"x": copy.deepcopy(value)})
+    assert (one == other) is True
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (np.arange(3), np.arange(4)),
+        (np.arange(3), [0, 1, 2]),
+        ([np.arange(3)], [np.zeros(3)]),
+        ({"a": np.arange(3)}, {"a": np.zeros(3)}),
+        (pd.DataFrame({"x": [1]}), pd.DataFrame({"x": [2]})),
+        (pd.DataFrame({"x": [1]}), 5),
+    ],
+)
+def test_different_meta_of_any_kind_compares_unequal(one, other):
+    assert (sine(meta={"x": one}) == sine(meta={"x": other})) is False
+
+
+def test_a_recording_can_be_found_in_a_list():
+    recordings = [sine(meta={"unit": unit}) for unit in "ABC"]
+    assert recordings.index(sine(meta={"unit": "B"})) == 1
+
+
+@given(st.integers(2, 30), st.floats(1, 1e5), st.integers(0, 2**32 - 1))
+def test_a_pickled_recording_is_equal_and_hashes_alike(n_times, fs, seed):
+    rng = np.random.default_rng(seed)
+    recording = Recording({"a": rng.normal(size=n_times)}, fs, velocity=rng.normal(size=n_times))
+    again = pickle.loads(pickle.dumps(recording))
+    assert again == recording
+    assert hash(again) == hash(recording)
+
+
+def test_the_repr_tells_channels_rates_length_revolutions_and_meta():
+    recording = Recording(
+        {"current": np.zeros(200), "position": np.zeros(20)},
+        {"current": 100, "position": 10},
+        velocity=np.full(200, 2 * np.pi),
+        shaft_fs=100,
+        meta={"unit": "A", "load": 3},
+    )
+    assert repr(recording) == (
+        "Recording(current 100 Hz, position 10 Hz; velocity 100 Hz; 2 s, 1.99 revolutions; "
+        "unit='A', load=3)"
+    )
+
+
+def test_the_repr_without_meta_ends_with_the_length():
+    assert repr(sine(meta=None)).endswith("2 s, 0.95 revolutions)")
+
+
+# Units and views that would mislead
+
+
+def test_an_angle_wrapped_in_degrees_is_refused_with_the_remedy():
+    degrees = np.rad2deg(10 * np.arange(500) / 100) % 360
+    with pytest.raises(
+        ValueError, match=r"angle jumps by 35\d.* after sample .*angle_from_wrapped"
+    ):
+        Recording({"a": np.zeros(500)}, 100, angle=degrees)
+
+
+def test_a_wrapped_angle_with_noise_is_refused_and_not_taken_as_cumulative():
+    noise = 0.05 * np.random.default_rng(0).standard_normal(500)
+    wrapped = (10 * np.arange(500) / 100) % (2 * np.pi) + noise
+    with pytest.raises(ValueError, match="Is it wrapped"):
+        Recording({"a": np.zeros(500)}, 100, angle=wrapped)
+
+
+def test_a_read_only_view_of_what_can_be_written_to_is_copied():
+    values = np.arange(20.0)
+    view = values.view()
+    view.flags.writeable = False
+    recording = Recording({"a": view}, 10, velocity=np.ones(20))
+    values[0] = 99
+    assert recording.signals["a"][0] == 0
+
+
+def test_a_rate_that_makes_a_recording_endless_is_refused():
+    with pytest.raises(ValueError, match="without end; rates are in Hz"):
+        Recording({"a": [0.0, 0.0]}, 5e-324, angle=[0.0, 1.0])
+
+
+def test_a_recording_that_a_worker_maps_from_disk_hashes_alike(tmp_path):
+    recording = Recording({"a": np.arange(2000.0)}, 10, velocity=np.ones(2000))
+    joblib.dump(recording, tmp_path / "recording.joblib")
+    mapped = joblib.load(tmp_path / "recording.joblib", mmap_mode="r")
+    assert joblib.hash(mapped) == joblib.hash(recording)

@@ -1,0 +1,682 @@
+"""Facts about the first step: recordings in, recordings over the shaft angle out."""
+
+import copy
+import pickle
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+import sklearn
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.pipeline import make_pipeline
+from sklearn.utils import get_tags
+
+import emacm.resampling.angle_recording
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm._kernels import using
+
+FS = 1000
+THETA_S = 2 * np.pi / 32
+PARAMETERS = {
+    "theta_s": THETA_S,
+    "interpolation": "linear",
+    "antialias": False,
+    "direction": "forward",
+    "min_speed": 0.5,
+    "channels": ["b"],
+    "fs": 2000.0,
+    "reference": "speed",
+    "reference_kind": "angle",
+    "n_jobs": 2,
+}
+
+
+def run(seed=0, n_times=3000, swap=False, **options):
+    """A recording that goes forth and back, with two channels of noise."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(n_times) / FS
+    signals = {"a": rng.normal(size=n_times), "b": rng.normal(size=n_times)}
+    if swap:
+        signals = dict(reversed(signals.items()))
+    velocity = 40 * np.cos(2 * np.pi * 0.25 * times + seed)
+    return Recording(signals, FS, velocity=velocity, **options)
+
+
+def motion(velocity, fs=FS, n_signal=None, signal_fs=None):
+    """A recording of a silent channel and a given motion."""
+    velocity = np.asarray(velocity, float)
+    n_signal = len(velocity) if n_signal is None else n_signal
+    silence = {"a": np.zeros(n_signal)}
+    return Recording(silence, signal_fs or fs, velocity=velocity, shaft_fs=fs)
+
+
+def values(recordings):
+    """All numbers of a result, in one list of arrays."""
+    return [stroke.signals for recording in recordings for stroke in recording.strokes]
+
+
+def assert_equal(one, other):
+    one, other = values(one), values(other)
+    assert len(one) == len(other) > 0
+    for array, expected in zip(one, other, strict=True):
+        np.testing.assert_array_equal(array, expected)
+
+
+@pytest.fixture
+def count(monkeypatch):
+    """How often anything was resampled."""
+    calls = []
+    original = emacm.resampling.angle_recording.angle_blocks
+
+    def counted(*args, **kwargs):
+        calls.append(args)
+        return original(*args, **kwargs)
+
+    monkeypatch.setattr(emacm.resampling.angle_recording, "angle_blocks", counted)
+    return calls
+
+
+# What scikit-learn's checks ask of an estimator
+
+
+def test_the_constructor_keeps_parameters_as_given():
+    resampler = OrderResampler(**PARAMETERS)
+    assert all(getattr(resampler, name) is value for name, value in PARAMETERS.items())
+
+
+def test_get_params_gives_all_and_only_the_parameters():
+    assert OrderResampler(**PARAMETERS).get_params() == PARAMETERS
+
+
+def test_set_params_changes_them():
+    assert OrderResampler().set_params(**PARAMETERS).get_params() == PARAMETERS
+
+
+def test_an_unknown_parameter_is_refused():
+    with pytest.raises(ValueError, match="Invalid parameter 'spr'"):
+        OrderResampler().set_params(spr=3)
+
+
+def test_a_clone_has_the_parameters_and_nothing_learnt():
+    fitted = OrderResampler(**PARAMETERS | {"fs": None, "reference": None}).fit([run()])
+    assert clone(fitted).get_params() == fitted.get_params()
+    assert not hasattr(clone(fitted), "channels_")
+
+
+def test_the_repr_shows_what_differs_from_the_default():
+    text = repr(OrderResampler(direction="travel", n_jobs=2))
+    assert text == "OrderResampler(direction='travel', n_jobs=2)"
+
+
+def test_fit_returns_the_estimator():
+    resampler = OrderResampler()
+    assert resampler.fit([run()], y=["healthy"]) is resampler
+
+
+def test_fit_changes_no_parameter():
+    resampler = OrderResampler(channels=["b", "a"])
+    before = resampler.get_params()
+    resampler.fit([run()])
+    assert resampler.get_params() == before
+    assert all(resampler.get_params()[name] is before[name] for name in before)
+
+
+def test_fitting_twice_gives_the_same():
+    X = [run(0), run(1)]
+    resampler = OrderResampler(THETA_S).fit(X)
+    once = resampler.transform(X)
+    assert_equal(resampler.fit(X).transform(X), once)
+
+
+def test_fit_forgets_what_it_saw_before():
+    resampler = OrderResampler().fit([run()])
+    resampler.fit([motion(np.ones(100))])
+    assert resampler.channels_ == ("a",)
+
+
+def test_only_what_fit_learns_ends_in_an_underscore():
+    learnt = set(vars(OrderResampler().fit([run()]))) - set(OrderResampler().get_params())
+    assert learnt == {"channels_"}
+
+
+def test_the_input_is_unchanged():
+    X = [run(0), run(1)]
+    before = joblib.hash(X)
+    values(OrderResampler(THETA_S).fit_transform(X))
+    assert joblib.hash(X) == before
+
+
+def test_bare_arrays_are_unchanged_and_stay_writeable():
+    X = np.random.default_rng(0).normal(size=(2, 3, 500)) + 30
+    before = X.copy()
+    values(OrderResampler(THETA_S, fs=FS, reference=2).fit_transform(X))
+    np.testing.assert_array_equal(X, before)
+    assert X.flags.writeable
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_an_estimator_survives_pickle(fitted):
+    X = [run(0), run(1)]
+    resampler = OrderResampler(THETA_S)
+    if fitted:
+        resampler.fit(X)
+    again = pickle.loads(pickle.dumps(resampler))
+    if not fitted:
+        again.fit(X)
+    assert_equal(again.transform(X), resampler.fit(X).transform(X))
+
+
+def test_what_transform_returns_survives_pickle():
+    over_angle = OrderResampler(THETA_S).fit_transform([run(0), run(1)])
+    again = pickle.loads(pickle.dumps(over_angle))
+    assert again == over_angle
+    assert_equal(again, over_angle)
+
+
+def test_what_transform_returns_survives_a_deep_copy():
+    over_angle = OrderResampler(THETA_S).fit_transform([run(0)])
+    assert_equal(copy.deepcopy(over_angle), over_angle)
+
+
+@pytest.mark.parametrize("antialias", [True, False])
+def test_the_order_of_recordings_changes_no_number(antialias):
+    X = [run(seed) for seed in range(4)]
+    resampler = OrderResampler(THETA_S, antialias=antialias).fit(X)
+    assert_equal(resampler.transform(X[::-1])[::-1], resampler.transform(X))
+
+
+@pytest.mark.parametrize("antialias", [True, False])
+def test_a_recording_by_itself_has_the_numbers_it_has_among_others(antialias):
+    X = [run(seed, 2000 + 300 * seed) for seed in range(4)]
+    resampler = OrderResampler(THETA_S, antialias=antialias).fit(X)
+    alone = [resampler.transform([recording])[0] for recording in X]
+    assert_equal(alone, resampler.transform(X))
+
+
+def test_a_channel_by_itself_has_the_numbers_it_has_among_others():
+    X = [run()]
+    both = OrderResampler(THETA_S).fit_transform(X)
+    alone = OrderResampler(THETA_S, channels=["b"]).fit_transform(X)
+    np.testing.assert_array_equal(values(alone)[0][0], values(both)[0][1])
+
+
+def test_channels_are_found_by_name():
+    resampler = OrderResampler(THETA_S).fit([run()])
+    assert_equal(resampler.transform([run(swap=True)]), resampler.transform([run()]))
+
+
+def test_channels_come_in_the_order_asked_for():
+    resampler = OrderResampler(channels=["b", "a"]).fit([run()])
+    assert resampler.channels_ == ("b", "a")
+    np.testing.assert_array_equal(
+        values(resampler.transform([run()]))[0],
+        values(OrderResampler().fit_transform([run()]))[0][::-1],
+    )
+
+
+@pytest.mark.parametrize("method", ["transform", "get_feature_names_out"])
+def test_before_fit_it_says_that_it_is_not_fitted(method):
+    arguments = ([run()],) if method == "transform" else ()
+    with pytest.raises(NotFittedError, match="not fitted"):
+        getattr(OrderResampler(), method)(*arguments)
+
+
+def test_fit_transform_is_fit_and_transform():
+    X = [run(0), run(1)]
+    resampler = OrderResampler(THETA_S)
+    assert_equal(resampler.fit_transform(X), resampler.fit(X).transform(X))
+
+
+def test_the_feature_names_are_the_channels():
+    names = OrderResampler().fit([run()]).get_feature_names_out()
+    assert names.dtype == object
+    assert names.tolist() == ["a", "b"]
+
+
+@pytest.mark.parametrize("container", ["default", "pandas", "polars"])
+def test_set_output_is_accepted_and_changes_nothing(container):
+    X = [run()]
+    resampler = OrderResampler(THETA_S).set_output(transform=container)
+    assert_equal(resampler.fit_transform(X), OrderResampler(THETA_S).fit_transform(X))
+
+
+@pytest.mark.parametrize("container", ["pandas", "polars"])
+def test_the_global_output_setting_changes_nothing(container):
+    X = [run()]
+    with sklearn.config_context(transform_output=container):
+        over_angle = OrderResampler(THETA_S).fit_transform(X)
+    assert_equal(over_angle, OrderResampler(THETA_S).fit_transform(X))
+
+
+def test_the_tags_say_that_recordings_are_no_table():
+    tags = get_tags(OrderResampler())
+    assert not tags.input_tags.two_d_array
+    assert not tags.target_tags.required
+    assert tags.transformer_tags is not None
+
+
+@pytest.mark.parametrize("name", ["direction", "interpolation", "reference_kind"])
+def test_text_of_numpy_serves_as_an_option(name):
+    option = np.array([getattr(OrderResampler(), name)])[0]
+    OrderResampler(**{name: option}).fit([run()])
+
+
+def test_bools_of_numpy_serve_as_an_option():
+    off = OrderResampler(THETA_S, antialias=np.array([False])[0])
+    assert_equal(
+        off.fit_transform([run()]), OrderResampler(THETA_S, antialias=False).fit_transform([run()])
+    )
+
+
+@pytest.mark.parametrize("container", [list, tuple, lambda X: np.array(X, dtype=object)])
+def test_any_sequence_of_recordings_serves(container):
+    X = [run(0), run(1)]
+    assert_equal(
+        OrderResampler(THETA_S).fit_transform(container(X)),
+        OrderResampler(THETA_S).fit_transform(X),
+    )
+
+
+# Bare arrays
+
+
+def bare(reference_kind, n_recordings=3, n_times=1500):
+    """Arrays (n_channels, n_times) whose last channel is the shaft, and the same Recordings."""
+    arrays, recordings = [], []
+    for seed in range(n_recordings):
+        rng = np.random.default_rng(seed)
+        signals = rng.normal(size=(2, n_times))
+        shaft = 40 + 5 * np.sin(np.arange(n_times) / 300)
+        if reference_kind == "angle":
+            shaft = np.cumsum(shaft) / FS
+        arrays.append(np.vstack([signals, shaft]))
+        channels = {"x0": signals[0], "x1": signals[1]}
+        recordings.append(Recording(channels, FS, **{reference_kind: shaft}))
+    return arrays, recordings
+
+
+def resampler_of_bare(**options):
+    return OrderResampler(THETA_S, fs=FS, **options)
+
+
+@pytest.mark.parametrize("reference_kind", ["velocity", "angle"])
+@pytest.mark.parametrize("reference", [2, -1, "x2", np.int64(2)])
+def test_an_array_of_three_dimensions_equals_its_recordings(reference_kind, reference):
+    arrays, recordings = bare(reference_kind)
+    resampler = resampler_of_bare(reference=reference, reference_kind=reference_kind)
+    over_angle = resampler.fit_transform(np.stack(arrays))
+    assert resampler.channels_ == ("x0", "x1")
+    assert_equal(over_angle, OrderResampler(THETA_S).fit_transform(recordings))
+
+
+@pytest.mark.parametrize("reference_kind", ["velocity", "angle"])
+def test_a_list_of_unequal_arrays_equals_its_recordings(reference_kind):
+    arrays, recordings = [], []
+    for n_times in (900, 1500, 1200):
+        more_arrays, more_recordings = bare(reference_kind, 1, n_times)
+        arrays += more_arrays
+        recordings += more_recordings
+    resampler = resampler_of_bare(reference=2, reference_kind=reference_kind)
+    assert_equal(resampler.fit_transform(arrays), OrderResampler(THETA_S).fit_transform(recordings))
+
+
+@pytest.mark.parametrize("reference_kind", ["velocity", "angle"])
+@pytest.mark.parametrize("reference", [2, -1, "shaft"])
+def test_a_list_of_frames_equals_its_recordings(reference_kind, reference):
+    arrays, recordings = bare(reference_kind)
+    frames = [pd.DataFrame(array.T, columns=["x0", "x1", "shaft"]) for array in arrays]
+    resampler = resampler_of_bare(reference=reference, reference_kind=reference_kind)
+    assert_equal(resampler.fit_transform(frames), OrderResampler(THETA_S).fit_transform(recordings))
+
+
+def test_a_channel_between_others_may_be_the_shaft():
+    arrays, _ = bare("velocity")
+    moved = [array[[0, 2, 1]] for array in arrays]
+    resampler = resampler_of_bare(reference=1).fit(moved)
+    assert resampler.channels_ == ("x0", "x2")
+    assert_equal(resampler.transform(moved), resampler_of_bare(reference=2).fit_transform(arrays))
+
+
+def test_the_shaft_is_a_channel_of_the_result_only_if_named():
+    arrays, _ = bare("velocity")
+    resampler = resampler_of_bare(reference=2, channels=["x0", "x2"]).fit(arrays)
+    assert resampler.channels_ == ("x0", "x2")
+    speed = values(resampler.transform(arrays))[0][1]
+    assert 35 < np.median(speed) < 45
+
+
+def test_a_frame_may_have_a_column_named_meta():
+    arrays, recordings = bare("velocity")
+    frames = [pd.DataFrame(array.T, columns=["meta", "x1", "shaft"]) for array in arrays]
+    assert_equal(
+        resampler_of_bare(reference="shaft").fit_transform(frames),
+        OrderResampler(THETA_S).fit_transform(recordings),
+    )
+
+
+def test_a_fault_of_a_frame_with_a_column_named_meta_is_told_in_few_words():
+    frame = pd.DataFrame({"meta": np.zeros(5000), "shaft": np.full(5000, np.nan)})
+    with pytest.raises(ValueError, match="recording 0") as caught:
+        resampler_of_bare(reference="shaft").fit([frame])
+    assert len(str(caught.value)) < 500
+
+
+# Laziness
+
+
+def test_fit_and_transform_resample_nothing(count):
+    OrderResampler(THETA_S).fit_transform([run(0), run(1)])
+    assert not count
+
+
+def test_looking_at_strokes_resamples_nothing(count):
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    for stroke in recording.strokes:
+        assert stroke.revolutions > 0
+        assert stroke.n_angles == len(stroke.angles)
+        assert np.isfinite(stroke.start_angle)
+        assert stroke.direction in (1, -1)
+    assert repr(recording)
+    assert not count
+
+
+def test_a_stroke_is_resampled_when_its_signals_are_read(count):
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    signals = recording.strokes[0].signals
+    assert signals.shape == (2, recording.strokes[0].n_angles)
+    assert len(count) == 1
+
+
+def test_a_stroke_is_forgotten_and_resampled_again(count):
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    stroke = recording.strokes[0]
+    np.testing.assert_array_equal(stroke.signals, stroke.signals)
+    assert len(count) == 2
+
+
+def test_quality_resamples_nothing(count):
+    OrderResampler(THETA_S).quality([run(0), run(1)])
+    assert not count
+
+
+# What comes out
+
+
+def test_two_reads_of_the_same_strokes_compare_equal():
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    assert recording.strokes == recording.strokes
+
+
+def test_equal_recordings_with_equal_settings_are_equal_and_hash_alike():
+    one, other = (OrderResampler(THETA_S).fit_transform([run()])[0] for _ in range(2))
+    assert one == other
+    assert hash(one) == hash(other)
+
+
+def test_recordings_resampled_otherwise_are_not_equal():
+    one = OrderResampler(THETA_S).fit_transform([run()])
+    assert one != OrderResampler(THETA_S / 2).fit_transform([run()])
+
+
+def test_meta_stays_with_the_recording():
+    (recording,) = OrderResampler().fit_transform([run(meta={"unit": "A"})])
+    assert dict(recording.meta) == {"unit": "A"}
+
+
+def test_a_frame_has_a_row_an_angle_and_a_column_a_channel():
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    frame = recording.frame()
+    assert frame.columns.tolist() == ["a", "b"]
+    assert frame.index.names == ["stroke", "angle"]
+    assert len(frame) == sum(stroke.n_angles for stroke in recording.strokes)
+    for number, stroke in enumerate(recording.strokes):
+        np.testing.assert_array_equal(frame.loc[number], stroke.signals.T)
+        np.testing.assert_array_equal(frame.loc[number].index, stroke.angles)
+
+
+def test_angles_of_a_reverse_stroke_fall():
+    (recording,) = OrderResampler(THETA_S).fit_transform([run()])
+    falling = [stroke for stroke in recording.strokes if stroke.direction < 0]
+    assert falling
+    for stroke in falling:
+        np.testing.assert_allclose(np.diff(stroke.angles), -THETA_S, rtol=1e-9)
+
+
+def test_a_recording_that_turns_for_one_sample_has_an_empty_frame():
+    velocity = np.zeros(500)
+    velocity[250] = 10
+    (recording,) = OrderResampler().fit_transform([motion(velocity)])
+    frame = recording.frame()
+    assert frame.empty
+    assert frame.columns.tolist() == ["a"]
+    assert frame.index.names == ["stroke", "angle"]
+
+
+# Quality
+
+
+def quality(recording, **options):
+    return OrderResampler(**options).quality([recording]).iloc[0]
+
+
+def there_and_back():
+    """Rest 1 s, forward 2 s at 20 rad/s, rest 1 s, reverse 1 s at 10 rad/s; at 100 Hz."""
+    pieces = [np.zeros(100), np.full(200, 20.0), np.zeros(100), np.full(100, -10.0)]
+    return motion(np.concatenate(pieces), fs=100)
+
+
+def test_quality_has_a_row_for_each_recording_and_needs_no_fit():
+    table = OrderResampler().quality([run(seed) for seed in range(3)])
+    assert len(table) == 3
+    assert table.columns.tolist() == [
+        "revolutions",
+        "strokes",
+        "longest_stroke",
+        "standing",
+        "slowest",
+        "fastest",
+        "max_order",
+        "warnings",
+    ]
+
+
+def test_quality_counts_revolutions_of_the_strokes():
+    # The trapezoid ends a stroke at its last turning sample.
+    expected = (199 * 0.2 + 99 * 0.1) / (2 * np.pi)
+    assert quality(there_and_back())["revolutions"] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("direction", "strokes", "revolutions"),
+    [("strokes", 2, 49.7), ("forward", 1, 39.8), ("reverse", 1, 9.9), ("travel", 2, 49.7)],
+)
+def test_quality_looks_at_the_strokes_of_the_wanted_direction(direction, strokes, revolutions):
+    row = quality(there_and_back(), direction=direction)
+    assert row["strokes"] == strokes
+    assert row["revolutions"] == pytest.approx(revolutions / (2 * np.pi), rel=1e-12)
+
+
+def test_quality_tells_the_longest_stroke():
+    expected = 199 * 0.2 / (2 * np.pi)
+    assert quality(there_and_back())["longest_stroke"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_quality_tells_the_share_of_time_standing():
+    assert quality(there_and_back())["standing"] == 0.4
+
+
+def test_time_at_min_speed_counts_as_standing():
+    assert quality(there_and_back(), min_speed=10.0)["standing"] == 0.6
+
+
+def test_quality_tells_the_range_of_speed_in_strokes():
+    row = quality(there_and_back())
+    assert (row["slowest"], row["fastest"]) == (10.0, 20.0)
+
+
+def test_quality_tells_the_order_that_the_rate_supports_at_the_highest_speed():
+    row = quality(there_and_back())
+    assert row["max_order"] == pytest.approx(50 / (20 / (2 * np.pi)), rel=1e-12)
+
+
+def test_the_highest_order_is_that_of_the_slowest_channel():
+    recording = Recording(
+        {"vibration": np.zeros(1000), "position": np.zeros(100)},
+        {"vibration": 1000, "position": 100},
+        velocity=np.full(1000, 20.0),
+        shaft_fs=1000,
+    )
+    assert quality(recording)["max_order"] == pytest.approx(50 / (20 / (2 * np.pi)), rel=1e-12)
+
+
+def test_a_channel_that_is_not_chosen_does_not_count_for_the_highest_order():
+    recording = Recording(
+        {"vibration": np.zeros(1000), "position": np.zeros(100)},
+        {"vibration": 1000, "position": 100},
+        velocity=np.full(1000, 20.0),
+        shaft_fs=1000,
+    )
+    row = quality(recording, channels=["vibration"])
+    assert row["max_order"] == pytest.approx(500 / (20 / (2 * np.pi)), rel=1e-12)
+
+
+def test_quality_counts_the_strokes_that_transform_gives():
+    velocity = np.where(np.arange(300) < 100, 20.0, 0.0)
+    velocity[200] = -5.0  # a single sample, which has no length
+    recording = motion(velocity)
+    (over_angle,) = OrderResampler().fit_transform([recording])
+    assert quality(recording)["strokes"] == len(over_angle.strokes) == 1
+
+
+def test_quality_warns_of_nothing_where_all_is_well():
+    row = quality(motion(np.full(1000, 10.0)), theta_s=2 * np.pi / 64)
+    assert row["warnings"] == ""
+
+
+def test_quality_warns_of_a_shaft_that_stands():
+    row = quality(motion(np.zeros(100)))
+    assert row["warnings"] == "the shaft never turns"
+    assert row["standing"] == 1.0
+    assert row["revolutions"] == 0
+
+
+def test_quality_warns_of_orders_that_the_rate_does_not_support():
+    row = quality(there_and_back(), theta_s=2 * np.pi / 64)
+    assert "orders above 15.71 do not exist in channel 'a' at the" in row["warnings"]
+    assert "theta_s reaches 32" in row["warnings"]
+
+
+def test_quality_warns_of_noise_that_cuts_the_motion_to_pieces():
+    noise = np.random.default_rng(0).normal(size=1000)
+    assert "raise min_speed above the noise" in quality(motion(noise))["warnings"]
+
+
+def test_min_speed_above_the_noise_heals_it():
+    velocity = np.random.default_rng(0).normal(size=1000) * 0.1
+    velocity[300:900] += 20
+    assert "raise min_speed" not in quality(motion(velocity), min_speed=1.0)["warnings"]
+
+
+def test_quality_warns_of_a_shaft_sampled_too_slowly():
+    row = quality(motion(np.full(100, 400.0), fs=100, n_signal=10_000, signal_fs=10_000))
+    assert "more than half a revolution between its samples" in row["warnings"]
+    assert "is the angle in rad" in row["warnings"]
+
+
+def test_quality_is_the_same_with_two_workers():
+    X = [run(seed) for seed in range(4)]
+    pd.testing.assert_frame_equal(OrderResampler(n_jobs=2).quality(X), OrderResampler().quality(X))
+
+
+def test_quality_serves_bare_arrays():
+    arrays, recordings = bare("velocity")
+    pd.testing.assert_frame_equal(
+        resampler_of_bare(reference=2).quality(arrays), OrderResampler(THETA_S).quality(recordings)
+    )
+
+
+# What would mislead is refused
+
+
+def test_a_jump_of_the_shaft_is_named_with_its_time():
+    time = np.arange(20_000) / 1000
+    angle = 2 * np.pi * 5 * time + 100 * (time > 10)
+    over_angle = OrderResampler().fit_transform([Recording({"a": time}, 1000, angle=angle)])
+    with pytest.raises(ValueError, match=r"turns by 100 rad within one of its samples, at 10 s"):
+        _ = over_angle[0].strokes[0].signals
+
+
+def test_transposed_arrays_are_refused():
+    resampler = OrderResampler(fs=1000, reference=1)
+    with pytest.raises(
+        ValueError, match=r"recording 0: .*\(300, 2\) has more channels .*Transpose"
+    ):
+        resampler.fit(np.ones((4, 300, 2)))
+
+
+def test_quality_checks_channels_as_fit_does():
+    recording = Recording({"a": np.ones(300)}, 100, velocity=np.ones(300))
+    with pytest.raises(ValueError, match="recording 0 has no channel 'zz'"):
+        OrderResampler(channels=["zz"]).quality([recording])
+
+
+def test_quality_warns_of_noise_at_rest_beside_a_long_stroke():
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(500)
+    velocity = np.concatenate([np.full(2000, 60.0), noise])
+    recording = Recording({"a": np.zeros(2500)}, 1000, velocity=velocity)
+    (words,) = OrderResampler(2 * np.pi / 16).quality([recording])["warnings"]
+    assert "strokes of less than a revolution: raise min_speed" in words
+    (words,) = OrderResampler(2 * np.pi / 16, min_speed=1).quality([recording])["warnings"]
+    assert words == ""
+
+
+# float32
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize("antialias", [True, False])
+def test_channels_of_both_precisions_go_together(kernels, antialias):
+    if kernels == "numba":
+        pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
+    tone = np.sin(60 * np.arange(4000) / 1000)
+    channels = {"single": tone.astype(np.float32), "double": tone}
+    recording = Recording(channels, 1000, velocity=np.full(4000, 60.0))
+    resampler = OrderResampler(2 * np.pi / 32, antialias=antialias, interpolation="linear")
+    with using(kernels):
+        single, double = resampler.fit_transform([recording])[0].strokes[0].signals
+    np.testing.assert_allclose(single, double, atol=1e-6)
+
+
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize(
+    "options", [{}, {"antialias": False}, {"antialias": False, "interpolation": "linear"}]
+)
+@pytest.mark.parametrize("fs", [10_000, 300])
+def test_float32_recordings_stay_float32_and_give_the_same_features(kernels, options, fs):
+    pytest.importorskip(kernels)
+    time = np.arange(4 * fs) / fs
+    angle = 2 * np.pi * (6 * time + 1.5 * np.sin(np.pi * time))
+    rng = np.random.default_rng(0)
+    signal = np.sin(7.3 * angle) + 0.01 * rng.standard_normal(len(time))
+    exact = Recording({"x": signal.astype(np.float32).astype(float)}, fs, angle=angle)
+    single = Recording({"x": signal.astype(np.float32)}, fs, angle=angle)
+    pipe = make_pipeline(
+        OrderResampler(2 * np.pi / 64, **options),
+        OrderPSD(8, max_order=20),
+        BinTransformer(max_order=20),
+    )
+    with using(kernels):
+        features = pipe.fit_transform([exact])
+        assert pipe[0].transform([single])[0].strokes[0].signals.dtype == np.float32
+        found = pipe.transform([single])
+    assert found.dtype == np.float64  # powers span twice as many digits
+    # Beside a tone, float32 holds nothing that is 100 dB below it.
+    np.testing.assert_allclose(found, features, rtol=1e-5, atol=1e-10 * features.sum())
+
+
+def test_recordings_that_can_be_read_only_once_are_refused():
+    runs = [Recording({"a": [0.0, 1, 2]}, 1, velocity=[1.0, 1, 1])]
+    with pytest.raises(TypeError, match=r"got <list_iterator .*only once; write list\(...\)"):
+        OrderResampler().fit(iter(runs))

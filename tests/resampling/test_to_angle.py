@@ -1,0 +1,562 @@
+"""Facts about resampling over the shaft angle: what passes, what folds, where a tone ends up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import get_window
+
+import emacm.resampling.spreading
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
+from emacm._kernels import kernels, using
+from emacm.orders.welch import order_psd
+from emacm.resampling.to_angle import PASS, angle_count, interpolate_to_angle, spread_to_angle
+from emacm.shaft.strokes import Path
+
+TURN = 2 * np.pi
+THETA_S = TURN / 128  # orders up to 64, flat up to 49.92
+LAST_FLAT = PASS * np.pi / THETA_S
+AMPLITUDE = 1.7
+
+# Motion: angle [rad] and speed [rad/s] as functions of time, up to 28 rev/s.
+MOTIONS = {
+    "constant": (lambda t: TURN * 20 * t, lambda t: TURN * 20 + 0 * t),
+    "ramp": (lambda t: TURN * (4 * t + 4 * t**2), lambda t: TURN * (4 + 8 * t)),
+    "sinusoidal": (
+        lambda t: TURN * 15 * t + 8 * (1 - np.cos(TURN * t)),
+        lambda t: TURN * (15 + 8 * np.sin(TURN * t)),
+    ),
+    "reversing": (
+        lambda t: 48 * (1 - np.cos(np.pi * t)),
+        lambda t: TURN * 24 * np.sin(np.pi * t),
+    ),
+}
+REFERENCES = {
+    "angle": lambda angle, velocity: {"angle": angle},
+    "velocity": lambda angle, velocity: {"velocity": velocity},
+    "wrapped angle": lambda angle, velocity: {"angle": np.mod(angle, TURN)},
+}
+every_motion = pytest.mark.parametrize("motion", MOTIONS)
+every_reference = pytest.mark.parametrize("reference", REFERENCES)
+
+
+def times(fs, duration=3.0):
+    return np.arange(int(duration * fs)) / fs
+
+
+def shaft(motion, reference, fs):
+    angle, velocity = (function(times(fs)) for function in MOTIONS[motion])
+    return REFERENCES[reference](angle, velocity)
+
+
+def tone(motion, order, fs):
+    return AMPLITUDE * np.sin(order * MOTIONS[motion][0](times(fs)) + 0.4)
+
+
+def tone_power(recording, order, **resampling):
+    """Power that the whole chain finds within half an order of a tone, each channel."""
+    over_angle = OrderResampler(THETA_S, **resampling).fit_transform([recording])
+    psd = OrderPSD(8).fit_transform(over_angle)
+    return BinTransformer(edges={"tone": (order - 0.5, order + 0.5)}).fit_transform(psd)[0]
+
+
+def steady(speed, fs, duration):
+    """Times and the path of a shaft at constant `speed` [rev/s]."""
+    time = times(fs, duration)
+    return time, Path(TURN * speed * time, fs, 0.0, 0.0, 1)
+
+
+def varying(fs, mean, swing, rate, duration):
+    """Times, speed [rev/s] and path of a shaft whose speed swings about its mean."""
+    time = times(fs, duration)
+    speed = mean + swing * np.sin(TURN * rate * time)
+    angle = TURN * mean * time + swing / rate * (1 - np.cos(TURN * rate * time))
+    return time, speed, Path(angle, fs, 0.0, 0.0, 1)
+
+
+def decibel(power_ratio):
+    return 10 * np.log10(power_ratio)
+
+
+def gains(resampled, angles, orders):
+    """Gain of each row's tone [dB], by least squares away from the ends."""
+    found = []
+    for row, order in zip(resampled, orders, strict=True):
+        waves = np.stack([np.sin(order * angles), np.cos(order * angles)], axis=1)[60:-60]
+        fit, *_ = np.linalg.lstsq(waves, row[60:-60], rcond=None)
+        found.append(decibel(fit @ fit))
+    return np.array(found)
+
+
+def power_up_to(top, resampled, samples_per_rev):
+    """Power of each row in orders up to `top`, away from the ends."""
+    orders, psd = order_psd(
+        resampled[..., 60:-60], samples_per_rev, revolutions=8, window="blackmanharris"
+    )
+    return psd[..., orders <= top].sum(axis=-1) * orders[1]
+
+
+# A tone locked to the shaft
+
+
+@every_motion
+@every_reference
+@pytest.mark.parametrize("order", [1.0, 5.3, 27.0, 49.4])
+def test_a_tone_locked_to_the_shaft_has_its_power_at_its_order(motion, reference, order):
+    fs = 10_000
+    recording = Recording({"x": tone(motion, order, fs)}, fs, **shaft(motion, reference, fs))
+    (power,) = tone_power(recording, order)
+    assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)
+
+
+@every_motion
+@every_reference
+@pytest.mark.parametrize("shaft_fs", [1000, 48_000])
+def test_channels_and_shaft_may_have_rates_of_their_own(motion, reference, shaft_fs):
+    signals = {"fast": tone(motion, 12, 48_000), "slow": tone(motion, 12, 1000)}
+    fs = {"fast": 48_000, "slow": 1000}
+    recording = Recording(signals, fs, **shaft(motion, reference, shaft_fs), shaft_fs=shaft_fs)
+    power = tone_power(recording, 12)
+    np.testing.assert_allclose(power, AMPLITUDE**2 / 2, rtol=0.003)
+
+
+@pytest.mark.parametrize("direction", ["strokes", "forward", "reverse"])
+def test_a_tone_has_its_power_in_either_direction(direction):
+    recording = Recording(
+        {"x": tone("reversing", 27, 10_000)}, 10_000, **shaft("reversing", "angle", 10_000)
+    )
+    (power,) = tone_power(recording, 27, direction=direction)
+    assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)
+
+
+@pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
+def test_travel_is_the_stroke_where_the_shaft_never_turns_back(motion):
+    recording = Recording({"x": tone(motion, 27, 10_000)}, 10_000, **shaft(motion, "angle", 10_000))
+    strokes, travel = (
+        OrderResampler(THETA_S, direction=direction).fit_transform([recording])[0].strokes[0]
+        for direction in ("strokes", "travel")
+    )
+    np.testing.assert_allclose(travel.signals, strokes.signals, atol=1e-9)
+
+
+def test_travel_loses_amplitude_where_phases_fold_at_each_turn():
+    fs, time = 10_000, times(10_000, 20.0)
+    angle = 20 * (1 - np.cos(np.pi * time))  # strokes of 6.4 revolutions
+    recording = Recording({"x": np.sin(7 * angle)}, fs, angle=angle)
+
+    def amplitude(direction):
+        over_angle = OrderResampler(direction=direction).fit_transform([recording])
+        spectrum = OrderPSD(4, scaling="spectrum").fit_transform(over_angle)
+        return np.sqrt(2 * float(spectrum.max()))
+
+    assert amplitude("strokes") == pytest.approx(1, abs=0.002)
+    assert 0.5 < amplitude("travel") < 0.95
+
+
+@pytest.mark.parametrize("samples_per_rev", [64, 128, 200])
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.77])
+def test_the_resampled_signal_is_the_tone_at_the_angles(samples_per_rev, share):
+    order = share * samples_per_rev / 2
+    time = times(20_000)
+    angle = MOTIONS["reversing"][0](time) - 3.0
+    recording = Recording({"x": np.sin(order * angle + 0.4)}, 20_000, angle=angle)
+    (over_angle,) = OrderResampler(TURN / samples_per_rev).fit_transform([recording])
+    assert [stroke.direction for stroke in over_angle.strokes] == [1, -1, 1]
+    for stroke in over_angle.strokes:
+        grid = np.arange(stroke.n_angles) * stroke.direction * TURN / samples_per_rev
+        np.testing.assert_allclose(stroke.angles, stroke.start_angle + grid, atol=1e-9)
+        error = np.abs(stroke.signals[0] - np.sin(order * stroke.angles + 0.4))
+        # 0.01 dB is 0.00115; the mirror at the ends is felt over 10 samples (20 of the fine grid).
+        assert error[11:-11].max() < 0.00115
+        assert error.max() < 0.7
+
+
+def test_strokes_start_where_the_shaft_was():
+    time = times(10_000)
+    angle = MOTIONS["reversing"][0](time) - 3.0
+    recording = Recording({"x": np.sin(angle)}, 10_000, angle=angle)
+    first, second, third = OrderResampler().fit_transform([recording])[0].strokes
+    assert first.start_angle == pytest.approx(-3, abs=1e-4)
+    assert second.start_angle == pytest.approx(93, abs=1e-4)
+    assert third.start_angle == pytest.approx(-3, abs=1e-4)
+
+
+@pytest.mark.parametrize("motion", ["ramp", "reversing"])
+def test_a_constant_stays_what_it_is_up_to_the_ends(motion):
+    recording = Recording({"x": np.ones(30_000)}, 10_000, **shaft(motion, "angle", 10_000))
+    for stroke in OrderResampler().fit_transform([recording])[0].strokes:
+        np.testing.assert_allclose(stroke.signals, 1, atol=1e-4)
+
+
+@pytest.mark.parametrize("n_times", [2, 3, 5, 20, 100])
+def test_a_constant_stays_what_it_is_in_strokes_of_few_samples(n_times):
+    _, path = steady(5.0, 1000.0, n_times / 1000)
+    _, resampled = spread_to_angle(np.ones(n_times), 1000.0, path, theta_s=THETA_S)
+    np.testing.assert_allclose(resampled, 1, atol=1e-4)
+
+
+@pytest.mark.parametrize(("fs", "share"), [(10_000.0, 0.0005), (500.0, 0.003)])
+def test_a_trend_is_followed_up_to_the_ends(fs, share):
+    # The slow channel ends 1.9 ms, or five angles, before the shaft does.
+    _, path = steady(20.0, 10_000.0, 4.0)
+    trend = TURN * 20 * times(fs, 4.0)
+    angles, resampled = spread_to_angle(trend, fs, path, theta_s=THETA_S)
+    np.testing.assert_allclose(resampled, angles, atol=share * path.length)
+
+
+# The pass band
+
+
+@pytest.mark.parametrize(
+    ("fs", "speed", "duration"),
+    [
+        (48_000, 10.0, 2.0),  # 4800 time samples per revolution
+        (10_000, 20.0, 2.0),
+        (5000, 20.0, 2.0),  # 5 time samples per cycle at order 50, upsampled by 2
+        (4000, 17.0, 2.0),
+        (1000, 9.0, 4.0),  # upsampled by 3; fewer time samples than angles
+        (25, 1.0, 40.0),  # upsampled by 9
+    ],
+)
+def test_the_pass_band_is_flat_within_a_hundredth_of_a_decibel(fs, speed, duration):
+    # Up to 0.78 of pi/theta_s, or 0.84 of half the sampling rate.
+    top = min(LAST_FLAT, 0.84 * fs / 2 / speed)
+    orders = np.linspace(0.05, 1, 45) * top
+    time, path = steady(speed, float(fs), duration)
+    signals = np.sin(np.outer(orders, TURN * speed * time) + 0.3)
+    angles, resampled = spread_to_angle(signals, float(fs), path, theta_s=THETA_S)
+    assert np.abs(gains(resampled, angles, orders)).max() < 0.01
+
+
+def test_the_pass_band_is_flat_while_the_speed_varies():
+    orders = np.linspace(0.05, 1, 20) * LAST_FLAT
+    for fs in (48_000.0, 3600.0):  # dense, and upsampled by 2
+        _, _, path = varying(fs, 10, 4, 0.5, 4.0)
+        signals = np.sin(np.outer(orders, path.travel))
+        angles, resampled = spread_to_angle(signals, fs, path, theta_s=THETA_S)
+        assert np.abs(gains(resampled, angles, orders)).max() < 0.01
+
+
+# What would fold
+
+
+@pytest.mark.parametrize(("fs", "speed"), [(48_000.0, 10.0), (48_000.0, 40.0), (10_000.0, 5.0)])
+def test_tones_that_would_fold_into_the_pass_band_are_down_by_60_decibel(fs, speed):
+    orders = np.array([78.2, 79, 82, 90, 100, 117.7, 130.5, 177, 200, 206, 222, 255.5, 257, 300])
+    orders = np.append(orders, [306, 350, 400, 411.3])
+    time, path = steady(speed, fs, 4.0 if fs > 20_000 else 8.0)
+    signals = np.sin(np.outer(orders, TURN * speed * time) + 0.3)
+    _, resampled = spread_to_angle(signals, fs, path, theta_s=THETA_S)
+    folded = power_up_to(LAST_FLAT, resampled, 128) / 0.5
+    assert decibel(folded).max() < -60
+
+
+def test_tones_do_not_fold_while_the_speed_varies():
+    orders = [78.2, 100, 130.5, 200, 400]
+    _, _, path = varying(48_000.0, 10, 4, 0.25, 4.0)
+    signals = np.sin(np.outer(orders, path.travel))
+    _, resampled = spread_to_angle(signals, 48_000.0, path, theta_s=THETA_S)
+    assert decibel(power_up_to(LAST_FLAT, resampled, 128) / 0.5).max() < -60
+
+
+@pytest.mark.parametrize("samples_per_rev", [64, 100, 128, 256])
+def test_a_fixed_tone_of_4200_hertz_does_not_fold_at_any_speed(samples_per_rev):
+    # Orders 300 to 700 at 14 to 6 rev/s.
+    time, speed, path = varying(48_000.0, 10, 4, 0.25, 4.0)
+    assert (speed.min(), speed.max()) == pytest.approx((6, 14))
+    signal = np.sin(TURN * 4200 * time)
+    _, resampled = spread_to_angle(signal, 48_000.0, path, theta_s=TURN / samples_per_rev)
+    folded = power_up_to(PASS * samples_per_rev / 2, resampled, samples_per_rev)
+    assert decibel(folded / 0.5) < -60
+
+
+# Noise
+
+
+@pytest.fixture(scope="module")
+def noise():
+    """Path of a varying speed, white noise of variance 1 in four channels, and its true level.
+
+    At f rev/s the one-sided level 2/fs per Hz is 2 f/fs per order, and over the angle a time of
+    speed f counts by f: the mean over the angle is 2/fs mean(f²)/mean(f).
+    """
+    fs = 48_000.0
+    _, speed, path = varying(fs, 40, 16, 0.3, 10.0)
+    signals = np.random.default_rng(5).standard_normal((4, len(speed)))
+    return fs, speed.max(), path, signals, 2 / fs * np.mean(speed**2) / np.mean(speed)
+
+
+@pytest.mark.parametrize("samples_per_rev", [64, 100, 128, 256, 360, 1000, 2000])
+def test_the_floor_of_white_noise_is_right_for_every_theta_s(noise, samples_per_rev):
+    fs, top_speed, path, signals, level = noise
+    _, resampled = spread_to_angle(signals, fs, path, theta_s=TURN / samples_per_rev)
+    orders, psd = order_psd(resampled, samples_per_rev, revolutions=8)
+    top = min(PASS * samples_per_rev / 2, fs / 2 / top_speed / 2)
+    flat = psd[:, (orders > 0.3) & (orders <= top)].mean(axis=0)
+    # Each quarter of the band holds 2500 independent values or more: 2 %, or 0.09 dB.
+    quarters = [decibel(part.mean() / level) for part in np.array_split(flat, 4)]
+    np.testing.assert_allclose(quarters, 0, atol=0.3)
+    assert decibel(flat.mean() / level) == pytest.approx(0, abs=0.05)
+
+
+def test_the_floor_of_white_noise_is_right_in_strokes():
+    fs, revolutions = 10_000, 4
+    time = times(fs, 20.0)
+    speed = 24 * np.abs(np.sin(np.pi * time + 0.4))
+    angle = 48 * (np.cos(0.4) - np.cos(np.pi * time + 0.4))
+    noise = np.random.default_rng(4).standard_normal((4, len(time)))
+    recording = Recording(dict(zip("abcd", noise, strict=True)), fs, angle=angle)
+    (over_angle,) = OrderResampler(THETA_S).fit_transform([recording])
+    psd = OrderPSD(revolutions)
+    spectra = np.asarray(psd.fit_transform([over_angle])).reshape(4, -1)
+    floor = spectra[:, (psd.orders_ > 1) & (psd.orders_ < LAST_FLAT)].mean()
+    # Windows weigh the slow ends of a stroke less, so its mean speed must be weighed alike.
+    weight = get_window("hann", revolutions * 128) ** 2
+    speeds = []
+    for stroke in over_angle.strokes[:-1]:  # the recording ends early in the last
+        first = round(stroke.path.start_time * fs)
+        along = speed[first : first + len(stroke.path.travel)]
+        at_angles = np.interp(np.arange(stroke.n_angles) * THETA_S, stroke.path.travel, along)
+        segments = sliding_window_view(at_angles, len(weight))[:: len(weight) // 2]
+        speeds.extend(segments @ weight / weight.sum())
+    assert len(over_angle.strokes) == 21
+    assert decibel(floor / (2 / fs * np.mean(speeds))) == pytest.approx(0, abs=0.1)
+
+
+# Dense and sparse time samples
+
+
+def test_nothing_steps_between_dense_and_sparse_time_samples():
+    # The same band-limited signal, sampled more and more densely: 60 to 2000 samples per
+    # revolution. At 128 angles per revolution upsampling by 4, 3 and 2 ends at 85, 145 and 412.
+    rng = np.random.default_rng(3)
+    speed, orders = 5.0, rng.uniform(0.5, 22, 60)
+    amplitudes, phases = rng.uniform(0.5, 1, 60), rng.uniform(0, TURN, 60)
+
+    def signal_at(angle):
+        waves = np.sin(np.multiply.outer(angle, orders) + phases)
+        return waves @ amplitudes
+
+    results = []
+    for samples_per_rev in (60.4, 85.0, 85.4, 144.9, 145.3, 411.9, 412.4, 700, 2000):
+        fs = samples_per_rev * speed
+        time, path = steady(speed, fs, 8.0)
+        signal = signal_at(TURN * speed * time)
+        angles, resampled = spread_to_angle(signal, fs, path, theta_s=THETA_S)
+        results.append(resampled[60:4900])
+    truth = signal_at(angles[60:4900])
+    power = np.mean(truth**2)
+    errors = [np.sqrt(np.mean((result - truth) ** 2) / power) for result in results]
+    assert max(errors) < 0.001  # 0.009 dB
+    levels = [decibel(np.mean(result**2) / power) for result in results]
+    assert np.ptp(levels) < 0.001
+
+
+def test_upsampling_sets_in_where_the_sparse_samples_need_it():
+    # Guards the test above: between its rates the method does change.
+    factors = []
+    for samples_per_rev in (60.4, 85.0, 85.4, 144.9, 145.3, 411.9, 412.4):
+        _, path = steady(5.0, 5 * samples_per_rev, 1.0)
+        factors.append(emacm.resampling.spreading._upsampling(5 * samples_per_rev, path, THETA_S))
+    assert factors == [4, 4, 3, 3, 2, 2, 1]
+
+
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+@pytest.mark.parametrize("turns", [(0, 10, 9, 9.2), (0, -1, 10, 9.2), (0, 3, 1, 10)])
+def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, turns):
+    pytest.importorskip(name)
+    # Also beyond its start and its end, so that what is mirrored there reaches far in.
+    travel = np.interp(np.arange(12_000), np.linspace(0, 11_999, len(turns)), turns)
+    path = Path(travel, 10_000, 0.0, 0.0, 1)
+    signal = np.random.default_rng(0).standard_normal((2, len(travel)))
+    with using(name):
+        _, whole = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
+        for at_once in (150, 5000):
+            monkeypatch.setattr(kernels(), "BLOCK", at_once)
+            _, joined = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
+            np.testing.assert_allclose(joined, whole, atol=1e-12)
+
+
+@pytest.mark.parametrize("fs", [48_000.0, 5000.0, 1000.0])
+def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
+    _, path = steady(20.0, fs, 1.0)
+    signals = np.random.default_rng(6).standard_normal((2, len(path.travel)))
+    _, whole = spread_to_angle(signals, fs, path, theta_s=THETA_S)
+    monkeypatch.setattr(kernels(), "BLOCK", 997)
+    _, pieces = spread_to_angle(signals, fs, path, theta_s=THETA_S)
+    np.testing.assert_allclose(pieces, whole, atol=1e-12)
+
+
+# Invariances
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    # Powers of 2 round nothing; else a time sample on a grid point may cross the kernel's end.
+    factor=st.integers(-7, 7).map(lambda power: 2.0**power),
+    antialias=st.booleans(),
+    speed=st.floats(1, 60),
+)
+def test_all_at_another_pace_changes_nothing(factor, antialias, speed):
+    signal = np.random.default_rng(7).standard_normal(1000)
+    resample = spread_to_angle if antialias else interpolate_to_angle
+    _, path = steady(speed, 1000.0, 1.0)
+    _, slow = resample(signal, 1000.0, path, theta_s=TURN / 50)
+    quick_path = Path(path.travel, 1000 * factor, 0.0, 0.0, 1)
+    _, quick = resample(signal, 1000 * factor, quick_path, theta_s=TURN / 50)
+    np.testing.assert_allclose(quick, slow, atol=1e-12)
+
+
+@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
+def test_signals_resampled_together_are_as_resampled_alone(resample):
+    _, path = steady(20.0, 5000.0, 1.0)
+    signals = np.random.default_rng(8).standard_normal((2, 3, 5000))
+    _, together = resample(signals, 5000.0, path, theta_s=THETA_S)
+    assert together.shape == (2, 3, angle_count(path, THETA_S))
+    for index in np.ndindex(2, 3):
+        _, alone = resample(signals[index], 5000.0, path, theta_s=THETA_S)
+        np.testing.assert_allclose(together[index], alone, atol=1e-12)
+
+
+@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
+def test_resampling_leaves_its_input_alone(resample):
+    _, path = steady(20.0, 5000.0, 1.0)
+    signal = np.random.default_rng(9).standard_normal(5000)
+    before = signal.copy(), path.travel.copy()
+    resample(signal, 5000.0, path, theta_s=THETA_S)
+    np.testing.assert_array_equal(signal, before[0])
+    np.testing.assert_array_equal(path.travel, before[1])
+
+
+# Without the filter: the thesis, and its faults
+
+
+@settings(deadline=None)
+@given(
+    steps=arrays(float, 50, elements=st.floats(1e-3, 1)),
+    values=arrays(float, 51, elements=st.floats(-10, 10)),
+)
+def test_linear_interpolation_is_that_of_the_thesis(steps, values):
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    path = Path(travel, 100.0, 0.0, 0.0, 1)
+    angles, resampled = interpolate_to_angle(values, 100.0, path, theta_s=0.01)
+    # Eq. (2.13), read from x(k-1).
+    np.testing.assert_allclose(resampled, np.interp(angles, travel, values), atol=1e-12 * 10)
+
+
+def test_cubic_interpolation_is_exact_for_a_cubic_of_time():
+    time, path = steady(1.0, 100.0, 1.0)
+    angles, resampled = interpolate_to_angle(
+        3 * time**3 - time**2 + 2, 100.0, path, theta_s=0.01, interpolation="cubic"
+    )
+    moments = angles / TURN
+    np.testing.assert_allclose(resampled, 3 * moments**3 - moments**2 + 2, atol=1e-12)
+
+
+def peak_level(resampled, samples_per_rev):
+    """Order of the highest line, and its power beside that of a tone of amplitude 1 [dB]."""
+    orders, spectrum = order_psd(
+        resampled, samples_per_rev, revolutions=8, window="flattop", scaling="spectrum"
+    )
+    return orders[spectrum.argmax()], decibel(spectrum.max() / 0.5)
+
+
+@pytest.mark.parametrize(("interpolation", "loss"), [("linear", -1.8), ("cubic", -0.13)])
+def test_interpolation_loses_at_four_time_samples_per_cycle(interpolation, loss):
+    time, path = steady(20.0, 4000.0, 4.0)
+    signal = np.sin(50 * TURN * 20 * time + 0.3)
+    _, resampled = interpolate_to_angle(
+        signal, 4000.0, path, theta_s=THETA_S, interpolation=interpolation
+    )
+    order, level = peak_level(resampled, 128)
+    assert order == 50
+    assert level == pytest.approx(loss, abs=0.05)
+
+
+@pytest.mark.parametrize(("interpolation", "loss"), [("linear", -0.02), ("cubic", 0)])
+def test_without_the_filter_a_high_tone_folds_in_at_full_strength(interpolation, loss):
+    time, path = steady(10.0, 48_000.0, 4.0)
+    signal = np.sin(130.5 * TURN * 10 * time)
+    _, folded = interpolate_to_angle(
+        signal, 48_000.0, path, theta_s=TURN / 100, interpolation=interpolation
+    )
+    order, level = peak_level(folded, 100)
+    assert order == 30.5  # 130.5 - 100
+    assert level == pytest.approx(loss, abs=0.03)
+
+
+def test_without_the_filter_the_floor_of_white_noise_rises_by_8_decibel():
+    fs = 48_000.0
+    _, speed, path = varying(fs, 48, 7.2, 1.0, 4.0)
+    signal = np.random.default_rng(10).standard_normal(len(speed))
+    _, resampled = interpolate_to_angle(signal, fs, path, theta_s=TURN / 100)
+    orders, psd = order_psd(resampled, 100, revolutions=8)
+    level = 2 / fs * np.mean(speed**2) / np.mean(speed)
+    floor = psd[(orders >= 1) & (orders <= 40)].mean()
+    assert decibel(floor / level) == pytest.approx(8.2, abs=0.3)
+
+
+def test_the_resampler_interpolates_only_without_the_filter():
+    fs = 4000
+    recording = Recording({"x": tone("ramp", 40, fs)}, fs, **shaft("ramp", "angle", fs))
+
+    def signals(**options):
+        return OrderResampler(THETA_S, **options).fit_transform([recording])[0].strokes[0].signals
+
+    np.testing.assert_array_equal(signals(interpolation="linear"), signals(interpolation="cubic"))
+    linear = signals(antialias=False, interpolation="linear")
+    cubic = signals(antialias=False, interpolation="cubic")
+    assert np.abs(linear - cubic).max() > 0.1
+    np.testing.assert_array_equal(signals(antialias=False), cubic)
+
+
+def test_interpolation_passes_over_a_shaft_that_stands_still():
+    travel = np.concatenate([np.arange(50.0), np.full(30, 49.0), 49 + np.arange(50.0)]) / 10
+    path = Path(travel, 100.0, 0.0, 0.0, 1)
+    angles, resampled = interpolate_to_angle(travel, 100.0, path, theta_s=0.05)
+    np.testing.assert_allclose(resampled, angles, atol=1e-12)
+
+
+# Errors
+
+
+@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
+@pytest.mark.parametrize(
+    ("theta_s", "error", "message"),
+    [
+        (0.0, ValueError, "theta_s must be a number of rad per sample, above 0, got 0.0"),
+        (-1.0, ValueError, "above 0, got -1.0"),
+        (np.nan, ValueError, "above 0, got nan"),
+        ("fine", TypeError, "theta_s must be a number.*got 'fine'"),
+        (1e-12, ValueError, r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"),
+    ],
+)
+def test_a_theta_s_that_is_no_angle_is_refused(resample, theta_s, error, message):
+    _, path = steady(20.0, 1000.0, 1.0)
+    with pytest.raises(error, match=message):
+        resample(np.zeros(1000), 1000.0, path, theta_s=theta_s)
+
+
+def test_an_unknown_interpolation_is_refused():
+    _, path = steady(20.0, 1000.0, 1.0)
+    with pytest.raises(ValueError, match="interpolation must be one of 'linear', 'cubic'; got 'n"):
+        interpolate_to_angle(np.zeros(1000), 1000.0, path, theta_s=THETA_S, interpolation="nearest")
+
+
+@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
+@pytest.mark.parametrize(
+    ("signal", "error", "message"),
+    [
+        ([np.zeros(1000), np.zeros(999)], ValueError, "must have the same length"),
+        (np.zeros(1), ValueError, r"at least 2 samples, got shape \(1,\)"),
+        (np.zeros(1000) * 1j, TypeError, "signal must be real"),
+    ],
+)
+def test_what_is_no_signal_is_refused(resample, signal, error, message):
+    _, path = steady(20.0, 1000.0, 1.0)
+    with pytest.raises(error, match=message):
+        resample(signal, 1000.0, path, theta_s=THETA_S)

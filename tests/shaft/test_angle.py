@@ -1,0 +1,295 @@
+"""Facts about shaft angle sources: each method follows known motions to the error it states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motions import FS, MOTIONS, TIME, TURN, turned
+
+from emacm.shaft.angle import (
+    angle_from_currents,
+    angle_from_position,
+    angle_from_resolver,
+    angle_from_velocity,
+    angle_from_wrapped,
+    is_wrapped,
+)
+
+every_motion = pytest.mark.parametrize("motion", MOTIONS)
+
+
+def currents_of(electrical, torque=1.0, zero=0.0):
+    return np.array([torque * np.sin(electrical - k * TURN / 3) + zero for k in range(3)])
+
+
+def relative(angle):
+    return angle - angle[0]
+
+
+# Velocity
+
+
+@pytest.mark.parametrize(
+    ("motion", "bound"),
+    [("constant", 1e-10), ("ramp", 1e-10), ("sinusoidal", 7e-8), ("reversing", 3.2e-7)],
+)
+def test_velocity_integrates_to_the_angle(motion, bound):
+    velocity = MOTIONS[motion][1](TIME)
+    assert np.abs(angle_from_velocity(velocity, FS) - turned(motion)).max() < bound
+
+
+def test_velocity_starts_at_the_initial_angle_and_keeps_its_length():
+    angle = angle_from_velocity([1.0, 1.0, 1.0], 1, initial=5)
+    np.testing.assert_array_equal(angle, [5, 6, 7])
+
+
+def test_velocity_in_float32_is_summed_in_float64():
+    velocity = np.full(100_000, 100, dtype=np.float32)
+    angle = angle_from_velocity(velocity, FS)
+    assert angle.dtype == np.float64
+    assert abs(angle[-1] - 999.99) < 1e-8
+
+
+@given(st.lists(st.floats(-100, 100), min_size=3, max_size=50))
+def test_velocity_of_chords_gives_back_the_angle(values):
+    angle = np.array(values)
+    speeds = np.diff(angle)
+    halves = np.repeat(speeds, 2)  # each chord sampled at its two ends, one trapezoid each
+    summed = angle_from_velocity(halves, 1)[1::2] - angle_from_velocity(halves, 1)[::2]
+    np.testing.assert_allclose(np.cumsum(summed), angle[1:] - angle[0], atol=1e-9)
+
+
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=3))
+def test_velocity_of_the_derivative_gives_back_the_motion(coefficients):
+    motion = np.polynomial.Polynomial([0.5, *coefficients])
+    t = np.linspace(0, 1, 1001)
+    angle = angle_from_velocity(motion.deriv()(t), 1000, initial=0.5)
+    np.testing.assert_allclose(angle, motion(t), rtol=0, atol=4e-6)
+
+
+def test_velocity_with_a_nan_names_the_sample():
+    with pytest.raises(ValueError, match=r"velocity must be finite, got nan at sample 2"):
+        angle_from_velocity([1, 2, np.nan], 1)
+
+
+def test_velocity_needs_a_positive_rate():
+    with pytest.raises(ValueError, match=r"fs must be a number of Hz, above 0, got 0"):
+        angle_from_velocity([1, 2], 0)
+
+
+def test_velocity_needs_a_numeric_initial_angle():
+    with pytest.raises(TypeError, match=r"initial must be a number"):
+        angle_from_velocity([1, 2], 1, initial="zero")
+
+
+# Wrapped angle
+
+
+@every_motion
+def test_wrapped_angle_unwraps_to_the_motion(motion):
+    wrapped = np.mod(turned(motion), TURN)
+    assert np.abs(angle_from_wrapped(wrapped) - turned(motion)).max() < 1e-11
+
+
+@pytest.mark.parametrize("period", [360, 4096])
+def test_wrapped_angle_in_degrees_or_counts_comes_out_in_radians(period):
+    wrapped = np.mod(turned("reversing") / TURN * period, period)
+    np.testing.assert_allclose(
+        angle_from_wrapped(wrapped, period=period), turned("reversing"), atol=1e-11
+    )
+
+
+def test_whole_counts_err_by_at_most_one_count():
+    counts = np.floor(np.mod(turned("ramp") / TURN * 4096, 4096)).astype(np.uint16)
+    error = np.abs(angle_from_wrapped(counts, period=4096) - turned("ramp"))
+    assert error.max() < TURN / 4096 + 1e-11
+
+
+@given(st.floats(-3, 3), st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=100))
+def test_wrapping_and_unwrapping_is_a_round_trip(start, steps):
+    angle = start + np.concatenate(([0], np.cumsum(steps)))
+    wrapped = np.angle(np.exp(1j * angle))
+    np.testing.assert_allclose(angle_from_wrapped(wrapped), angle, atol=1e-10)
+
+
+def test_wrapped_angle_needs_a_positive_period():
+    with pytest.raises(ValueError, match=r"period must be a number above 0, got -360"):
+        angle_from_wrapped([1, 2], period=-360)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_angle_wrapped_at_two_pi_or_at_pi_is_wrapped(dtype):
+    assert is_wrapped(np.array([0, TURN, 0.1], dtype=dtype))
+    assert is_wrapped(np.array([-np.pi, np.pi, -3], dtype=dtype))
+
+
+@pytest.mark.parametrize("angle", [[0, 3, 6], [0, 4, 8], [1, 1], [0, TURN * (1 + 1e-6)]])
+def test_an_angle_with_small_steps_or_a_wide_span_is_not_wrapped(angle):
+    assert not is_wrapped(angle)
+
+
+def test_is_wrapped_names_a_bad_sample():
+    with pytest.raises(ValueError, match=r"angle must be finite, got inf at sample 1"):
+        is_wrapped([0, np.inf])
+
+
+# Resolver
+
+
+@every_motion
+@pytest.mark.parametrize("pole_pairs", [1, 4])
+def test_a_perfect_resolver_gives_the_motion(motion, pole_pairs):
+    electrical = pole_pairs * turned(motion)
+    angle = angle_from_resolver(
+        3 * np.sin(electrical), 3 * np.cos(electrical), pole_pairs=pole_pairs
+    )
+    assert np.abs(angle - turned(motion)).max() < 1e-11
+
+
+ELECTRICAL = np.linspace(0, TURN, 2001)
+SINE, COSINE = np.sin(ELECTRICAL), np.cos(ELECTRICAL)
+
+
+@pytest.mark.parametrize(
+    ("sine", "cosine", "first_order"),
+    [
+        (1.01 * SINE, COSINE, 0.01 / 2 * np.sin(2 * ELECTRICAL)),
+        (SINE + 0.01, COSINE, 0.01 * COSINE),
+        (SINE, COSINE + 0.01, -0.01 * SINE),
+        (np.sin(ELECTRICAL + 0.01), COSINE, 0.01 / 2 * (1 + np.cos(2 * ELECTRICAL))),
+    ],
+    ids=["amplitude", "sine offset", "cosine offset", "quadrature"],
+)
+def test_resolver_faults_of_one_percent_err_as_stated(sine, cosine, first_order):
+    error = angle_from_resolver(sine, cosine, pole_pairs=1) - ELECTRICAL
+    assert np.abs(error - first_order).max() < 1e-4
+
+
+def test_a_resolver_dropout_names_the_sample():
+    sine, cosine = SINE.copy(), COSINE.copy()
+    sine[7] = cosine[7] = 0
+    with pytest.raises(ValueError, match=r"vanish together, got 0 and 0 at sample 7.* Demodulate"):
+        angle_from_resolver(sine, cosine)
+
+
+def test_a_dead_resolver_is_an_error():
+    with pytest.raises(ValueError, match=r"at sample 0"):
+        angle_from_resolver(np.zeros(5), np.zeros(5))
+
+
+def test_resolver_outputs_must_be_equally_long():
+    with pytest.raises(ValueError, match=r"equally long, got 2 and 3 samples"):
+        angle_from_resolver([0, 1], [1, 0, 1])
+
+
+def test_resolver_pole_pairs_must_be_whole():
+    with pytest.raises(
+        TypeError, match=r"pole_pairs must be a whole number of at least 1, got 1.5"
+    ):
+        angle_from_resolver([0, 1], [1, 0], pole_pairs=1.5)
+
+
+# Position
+
+
+@every_motion
+@pytest.mark.parametrize("lead", [5.0, -2.0])
+def test_position_over_lead_gives_the_motion(motion, lead):
+    position = turned(motion) / TURN * lead
+    assert np.abs(angle_from_position(position, lead) - turned(motion)).max() < 1e-11
+
+
+def test_a_screw_without_lead_is_an_error():
+    with pytest.raises(ValueError, match=r"lead must be the travel per revolution.*not 0, got 0"):
+        angle_from_position([0, 1], 0)
+
+
+def test_position_must_be_one_dimensional():
+    with pytest.raises(ValueError, match=r"position must be one-dimensional, got shape \(1, 2\)"):
+        angle_from_position([[0, 1]], 5)
+
+
+# Currents
+
+
+@every_motion
+@pytest.mark.parametrize("n_phases", [2, 3])
+def test_clean_currents_give_the_motion(motion, n_phases):
+    currents = currents_of(4 * turned(motion))[:n_phases]
+    angle = angle_from_currents(currents, pole_pairs=4)
+    assert np.abs(relative(angle) - turned(motion)).max() < 1e-11
+
+
+def test_the_zero_sequence_drops_out_of_three_phases():
+    wobble = np.cos(TURN * 50 * TIME)
+    angle = angle_from_currents(currents_of(4 * turned("ramp"), zero=wobble), pole_pairs=4)
+    assert np.abs(relative(angle) - turned("ramp")).max() < 1e-11
+
+
+def test_exchanging_two_phases_changes_the_sign():
+    currents = currents_of(4 * turned("ramp"))
+    angle = angle_from_currents(currents[[0, 2, 1]], pole_pairs=4)
+    np.testing.assert_allclose(relative(angle), -turned("ramp"), atol=1e-11)
+
+
+@every_motion
+def test_a_reversal_of_torque_leaves_no_jump(motion):
+    currents = currents_of(4 * turned(motion), torque=np.sin(TURN * 1.5 * TIME + 0.4))
+    angle = angle_from_currents(currents, pole_pairs=4)
+    assert np.abs(relative(angle) - turned(motion)).max() < 1.4e-3
+
+
+@every_motion
+@pytest.mark.parametrize("seed", range(5))
+def test_a_noisy_reversal_of_torque_makes_no_slip(motion, seed):
+    noise = np.random.default_rng(seed).normal(0, 0.005, (3, len(TIME)))
+    currents = currents_of(4 * turned(motion), torque=np.sin(TURN * 1.5 * TIME + 0.4))
+    error = angle_from_currents(currents + noise, pole_pairs=4) - turned(motion)
+    assert np.abs(error - np.median(error)).max() < 0.12
+
+
+def test_noise_of_two_percent_errs_by_two_hundredths():
+    noise = np.random.default_rng(0).normal(0, 0.02, (3, len(TIME)))
+    angle = angle_from_currents(currents_of(4 * turned("constant")) + noise, pole_pairs=4)
+    error = angle - turned("constant")
+    assert np.abs(error - error.mean()).max() < 0.02
+
+
+def test_a_current_that_is_weak_for_a_while_is_bridged():
+    torque = np.where((TIME > 1) & (TIME < 1.02), 0.0, 1.0)
+    currents = currents_of(4 * turned("constant"), torque=torque)
+    angle = angle_from_currents(currents, pole_pairs=4)
+    assert np.abs(relative(angle) - turned("constant")).max() < 1e-10
+
+
+def test_dead_currents_are_an_error():
+    with pytest.raises(
+        ValueError, match=r"angle at two samples at least, got 0 of 5. Is the motor"
+    ):
+        angle_from_currents(np.zeros((3, 5)), pole_pairs=4)
+
+
+def test_currents_in_columns_are_told_apart():
+    with pytest.raises(ValueError, match=r"one row a phase, got \(100, 3\). Transpose"):
+        angle_from_currents(np.zeros((100, 3)), pole_pairs=4)
+
+
+def test_a_bad_current_names_its_phase():
+    with pytest.raises(ValueError, match=r"current of phase b must be finite, got nan at sample 1"):
+        angle_from_currents([[1, 2, 3], [1, np.nan, 3]], pole_pairs=4)
+
+
+def test_weak_must_be_a_share():
+    with pytest.raises(ValueError, match=r"weak must be a number at least 0 and below 1, got 1"):
+        angle_from_currents(np.ones((2, 5)), pole_pairs=4, weak=1)
+
+
+def test_no_function_changes_its_input():
+    values = np.array([0.0, 1.0, 2.0, 3.5])
+    before = values.copy()
+    angle_from_velocity(values, 1)
+    angle_from_wrapped(values)
+    angle_from_position(values, 5)
+    np.testing.assert_array_equal(values, before)

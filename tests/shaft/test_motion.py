@@ -1,0 +1,146 @@
+"""Facts about a shaft's motion that is worked out piece by piece."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emacm._kernels import using
+from emacm.shaft.angle import angle_from_velocity
+from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, blocks
+from emacm.shaft.paths import JoinedTravel, Path, Stroke, StrokeTravel
+from emacm.shaft.strokes import stroke_paths
+
+FS = 1000.0
+N_TIMES = 3000
+
+VELOCITY = np.random.default_rng(0).standard_normal(N_TIMES).cumsum()
+ANGLE = angle_from_velocity(VELOCITY, FS)
+slices = st.tuples(st.integers(-N_TIMES - 5, N_TIMES + 5), st.integers(-N_TIMES - 5, N_TIMES + 5))
+
+
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+@settings(deadline=None)
+@given(limits=slices)
+def test_any_slice_of_the_integrated_angle_is_that_of_the_whole(name, limits):
+    pytest.importorskip(name)
+    with using(name):
+        part = IntegratedAngle(VELOCITY, FS)[slice(*limits)]
+    np.testing.assert_allclose(part, ANGLE[slice(*limits)], atol=1e-9)
+
+
+@settings(deadline=None)
+@given(limits=slices)
+def test_any_slice_of_the_differentiated_velocity_is_that_of_the_whole(limits):
+    part = DifferentiatedVelocity(ANGLE, FS)[slice(*limits)]
+    np.testing.assert_allclose(part, (np.gradient(ANGLE) * FS)[slice(*limits)], atol=1e-9)
+
+
+@pytest.mark.parametrize("series", [IntegratedAngle, DifferentiatedVelocity])
+@pytest.mark.parametrize("n_times", [2, 3, 255, 256, 257, 513])
+def test_a_series_of_any_length_reads_like_an_array(series, n_times):
+    lazy = series(VELOCITY[:n_times], FS)
+    whole = np.asarray(lazy)
+    assert len(lazy) == len(whole) == n_times
+    assert lazy[-1] == pytest.approx(whole[-1], rel=1e-12)
+    np.testing.assert_allclose(lazy[::2], whole[::2])
+    with pytest.raises(IndexError):
+        lazy[n_times]
+
+
+def test_float32_velocities_are_integrated_in_float64():
+    velocity = np.full(100_000, 0.1, np.float32)
+    angle = IntegratedAngle(velocity, FS)
+    assert angle[:].dtype == np.float64
+    assert angle[-1] == pytest.approx(99_999 * float(np.float32(0.1)) / FS, rel=1e-12)
+
+
+def test_the_speed_limit_holds_and_is_close():
+    angle = IntegratedAngle(VELOCITY, FS)
+    for start, stop in ((0, N_TIMES), (300, 301), (1000, 1500)):
+        highest = np.abs(VELOCITY[start:stop]).max()
+        around = VELOCITY[max(0, start - 256) : stop + 256]
+        assert highest <= angle.speed_limit(start, stop) <= np.abs(around).max()
+
+
+@pytest.mark.parametrize(("sign", "way"), [(1, 1), (-1, -1)])
+def test_a_shaft_that_never_turns_back_is_known_as_such(sign, way):
+    velocity = sign * (10 + np.sin(np.arange(1000)))
+    assert IntegratedAngle(velocity, FS).one_way(0.0) == way
+    assert IntegratedAngle(velocity, FS).one_way(9.5) == 0
+
+
+def test_blocks_are_the_whole_in_order(monkeypatch):
+    monkeypatch.setattr("emacm.shaft.motion.BLOCK", 100)
+    pieces = list(blocks(VELOCITY, 50, 1234))
+    assert [first for first, _ in pieces] == list(range(50, 1234, 100))
+    np.testing.assert_array_equal(np.concatenate([p for _, p in pieces]), VELOCITY[50:1234])
+
+
+@pytest.mark.parametrize("block", [64, 1000])
+def test_strokes_do_not_depend_on_the_blocks_they_are_found_in(monkeypatch, block):
+    velocity = 5 * np.sin(np.arange(N_TIMES) / 40)
+    expected = stroke_paths(angle_from_velocity(velocity, FS), velocity, FS, min_speed=1.0)
+    monkeypatch.setattr("emacm.shaft.motion.BLOCK", block)
+    found = stroke_paths(IntegratedAngle(velocity, FS), velocity, FS, min_speed=1.0)
+    assert len(found) == len(expected) > 10
+    for one, other in zip(found, expected, strict=True):
+        assert (one.start_time, one.direction) == (other.start_time, other.direction)
+        np.testing.assert_allclose(one.travel, other.travel, atol=1e-9)
+
+
+@settings(deadline=None)
+@given(limits=slices)
+def test_any_slice_of_joined_strokes_is_that_of_the_whole(limits):
+    strokes = [Stroke(10, 700, 1), Stroke(700, 1500, -1), Stroke(1600, 2900, 1)]
+    travel = JoinedTravel(ANGLE, strokes)
+    whole = np.asarray(travel)
+    assert len(travel) == len(whole) == 2890
+    np.testing.assert_allclose(travel[slice(*limits)], whole[slice(*limits)], atol=1e-12)
+
+
+def test_joined_strokes_stand_still_in_between():
+    angle = np.concatenate([np.arange(5.0), np.full(4, 4.5), np.arange(4.0, 0, -1)])
+    travel = JoinedTravel(angle, [Stroke(0, 5, 1), Stroke(9, 13, -1)])
+    expected = [0, 1, 2, 3, 4, 4, 4, 4, 4, 4, 5, 6, 7]
+    np.testing.assert_array_equal(np.asarray(travel), expected)
+
+
+def test_a_path_knows_how_far_the_shaft_turns_back():
+    travel = np.array([0.0, 2, 5, 4, 3.5, 6, 9, 8.9, 10])
+    assert Path(travel, FS, 0.0, 0.0, 1).setback == 1.5
+
+
+def test_an_integrated_stroke_above_zero_speed_never_turns_back():
+    velocity = np.abs(VELOCITY) + 0.1
+    (path,) = stroke_paths(IntegratedAngle(velocity, FS), velocity, FS)
+    assert isinstance(path.travel, StrokeTravel)
+    assert path.setback == 0
+    assert np.all(np.diff(np.asarray(path.travel)) > 0)
+
+
+def test_the_largest_step_and_its_place_are_found(monkeypatch):
+    travel = np.arange(1000.0)
+    travel[700:] += 50
+    monkeypatch.setattr("emacm.shaft.paths.BLOCK", 64)
+    path = Path(travel, FS, 0.0, 0.0, 1)
+    assert path.largest_step() == (51.0, 699)
+    assert path.fastest == 51 * FS
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 5])
+@pytest.mark.parametrize("start", [0, 40])
+@settings(deadline=None)
+@given(limits=st.tuples(st.integers(-9, 260), st.integers(0, 400)))
+def test_travel_at_a_multiple_of_the_rate_is_the_cubic_through_the_samples(factor, start, limits):
+    travel = ANGLE[:50] - ANGLE[0]
+    path = Path(travel, FS, start / FS, 0.0, 1)
+    first, stop = start * factor + limits[0], start * factor + limits[0] + limits[1]
+    found = path.travel_at(factor * FS, first, stop)
+    position = np.clip(np.arange(first, stop) / factor - start, 0, 49)
+    left = np.clip(np.floor(position + 1e-9).astype(int), 1, 47)
+    expected = [
+        np.polynomial.Polynomial.fit([-1, 0, 1, 2], travel[k - 1 : k + 3], 3)(x - k)
+        for k, x in zip(left, position, strict=True)
+    ]
+    np.testing.assert_allclose(found, expected, atol=1e-10)

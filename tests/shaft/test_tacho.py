@@ -1,0 +1,329 @@
+"""Facts about the tacho: pulses are found and repaired, and the angle follows known motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from motions import FS, TIME, TURN, turned
+from scipy.interpolate import CubicSpline
+
+from emacm.shaft.tacho import TachoAngle, angle_from_pulses, angle_from_tacho, pulse_times
+
+one_way = pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
+
+
+def pulses_of(motion, start=0.3):
+    """Return the times at which the shaft passes `start`, `start` + 1, ... revolutions."""
+    angle = turned(motion)
+    marks = np.arange(start, angle[-1] / TURN)
+    return CubicSpline(angle, TIME)(marks * TURN)
+
+
+def between(pulses):
+    first, last = np.searchsorted(TIME, pulses[[0, -1]])
+    return slice(first, last)
+
+
+def worst(tacho, pulses, motion, start=0.3):
+    """Return the largest error [rad] between the first and the last pulse."""
+    return np.abs(tacho.angle + start * TURN - turned(motion))[between(pulses)].max()
+
+
+# Raw tacho channel
+
+
+def test_pulse_times_are_interpolated_between_samples():
+    wave = np.sin(TURN * (10 * TIME - 0.123))
+    expected = (np.arange(30) + 0.123) / 10
+    np.testing.assert_allclose(pulse_times(wave, FS), expected, atol=1e-7)
+
+
+def test_falling_edges_are_rising_edges_of_the_negative():
+    wave = np.sin(TURN * 10 * TIME + 1)
+    np.testing.assert_allclose(
+        pulse_times(wave, FS, edge="falling"), pulse_times(-wave, FS), atol=1e-12
+    )
+
+
+def test_noise_on_a_tacho_makes_no_double_pulses():
+    noise = np.random.default_rng(0).normal(0, 0.05, len(TIME))
+    times = pulse_times(np.sin(TURN * (10 * TIME - 0.123)) + noise, FS)
+    assert len(times) == 30
+    assert np.abs(times - (np.arange(30) + 0.123) / 10).max() < 3e-3
+
+
+def test_square_pulses_err_by_half_a_sample():
+    expected = (np.arange(30) + 0.12345) / 10
+    square = np.mod(10 * TIME - 0.12345, 1) < 0.2
+    times = pulse_times(square[TIME > 0.005], FS) + np.argmax(TIME > 0.005) / FS
+    assert np.abs(times - expected).max() <= 0.5 / FS + 1e-12
+
+
+def test_a_lone_spike_does_not_move_the_threshold():
+    wave = np.sin(TURN * (10 * TIME - 0.123))
+    spiked = wave.copy()
+    spiked[1373] = 2.5
+    np.testing.assert_allclose(pulse_times(spiked, FS), pulse_times(wave, FS), atol=1e-6)
+
+
+def test_threshold_and_hysteresis_may_be_given():
+    times = pulse_times([0, 1, 0, 5, 0, 1, 0, 5], 1, threshold=2.5, hysteresis=1)
+    np.testing.assert_allclose(times, [2.5, 6.5])
+
+
+def test_a_flat_tacho_is_an_error():
+    with pytest.raises(ValueError, match=r"got a flat channel, 3 throughout. Check the sensor"):
+        pulse_times(np.full(100, 3), FS)
+
+
+def test_a_tacho_without_an_edge_is_an_error():
+    with pytest.raises(ValueError, match=r"at least one rising edge through 4 ± 0.5, got none in"):
+        pulse_times([0, 1, 0, 1], FS, threshold=4, hysteresis=1)
+
+
+def test_peaks_too_rare_for_levels_are_an_error():
+    rare = np.random.default_rng(0).normal(0, 0.01, 30_000)
+    rare[[5000, 15000]] = 1
+    with pytest.raises(ValueError, match=r"must have two levels.* Set threshold and hysteresis"):
+        pulse_times(rare, FS)
+
+
+def test_an_unknown_edge_is_an_error():
+    with pytest.raises(ValueError, match=r"edge must be one of 'rising', 'falling'; got 'up'"):
+        pulse_times([0, 1, 0], FS, edge="up")
+
+
+def test_a_negative_hysteresis_is_an_error():
+    with pytest.raises(ValueError, match=r"hysteresis must be a number at least 0, got -1"):
+        pulse_times([0, 1, 0], FS, hysteresis=-1)
+
+
+# Pulses to angle
+
+BOUND = {"constant": 1e-10, "ramp": 1e-10, "sinusoidal": 5e-3}
+LOST = {"constant": 1e-10, "ramp": 1e-10, "sinusoidal": 0.03}
+
+
+@one_way
+def test_clean_pulses_give_the_angle_and_nothing_to_report(motion):
+    pulses = pulses_of(motion)
+    tacho = angle_from_pulses(pulses, FS, len(TIME))
+    assert worst(tacho, pulses, motion) < BOUND[motion]
+    assert len(tacho.missing) == len(tacho.double) == 0
+
+
+@one_way
+def test_every_lost_pulse_away_from_the_ends_is_found_and_put_back(motion):
+    pulses = pulses_of(motion)
+    for lost in range(4, len(pulses) - 4):
+        tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
+        assert len(tacho.double) == 0
+        np.testing.assert_allclose(tacho.missing, pulses[lost], atol=0.01)
+        assert worst(tacho, pulses, motion) < LOST[motion]
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.95])
+@pytest.mark.parametrize("motion", ["constant", "ramp"])
+def test_every_double_pulse_away_from_the_ends_is_found_and_taken_out(motion, share):
+    pulses = pulses_of(motion)
+    for before in range(3, len(pulses) - 4):
+        stray = pulses[before] + share * (pulses[before + 1] - pulses[before])
+        tacho = angle_from_pulses(np.insert(pulses, before + 1, stray), FS, len(TIME))
+        assert len(tacho.missing) == 0
+        np.testing.assert_array_equal(tacho.double, [stray])
+        assert worst(tacho, pulses, motion) < BOUND[motion]
+
+
+def test_a_gap_of_several_pulses_is_filled():
+    pulses = pulses_of("ramp")
+    tacho = angle_from_pulses(np.delete(pulses, [12, 13, 14]), FS, len(TIME))
+    np.testing.assert_allclose(tacho.missing, pulses[12:15], atol=0.01)
+    assert worst(tacho, pulses, "ramp") < 1e-10
+
+
+@one_way
+@pytest.mark.parametrize("apart", [2, 3])
+def test_two_gaps_close_together_are_both_filled(motion, apart):
+    pulses = pulses_of(motion)
+    lost = [8, 8 + apart]
+    tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
+    np.testing.assert_allclose(tacho.missing, pulses[lost], atol=0.02)
+    assert len(tacho.double) == 0
+
+
+@pytest.mark.parametrize("lost", [1, 2, -3, -2])
+def test_a_pulse_lost_in_the_end_intervals_is_found_at_constant_speed(lost):
+    pulses = pulses_of("constant")
+    tacho = angle_from_pulses(np.delete(pulses, lost), FS, len(TIME))
+    np.testing.assert_allclose(tacho.missing, pulses[[lost]], atol=1e-9)
+
+
+@pytest.mark.parametrize("before", [0, 1, 2, -4, -3, -2])
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.5, 0.7, 0.95])
+def test_a_double_pulse_in_the_end_intervals_is_found_at_constant_speed(before, share):
+    pulses = pulses_of("constant")
+    stray = pulses[before] + share * (pulses[before + 1] - pulses[before])
+    tacho = angle_from_pulses(np.sort(np.append(pulses, stray)), FS, len(TIME))
+    np.testing.assert_array_equal(tacho.double, [stray])
+    assert len(tacho.missing) == 0
+    assert worst(tacho, pulses, "constant") < 1e-10
+
+
+@pytest.mark.parametrize("before", range(5))
+def test_six_pulses_at_constant_speed_are_enough_to_find_a_double_one(before):
+    tacho = angle_from_pulses(np.insert(np.arange(6.0), before + 1, before + 0.5), 1, 6)
+    np.testing.assert_array_equal(tacho.double, [before + 0.5])
+    np.testing.assert_allclose(tacho.angle, TURN * np.arange(6), atol=1e-12)
+
+
+@pytest.mark.parametrize("lost", range(1, 5))
+def test_six_pulses_at_constant_speed_are_enough_to_find_a_lost_one(lost):
+    tacho = angle_from_pulses(np.delete(np.arange(6.0), lost), 1, 6)
+    np.testing.assert_allclose(tacho.missing, [lost])
+    assert len(tacho.double) == 0
+
+
+def test_missing_and_double_pulses_are_repaired_together():
+    pulses = pulses_of("ramp")
+    stray = 0.6 * pulses[8] + 0.4 * pulses[9]
+    tacho = angle_from_pulses(np.delete(np.insert(pulses, 9, stray), 16), FS, len(TIME))
+    assert worst(tacho, pulses, "ramp") < 1e-10
+    assert (len(tacho.missing), len(tacho.double)) == (1, 1)
+
+
+@pytest.mark.parametrize("start", [0.01, 0.3, 0.9])
+def test_a_start_from_rest_and_a_stop_are_no_faults(start):
+    up = np.sqrt(np.arange(20) + start)
+    for pulses in (up, up[-1] - up[::-1]):
+        tacho = angle_from_pulses(pulses, 100, 500)
+        assert len(tacho.missing) == len(tacho.double) == 0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_jitter_of_three_percent_makes_no_faults(seed):
+    jitter = np.random.default_rng(seed).uniform(-0.03, 0.03, 40)
+    tacho = angle_from_pulses(np.arange(40) + 1 + jitter, 10, 400)
+    assert len(tacho.missing) == len(tacho.double) == 0
+
+
+@given(st.lists(st.floats(0.01, 10), min_size=1, max_size=20), st.floats(1, 60))
+def test_the_angle_never_falls(intervals, pulses_per_rev):
+    pulses = np.concatenate(([0], np.cumsum(intervals)))
+    n_times = int(pulses[-1] * 100) + 2
+    try:
+        tacho = angle_from_pulses(pulses, 100, n_times, pulses_per_rev=pulses_per_rev)
+    except ValueError as error:
+        assert "gaps of at most 10 intervals" in str(error)  # noqa: PT017
+    else:
+        assert np.diff(tacho.angle).min() > -1e-9
+
+
+def test_beyond_the_pulses_the_speed_is_held():
+    tacho = angle_from_pulses([1.0, 1.5, 2.0, 2.5], 10, 41)
+    np.testing.assert_allclose(tacho.angle, 2 * TURN * (np.arange(41) / 10 - 1), atol=1e-12)
+
+
+@pytest.mark.parametrize("pulses_per_rev", [60, 2.5])
+def test_pulses_per_revolution_divide_the_angle(pulses_per_rev):
+    tacho = angle_from_pulses(np.arange(11.0), 1, 11, pulses_per_rev=pulses_per_rev)
+    np.testing.assert_allclose(tacho.angle, TURN * np.arange(11) / pulses_per_rev)
+
+
+def test_the_report_reads_well():
+    tacho = angle_from_pulses(np.delete(np.arange(9.0), 4), 1, 9)
+    assert str(tacho) == "TachoAngle(9 samples, 8 revolutions, 1 (at 4 s) missing, 0 double)"
+
+
+def test_a_long_report_is_cut_short():
+    tacho = TachoAngle(np.zeros(2), np.arange(6.0), np.array([]))
+    assert "6 (at 0, 1, 2, 3, 4, ... s) missing" in repr(tacho)
+
+
+def test_a_tacho_angle_cannot_be_changed():
+    tacho = angle_from_pulses([0, 1, 2], 1, 3)
+    with pytest.raises(AttributeError):
+        tacho.angle = np.zeros(3)
+
+
+def test_without_repair_a_missing_pulse_is_an_error():
+    with pytest.raises(
+        ValueError, match=r"got a pulse missing after pulse 3, 3 s .1 missing and 0"
+    ):
+        angle_from_pulses(np.delete(np.arange(9.0), 4), 1, 9, repair=False)
+
+
+def test_without_repair_a_double_pulse_is_an_error():
+    pulses = np.insert(np.arange(9.0), 4, 3.2)
+    with pytest.raises(ValueError, match=r"got a pulse double: pulse 4, 3.2 s .*repair=True"):
+        angle_from_pulses(pulses, 1, 9, repair=False)
+
+
+def test_without_repair_clean_pulses_pass():
+    assert angle_from_pulses(np.arange(9.0), 1, 9, repair=False).angle[-1] == pytest.approx(
+        8 * TURN
+    )
+
+
+def test_a_standstill_is_an_error_that_says_where():
+    pulses = np.concatenate((np.arange(10.0), np.arange(10.0) + 40))
+    with pytest.raises(
+        ValueError, match=r"at most 10 intervals, got one of 31 after pulse 9 at 9 s"
+    ):
+        angle_from_pulses(pulses, 1, 60)
+
+
+def test_a_raw_channel_in_place_of_pulse_times_is_told_apart():
+    with pytest.raises(
+        ValueError, match=r"got 0 after 5 at pulse 2. If this is a raw tacho channel"
+    ):
+        angle_from_pulses([0, 5, 0, 5], FS, 100)
+
+
+def test_pulse_times_that_are_sample_numbers_are_told_apart():
+    with pytest.raises(ValueError, match=r"at least two pulses within .* Are they in s"):
+        angle_from_pulses([1000, 2000, 3000], FS, 10_000)
+
+
+def test_a_single_pulse_is_an_error():
+    with pytest.raises(ValueError, match=r"times must hold at least 2 samples, got 1"):
+        angle_from_pulses([1.0], FS, 100)
+
+
+def test_the_number_of_samples_must_be_whole():
+    with pytest.raises(TypeError, match=r"n_times must be a whole number of at least 1, got 9.5"):
+        angle_from_pulses([0, 1, 2], 1, 9.5)
+
+
+def test_pulses_per_revolution_must_be_positive():
+    with pytest.raises(ValueError, match=r"pulses_per_rev must be a number above 0, got 0"):
+        angle_from_pulses([0, 1, 2], 1, 3, pulses_per_rev=0)
+
+
+@one_way
+def test_a_noisy_raw_tacho_gives_the_angle(motion):
+    marks = np.clip(20 * (np.sin(turned(motion)) - 0.5), -1, 1)
+    noise = np.random.default_rng(0).normal(0, 0.02, len(TIME))
+    tacho = angle_from_tacho(marks + noise, FS)
+    first = TURN / 12  # the sine passes 0.5
+    pulses = pulse_times(marks, FS)
+    error = np.abs(tacho.angle + first - turned(motion))[between(pulses)].max()
+    assert error < 6e-3
+    assert len(tacho.missing) == len(tacho.double) == 0
+
+
+def test_a_tacho_sensor_with_a_blind_mark_is_reported():
+    wave = np.sin(turned("constant"))
+    wave[(TIME > 0.98) & (TIME < 1.06)] = -1
+    tacho = angle_from_tacho(wave, FS)
+    np.testing.assert_allclose(tacho.missing, [1.0], atol=1e-3)
+
+
+def test_neither_function_changes_its_input():
+    times, tacho = np.array([0.0, 1.0, 2.0, 3.5]), np.array([0.0, 1.0, 0.0, 1.0])
+    before = times.copy(), tacho.copy()
+    angle_from_pulses(times, 1, 4)
+    angle_from_tacho(tacho, 1)
+    np.testing.assert_array_equal(times, before[0])
+    np.testing.assert_array_equal(tacho, before[1])

@@ -1,0 +1,404 @@
+"""A bench records what the laboratory of the thesis would, and its faults where they are."""
+
+import pickle
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import signal as filters
+
+from emacm import OrderPSD, OrderResampler, Recording
+from emacm.simulation.actuator import PEAK_SPEED, Actuator
+from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.conditions import CONDITIONS
+from emacm.simulation.faults import FAULT_ORDERS, FAULTS
+
+INNER = FAULT_ORDERS["inner ring"][0]
+
+
+@cache
+def record(condition=3, run=1, faults=None, *, duration=3.0, **constants):
+    bench = LaboratoryBench(faults=dict(faults or ()), duration=duration, **constants)
+    return bench.record(condition, run)
+
+
+def spectrum(recording, channel, *, revolutions=8, max_order=45):
+    """Order PSD of one channel."""
+    resampler = OrderResampler(2 * np.pi / 128, channels=[channel], min_speed=1.0)
+    psd = OrderPSD(revolutions, max_order=max_order)
+    (power,) = psd.fit_transform(resampler.fit_transform([recording]))
+    return psd.orders_, np.asarray(power)
+
+
+def level(recording, channel, order, **more):
+    """Highest density within 0.15 of an order."""
+    orders, power = spectrum(recording, channel, **more)
+    return power[np.abs(orders - order) <= 0.15].max()
+
+
+def contrast(recording, channel, order):
+    """Density at an order over the median of half an order to either side."""
+    orders, power = spectrum(recording, channel, revolutions=12)
+    away = np.abs(orders - order)
+    return power[away <= 0.15].max() / np.median(power[(away > 0.25) & (away < 0.6)])
+
+
+def rms(recording, channel="accelerometer"):
+    return float(np.std(recording.signals[channel].astype(float)))
+
+
+def same(one, other):
+    return all(np.array_equal(one.signals[name], other.signals[name]) for name in one.channels)
+
+
+def test_a_recording_has_the_channels_of_the_thesis_at_48_khz():
+    recording = record()
+    assert recording.channels == ("lvdt", "velocity", "current_a", "accelerometer")
+    assert set(recording.fs.values()) == {48_000}
+    assert recording.reference == "angle"
+    assert recording.duration == pytest.approx(3)
+
+
+def test_all_three_phases_are_there_if_wanted():
+    three = record(phases="abc")
+    assert three.channels[2:5] == ("current_a", "current_b", "current_c")
+    assert np.array_equal(three.signals["current_a"], record().signals["current_a"])
+
+
+def test_commands_are_recorded_only_if_wanted_and_change_nothing_else():
+    plain, more = record(), record(commands=True)
+    assert more.channels == (*plain.channels, "position_command", "load_command", "load_cell")
+    assert same(plain, more)
+    assert np.array_equal(plain.angle, more.angle)
+
+
+@pytest.mark.parametrize("condition", [1, 2, 5])
+def test_the_rod_follows_its_command_by_a_lag_of_the_position_loop(condition):
+    # The speed is the gain of the loop, 40 / s, times the position error.
+    signals = record(condition, commands=True).signals
+    error = signals["position_command"].astype(float) - signals["lvdt"]
+    row = CONDITIONS[condition]
+    per_period = {"sine": 2 * np.pi, "triangle": 4.0}[row.shape]  # fastest, in amplitudes
+    fastest = per_period * row.frequency * abs(row.amplitude)
+    assert np.abs(error).max() == pytest.approx(fastest / 40, rel=0.25)
+
+
+def test_the_load_cell_reads_the_commanded_load_but_for_what_the_loop_leaves():
+    for condition, reach in ((1, 0), (4, 1210 * 4.4)):
+        signals = record(condition, commands=True).signals
+        asked, read = (signals[name].astype(float) for name in ("load_command", "load_cell"))
+        assert np.ptp(asked) == pytest.approx(reach, rel=0.03)
+        assert 0 < np.std(read - asked) < 3 + 0.02 * np.abs(asked).max()
+
+
+def test_the_position_command_is_that_of_table_4_3():
+    command = record(3, commands=True).signals["position_command"]
+    assert command.max() == pytest.approx(2.3, abs=1e-3)
+    assert command.min() == pytest.approx(-1.8, abs=1e-3)
+
+
+def test_a_unit_is_built_before_it_runs_and_faults_do_not_rebuild_it():
+    healthy, broken = (LaboratoryBench(unit=5, faults=faults) for faults in (None, "jam"))
+    assert healthy.built == broken.built != Actuator()
+    assert LaboratoryBench(unit=5, unit_spread=0).built == Actuator()
+    still = LaboratoryBench(unit=5, run_spread=0, duration=0.05)
+    assert still.truth(1).actuator == still.built
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_no_measured_speed_passes_4572_rpm(condition):
+    assert np.abs(record(condition).signals["velocity"]).max() < PEAK_SPEED
+
+
+def test_the_resolver_and_the_velocity_channel_tell_the_same_motion():
+    recording = record(4)
+    velocity = recording.signals["velocity"].astype(float)
+    turned = np.concatenate(([0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2))) / 48_000
+    away = turned[::10] - recording.angle
+    assert np.ptp(away) < 0.05  # of 180 rad
+
+
+def test_the_rod_moves_a_lead_for_each_revolution():
+    recording = record(3)
+    slope = np.polyfit(recording.angle, recording.signals["lvdt"][::10], 1)[0]
+    assert slope == pytest.approx(0.2 / (2 * np.pi), rel=0.02)
+
+
+@pytest.mark.parametrize("condition", [2, 3, 4, 5])
+def test_the_current_has_its_fundamental_at_order_6(condition):
+    orders, power = spectrum(record(condition), "current_a", revolutions=4)
+    assert orders[power.argmax()] == pytest.approx(6, abs=0.13)
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 4, 6])
+def test_an_inner_ring_defect_strikes_at_harmonics_of_6_123(harmonic):
+    bad = record(3, faults=(("inner ring", 0.5),))
+    assert contrast(bad, "accelerometer", harmonic * INNER) > 4
+    assert contrast(record(3), "accelerometer", harmonic * INNER) < 2.5
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_an_inner_ring_defect_has_sidebands_one_order_away(side):
+    bad = record(3, faults=(("inner ring", 0.5),))
+    assert contrast(bad, "accelerometer", 6 * INNER + side) > 3
+    round_the_ring = record(3, faults=(("outer ring", 0.5),))
+    line = 9 * FAULT_ORDERS["outer ring"][0]
+    assert contrast(round_the_ring, "accelerometer", line) > 4
+    assert contrast(round_the_ring, "accelerometer", line + side) < 2.5
+
+
+def test_the_envelope_of_a_resonance_shows_the_inner_ring():
+    # Without a rule for orders: the envelope around 5.2 kHz, resampled by plain interpolation.
+    bad = record(3, faults=(("inner ring", 0.5),))
+    band = filters.butter(4, [3500, 8000], "bandpass", fs=48_000, output="sos")
+    envelope = np.abs(filters.hilbert(filters.sosfilt(band, bad.signals["accelerometer"])))
+    angle = np.interp(np.arange(len(envelope)) / 48_000, np.arange(14_400) / 4800, bad.angle)
+    turning = np.abs(np.gradient(angle)) * 48_000
+    at_speed = np.flatnonzero(turning > 0.9 * turning.max())
+    stretch = max(np.split(at_speed, np.flatnonzero(np.diff(at_speed) > 1) + 1), key=len)
+    travel = np.abs(angle[stretch] - angle[stretch[0]]) / (2 * np.pi)
+    even = np.arange(0, travel[-1], 1 / 64)
+    smooth = np.interp(even, travel, envelope[stretch])
+    lines = np.abs(np.fft.rfft((smooth - smooth.mean()) * np.hanning(len(even)), 1 << 14))
+    orders = np.fft.rfftfreq(1 << 14, 1 / 64)
+    searched = (orders > 2) & (orders < 9)
+    assert orders[searched][lines[searched].argmax()] == pytest.approx(INNER, abs=0.06)
+
+
+ORDER_OF_SIGHT = {
+    "outer ring": ("accelerometer", 3, 8 * FAULT_ORDERS["outer ring"][0]),
+    "ball": ("accelerometer", 3, 9 * FAULT_ORDERS["ball"][0]),
+    "screw": ("accelerometer", 3, 2 * FAULT_ORDERS["screw"][0]),
+    "eccentricity": ("accelerometer", 3, 1.0),
+    "phase imbalance": ("current_a", 4, 18.0),
+}
+
+
+@pytest.mark.parametrize("fault", ORDER_OF_SIGHT)
+def test_a_fault_raises_the_line_at_its_order(fault):
+    channel, condition, order = ORDER_OF_SIGHT[fault]
+    sick = record(condition, faults=((fault, 1.0),))
+    assert level(sick, channel, order) > 5 * level(record(condition), channel, order)
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_a_defect_stands_in_the_current_at_6_plus_and_minus_its_order(m):
+    # Eq. (2.4), of the screw: its order does not fall on a multiple of 6.
+    (order,) = FAULT_ORDERS["screw"]
+    sick, sound = record(5, faults=(("screw", 1.0),), duration=6.0), record(5, duration=6.0)
+    for line in (abs(6 - m * order), 6 + m * order):
+        ratio = level(sick, "current_a", line, revolutions=6)
+        assert ratio > 2 * level(sound, "current_a", line, revolutions=6)
+
+
+def test_lack_of_grease_raises_the_sidebands_of_the_current():
+    # Thesis, section 4.5; it is slow, so the velocity loop answers it.
+    dry, sound = record(2, faults=(("lubrication", 1.0),)), record(2)
+    for line in (4.5, 5.0, 7.0, 7.5):
+        assert level(dry, "current_a", line) > 10 * level(sound, "current_a", line)
+
+
+def test_lash_shows_where_the_load_changes_its_sign_alone():
+    loose, tight = record(4, faults=(("backlash", 1.0),)), record(4)
+    away = loose.signals["lvdt"].astype(float) - tight.signals["lvdt"]
+    assert np.ptp(away) == pytest.approx(0.01, rel=0.1)
+    assert (
+        np.abs(loose.signals["accelerometer"]).max()
+        > 2 * np.abs(tight.signals["accelerometer"]).max()
+    )
+    pressed, sound = record(3, faults=(("backlash", 1.0),)), record(3)
+    away = pressed.signals["lvdt"] - sound.signals["lvdt"]  # to one side, by half of the lash
+    assert np.ptp(away) < 2e-4
+    assert np.array_equal(pressed.signals["accelerometer"], sound.signals["accelerometer"])
+
+
+def test_a_jam_takes_current_at_its_place():
+    stuck, free = record(2, faults=(("jam", 0.3),)), record(2)
+    more = np.abs(stuck.signals["current_a"]) - np.abs(free.signals["current_a"])
+    place = free.signals["lvdt"]
+    assert more[np.abs(place - 1.9) < 0.1].mean() > 3
+    assert np.abs(more[place < 1.0].mean()) < 0.1
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_severity_nought_is_healthy_to_the_last_bit(fault):
+    nought = record(4, faults=((fault, 0.0),), duration=0.2)
+    assert nought == record(4, duration=0.2)
+
+
+def test_vibration_grows_with_severity():
+    sizes = [rms(record(4, faults=(("inner ring", s),))) for s in (0.0, 0.3, 0.6, 1.0)]
+    assert np.all(np.diff(sizes) > 0.005)
+
+
+def test_vibration_grows_with_speed():
+    # Triangles of 3.6 and 17.5 in/s. Of the load alone it would grow by a sixth.
+    slow, fast = (rms(record(c, faults=(("inner ring", 1.0),))) for c in (2, 3))
+    assert fast > 2 * slow
+
+
+def test_vibration_grows_with_load():
+    # Condition 4: a spring. The same speeds are passed under 680 and under 4500 lbf.
+    recording = record(4, faults=(("inner ring", 1.0),), duration=6.0)
+    place = recording.signals["lvdt"]
+    pushed, free = ((place > lo) & (place < hi) for lo, hi in ((1.0, 1.8), (-1.6, -0.8)))
+    shaking = recording.signals["accelerometer"].astype(float)
+    assert shaking[pushed].std() > 1.3 * shaking[free].std()
+
+
+@pytest.mark.parametrize("channel", ["lvdt", "velocity"])
+@pytest.mark.parametrize("order", [12, 36])
+def test_the_motors_noise_stands_at_orders_12_and_36_as_the_parameter_says(channel, order):
+    usual, little, none = (record(4, electrical_noise=noise) for noise in (1.0, 0.2, 0.0))
+    assert contrast(usual, channel, order) > 100
+    # A fifth of the noise has a 25th of its power; in the velocity there is ripple too.
+    assert level(usual, channel, order) == pytest.approx(
+        25 * level(little, channel, order), rel=0.2
+    )
+    assert level(none, channel, order) < 0.01 * level(usual, channel, order)
+
+
+def test_the_motors_noise_is_none_of_the_fault():
+    sick, sound = (record(4, faults=f) for f in ((("inner ring", 0.5),), None))
+    for order in (12, 36):
+        ratio = level(sick, "lvdt", order) / level(sound, "lvdt", order)
+        assert ratio == pytest.approx(1, abs=0.1)
+
+
+def test_above_15_khz_the_recording_is_quieter():
+    hertz, psd = filters.welch(record(3).signals["accelerometer"], 48_000, nperseg=4096)
+    assert psd[hertz > 21_000].mean() < 0.05 * psd[(hertz > 9000) & (hertz < 13_000)].mean()
+
+
+def test_the_same_bench_and_run_give_the_same_recording_in_any_order():
+    bench = LaboratoryBench(unit=2, faults={"ball": 0.5, "jam": 0.1}, duration=0.2)
+    order = [(4, 1), (1, 3), (4, 2)]
+    forth = {key: bench.record(*key) for key in order}
+    back = {key: bench.record(*key) for key in reversed(order)}
+    assert forth == back
+    assert pickle.loads(pickle.dumps(bench)).record(4, 2) == forth[4, 2]
+
+
+def test_another_seed_unit_condition_or_run_is_another_recording():
+    usual = record(4, duration=0.2)
+    others = [
+        record(4, 2, duration=0.2),
+        record(5, duration=0.2),
+        record(4, duration=0.2, seed=1),
+        record(4, duration=0.2, unit=1),
+    ]
+    assert not any(same(usual, other) for other in others)
+
+
+def test_a_fault_changes_nothing_but_what_it_does():
+    # Before and after: the noise is the same, and what the fault does not touch.
+    sick, sound = record(3, faults=(("outer ring", 1.0),)), record(3)
+    assert not np.array_equal(sick.signals["accelerometer"], sound.signals["accelerometer"])
+    away = sick.signals["lvdt"].astype(float) - sound.signals["lvdt"]
+    assert np.abs(away).max() < 2e-4
+
+
+def features(unit, run):
+    recording = record(4, run, unit=unit, duration=1.5, electrical_noise=1.0)
+    lines = [level(recording, "velocity", 12), level(recording, "current_a", 7)]
+    return np.log([rms(recording), *lines])
+
+
+def test_units_differ_more_than_runs():
+    table = np.array([[features(unit, run) for run in (1, 2, 3)] for unit in range(5)])
+    within = table.var(axis=1, ddof=1).mean(axis=0)
+    between = table.mean(axis=1).var(axis=0, ddof=1)
+    assert np.all(between > 2 * within)
+
+
+def test_without_spread_units_differ_by_noise_alone():
+    one, other = (record(4, unit=unit, unit_spread=0.0, run_spread=0.0) for unit in (0, 1))
+    assert not same(one, other)
+    assert rms(one) == pytest.approx(rms(other), rel=0.05)
+    bench = LaboratoryBench(unit_spread=0, run_spread=0, duration=0.1)
+    assert bench.truth(1).actuator == Actuator()
+
+
+def test_meta_holds_the_truth():
+    recording = record(2, 5, (("lubrication", 0.25), ("inner ring", 0.5)), duration=0.1, unit=3)
+    assert recording.meta == {
+        "unit": 3,
+        "condition": 2,
+        "run": 5,
+        "label": "inner ring + lubrication",
+        "severity": 0.5,
+        "faults": {"inner ring": 0.5, "lubrication": 0.25},
+        "orders": {"inner ring": (INNER,), "lubrication": (1.0,)},
+    }
+    assert record(2, duration=0.1).meta["label"] == "healthy"
+    assert pickle.loads(pickle.dumps(recording)) == recording
+    assert isinstance(recording, Recording)
+
+
+def test_numbers_of_numpy_are_numbers():
+    bench = LaboratoryBench(unit=np.int64(3), seed=np.int32(2), duration=0.1)
+    plain = LaboratoryBench(unit=3, seed=2, duration=0.1)
+    assert bench == plain
+    assert bench.record(np.int64(4), np.int64(2)) == plain.record(4, 2)
+
+
+def test_a_name_alone_is_the_whole_fault():
+    assert LaboratoryBench(faults="jam") == LaboratoryBench(faults={"jam": 1})
+
+
+def test_the_rate_is_free_above_twice_the_cutoff():
+    coarse = record(4, fs=8000.0, cutoff=3000.0, duration=1.0)
+    fine = record(4, duration=1.0)
+    assert coarse.fs["lvdt"] == 8000
+    assert np.abs(coarse.signals["lvdt"] - fine.signals["lvdt"][::6]).max() < 0.01
+    # The mode at 5.2 kHz is out of reach.
+    assert 0.1 * rms(fine) < rms(coarse) < rms(fine)
+
+
+def test_the_truth_has_what_no_sensor_sees():
+    truth = LaboratoryBench(faults="inner ring", duration=1.0).truth(3)
+    travel = np.abs(np.diff(truth.torques.angle)).sum() / (2 * np.pi)
+    assert len(truth.passages["inner ring"].strikes) == pytest.approx(travel * INNER, rel=0.01)
+    assert truth.times[0] == pytest.approx(-0.1)
+    assert truth.currents.shape == (3, len(truth.times))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"faults": "rust"}, ValueError, "a fault must be one of 'inner ring'"),
+        ({"faults": {"ball": 2}}, ValueError, "severity of 'ball' must be .* at most 1, got 2"),
+        ({"unit": -1}, ValueError, "unit must be a whole number of at least 0, got -1"),
+        ({"unit": "A"}, TypeError, "unit must be a whole number of at least 0, got 'A'"),
+        ({"seed": -1}, ValueError, "seed must be a whole number of at least 0, got -1"),
+        ({"unit_spread": -1}, ValueError, "unit_spread must be a number at least 0, got -1"),
+        ({"run_spread": -1}, ValueError, "run_spread must be a number at least 0, got -1"),
+        ({"electrical_noise": -1}, ValueError, "electrical_noise must be a number at least 0"),
+        ({"phases": "d"}, ValueError, "phases must be one of 'a', 'b', 'c', .*; got 'd'"),
+        ({"commands": 1}, TypeError, "commands must be True or False, got 1"),
+        ({"duration": 0}, ValueError, "duration must be a number of s, at least 0.01, got 0"),
+        ({"fs": 20_000}, ValueError, "fs must be a number of Hz, above 30000, got 20000"),
+        ({"cutoff": 0}, ValueError, "cutoff must be a number of Hz, above 0, got 0"),
+        ({"actuator": None}, TypeError, "actuator must be an Actuator, got None"),
+    ],
+)
+def test_a_wrong_parameter_is_named(arguments, error, message):
+    with pytest.raises(error, match=message):
+        LaboratoryBench(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("condition", "run", "error", "message"),
+    [
+        (6, 1, ValueError, "condition must be one of 1, 2, 3, 4, 5; got 6"),
+        (0, 1, ValueError, "condition must be a whole number of at least 1, got 0"),
+        ("1", 1, TypeError, "condition must be a whole number of at least 1, got '1'"),
+        (1, 0, ValueError, "run must be a whole number of at least 1, got 0"),
+        (1, 1.5, TypeError, "run must be a whole number of at least 1, got 1.5"),
+    ],
+)
+def test_a_condition_or_run_that_does_not_exist_is_named(condition, run, error, message):
+    bench = LaboratoryBench()
+    for ask in (bench.record, bench.truth, bench.meta):
+        with pytest.raises(error, match=message):
+            ask(condition, run)

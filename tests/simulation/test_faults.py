@@ -1,0 +1,129 @@
+"""Faults have the orders that their geometry gives, and strike when balls pass."""
+
+import numpy as np
+import pytest
+
+from emacm.simulation.faults import (
+    CAGE_ORDER,
+    FAULT_ORDERS,
+    FAULTS,
+    ROLLING,
+    ball_passage,
+    check_faults,
+)
+
+TURN = 2 * np.pi
+
+
+def passage(fault, revolutions=200, seed=0, mark=0.0):
+    angle = np.linspace(0, TURN * revolutions, 500 * revolutions)
+    return angle, ball_passage(fault, angle, np.random.default_rng(seed), mark=mark)
+
+
+def test_the_inner_ring_is_passed_6_123_times_a_revolution():
+    assert round(FAULT_ORDERS["inner ring"][0], 3) == 6.123
+
+
+def test_orders_of_rolling_faults_are_those_of_textbook_geometry():
+    # Randall and Antoni, Rolling element bearing diagnostics, Eqs. (1) to (4), written out.
+    gamma = 0.2478 * np.cos(np.radians(25))
+    expected = {
+        "inner ring": 5 * (1 + gamma),
+        "outer ring": 5 * (1 - gamma),
+        "ball": (1 - gamma**2) / 0.2478,  # it meets either ring once in a turn of its own
+        "cage": (1 - gamma) / 2,
+        "screw": 10 * (1 - 0.1323 * np.cos(np.radians(45))),
+    }
+    for fault, order in expected.items():
+        assert FAULT_ORDERS[fault] == pytest.approx((order,), rel=1e-13)
+
+
+@pytest.mark.parametrize("fault", ROLLING)
+def test_strikes_come_at_the_order_of_the_fault(fault):
+    _, passed = passage(fault)
+    (order,) = FAULT_ORDERS[fault]
+    # The way scatters by 0.5 % a strike, independently.
+    allowed = 1 + 4 * 0.005 * np.sqrt(200 * order)
+    assert abs(len(passed.strikes) - 200 * order) < allowed
+
+
+def test_on_the_way_back_the_balls_strike_as_often():
+    out = np.linspace(0, TURN * 100, 50_000)
+    there_and_back = np.concatenate((out, out[::-1]))
+    strikes = ball_passage("inner ring", there_and_back, np.random.default_rng(1)).strikes
+    forth = np.count_nonzero(strikes < 50_000)
+    assert abs(len(strikes) - 2 * forth) <= 2
+
+
+def test_a_shaft_at_rest_is_not_struck():
+    assert not len(ball_passage("ball", np.zeros(1000), np.random.default_rng(0)).strikes)
+
+
+def test_the_way_between_strikes_scatters_by_half_a_per_cent_and_independently():
+    angle, passed = passage("outer ring", 2000)
+    ways = np.diff(angle[passed.strikes])
+    rounding = (angle[1] / np.sqrt(6) / ways.mean()) ** 2
+    share = np.sqrt(ways.var() / ways.mean() ** 2 - rounding)
+    assert share == pytest.approx(0.005, rel=0.1)
+
+
+def test_a_defect_of_the_inner_ring_passes_the_load_zone_once_a_revolution():
+    angle, passed = passage("inner ring", mark=1.0)
+    heaviest = angle[passed.weight > 1 - 1e-6]
+    assert np.angle(np.exp(1j * (heaviest + 1.0))) == pytest.approx(0, abs=0.01)
+    assert passed.weight.max() == pytest.approx(1, abs=1e-4)
+    assert 0 < passed.weight.min() < 0.1
+
+
+@pytest.mark.parametrize("fault", ["outer ring", "screw"])
+def test_what_stands_still_is_struck_evenly(fault):
+    assert np.all(passage(fault)[1].weight == 1)
+
+
+def test_a_ball_is_loaded_at_the_order_of_the_cage():
+    angle, passed = passage("ball")
+    spectrum = np.abs(np.fft.rfft(passed.weight - passed.weight.mean()))
+    order = spectrum.argmax() / (angle[-1] / TURN)
+    assert order == pytest.approx(CAGE_ORDER, abs=1 / 200)
+
+
+def test_pulses_push_on_average_nothing():
+    _, passed = passage("outer ring", 500)
+    assert abs(passed.pulses.mean()) < 0.01 * passed.pulses.max()
+
+
+def test_the_same_chance_gives_the_same_strikes():
+    assert np.array_equal(passage("ball", seed=3)[1].strikes, passage("ball", seed=3)[1].strikes)
+    assert not np.array_equal(passage("ball", seed=3)[1].phase, passage("ball", seed=4)[1].phase)
+
+
+def test_what_has_no_ball_has_no_passage():
+    with pytest.raises(ValueError, match=r"fault must be one of 'inner ring', .*; got 'jam'"):
+        passage("jam")
+
+
+def test_no_order_lies_on_another_but_those_of_the_shaft():
+    orders = [order for name in FAULTS for order in FAULT_ORDERS[name] if order % 1]
+    assert len(set(orders)) == len(orders) == 5
+
+
+def test_faults_may_be_none_a_name_or_severities():
+    assert check_faults(None) == {}
+    assert check_faults("jam") == {"jam": 1.0}
+    assert list(check_faults({"jam": 1, "inner ring": 0})) == ["inner ring", "jam"]
+
+
+@pytest.mark.parametrize(
+    ("faults", "error", "message"),
+    [
+        ("rust", ValueError, "a fault must be one of 'inner ring', .*'jam'; got 'rust'"),
+        ({"ball": 1.1}, ValueError, "severity of 'ball' must be a number at least 0 and at most 1"),
+        ({"ball": -0.1}, ValueError, "severity of 'ball' must be .*, got -0.1"),
+        ({"ball": "bad"}, TypeError, "severity of 'ball' must be a number .*, got 'bad'"),
+        ({"ball": float("nan")}, ValueError, "severity of 'ball' .*got nan"),
+        (["ball"], TypeError, r"faults must be None, a name or a mapping .*, got \['ball'\]"),
+    ],
+)
+def test_a_fault_that_is_none_is_refused(faults, error, message):
+    with pytest.raises(error, match=message):
+        check_faults(faults)

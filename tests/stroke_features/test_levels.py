@@ -1,0 +1,210 @@
+"""Facts about level and shape: known answers, invariances, and SciPy's moments."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from emacm.stroke_features.levels import STATISTICS, common_slope, signal_statistics
+
+CYCLES = np.arange(1000) / 1000 * 2 * np.pi * 5
+SINE = 3 * np.sin(CYCLES)
+
+whole = st.integers(-1000, 1000).map(float)
+signals = arrays(float, st.integers(3, 40), elements=whole).filter(lambda x: np.ptp(x) > 0)
+
+
+def one(signal, name):
+    return float(signal_statistics(signal, [name])[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mean", 0.0),
+        ("rms", 3 / np.sqrt(2)),
+        ("std", 3 / np.sqrt(2)),
+        ("peak", 3.0),
+        ("peak_to_peak", 6.0),
+        ("crest_factor", np.sqrt(2)),
+        ("kurtosis", 1.5),
+        ("skewness", 0.0),
+    ],
+)
+def test_a_sine_has_these_levels(name, value):
+    assert one(SINE, name) == pytest.approx(value, abs=1e-12)
+
+
+def test_the_kurtosis_of_gaussian_noise_is_three():
+    noise = np.random.default_rng(0).standard_normal(400_000)
+    # The standard error of a kurtosis is sqrt(24 / n); four of them.
+    assert one(noise, "kurtosis") == pytest.approx(3, abs=4 * np.sqrt(24 / 400_000))
+
+
+def test_rare_impulses_raise_the_kurtosis():
+    knocks = np.where(np.arange(1000) % 100 == 0, 1.0, 0.0)
+    # Of a 0-1 signal with the share p of ones: (1 - 3 p (1 - p)) / (p (1 - p)).
+    assert one(knocks, "kurtosis") == pytest.approx((1 - 3 * 0.01 * 0.99) / (0.01 * 0.99))
+
+
+def test_a_negative_peak_counts_by_its_size():
+    assert one([1.0, -4.0, 2.0], "peak") == 4
+
+
+def test_a_long_tail_to_the_right_is_a_positive_skewness():
+    assert one([0.0, 0.0, 0.0, 5.0], "skewness") > 0
+    assert one([0.0, 0.0, 0.0, -5.0], "skewness") < 0
+
+
+def test_the_crest_factor_of_a_constant_is_one():
+    assert one(np.full(7, -2.5), "crest_factor") == pytest.approx(1)
+
+
+def test_the_standard_deviation_of_a_constant_is_zero():
+    assert one(np.full(8, -2.5), "std") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "independent"),
+    [
+        ("kurtosis", lambda x: stats.kurtosis(x, fisher=False)),
+        ("skewness", stats.skew),
+        ("std", np.std),
+        ("peak_to_peak", np.ptp),
+    ],
+)
+def test_moments_are_those_of_scipy_and_numpy(name, independent):
+    x = np.random.default_rng(1).gamma(2.0, size=500)
+    assert one(x, name) == pytest.approx(float(independent(x)), rel=1e-12)
+
+
+@settings(deadline=None)
+@given(signals)
+def test_mean_square_is_the_square_of_the_mean_and_the_variance(x):
+    mean, rms, std = signal_statistics(x, ["mean", "rms", "std"])
+    assert rms**2 == pytest.approx(mean**2 + std**2, rel=1e-12)
+
+
+@settings(deadline=None)
+@given(signals, st.sampled_from([1e-3, 0.5, 2.0, 1e6]))
+def test_levels_scale_with_the_signal_and_shapes_do_not(x, scale):
+    names = list(STATISTICS)
+    before, after = signal_statistics(x, names), signal_statistics(scale * x, names)
+    units = [1 if name in ("crest_factor", "kurtosis", "skewness") else scale for name in names]
+    np.testing.assert_allclose(after, before * units, rtol=1e-9, atol=1e-12 * scale)
+
+
+@settings(deadline=None)
+@given(signals, whole)
+def test_an_offset_moves_the_mean_and_not_what_is_central(x, offset):
+    names = ["mean", "std", "peak_to_peak", "kurtosis", "skewness"]
+    before, after = signal_statistics(x, names), signal_statistics(x + offset, names)
+    np.testing.assert_allclose(after, before + [offset, 0, 0, 0, 0], rtol=1e-9, atol=1e-9)
+
+
+@settings(deadline=None)
+@given(signals)
+def test_kurtosis_is_at_least_one_and_the_peak_at_least_the_rms(x):
+    rms, peak, kurtosis = signal_statistics(x, ["rms", "peak", "kurtosis"])
+    assert kurtosis >= 1 - 1e-12
+    assert peak >= rms * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_signals_of_any_size_have_levels(scale):
+    x = scale * np.array([1.0, -1.0, 3.0])
+    rms, kurtosis = signal_statistics(x, ["rms", "kurtosis"])
+    assert rms / scale == pytest.approx(np.sqrt(11 / 3))
+    assert kurtosis == pytest.approx(one([1.0, -1.0, 3.0], "kurtosis"))
+
+
+def test_leading_axes_are_free():
+    x = np.random.default_rng(2).normal(size=(2, 3, 50))
+    found = signal_statistics(x, ["rms", "kurtosis"])
+    assert found.shape == (2, 3, 2)
+    np.testing.assert_allclose(found[1, 2], signal_statistics(x[1, 2], ["rms", "kurtosis"]))
+
+
+def test_a_long_float32_signal_is_summed_in_float64():
+    x = np.full(1 << 20, 0.1, dtype=np.float32)
+    assert one(x, "mean") == pytest.approx(float(np.float32(0.1)), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["kurtosis", "skewness"])
+@pytest.mark.parametrize("value", [0.0, 0.1, 1e6])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_constant_has_no_shape(name, value, dtype):
+    with pytest.raises(ValueError, match=f"a constant has no {name}. Leave '{name}' or the chan"):
+        one(np.full(9, value, dtype=dtype), name)
+
+
+def test_the_rounding_of_a_constant_is_no_shape():
+    x = 0.1 + np.array([0.0, 1e-17, 2e-17, 0.0])
+    with pytest.raises(ValueError, match="a constant has no kurtosis"):
+        one(np.append(x, np.nextafter(0.1, 1)), "kurtosis")
+
+
+def test_zeros_have_no_crest_factor():
+    with pytest.raises(ValueError, match="0 throughout has no crest factor"):
+        one(np.zeros(5), "crest_factor")
+
+
+@pytest.mark.parametrize(
+    ("signal", "message"),
+    [
+        ([], "at least 1 sample"),
+        (3.0, "at least 1 sample"),
+        ([1.0, np.nan], "must be finite, got nan at sample 1"),
+    ],
+)
+def test_what_is_no_signal_is_refused(signal, message):
+    with pytest.raises(ValueError, match=message):
+        signal_statistics(signal, ["mean"])
+
+
+@pytest.mark.parametrize(
+    ("statistics", "kind", "message"),
+    [
+        ("rms", TypeError, r"a list of names such as \['rms'\], got 'rms'"),
+        (3, TypeError, "a list of names"),
+        (["median"], ValueError, "must be some of .*; got 'median'"),
+        ([], ValueError, "must name each statistic once"),
+        (["rms", "rms"], ValueError, "must name each statistic once"),
+    ],
+)
+def test_unknown_statistics_are_refused(statistics, kind, message):
+    with pytest.raises(kind, match=message):
+        signal_statistics([1.0, 2.0], statistics)
+
+
+def test_the_slope_of_a_ramp_is_its_slope_whatever_the_levels():
+    turns = [np.arange(10.0), np.array([3.0, 3.5, 7.0])]
+    assert common_slope([2 * turns[0] + 5, 2 * turns[1] - 100], turns) == pytest.approx(2)
+
+
+def test_the_slope_of_one_stretch_is_that_of_polyfit():
+    rng = np.random.default_rng(3)
+    turns, x = np.sort(rng.uniform(0, 9, 40)), rng.normal(size=40)
+    assert common_slope([x], [turns]) == pytest.approx(np.polyfit(turns, x, 1)[0], rel=1e-10)
+
+
+def test_a_common_slope_is_the_least_squares_solution_with_levels_of_their_own():
+    rng = np.random.default_rng(4)
+    x = [rng.normal(size=n) for n in (5, 8)]
+    turns = [rng.uniform(size=n) for n in (5, 8)]
+    levels = np.kron(np.eye(2), np.ones((8, 1)))[[*range(5), *range(8, 16)]]
+    model = np.column_stack([np.concatenate(turns), levels])
+    solution = np.linalg.lstsq(model, np.concatenate(x), rcond=None)[0]
+    assert common_slope(x, turns) == pytest.approx(solution[0], rel=1e-10)
+
+
+def test_a_single_angle_has_no_slope():
+    with pytest.raises(ValueError, match="samples at two angles"):
+        common_slope([[1.0], [2.0]], [[0.0], [5.0]])
+
+
+def test_turns_must_fit_the_signal():
+    with pytest.raises(ValueError, match=r"shape \(2,\) does not fit turns of shape \(3,\)"):
+        common_slope([[1.0, 2.0]], [[0.0, 1.0, 2.0]])

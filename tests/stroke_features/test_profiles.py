@@ -1,0 +1,145 @@
+"""Facts about profiles: exact integrals of straight pieces, whatever the positions."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from emacm.stroke_features.profiles import cosine_coefficients, segment_means, stroke_positions
+
+RNG = np.random.default_rng(0)
+UNEVEN = np.concatenate([[0.0], np.sort(RNG.uniform(size=30)), [1.0]])
+WALK = np.cumsum(RNG.normal(size=32))
+KINDS = [cosine_coefficients, segment_means]
+
+
+def test_a_constant_is_its_mean_and_nothing_else():
+    np.testing.assert_allclose(
+        cosine_coefficients(UNEVEN, np.full(32, 2.5), 5), [2.5, 0, 0, 0, 0], atol=1e-15
+    )
+    np.testing.assert_allclose(segment_means(UNEVEN, np.full(32, 2.5), 5), 2.5)
+
+
+def test_the_cosines_of_a_ramp_are_known():
+    k = np.arange(1, 9)
+    known = np.where(k % 2, -2 * np.sqrt(2) / (np.pi * k) ** 2, 0)
+    found = cosine_coefficients(UNEVEN, UNEVEN, 9)
+    np.testing.assert_allclose(found, [0.5, *known], atol=1e-15)
+
+
+@pytest.mark.parametrize("n_segments", [1, 2, 7, 100])
+def test_the_segments_of_a_ramp_are_its_values_in_their_middles(n_segments):
+    middles = (np.arange(n_segments) + 0.5) / n_segments
+    np.testing.assert_allclose(segment_means(UNEVEN, UNEVEN, n_segments), middles, rtol=1e-12)
+
+
+@pytest.mark.parametrize("k", [0, 1, 2, 5])
+def test_coefficients_are_integrals_over_the_position(k):
+    def integrand(p):
+        wave = np.sqrt(2) * np.cos(np.pi * k * p) if k else 1.0
+        return np.interp(p, UNEVEN, WALK) * wave
+
+    known = sum(quad(integrand, a, b)[0] for a, b in itertools.pairwise(UNEVEN))
+    assert cosine_coefficients(UNEVEN, WALK, k + 1)[k] == pytest.approx(known, abs=1e-12)
+
+
+@pytest.mark.parametrize("segment", [0, 1, 2])
+def test_segment_means_are_integrals_over_the_segments(segment):
+    low, high = segment / 3, (segment + 1) / 3
+    inside = (low < UNEVEN) & (high > UNEVEN)
+    breaks = [low, *UNEVEN[inside], high]
+    known = sum(quad(np.interp, a, b, (UNEVEN, WALK))[0] for a, b in itertools.pairwise(breaks))
+    assert segment_means(UNEVEN, WALK, 3)[segment] == pytest.approx(3 * known, abs=1e-12)
+
+
+def test_the_squares_of_all_coefficients_add_up_to_the_mean_square():
+    width = np.diff(UNEVEN)
+    a, b = WALK[:-1], WALK[1:]
+    mean_square = np.sum(width * (a**2 + a * b + b**2)) / 3
+    found = cosine_coefficients(UNEVEN, WALK, 20_000)
+    # Of broken lines, what is missing falls as the third power of their number.
+    assert np.sum(found**2) == pytest.approx(mean_square, rel=1e-8)
+    assert np.sum(found[:10] ** 2) < mean_square
+
+
+def test_each_cosine_is_found_alone_and_with_its_own_coefficient():
+    p = np.linspace(0, 1, 20_001)
+    waves = np.cos(np.pi * np.arange(6)[:, np.newaxis] * p) * np.sqrt(
+        [[1], [2], [2], [2], [2], [2]]
+    )
+    np.testing.assert_allclose(cosine_coefficients(p, waves, 6), np.eye(6), atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_samples_in_between_on_the_line_change_nothing(kind):
+    more = np.sort(np.concatenate([UNEVEN, RNG.uniform(size=50)]))
+    found = kind(more, np.interp(more, UNEVEN, WALK), 6)
+    np.testing.assert_allclose(found, kind(UNEVEN, WALK, 6), atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_standstill_in_the_stroke_weighs_nothing(kind):
+    p = np.array([0.0, 0.5, 0.5, 0.5, 1.0])
+    found = kind(p, np.array([0.0, 0.5, 70.0, 0.5, 1.0]), 6)
+    np.testing.assert_allclose(found, kind([0, 1], [0, 1], 6), atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(deadline=None)
+@given(scale=st.floats(-10, 10), offset=st.floats(-10, 10))
+def test_profiles_are_linear(kind, scale, offset):
+    found = kind(UNEVEN, scale * WALK + offset, 5)
+    expected = scale * kind(UNEVEN, WALK, 5) + offset * kind(UNEVEN, np.ones(32), 5)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+def test_a_stroke_run_backwards_turns_the_sign_of_odd_cosines():
+    forth = cosine_coefficients(UNEVEN, WALK, 6)
+    back = cosine_coefficients(1 - UNEVEN[::-1], WALK[::-1], 6)
+    np.testing.assert_allclose(back, forth * [1, -1, 1, -1, 1, -1], atol=1e-13)
+
+
+def test_segments_add_up_to_the_mean():
+    assert np.mean(segment_means(UNEVEN, WALK, 13)) == pytest.approx(
+        cosine_coefficients(UNEVEN, WALK, 1)[0], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_leading_axes_are_free(kind):
+    x = RNG.normal(size=(2, 3, 32))
+    assert kind(UNEVEN, x, 4).shape == (2, 3, 4)
+    np.testing.assert_allclose(kind(UNEVEN, x, 4)[1, 2], kind(UNEVEN, x[1, 2], 4), atol=1e-14)
+
+
+def test_positions_run_from_zero_to_one():
+    np.testing.assert_array_equal(stroke_positions([5.0, 7.0, 9.0]), [0, 0.5, 1])
+
+
+def test_a_stroke_without_a_length_has_no_positions():
+    with pytest.raises(ValueError, match="must have a length"):
+        stroke_positions([3.0, 3.0, 2.0])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("position", "signal", "message"),
+    [
+        ([0.0, 0.5], [1.0, 2.0], "run from 0 to 0.5"),
+        ([0.1, 1.0], [1.0, 2.0], "run from 0.1 to 1"),
+        ([0.0, 0.7, 0.6, 1.0], [0.0] * 4, "never fall"),
+        ([0.0, 1.0], [1.0, 2.0, 3.0], r"shape \(3,\) does not fit 2 positions"),
+    ],
+)
+def test_what_are_no_positions_is_refused(kind, position, signal, message):
+    with pytest.raises(ValueError, match=message):
+        kind(position, signal, 3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_coefficient_is_none(kind):
+    with pytest.raises(ValueError, match="at least 1, got 0"):
+        kind([0, 1], [0, 1], 0)

@@ -1,0 +1,240 @@
+"""Facts about level and shape of the strokes of recordings."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emacm import OrderResampler, Recording, RecordingStatistics
+from emacm.stroke_features.levels import STATISTICS
+
+FS = 1000
+TURN = 2 * np.pi
+ALL = (*STATISTICS, "slope")
+# Rest, out at 40 rad/s, rest, back at 40 rad/s, rest: a second each.
+SPEED = np.repeat([0.0, 40.0, 0.0, -40.0, 0.0], FS)
+ANGLE = np.cumsum(SPEED) / FS
+
+
+def described(signal, statistics=ALL, *, angle=ANGLE, **options):
+    levels = RecordingStatistics(statistics, **options).set_output(transform="pandas")
+    return levels.fit_transform([Recording({"current": signal}, FS, angle=angle)]).iloc[0]
+
+
+def test_forward_and_reverse_strokes_have_levels_of_their_own():
+    found = described(3 + 2 * np.sign(SPEED), ("mean", "peak"), min_speed=30)
+    assert found["current+:mean"] == pytest.approx(5)
+    assert found["current-:mean"] == pytest.approx(1)
+    assert found["current-:peak"] == pytest.approx(1)
+
+
+def test_the_columns_run_by_channel_direction_part_and_statistic():
+    levels = RecordingStatistics(("rms", "slope"), parts=("stop", "stroke", "rest"))
+    recording = Recording({"a": SPEED, "b": SPEED}, FS, angle=ANGLE)
+    names = levels.set_params(part_statistics=("peak",)).fit([recording]).get_feature_names_out()
+    assert list(names[:7]) == [
+        "a+:stop:peak",
+        "a+:rms",
+        "a+:slope",
+        "a-:stop:peak",
+        "a-:rms",
+        "a-:slope",
+        "a:rest:peak",
+    ]
+    assert [name.replace("b", "a") for name in names[7:]] == list(names[:7])
+
+
+def test_a_tone_has_the_levels_of_a_sine_in_both_directions():
+    # 40 rad/s over a second hold 6.37 revolutions; order 2 pi / 40 k has whole cycles in it.
+    found = described(3 * np.sin(TURN * 5 * np.arange(5 * FS) / FS), min_speed=30)
+    for way in "+-":
+        # The first and the last speed of a stroke, by central differences, are half as high.
+        assert found[f"current{way}:rms"] == pytest.approx(3 / np.sqrt(2), abs=0.01)
+        assert found[f"current{way}:crest_factor"] == pytest.approx(np.sqrt(2), abs=0.01)
+        assert found[f"current{way}:kurtosis"] == pytest.approx(1.5, abs=0.01)
+
+
+def test_the_slope_is_per_revolution_along_each_strokes_own_motion():
+    found = described(0.25 * ANGLE / TURN, ("slope",), min_speed=30)
+    assert found["current+:slope"] == pytest.approx(0.25)
+    assert found["current-:slope"] == pytest.approx(-0.25)
+
+
+@pytest.mark.parametrize("resample", [False, True])
+def test_the_slope_knows_no_speed(resample):
+    angle = 60 * np.linspace(0.1, 1, 4000) ** 2
+    X = [Recording({"force": 7 - 2 * angle / TURN}, FS, angle=angle)]
+    X = OrderResampler(TURN / 32).fit_transform(X) if resample else X
+    slope = RecordingStatistics(("slope",), by_direction=False).fit_transform(X)
+    # Over the angle the filter bends the ends of a ramp a little.
+    assert slope[0, 0] == pytest.approx(-2, rel=0.01 if resample else 1e-9)
+
+
+def test_over_time_samples_count_by_time_and_over_the_angle_by_angle():
+    # Half the time at a tenth of the speed, where the signal is 1; else it is 0.
+    speed = np.repeat([4.0, 40.0], 5 * FS)
+    X = [Recording({"force": np.repeat([1.0, 0.0], 5 * FS)}, FS, velocity=speed)]
+    mean = RecordingStatistics(("mean",), by_direction=False)
+    assert mean.fit_transform(X)[0, 0] == pytest.approx(1 / 2, abs=1e-3)
+    over_angle = OrderResampler(TURN / 32).fit_transform(X)
+    assert mean.fit_transform(over_angle)[0, 0] == pytest.approx(1 / 11, abs=1e-3)
+
+
+def test_strokes_of_one_direction_are_pooled_as_if_they_were_one():
+    speed = np.repeat([40.0, -40.0, 40.0], [1000, 500, 3000])
+    signal = np.random.default_rng(0).normal(np.repeat([1.0, 5.0, 2.0], [1000, 500, 3000]))
+    X = [Recording({"force": signal}, FS, velocity=speed)]
+    levels = RecordingStatistics(("mean", "kurtosis")).fit_transform(X)[0]
+    forth = np.concatenate([signal[:1000], signal[1500:]])
+    z = (forth - forth.mean()) / forth.std()
+    np.testing.assert_allclose(levels[:2], [forth.mean(), np.mean(z**4)], rtol=1e-12)
+
+
+def test_a_slope_lets_each_stroke_have_a_level_of_its_own():
+    speed = np.repeat([40.0, -40.0, 40.0], 1000)
+    ramp = np.cumsum(np.abs(speed)) / FS / TURN
+    signal = ramp + np.repeat([0.0, 7.0, -50.0], 1000)
+    X = [Recording({"force": signal}, FS, velocity=speed)]
+    np.testing.assert_allclose(RecordingStatistics(("slope",)).fit_transform(X), 1, rtol=1e-3)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.sampled_from([0.25, 2.0, 1e3]), st.integers(-50, 50))
+def test_scale_and_offset_act_on_levels_as_they_must(scale, offset):
+    signal = np.random.default_rng(0).normal(size=SPEED.size).round(3)
+    names = ("mean", "std", "peak_to_peak", "kurtosis", "skewness", "slope")
+    before = described(signal, names).to_numpy().reshape(2, 6)
+    after = described(scale * signal + offset, names).to_numpy().reshape(2, 6)
+    factor, added = [scale, scale, scale, 1, 1, scale], [offset, 0, 0, 0, 0, 0]
+    np.testing.assert_allclose(after, before * factor + added, rtol=1e-7, atol=1e-9)
+
+
+def transients():
+    """Current that peaks in the first and last 50 ms of each stroke, and hums at rest."""
+    signal = np.where(SPEED == 0, 0.5, 1.0)
+    for start in (1000, 3000):
+        signal[start : start + 50] = 9
+        signal[start + 950 : start + 1000] = -4
+    return signal
+
+
+def test_start_stop_and_rest_are_seen_by_themselves():
+    # A velocity tells to the sample where a stroke starts and stops.
+    X = [Recording({"current": transients()}, FS, velocity=SPEED)]
+    levels = RecordingStatistics(
+        ("mean",), parts=("stroke", "start", "stop", "rest"), transient=0.05
+    ).set_output(transform="pandas")
+    found = levels.fit_transform(X).iloc[0]
+    for way in "+-":
+        assert found[f"current{way}:mean"] == pytest.approx((50 * 9 - 50 * 4 + 900) / 1000)
+        assert found[f"current{way}:start:mean"] == pytest.approx(9)
+        assert found[f"current{way}:start:peak"] == pytest.approx(9)
+        assert found[f"current{way}:stop:mean"] == pytest.approx(-4)
+        assert found[f"current{way}:stop:rms"] == pytest.approx(4)
+    assert found["current:rest:mean"] == pytest.approx(0.5)
+    assert found["current:rest:peak"] == pytest.approx(0.5)
+
+
+def test_rest_is_what_belongs_to_no_stroke_at_the_rate_of_each_channel():
+    fast = np.repeat(np.where(SPEED == 0, 7.0, 0.0), 4)
+    X = [
+        Recording(
+            {"slow": fast[::4], "fast": fast},
+            {"slow": FS, "fast": 4 * FS},
+            velocity=SPEED,
+            shaft_fs=FS,
+        )
+    ]
+    levels = RecordingStatistics(
+        ("mean",), parts=("rest",), part_statistics=("mean",), by_direction=False
+    )
+    # Of the fast channel, the samples between the last of a stroke and the first at rest.
+    np.testing.assert_allclose(levels.fit_transform(X)[0], [7, 7], rtol=0.003)
+
+
+def test_a_stroke_that_is_passed_over_belongs_to_rest():
+    speed = np.repeat([0.0, 40.0, 0.0, -1.0, 0.0], FS)
+    X = [Recording({"current": np.where(speed < 0, 9.0, speed / 40)}, FS, velocity=speed)]
+    levels = RecordingStatistics(
+        ("mean",), parts=("stroke", "rest"), by_direction=False, min_revolutions=1
+    )
+    found = levels.fit_transform(X)[0]
+    assert found[0] == pytest.approx(1)
+    np.testing.assert_allclose(found[1:], [9 / 4, 9 / 2, 9])
+
+
+def test_a_transient_as_long_as_the_stroke_is_the_stroke():
+    names = ("mean", "rms", "peak")
+    signal = np.random.default_rng(1).normal(size=SPEED.size)
+    found = described(
+        signal, names, parts=("stroke", "start", "stop"), transient=60.0, by_direction=False
+    )
+    for name in names:
+        whole = found[f"current:{name}"]
+        assert found[f"current:start:{name}"] == found[f"current:stop:{name}"] == whole
+
+
+def test_a_transient_shorter_than_a_sample_is_one_sample():
+    X = [Recording({"current": np.arange(SPEED.size)}, FS, velocity=SPEED)]
+    levels = RecordingStatistics(parts=("start", "stop"), part_statistics=["mean"], transient=1e-9)
+    assert levels.fit_transform(X).tolist() == [[1000, 1999, 3000, 3999]]
+
+
+def test_a_constant_channel_is_named_with_its_strokes():
+    with pytest.raises(
+        ValueError, match="recording 0: channel 'current', forward strokes: a constant has no kurt"
+    ):
+        described(np.full(SPEED.size, 2.0))
+
+
+def test_a_constant_channel_stays_one_over_the_angle():
+    X = [Recording({"current": np.full(SPEED.size, 0.1)}, FS, angle=ANGLE)]
+    over_angle = OrderResampler(TURN / 32, min_speed=30).fit_transform(X)
+    with pytest.raises(ValueError, match="a constant has no kurtosis"):
+        RecordingStatistics().fit_transform(over_angle)
+    levels = RecordingStatistics(("std", "crest_factor")).fit_transform(over_angle)
+    np.testing.assert_allclose(levels, [[0, 1, 0, 1]], atol=1e-15)
+
+
+def test_a_channel_that_is_silent_at_rest_is_named():
+    X = [Recording({"current": SPEED}, FS, velocity=SPEED)]
+    levels = RecordingStatistics(("mean",), parts=("rest",), part_statistics=("crest_factor",))
+    with pytest.raises(ValueError, match="channel 'current', at rest: a signal that is 0 through"):
+        levels.fit_transform(X)
+
+
+def test_a_shaft_that_never_stands_has_no_rest():
+    X = [Recording({"current": np.arange(100.0)}, FS, velocity=np.full(100, 5.0))]
+    levels = RecordingStatistics(parts=("stroke", "rest"), by_direction=False)
+    with pytest.raises(ValueError, match=r"channel 'current', at rest: the shaft never stands"):
+        levels.fit_transform(X)
+
+
+def test_parts_need_the_time():
+    over_angle = OrderResampler(TURN / 32).fit_transform(
+        [Recording({"current": SPEED}, FS, angle=ANGLE)]
+    )
+    with pytest.raises(ValueError, match=r"parts = \['stroke', 'rest'\] need the time"):
+        RecordingStatistics(parts=["stroke", "rest"]).fit(over_angle)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"statistics": "rms"}, TypeError, "statistics must be a list of names"),
+        ({"statistics": ("median",)}, ValueError, "must be some of .*; got 'median'"),
+        ({"part_statistics": ("median",)}, ValueError, "part_statistics must be some of"),
+        ({"parts": ("middle",)}, ValueError, "parts must be some of .*; got 'middle'"),
+        ({"parts": ()}, ValueError, "parts must name each"),
+        ({"transient": 0}, ValueError, "transient must be a number of s, above 0, got 0"),
+        (
+            {"parts": ("rest",), "part_statistics": ("slope",)},
+            ValueError,
+            "a shaft at rest runs none",
+        ),
+    ],
+)
+def test_wrong_parameters_are_refused(parameters, error, message):
+    X = [Recording({"current": SPEED}, FS, angle=ANGLE)]
+    with pytest.raises(error, match=message):
+        RecordingStatistics(**parameters).fit(X)

@@ -1,0 +1,390 @@
+"""Facts about the named columns of strokes inside scikit-learn, and about what they refuse."""
+
+import pickle
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.compose import ColumnTransformer, make_column_selector
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.utils import get_tags
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingStatistics,
+    ShaftHarmonics,
+    StrokeProfile,
+)
+from emacm.orders.columns import parse_bin_columns, parse_order_columns
+
+TURN = 2 * np.pi
+THETA_S = TURN / 32
+KINDS = [
+    RecordingStatistics(),
+    StrokeProfile(5),
+    StrokeProfile(3, basis="mean"),
+    ShaftHarmonics((1, 2.5)),
+    ShaftHarmonics((1,), phase=False, n_parts=2),
+]
+KINDS_OVER_TIME = [*KINDS, RecordingStatistics(parts=("start", "stroke", "stop", "rest"))]
+kinds = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: str(kind))
+kinds_over_time = pytest.mark.parametrize("kind", KINDS_OVER_TIME, ids=lambda kind: str(kind))
+
+
+def run(seed, worn=False, seconds=4, velocity=None):
+    """A drive that goes forth, stands, and comes back; a worn one has more of order 1."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(int(500 * seconds)) / 500
+    if velocity is None:
+        velocity = 50 * np.clip(3 * np.sin(TURN * times / seconds), -1, 1)
+        velocity[np.abs(velocity) < 20] = 0
+    angle = np.cumsum(velocity) / 500 + 0.3
+    current = 3 + np.sign(velocity) + (2 if worn else 1) * np.cos(angle - 1)
+    return Recording(
+        {
+            "current": current + 0.1 * rng.standard_normal(len(times)),
+            "position": 0.01 * angle[::2] + 0.1 * rng.standard_normal(len(angle[::2])),
+        },
+        {"current": 500, "position": 250},
+        angle=angle,
+        shaft_fs=500,
+        meta={"unit": seed},
+    )
+
+
+FLEET = [run(seed, worn=seed % 2 == 1, seconds=4 + seed % 3) for seed in range(12)]
+Y = np.array(["healthy", "worn"] * 6)
+GROUPS = np.repeat(np.arange(3), 4)
+
+
+def over_angle(recordings, **options):
+    return OrderResampler(THETA_S, **options).fit_transform(recordings)
+
+
+def forward_only():
+    return run(99, velocity=np.full(2000, 30.0))
+
+
+@kinds_over_time
+def test_each_recording_is_a_row_and_each_column_has_one_name(kind):
+    table = clone(kind).fit_transform(FLEET)
+    names = clone(kind).fit(FLEET).get_feature_names_out()
+    assert table.shape == (12, len(names))
+    assert len(set(names)) == len(names)
+    assert np.isfinite(table).all()
+
+
+@kinds_over_time
+def test_no_name_is_taken_for_an_order_or_a_bin(kind):
+    names = clone(kind).fit(FLEET).get_feature_names_out()
+    for channel in ("", "drive@5"):
+        columns = [channel + name for name in names]
+        assert parse_order_columns(columns) is None
+    assert parse_bin_columns(names) is None
+
+
+@kinds_over_time
+def test_pandas_output_has_the_names_and_the_same_numbers(kind):
+    frame = clone(kind).set_output(transform="pandas").fit_transform(FLEET)
+    assert list(frame.columns) == list(clone(kind).fit(FLEET).get_feature_names_out())
+    np.testing.assert_array_equal(frame.to_numpy(), clone(kind).fit_transform(FLEET))
+
+
+@kinds_over_time
+def test_a_recording_does_not_depend_on_the_others(kind):
+    fitted = clone(kind).fit(FLEET[:2])
+    np.testing.assert_array_equal(fitted.transform([FLEET[5]])[0], fitted.transform(FLEET)[5])
+
+
+@kinds_over_time
+def test_numbers_are_the_same_with_workers_after_pickle_and_for_a_tuple(kind):
+    table = clone(kind).fit_transform(FLEET)
+    np.testing.assert_array_equal(clone(kind).set_params(n_jobs=2).fit_transform(FLEET), table)
+    fitted = pickle.loads(pickle.dumps(clone(kind).fit(FLEET)))
+    np.testing.assert_array_equal(fitted.transform(tuple(FLEET)), table)
+
+
+@kinds_over_time
+def test_parameters_are_kept_as_they_are_given(kind):
+    parameters = kind.get_params()
+    copied = clone(kind)
+    assert copied.get_params() == parameters
+    copied.fit(FLEET)
+    assert copied.get_params() == parameters
+
+
+@kinds_over_time
+def test_without_directions_no_column_has_a_sign(kind):
+    names = clone(kind).set_params(by_direction=False).fit(FLEET).get_feature_names_out()
+    assert {name.partition(":")[0] for name in names} == {"current", "position"}
+
+
+@kinds
+def test_chosen_channels_alone_give_their_columns(kind):
+    both = clone(kind).set_output(transform="pandas").fit_transform(FLEET)
+    one = clone(kind).set_params(channels=["position"]).set_output(transform="pandas")
+    pd.testing.assert_frame_equal(one.fit_transform(FLEET), both.filter(regex="^position"))
+
+
+@kinds
+def test_over_time_and_over_the_angle_the_numbers_agree_but_for_the_weight_of_samples(kind):
+    # At constant speed a sample a time and a sample an angle are the same but for the ends.
+    velocity = np.repeat([0.0, 40.0, 0.0, -40.0, 0.0], 1000)
+    angle = np.cumsum(velocity) / 500
+    smooth = Recording({"current": np.cos(angle) + 0.01 * angle}, 500, angle=angle)
+    table = clone(kind).set_output(transform="pandas").fit_transform([smooth])
+    resampled = clone(kind).set_output(transform="pandas").fit_transform(over_angle([smooth]))
+    assert list(resampled.columns) == list(table.columns)
+    np.testing.assert_allclose(resampled, table, rtol=0.02, atol=0.02)
+
+
+@kinds
+def test_it_sees_all_strokes_of_a_direction(kind):
+    # What is done twice in one recording gives what it gives once.
+    cycle = np.concatenate([np.zeros(100), np.full(500, 30 * TURN / 15), np.zeros(100)])
+    velocity = np.concatenate([cycle, -cycle])
+    angle = np.cumsum(velocity) / 500
+    signal = 2 + np.cos(angle) + 0.1 * np.sin(np.arange(len(angle)))
+    once = Recording({"current": signal}, 500, angle=angle)
+    twice = Recording({"current": np.tile(signal, 2)}, 500, angle=np.tile(angle, 2))
+    calm = clone(kind).set_params(min_speed=1)  # above the rounding of the angle at rest
+    np.testing.assert_allclose(
+        calm.fit_transform([twice]), calm.fit_transform([once]), rtol=1e-9, atol=1e-9
+    )
+
+
+def union():
+    bins = make_pipeline(
+        OrderResampler(THETA_S, min_speed=10),
+        OrderPSD(2, by_direction=True),
+        BinTransformer(1, max_order=4),
+        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
+    )
+    return FeatureUnion(
+        [
+            ("bins", bins),
+            ("levels", RecordingStatistics(min_speed=10, parts=("stroke", "start", "rest"))),
+            ("profile", StrokeProfile(3, min_speed=10)),
+            ("lines", make_pipeline(OrderResampler(THETA_S, min_speed=10), ShaftHarmonics())),
+        ]
+    )
+
+
+def test_a_feature_union_puts_them_beside_order_bins_with_their_names():
+    frame = union().set_output(transform="pandas").fit_transform(FLEET)
+    for name in ("bins__current+@0-1", "levels__current-:kurtosis", "levels__current:rest:rms"):
+        assert name in frame.columns
+    assert "profile__position+:cosine2" in frame.columns
+    assert "lines__current+:cos1" in frame.columns
+
+
+def monitoring():
+    return make_pipeline(
+        union(), StandardScaler(), CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    )
+
+
+def test_a_pipeline_tells_a_worn_drive_by_them():
+    scores = cross_val_score(monitoring(), FLEET, Y, groups=GROUPS, cv=GroupKFold(3))
+    assert scores.min() == 1
+
+
+def test_their_parameters_can_be_searched():
+    space = {
+        "featureunion__profile__n_coefficients": [1, 4],
+        "featureunion__levels__statistics": [("rms",), ("mean", "peak")],
+        "featureunion__lines__orderresampler__theta_s": [TURN / 16, TURN / 32],
+    }
+    search = GridSearchCV(monitoring(), space, cv=2, n_jobs=2).fit(FLEET, Y)
+    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+    assert search.predict(FLEET[:3]).tolist() == ["healthy", "worn", "healthy"]
+
+
+def test_a_saved_pipeline_decides_as_before(tmp_path):
+    fitted = monitoring().fit(FLEET, Y)
+    joblib.dump(fitted, tmp_path / "model.joblib")
+    loaded = joblib.load(tmp_path / "model.joblib")
+    np.testing.assert_array_equal(loaded.predict_proba(FLEET), fitted.predict_proba(FLEET))
+
+
+def test_columns_can_be_chosen_by_their_names():
+    frame = RecordingStatistics().set_output(transform="pandas").fit_transform(FLEET)
+    scaled = ColumnTransformer(
+        [("rms", StandardScaler(), make_column_selector(pattern=":rms$"))],
+        verbose_feature_names_out=False,
+    ).set_output(transform="pandas")
+    assert list(scaled.fit_transform(frame).columns) == [
+        "current+:rms",
+        "current-:rms",
+        "position+:rms",
+        "position-:rms",
+    ]
+
+
+@kinds
+def test_scikit_learn_is_told_that_x_is_no_table(kind):
+    assert not get_tags(kind).input_tags.two_d_array
+
+
+@kinds
+def test_a_recording_without_a_stroke_of_one_direction_is_named(kind):
+    with pytest.raises(
+        ValueError, match=r"recording 1 \(unit=99\): it has no reverse stroke .*by_direction=False"
+    ):
+        clone(kind).fit(FLEET).transform([FLEET[0], forward_only()])
+
+
+@kinds
+def test_without_directions_a_recording_of_one_direction_has_all_columns(kind):
+    table = clone(kind).set_params(by_direction=False).fit(FLEET).transform([forward_only()])
+    assert np.isfinite(table).all()
+
+
+@kinds
+def test_a_shaft_that_never_turns_is_named(kind):
+    still = Recording({"current": np.arange(9.0), "position": np.arange(9.0)}, 1, angle=np.zeros(9))
+    one = clone(kind).set_params(by_direction=False)
+    with pytest.raises(ValueError, match="recording 0: it has no stroke of two samples"):
+        one.fit_transform([still])
+
+
+@kinds
+def test_a_missing_channel_is_named(kind):
+    other = Recording({"current": np.arange(9.0)}, 1, angle=np.arange(9.0), meta={"unit": 5})
+    with pytest.raises(ValueError, match=r"recording 1 \(unit=5\): it has no channel 'position'"):
+        clone(kind).fit([FLEET[0], other])
+    with pytest.raises(ValueError, match=r"recording 0 \(unit=5\): it has no channel 'position'"):
+        clone(kind).fit(FLEET).transform([other])
+
+
+@kinds
+def test_a_channel_too_many_is_named_unless_channels_are_chosen(kind):
+    more = Recording(
+        {**FLEET[0].signals, "noise": FLEET[0].signals["current"]},
+        {**FLEET[0].fs, "noise": 500},
+        angle=FLEET[0].angle,
+        shaft_fs=500,
+    )
+    with pytest.raises(ValueError, match="recording 1: it has a channel 'noise' besides"):
+        clone(kind).fit([FLEET[0], more])
+    chosen = clone(kind).set_params(channels=["current"]).fit([FLEET[0], more])
+    table = chosen.transform([FLEET[0], more])
+    np.testing.assert_array_equal(table[0], table[1])
+
+
+@pytest.mark.parametrize(
+    ("X", "error", "message"),
+    [
+        (FLEET[0], TypeError, r"got a single one; write \[recording\]"),
+        ([], ValueError, "X holds no recording"),
+        ([FLEET[0], np.zeros(5)], TypeError, "entry 1 of X is a ndarray"),
+        ("current", TypeError, "a list of recordings, got 'current'"),
+        (iter(FLEET), TypeError, "got <list_iterator .*It can be read only once; write list"),
+        (5, TypeError, "a list of recordings, got 5"),
+    ],
+)
+@kinds
+def test_what_is_no_list_of_recordings_is_refused(kind, X, error, message):
+    with pytest.raises(error, match=message):
+        clone(kind).fit(X)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"channels": "current"}, TypeError, r"a list of names such as \['current'\]"),
+        ({"channels": 3}, TypeError, "a list of names"),
+        ({"channels": []}, ValueError, "name each channel once"),
+        ({"channels": ["current", "current"]}, ValueError, "name each channel once"),
+        ({"by_direction": "yes"}, ValueError, "by_direction must be one of True, False"),
+        ({"min_revolutions": -1}, ValueError, "min_revolutions must be a number at least 0"),
+        ({"min_speed": -1}, ValueError, "min_speed must be a number of rad/s, at least 0"),
+    ],
+)
+@kinds
+def test_wrong_parameters_are_refused(kind, parameters, error, message):
+    with pytest.raises(error, match=message):
+        clone(kind).set_params(**parameters).fit(FLEET)
+
+
+@kinds
+def test_recordings_of_another_kind_than_in_fit_are_refused(kind):
+    with pytest.raises(ValueError, match=r"over the shaft angle, but .* fitted on .* over time"):
+        clone(kind).fit(FLEET).transform(over_angle(FLEET))
+    with pytest.raises(ValueError, match=r"over time, but .* fitted on .* over the shaft angle"):
+        clone(kind).fit(over_angle(FLEET)).transform(FLEET)
+
+
+@kinds
+def test_strokes_over_the_angle_keep_the_min_speed_they_were_found_with(kind):
+    resampled = over_angle(FLEET, min_speed=10)
+    agreeing = clone(kind).set_params(min_speed=10).fit_transform(resampled)
+    np.testing.assert_array_equal(agreeing, clone(kind).fit_transform(resampled))
+    with pytest.raises(ValueError, match="min_speed = 5 contradicts OrderResampler"):
+        clone(kind).set_params(min_speed=5).fit(resampled)
+
+
+@kinds
+def test_strokes_shorter_than_min_revolutions_are_passed_over(kind):
+    # At rest the shaft jitters by a hundredth of a revolution.
+    jitter = 0.06 * np.random.default_rng(3).uniform(-1, 1, 300)
+    velocity = np.repeat([0.0, 40.0, 0.0, -40.0, 0.0], [300, 1000, 300, 1000, 300])
+    angle = np.cumsum(velocity) / 500
+    rest, noisy = np.flatnonzero(velocity == 0).reshape(3, 300), angle.copy()
+    noisy[rest] += jitter
+    signal = 2 + np.cos(angle) + 0.1 * np.sin(np.arange(len(angle)))
+    calm, jittery = (Recording({"current": signal}, 500, angle=way) for way in (angle, noisy))
+    long = clone(kind).set_params(min_revolutions=1, min_speed=20)
+    expected = clone(kind).set_params(min_speed=20).fit_transform([calm])
+    np.testing.assert_allclose(long.fit_transform([jittery]), expected, rtol=0.05, atol=0.02)
+    seen = over_angle([jittery], min_speed=20)
+    assert len(seen[0].strokes) > 2
+    resampled = long.set_params(min_speed=0).fit_transform(seen)
+    np.testing.assert_allclose(resampled, expected, rtol=0.05, atol=0.05)
+    with pytest.raises(ValueError, match=r"no forward stroke of two samples and 30 revolutions"):
+        long.set_params(min_revolutions=30).fit_transform(seen)
+
+
+@kinds
+def test_joined_directions_cannot_be_kept_apart(kind):
+    with pytest.raises(ValueError, match="'travel'"):
+        clone(kind).fit(over_angle(FLEET, direction="travel"))
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_joined_directions_are_described_as_one(kind):
+    joined = over_angle(FLEET, direction="travel")
+    table = clone(kind).set_params(by_direction=False).fit_transform(joined)
+    assert np.isfinite(table).all()
+
+
+@kinds
+def test_channels_whose_columns_would_have_one_name_are_refused(kind):
+    signals = dict.fromkeys(["a", "a:rest"], FLEET[0].signals["current"])
+    recording = Recording(signals, 500, angle=FLEET[0].angle)
+    clone(kind).fit([recording])
+    levels = RecordingStatistics(("rms",), by_direction=False, parts=("stroke", "rest"))
+    with pytest.raises(ValueError, match="make columns of one name"):
+        levels.fit([recording])
+
+
+def test_numbers_beyond_a_float_name_the_column():
+    recording = Recording({"force": [1e308, -1e308] * 5}, 1, angle=np.arange(10.0))
+    levels = RecordingStatistics(("peak_to_peak",), by_direction=False)
+    with pytest.raises(ValueError, match="'force:peak_to_peak' is beyond what a float can hold"):
+        levels.fit_transform([recording])
+
+
+def test_names_are_asked_for_with_as_many_channels_as_there_are():
+    fitted = RecordingStatistics().fit(FLEET)
+    assert len(fitted.get_feature_names_out(["current", "position"])) == 24
+    with pytest.raises(ValueError, match="should have length equal to what fit saw"):
+        fitted.get_feature_names_out(["current"])

@@ -1,0 +1,277 @@
+"""Facts about the package itself: which subpackage may import which, and what an import costs."""
+
+import ast
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import emacm
+
+FOLDER = Path(emacm.__file__).parent
+
+# A subpackage, or a module at the root, imports only from itself and from those above it.
+ORDER = [
+    "_version",
+    "_checks",
+    "_kernels",
+    "_progress",
+    "shaft",
+    "recordings",
+    "resampling",
+    "orders",
+    "stroke_features",
+    "machine",
+    "decisions",
+    "conditions",
+    "evaluation",
+    "explanations",
+    "recipes",
+    "simulation",
+    "datasets",
+    "displays",
+    "thesis",
+    "demo",
+    "__main__",
+]
+NEVER_IMPORTED = {"thesis", "demo", "__main__"}  # except by the command line
+OPTIONAL = {"matplotlib", "numba", "polars", "tqdm"}
+TEST_TOOLS = {"pytest", "hypothesis", "tests", "IPython", "ipykernel", "nbclient", "nbformat"}
+LONGEST_FILE = 400
+
+
+def module_name(path):
+    parts = path.relative_to(FOLDER.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+FILES = {module_name(path): path for path in sorted(FOLDER.rglob("*.py"))}
+MODULES = sorted(set(FILES) - {"emacm"})
+
+
+@cache
+def tree(module):
+    return ast.parse(FILES[module].read_text(encoding="utf-8"))
+
+
+def imported(nodes):
+    """Yield the full names that import statements name: 'a.b' and, for from-imports, 'a.b.c'."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, "write imports in full"
+            for alias in node.names:
+                yield f"{node.module}.{alias.name}"
+
+
+@cache
+def imported_anywhere(module):
+    return tuple(imported(ast.walk(tree(module))))
+
+
+@cache
+def imported_at_once(module):
+    """Return what is imported when the module is, that is, outside of functions."""
+
+    def outside(node):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+                continue
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            yield child
+            yield from outside(child)
+
+    return tuple(imported(outside(tree(module))))
+
+
+def place(name):
+    """Return the subpackage, or the module at the root, of a full name."""
+    return name.split(".")[1]
+
+
+def of_the_package(names):
+    return {name for name in names if name.startswith("emacm.") and place(name) in ORDER}
+
+
+def test_every_module_has_its_place_in_the_order():
+    assert {place(module) for module in MODULES} == set(ORDER)
+
+
+def test_a_module_imports_only_from_its_own_subpackage_and_those_above():
+    against = {
+        (module, name)
+        for module in MODULES
+        for name in of_the_package(imported_anywhere(module))
+        if ORDER.index(place(name)) > ORDER.index(place(module))
+    }
+    assert not against
+
+
+def test_only_the_command_line_imports_the_thesis_and_the_demo():
+    importing = {
+        (module, name)
+        for module in MODULES
+        for name in of_the_package(imported_anywhere(module))
+        if place(name) in NEVER_IMPORTED and place(name) != place(module)
+    }
+    assert {place(module) for module, _ in importing} <= {"__main__"}
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    def modules_of(names):
+        return {name if name in FILES else name.rpartition(".")[0] for name in names}
+
+    below = {
+        module: modules_of(of_the_package(imported_at_once(module))) - {module}
+        for module in MODULES
+    }
+    while below:
+        free = [module for module, needed in below.items() if not needed & set(below)]
+        assert free, f"a cycle among {sorted(below)}"
+        for module in free:
+            del below[module]
+
+
+def test_a_relative_name_is_never_imported_from_the_package_itself():
+    lazy = {
+        (module, name)
+        for module in MODULES
+        for name in imported_anywhere(module)
+        if name.startswith("emacm.") and place(name) not in ORDER and name != "emacm.__version__"
+    }
+    assert not lazy  # inside, names come from their modules, not from the lazy public ones
+
+
+def test_the_root_holds_few_files():
+    assert len(list(FOLDER.glob("*.py"))) <= 14
+
+
+def test_files_are_short():
+    lengths = {
+        module: len(path.read_text(encoding="utf-8").splitlines()) for module, path in FILES.items()
+    }
+    assert {name: n for name, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_the_repository_holds_the_agreed_folders_and_no_others():
+    folders = {
+        path.name
+        for path in FOLDER.parent.iterdir()
+        if path.is_dir() and not path.name.startswith(".")
+    }
+    made = {"build", "emacm.egg-info", "emacm_demo", "emacm_reproduction"}
+    assert folders - made <= {"emacm", "tests", "benchmarks", "notebooks"}
+
+
+def test_nothing_optional_is_imported_with_a_module():
+    optional = {
+        (module, name)
+        for module in MODULES
+        if not module.startswith("emacm._kernels.numba")
+        for name in imported_at_once(module)
+        if name.partition(".")[0] in OPTIONAL
+    }
+    assert not optional
+
+
+def test_the_compiled_kernels_are_imported_by_name_alone():
+    assert not [
+        (module, name)
+        for module in MODULES
+        if not module.startswith("emacm._kernels.numba")
+        for name in imported_anywhere(module)
+        if name.startswith("emacm._kernels.numba")
+    ]
+
+
+def test_nothing_private_of_another_package_is_imported():
+    assert not [
+        (module, name)
+        for module in MODULES
+        for name in imported_anywhere(module)
+        if not name.startswith(("emacm.", "__future__"))
+        and any(part.startswith("_") for part in name.split("."))
+    ]
+
+
+def test_no_private_attribute_of_scikit_learn_is_reached_through_a_public_module():
+    private = []
+    for module in MODULES:
+        names = [name for name in imported_anywhere(module) if name.startswith("sklearn")]
+        short = {name.rpartition(".")[2] for name in names} | {"sklearn"}
+        private += [
+            (module, ast.unparse(node))
+            for node in ast.walk(tree(module))
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id in short
+            and node.attr.startswith("_")
+            and not node.attr.startswith("__")
+        ]
+    assert not private
+
+
+def test_no_module_imports_a_test_tool():
+    assert not [
+        (module, name)
+        for module in MODULES
+        for name in imported_anywhere(module)
+        if name.partition(".")[0] in TEST_TOOLS
+    ]
+
+
+def loaded_by(code):
+    """Return the modules that an interpreter has loaded after some code."""
+    code = f"import sys; {code}; print(*sys.modules)"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    return set(result.stdout.split())
+
+
+def test_importing_the_package_imports_hardly_anything():
+    assert not {"numpy", "sklearn", "emacm.orders.order_psd"} & loaded_by("import emacm")
+
+
+def test_importing_all_names_imports_nothing_optional():
+    loaded = loaded_by("from emacm import *")
+    assert "emacm.orders.order_psd" in loaded
+    assert not OPTIONAL & loaded
+
+
+def test_the_names_of_the_contract_import_from_the_package():
+    names = {
+        "Recording",
+        "OrderResampler",
+        "OrderPSD",
+        "BinTransformer",
+        "CostSensitiveGaussianBayes",
+        "expected_cost",
+        "neg_expected_cost",
+    }
+    assert names <= set(emacm.__all__)
+
+
+def test_type_checkers_see_the_names_that_are_imported_on_demand():
+    seen = set(imported(ast.walk(ast.parse(FILES["emacm"].read_text(encoding="utf-8")))))
+    expected = {f"emacm.{module}.{name}" for name, module in emacm._HOME.items()}
+    assert {name for name in seen if name.startswith("emacm.")} == {
+        *expected,
+        "emacm._version.__version__",
+    }
+
+
+@pytest.mark.parametrize("name", sorted(set(emacm.__all__) - {"__version__"}))
+def test_public_names_come_from_the_modules_that_define_them(name):
+    assert getattr(emacm, name).__module__ == f"emacm.{emacm._HOME[name]}"
+    assert name in dir(emacm)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="'emacm' has no attribute 'nothing'"):
+        emacm.nothing  # noqa: B018

@@ -1,0 +1,90 @@
+"""What chapter 2 of the thesis says comes out again, but for the order step of Fig. 2.7."""
+
+import numpy as np
+import pytest
+
+from emacm.thesis.chapter2 import chapter2
+
+
+@pytest.fixture(scope="module")
+def chapter():
+    said = []
+    chapter = chapter2(quick=True, report=said.append)
+    assert all(line.startswith("chapter 2: ") for line in said)
+    return chapter
+
+
+@pytest.fixture(scope="module")
+def findings(chapter):
+    return {finding.where: finding for finding in chapter.findings}
+
+
+def test_all_agrees_but_the_order_step(findings):
+    assert [where for where, f in findings.items() if not f.agrees] == ["Fig. 2.7, order step"]
+    assert findings["Fig. 2.7, order step"].ours == pytest.approx(60 / 256, abs=5e-5)
+
+
+def test_ranges_hold_the_medians_and_findings_are_named_once(chapter, findings):
+    assert len(findings) == len(chapter.findings) == 30
+    for finding in findings.values():
+        assert finding.low <= finding.ours <= finding.high
+        assert finding.agrees == (finding.low <= finding.published <= finding.high)
+        assert finding.note
+
+
+def test_figure_2_5_reads_as_printed(findings):
+    ours = [f.ours for where, f in findings.items() if where.startswith("Fig. 2.5")]
+    assert ours == [0.5, 0.0625, 0.025, 40]
+
+
+def test_table_2_1_has_every_cell_that_is_not_left_to_chance(findings):
+    cells = [where for where in findings if where.startswith("Table 2.1")]
+    assert len(cells) == 4 + 4 + 12
+    assert not any(f"e{i}, y{j}" in where for where in cells for i in (3, 4) for j in (1, 4))
+    assert findings["Table 2.1, e1, y3, magnitude"].low > 0.99
+    assert findings["Table 2.1, e2, y2, magnitude"].low > 0.98
+
+
+def test_table_2_1_is_laid_out_as_published(chapter):
+    table = chapter.tables["Table 2.1"]
+    assert table.loc["y2", ("published", "e2")] == -0.997
+    ours = table["ours, one draw"]
+    assert np.sign(ours.loc["y2", "e2"]) == -1
+    assert np.sign(ours.loc["y3", "e1"]) == -1
+    assert ours.loc["contribution [%]"].sum() == pytest.approx(100)
+    vectors = ours.loc[["y1", "y2", "y3", "y4"]].to_numpy(float)
+    assert np.allclose(vectors.T @ vectors, np.eye(4), atol=5e-4)
+
+
+def test_read_as_its_words_say_the_cost_of_eq_2_48_swaps_the_errors(chapter):
+    errors = chapter.tables["Figs. 2.13 and 2.14, errors of 1000"]["ours"]
+    equation, words = errors["Eq. (2.48)"], errors["Eq. (2.48), as the words have it"]
+    assert equation["decided as w1"] < 10 < 25 < equation["decided as w2"]
+    assert words["decided as w2"] < 10 < 25 < words["decided as w1"]
+
+
+def test_equations_as_printed_err_and_as_read_do_not(chapter):
+    table = chapter.tables["Equations as printed"].droplevel("quantity")
+    error = (table["emacm"] - table["true"]).abs()
+    printed = (table["as printed"] - table["true"]).abs()
+    assert error["Eq. (2.9)"] < 1e-9 < 40 < printed["Eq. (2.9)"]
+    assert error["Eq. (2.13)"] < 0.02 < 0.2 < printed["Eq. (2.13)"]
+    assert error["Eq. (2.20)"] < 1e-12 < 0.9 < printed["Eq. (2.20)"]
+    assert table.loc["Fig. 2.7", "as printed"] == pytest.approx(0.1172, abs=5e-5)
+
+
+def test_every_figure_is_drawn_and_says_what_it_shows(chapter):
+    names = [f"Fig. 2.{n}" for n in (3, 4, 5, 6, 7, 10, 11, 12, 13, 14)]
+    assert sorted(chapter.figures) == sorted(names)
+    assert all(chapter.captions[name].endswith(".") for name in names)
+    assert all(
+        ax.get_xlabel() and ax.get_ylabel() for f in chapter.figures.values() for ax in f.axes
+    )
+
+
+def test_figure_2_7_peaks_at_order_6_and_figure_2_6_nowhere(chapter):
+    hertz = chapter.figures["Fig. 2.6"].axes[1].lines[0].get_ydata()
+    orders = chapter.figures["Fig. 2.7"].axes[1].lines[0]
+    assert orders.get_xdata()[orders.get_ydata().argmax()] == pytest.approx(6, abs=0.12)
+    assert hertz.max() < 0.1 * hertz.sum()
+    assert orders.get_ydata().max() > 0.3 * orders.get_ydata().sum()
