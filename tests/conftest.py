@@ -1,12 +1,19 @@
-"""Where the real recordings are, and how pictures are drawn without a screen."""
+"""Where the real recordings are, how examples are drawn, and figures without a screen."""
 
 import os
 from pathlib import Path
 
 import matplotlib
 import pytest
+from hypothesis import settings
 
 matplotlib.use("Agg")
+
+# By default every run draws the same examples, on machines of any speed. With
+# HYPOTHESIS_PROFILE=explore each run draws its own; what fails there becomes an @example.
+settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
+settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).parents[1]
 

@@ -1616,9 +1616,7 @@ PLAUSIBLE = st.one_of(
     st.lists(st.sampled_from("ab"), min_size=1, max_size=3),
 )
 VALUES = PLAUSIBLE | ANYTHING
-FUZZ = settings(
-    max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
-)
+FUZZ = settings(max_examples=60, suppress_health_check=list(HealthCheck))
 
 
 def survive(call):

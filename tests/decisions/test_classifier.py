@@ -317,7 +317,7 @@ costs = st.lists(st.integers(-30, 30), min_size=12, max_size=12).map(
     st.sampled_from([1e-6, 0.3, 7.0, 1e9]),
     st.lists(st.integers(-99, 99), min_size=3, max_size=3),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_unit_and_the_zero_of_costs_change_no_decision(cost, scale, constants):
     X, y = draw(10)
     first, scaled, shifted = (
@@ -503,7 +503,7 @@ def test_priors_that_fit_no_classes_are_refused(priors, error, message):
 
 @pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
 @given(cuts=st.lists(st.integers(1, 89), unique=True, max_size=5), seed=st.integers(0, 99))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_any_pieces_give_what_one_fit_gives(covariance, shrinkage, cuts, seed):
     X, y = draw(seed)
     model = CostSensitiveGaussianBayes(COST, covariance=covariance, shrinkage=shrinkage)

@@ -62,7 +62,7 @@ def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(st.lists(st.integers(0, 60), max_size=6), st.integers(0, 1000))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_moments_of_pieces_merge_exactly(kind, cuts, seed):
     X, codes = draw(seed)
     X += 1e3

@@ -53,7 +53,7 @@ def test_one_member_of_the_shared_prior_stays_as_it_is():
 
 
 @given(st.integers(2, 9), st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_copies_of_one_member_sharing_one_weight_are_that_member(copies, seed):
     logs = normal(np.random.default_rng(seed), 5, 3)
     prior = np.random.default_rng(seed + 1).dirichlet(np.ones(3))
@@ -78,7 +78,7 @@ def test_a_member_of_weight_zero_is_not_heard():
 
 
 @given(st.permutations(range(3)), st.permutations(range(4)))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_order_of_members_and_of_classes_does_not_matter(members, classes):
     rng = np.random.default_rng(3)
     logs, own = normal(rng, 3, 7, 4), rng.dirichlet(np.ones(4), size=3)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -186,7 +186,6 @@ def test_a_name_too_long_for_its_axis_is_written_in_lines():
     assert ax.get_ylabel() == "speed [V]"
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(0, 500), min_size=1, max_size=12), st.floats(1, 40))
 def test_places_drawn_apart_keep_their_order_their_gap_and_their_mean(places, gap):
     places = np.sort(places)

@@ -113,7 +113,7 @@ def test_a_published_table_of_per_cent_is_drawn_as_it_is():
     assert [bar.get_width() for bar in ax.containers[2]] == [0, 0, 10, 0]
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.sampled_from("hab"), st.sampled_from("habi")), min_size=1))
 def test_every_recording_has_one_outcome(pairs):
     truths, chosen = zip(*(("h", "h"), *pairs), strict=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 from sklearn.metrics import recall_score
@@ -15,7 +15,6 @@ def interval(values, groups, **options):
     return group_intervals([values], cells, groups, **options)[0]
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1))
 def test_right_or_wrong_by_class_averages_to_the_balanced_accuracy(pairs):
     truths, decided = np.array(pairs).T

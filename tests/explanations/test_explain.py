@@ -102,7 +102,7 @@ def test_contributions_add_up_to_the_log_odds(chain, covariance):
             assert table["share"].sum() == pytest.approx(1)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 10_000),
     covariance=st.sampled_from(COVARIANCES),
@@ -169,7 +169,7 @@ def test_without_projection_the_baseline_is_the_mean_of_the_other_class():
 
 
 @given(scale=st.lists(st.floats(-4, 4), min_size=8, max_size=8))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_the_unit_of_a_channel_changes_nothing_under_a_scaler(scale):
     X, y = powers()
     scaled = X * 10 ** np.array(scale)

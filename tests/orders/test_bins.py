@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
@@ -69,7 +69,6 @@ def test_a_bin_wider_than_the_range_is_the_range():
     assert bin_edges(10, 3) == [(0, 3)]
 
 
-@settings(deadline=None)
 @given(st.floats(0.01, 100), st.floats(0.01, 100))
 def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
     edges = bin_edges(bin_size, max_order)
@@ -85,7 +84,6 @@ def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
 # The integral
 
 
-@settings(deadline=None)
 @given(spectrum=spectra(), bin_size=st.floats(0.01, 50), share=st.floats(0.05, 1))
 def test_bins_add_up_to_the_integral_whatever_their_size(spectrum, bin_size, share):
     orders, psd = spectrum
@@ -94,7 +92,6 @@ def test_bins_add_up_to_the_integral_whatever_their_size(spectrum, bin_size, sha
     assert bins.sum() == pytest.approx(integral(orders, psd, 0, max_order), rel=1e-9)
 
 
-@settings(deadline=None)
 @given(spectrum=spectra(), seed=st.integers(0, 2**32 - 1), n_edges=st.integers(2, 40))
 def test_bins_of_any_edges_are_the_integrals_between_them(spectrum, seed, n_edges):
     orders, psd = spectrum
@@ -108,7 +105,6 @@ def test_bins_of_any_edges_are_the_integrals_between_them(spectrum, seed, n_edge
     np.testing.assert_allclose(each, expected, rtol=1e-9, atol=1e-11 * psd.max() * orders[-1])
 
 
-@settings(deadline=None)
 @given(spectra())
 def test_one_bin_over_all_is_the_trapezoidal_rule(spectrum):
     orders, psd = spectrum
@@ -145,7 +141,6 @@ def test_uneven_lines_are_integrated_too():
 # Stop bands
 
 
-@settings(deadline=None)
 @given(spectrum=spectra(), data=st.data())
 def test_a_stop_band_takes_out_exactly_what_lies_in_it(spectrum, data):
     orders, psd = spectrum
@@ -160,7 +155,6 @@ def test_a_stop_band_takes_out_exactly_what_lies_in_it(spectrum, data):
     np.testing.assert_allclose(whole - left, lost, atol=1e-9 * whole.sum())
 
 
-@settings(deadline=None)
 @given(spectrum=spectra(), data=st.data())
 def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
     orders, psd = spectrum
@@ -205,7 +199,6 @@ def test_the_notch_of_the_thesis_is_exact_at_its_edges():
 # BinTransformer
 
 
-@settings(deadline=None)
 @given(
     spectrum=spectra(),
     bin_size=st.floats(0.05, 50),

@@ -43,7 +43,7 @@ def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
     assert_same(ours, filters.csd(x, y, 60, nperseg=length, **options))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     length=st.integers(4, 60),
     overlap=st.floats(0, 0.9),
@@ -100,7 +100,7 @@ def test_a_delay_turns_the_phase_in_proportion_to_the_order():
     np.testing.assert_allclose(turned, -orders[2:-2] * 3 * TURN / 64, atol=0.02)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(gain=st.floats(0.01, 100), sign=st.sampled_from([-1, 1]))
 def test_a_gain_is_the_response_whatever_the_signal(gain, sign):
     x = noise(3000)
@@ -128,7 +128,7 @@ def test_what_depends_linearly_is_coherent():
     assert shared[2:].min() > 0.999
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(n_segments=st.integers(2, 40), seed=st.integers(0, 1000))
 def test_unrelated_noise_has_a_coherence_of_one_over_the_number_of_segments(n_segments, seed):
     x, y = noise(2, n_segments * 2000, seed=seed)
@@ -139,7 +139,6 @@ def test_unrelated_noise_has_a_coherence_of_one_over_the_number_of_segments(n_se
     assert abs(inner.mean() - 1 / n_segments) < 5 * spread / np.sqrt(len(inner))
 
 
-@settings(deadline=None)
 @given(gain=st.floats(1e-150, 1e150), seed=st.integers(0, 100))
 def test_units_do_not_change_the_coherence(gain, seed):
     x, y = noise(2, 800, seed=seed)

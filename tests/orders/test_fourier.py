@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import fft
 
@@ -51,7 +51,6 @@ def test_a_mean_far_above_a_signal_in_float32_leaves_no_more_than_the_rounding(l
     np.testing.assert_allclose(found, expected, atol=1e-6 * expected.max())
 
 
-@settings(deadline=None)
 @given(
     quarter=st.integers(16, 300),
     share=st.floats(0, 1),

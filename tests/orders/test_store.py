@@ -13,7 +13,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from joblib import Parallel, delayed, parallel_config
@@ -75,7 +75,6 @@ def calls(monkeypatch):
 # One spectrum
 
 
-@settings(deadline=None)
 @given(
     spectrum=hnp.arrays(
         st.sampled_from([np.float32, np.float64]),
@@ -124,7 +123,6 @@ def test_later_changes_of_what_was_kept_do_not_show(store):
 # Damage
 
 
-@settings(deadline=None)
 @given(share=st.floats(0, 1, exclude_max=True))
 def test_a_truncated_file_is_never_read(tmp_path_factory, share):
     store = SpectrumStore(tmp_path_factory.mktemp("store"))
@@ -136,7 +134,6 @@ def test_a_truncated_file_is_never_read(tmp_path_factory, share):
     assert store.find(A) is None
 
 
-@settings(deadline=None)
 @given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 def test_a_file_with_a_single_bit_turned_is_never_read(tmp_path_factory, place, bit):
     store = SpectrumStore(tmp_path_factory.mktemp("store"))
@@ -520,7 +517,9 @@ def test_processes_may_write_read_and_delete_at_the_same_time(tmp_path):
 
 def killed_when_it_says_so(code, *args):
     """Run a program until its first line, and kill it."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    }
     with subprocess.Popen(
         [sys.executable, "-c", code, *map(str, args)],
         stdout=subprocess.PIPE,

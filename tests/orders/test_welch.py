@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
@@ -69,7 +69,6 @@ def test_a_window_may_be_an_array_as_in_welch():
     assert_same_spectrum(ours, filters.welch(signal, 50, window=window))
 
 
-@settings(deadline=None)
 @given(
     length=st.integers(2, 120),
     overlap=st.floats(0, 0.95),
@@ -123,7 +122,6 @@ def test_at_constant_speed_orders_are_hertz_over_the_speed():
 
 
 @every_window
-@settings(deadline=None)
 @given(signal=arrays(float, 256, elements=st.floats(-100, 100)))
 def test_the_density_integrates_to_the_mean_square_under_the_window(window, signal):
     # Parseval, line by line: without a doubled line at order 0 or at half the rate.
@@ -216,7 +214,6 @@ def test_the_median_is_less_moved_by_a_shock_than_the_mean():
 # The axis
 
 
-@settings(deadline=None)
 @given(
     samples_per_rev=st.floats(4, 2000),
     revolutions=st.floats(1, 100),
@@ -246,7 +243,6 @@ def test_max_order_cuts_lines_and_changes_none():
     np.testing.assert_allclose(few, psd[: len(few)], rtol=1e-12)
 
 
-@settings(deadline=None)
 @given(st.floats(-1e6, 1e6).filter(lambda factor: abs(factor) > 1e-6))
 def test_a_signal_times_c_has_its_spectrum_times_c_squared(factor):
     signal = noise(500)
@@ -285,7 +281,6 @@ def reversing_recording(fault):
     return Recording({"x": fault(angle, np.mod(time, 2) < 1)}, fs, angle=angle, meta={"unit": "B"})
 
 
-@settings(deadline=None)
 @given(
     sizes=st.lists(st.integers(1, 400), min_size=1, max_size=12),
     length=st.integers(8, 300),

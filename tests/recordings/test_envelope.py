@@ -7,7 +7,7 @@ import tracemalloc
 import joblib
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as filters
 from sklearn.base import clone
@@ -54,14 +54,12 @@ def test_the_squared_envelope_of_a_modulated_tone_is_the_square_of_its_modulatio
     np.testing.assert_allclose(plain[INNER], 3 * modulation[INNER], atol=3e-3)
 
 
-@settings(deadline=None)
 @given(frequency=st.floats(1625, 2375), amplitude=st.floats(1e-3, 1e3))
 def test_within_the_band_a_tone_reads_the_square_of_its_amplitude(frequency, amplitude):
     squared = envelope(tone(frequency, amplitude), FS, BAND)
     np.testing.assert_allclose(squared[INNER], amplitude**2, rtol=1e-3)
 
 
-@settings(deadline=None)
 @given(frequency=st.one_of(st.floats(1, 1375), st.floats(2625, 4990)))
 def test_outside_of_the_band_a_tone_is_gone(frequency):
     # 80 dB down by the filter, and no more than doubled by its image.

@@ -394,7 +394,7 @@ def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
 # Invariances
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     # Powers of 2 round nothing; else a time sample on a grid point may cross the kernel's end.
     factor=st.integers(-7, 7).map(lambda power: 2.0**power),
@@ -435,7 +435,6 @@ def test_resampling_leaves_its_input_alone(resample):
 # Without the filter: the thesis, and its faults
 
 
-@settings(deadline=None)
 @given(
     steps=arrays(float, 50, elements=st.floats(1e-3, 1)),
     values=arrays(float, 51, elements=st.floats(-10, 10)),

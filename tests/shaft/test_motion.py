@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from emacm._kernels import using
@@ -20,7 +20,6 @@ slices = st.tuples(st.integers(-N_TIMES - 5, N_TIMES + 5), st.integers(-N_TIMES 
 
 
 @pytest.mark.parametrize("name", ["numpy", "numba"])
-@settings(deadline=None)
 @given(limits=slices)
 def test_any_slice_of_the_integrated_angle_is_that_of_the_whole(name, limits):
     pytest.importorskip(name)
@@ -29,7 +28,6 @@ def test_any_slice_of_the_integrated_angle_is_that_of_the_whole(name, limits):
     np.testing.assert_allclose(part, ANGLE[slice(*limits)], atol=1e-9)
 
 
-@settings(deadline=None)
 @given(limits=slices)
 def test_any_slice_of_the_differentiated_velocity_is_that_of_the_whole(limits):
     part = DifferentiatedVelocity(ANGLE, FS)[slice(*limits)]
@@ -89,7 +87,6 @@ def test_strokes_do_not_depend_on_the_blocks_they_are_found_in(monkeypatch, bloc
         np.testing.assert_allclose(one.travel, other.travel, atol=1e-9)
 
 
-@settings(deadline=None)
 @given(limits=slices)
 def test_any_slice_of_joined_strokes_is_that_of_the_whole(limits):
     strokes = [Stroke(10, 700, 1), Stroke(700, 1500, -1), Stroke(1600, 2900, 1)]
@@ -130,7 +127,6 @@ def test_the_largest_step_and_its_place_are_found(monkeypatch):
 
 @pytest.mark.parametrize("factor", [1, 2, 3, 5])
 @pytest.mark.parametrize("start", [0, 40])
-@settings(deadline=None)
 @given(limits=st.tuples(st.integers(-9, 260), st.integers(0, 400)))
 def test_travel_at_a_multiple_of_the_rate_is_the_cubic_through_the_samples(factor, start, limits):
     travel = ANGLE[:50] - ANGLE[0]

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -74,7 +74,6 @@ def test_noise_at_rest_makes_no_strokes():
     assert find_strokes(velocity, min_speed=0.5) == [(2000, 3000, 1), (5000, 6000, -1)]
 
 
-@settings(deadline=None)
 @given(speeds, limits)
 def test_every_turning_sample_lies_in_one_stroke_of_its_direction(velocity, min_speed):
     strokes = find_strokes(velocity, min_speed=min_speed)
@@ -86,7 +85,6 @@ def test_every_turning_sample_lies_in_one_stroke_of_its_direction(velocity, min_
     np.testing.assert_array_equal(ways[turning], np.sign(velocity[turning]))
 
 
-@settings(deadline=None)
 @given(speeds, limits)
 def test_strokes_alternate_and_begin_and_end_in_motion(velocity, min_speed):
     strokes = find_strokes(velocity, min_speed=min_speed)
@@ -98,14 +96,12 @@ def test_strokes_alternate_and_begin_and_end_in_motion(velocity, min_speed):
         assert direction * velocity[stop - 1] > min_speed
 
 
-@settings(deadline=None)
 @given(speeds, limits)
 def test_turning_the_other_way_turns_every_stroke(velocity, min_speed):
     turned = [(s.start, s.stop, -s.direction) for s in find_strokes(velocity, min_speed=min_speed)]
     assert find_strokes(-velocity, min_speed=min_speed) == turned
 
 
-@settings(deadline=None)
 @given(speeds, limits)
 def test_a_film_run_backwards_shows_the_same_strokes_backwards(velocity, min_speed):
     n = len(velocity)
@@ -155,7 +151,6 @@ def test_travel_does_not_count_noise_at_rest_within_one_direction():
     assert path.length == pytest.approx(stroke.length, rel=1e-3)
 
 
-@settings(deadline=None)
 @given(speeds, limits)
 def test_forward_and_reverse_are_the_strokes(velocity, min_speed):
     def summary(direction):

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from emacm.stroke_features.harmonic_sums import harmonic_coefficients, whole_revolutions
@@ -61,7 +61,6 @@ def test_other_orders_stay_out_at_changing_speed_as_samples_count_by_their_angle
     assert leaked < np.hypot(*plain[2:]) / 3
 
 
-@settings(deadline=None)
 @given(st.floats(-10, 10))
 def test_turning_the_zero_of_the_shaft_turns_the_vector_and_keeps_the_amplitude(shift):
     found = harmonic_coefficients([EVEN + shift], [lines(EVEN)], (1, 2.5))
@@ -69,7 +68,6 @@ def test_turning_the_zero_of_the_shaft_turns_the_vector_and_keeps_the_amplitude(
     np.testing.assert_allclose(vector, [2 * np.exp(0.4j), 0.5j], atol=1e-9)
 
 
-@settings(deadline=None)
 @given(st.floats(-100, 100), st.floats(-100, 100))
 def test_coefficients_scale_with_the_signal_and_know_no_offset(scale, offset):
     found = harmonic_coefficients([EVEN], [scale * lines(EVEN) + offset], (1, 2.5))

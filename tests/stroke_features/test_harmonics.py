@@ -66,7 +66,7 @@ def test_what_is_not_locked_to_the_shaft_averages_out():
     assert found[1, 0] < 5 * np.sqrt(2 / angle.size)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-20, 20))
 def test_an_amplitude_knows_no_zero_of_the_shaft(shift):
     angle = MOTIONS["reversing"]
@@ -83,7 +83,7 @@ def test_a_phase_turns_with_the_zero_of_the_shaft():
     np.testing.assert_allclose(found, [[2 * np.cos(1.5), 2 * np.sin(1.5)]], atol=1e-9)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-9, 9), st.floats(-9, 9))
 def test_lines_scale_with_the_signal_and_know_no_offset(scale, offset):
     angle = MOTIONS["ramping"]

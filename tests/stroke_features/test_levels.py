@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
@@ -80,14 +80,12 @@ def test_moments_are_those_of_scipy_and_numpy(name, independent):
     assert one(x, name) == pytest.approx(float(independent(x)), rel=1e-12)
 
 
-@settings(deadline=None)
 @given(signals)
 def test_mean_square_is_the_square_of_the_mean_and_the_variance(x):
     mean, rms, std = signal_statistics(x, ["mean", "rms", "std"])
     assert rms**2 == pytest.approx(mean**2 + std**2, rel=1e-12)
 
 
-@settings(deadline=None)
 @given(signals, st.sampled_from([1e-3, 0.5, 2.0, 1e6]))
 def test_levels_scale_with_the_signal_and_shapes_do_not(x, scale):
     names = list(STATISTICS)
@@ -96,7 +94,6 @@ def test_levels_scale_with_the_signal_and_shapes_do_not(x, scale):
     np.testing.assert_allclose(after, before * units, rtol=1e-9, atol=1e-12 * scale)
 
 
-@settings(deadline=None)
 @given(signals, whole)
 def test_an_offset_moves_the_mean_and_not_what_is_central(x, offset):
     names = ["mean", "std", "peak_to_peak", "kurtosis", "skewness"]
@@ -104,7 +101,6 @@ def test_an_offset_moves_the_mean_and_not_what_is_central(x, offset):
     np.testing.assert_allclose(after, before + [offset, 0, 0, 0, 0], rtol=1e-9, atol=1e-9)
 
 
-@settings(deadline=None)
 @given(signals)
 def test_kurtosis_is_at_least_one_and_the_peak_at_least_the_rms(x):
     rms, peak, kurtosis = signal_statistics(x, ["rms", "peak", "kurtosis"])

@@ -79,7 +79,7 @@ def test_strokes_of_one_direction_are_averaged_by_their_lengths():
     assert found[0, 0] == pytest.approx(2, rel=2e-3)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-9, 9), st.floats(-9, 9))
 def test_profiles_are_linear_in_the_signal(scale, offset):
     rough = np.random.default_rng(0).normal(size=SPEED.size)

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -88,7 +88,6 @@ def test_a_standstill_in_the_stroke_weighs_nothing(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(deadline=None)
 @given(scale=st.floats(-10, 10), offset=st.floats(-10, 10))
 def test_profiles_are_linear(kind, scale, offset):
     found = kind(UNEVEN, scale * WALK + offset, 5)

@@ -26,14 +26,14 @@ def two_ways(zero=0.0, lag=0.0, order=1):
     return 3 * np.cos(order * (SWAY - zero) - lag * ~FORWARD)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-10, 10))
 def test_where_the_wave_stands_on_the_shaft_changes_nothing(zero):
     known, found = (lines([recording(two_ways(z, 0.7))], n_parts=2) for z in (0.0, zero))
     np.testing.assert_allclose(found, known, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-10, 10))
 def test_the_zero_of_the_shaft_angle_changes_nothing(zero):
     signal = two_ways(0.4, 0.7) + 0.5 * two_ways(1.0, 0.2, order=2)

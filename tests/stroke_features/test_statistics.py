@@ -98,7 +98,7 @@ def test_a_slope_lets_each_stroke_have_a_level_of_its_own():
     np.testing.assert_allclose(RecordingStatistics(("slope",)).fit_transform(X), 1, rtol=1e-3)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.sampled_from([0.25, 2.0, 1e3]), st.integers(-50, 50))
 def test_scale_and_offset_act_on_levels_as_they_must(scale, offset):
     signal = np.random.default_rng(0).normal(size=SPEED.size).round(3)
