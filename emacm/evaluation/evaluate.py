@@ -29,7 +29,7 @@ from emacm.evaluation.schemes import Scheme, given_scheme, group_scheme, random_
 from emacm.evaluation.scoring import scoring_rule
 from emacm.recordings.groupings import Grouping, read_grouping
 
-_ROLES = {"groups": "group", "units": "unit", "conditions": "condition"}
+_ROLES = {"runs": "run", "units": "unit", "conditions": "condition"}
 
 
 def evaluate(
@@ -37,7 +37,7 @@ def evaluate(
     X: Any,
     y: ArrayLike,
     *,
-    groups: Any = None,
+    runs: Any = None,
     units: Any = None,
     conditions: Any = None,
     splits: Mapping[str, Any] | None = None,
@@ -64,7 +64,7 @@ def evaluate(
         What the estimator takes.
     y : array-like of shape (n_recordings,)
         True classes.
-    groups : str or array-like of shape (n_recordings,), optional
+    runs : str or array-like of shape (n_recordings,), optional
         Run of each recording (what belongs together in time), or the key of `meta` (the column,
         if X is a DataFrame) that tells it. Recordings of one run must not stand on both sides.
     units : str or array-like of shape (n_recordings,), optional
@@ -119,7 +119,7 @@ def evaluate(
     -----
     Where holding out takes all recordings of a label out of training, that scheme cannot be
     scored; its row is NaN and a remark says which group and label. For the limits see
-    `emacm.evaluation.bootstrap.group_intervals`: runs are drawn (units, if no `groups` are
+    `emacm.evaluation.bootstrap.group_intervals`: runs are drawn (units, if no `runs` are
     given, and for the split by unit); without either, recordings are, and a remark says so.
     Limits tell how the figure varies with the recordings held out, not with those learnt from.
 
@@ -133,7 +133,7 @@ def evaluate(
     >>> X = np.repeat(rng.normal(size=(10, 2)), 9, axis=0)  # 10 runs of 9 copies
     >>> y = np.repeat(["healthy", "worn"] * 5, 9)  # unrelated to X
     >>> runs = pd.Series(np.repeat(np.arange(10), 9), name="run")
-    >>> found = evaluate(KNeighborsClassifier(1), X, y, groups=runs, healthy="healthy")
+    >>> found = evaluate(KNeighborsClassifier(1), X, y, runs=runs, healthy="healthy")
     >>> found.table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 0.5}
     """
@@ -150,7 +150,7 @@ def evaluate(
     labels = as_families(classes.tolist(), rule.family_of)
     known = {
         role: read_grouping(values, X, len(classes), role, _ROLES[role])
-        for role, values in zip(_ROLES, (groups, units, conditions), strict=True)
+        for role, values in zip(_ROLES, (runs, units, conditions), strict=True)
     }
     schemes = _schemes(classes, labels, known, splits, n_splits=n_splits, seed=random_state)
     limits = {"confidence": confidence, "n_resamples": n_resamples, "random_state": random_state}
@@ -198,7 +198,7 @@ def _schemes(
     doubles = [name for name in names if names.count(name) > 1]
     if doubles:
         raise ValueError(
-            f"two ways of holding out are both called {doubles[0]!r}; groups, units, conditions "
+            f"two ways of holding out are both called {doubles[0]!r}; runs, units, conditions "
             f"and splits need names of their own."
         )
     return schemes

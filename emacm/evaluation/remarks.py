@@ -41,7 +41,7 @@ def scheme_remarks(
     if all(scheme.name == RANDOM for scheme in schemes):
         said.append(
             "Only a random split was made: it says how recordings are told apart beside near "
-            "copies of themselves, not how the next run or machine is. Give groups= or units=."
+            "copies of themselves, not how the next run or machine is. Give runs= or units=."
         )
     said += _optimism(done)
     said += _resampling(done)
@@ -78,7 +78,7 @@ def _resampling(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
     counts = {scheme.resampled.name: score.row["groups"] for scheme, score in done}
     if "recording" in counts:
         said.append(
-            "Limits come from resampling single recordings, as no groups= or units= were given; "
+            "Limits come from resampling single recordings, as no runs= or units= were given; "
             "if recordings of one run are alike, they are too narrow."
         )
     few = [

@@ -45,7 +45,7 @@ def found(model=None, **options):
     X = rng.normal(size=(72, 2)) + 2 * (y == "worn")[:, np.newaxis]
     runs = pd.Series(np.repeat(np.arange(12), 6), name="run")
     model = GaussianNB() if model is None else model
-    return evaluate(model, X, y, groups=runs, healthy="normal", **options)
+    return evaluate(model, X, y, runs=runs, healthy="normal", **options)
 
 
 def test_a_figure_stands_at_its_share_in_per_cent_on_the_line_of_its_limits():

@@ -64,25 +64,25 @@ def echoed(y, answers, **options):
 
 def test_who_memorises_is_right_by_a_random_split_and_at_chance_by_run():
     X, y, runs = near_copies()
-    found = evaluate(KNeighborsClassifier(1), X, y, groups=runs)
+    found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
     assert found.table.loc["random split", "balanced_accuracy"] > 0.99
-    by_group = found.table.loc["by group"]
-    assert by_group["balanced_accuracy_low"] < 1 / 3 < by_group["balanced_accuracy_high"]
-    assert "the random split has 1, 'by group' 0." in "".join(found.remarks)
+    by_run = found.table.loc["by run"]
+    assert by_run["balanced_accuracy_low"] < 1 / 3 < by_run["balanced_accuracy_high"]
+    assert "the random split has 1, 'by run' 0." in "".join(found.remarks)
 
 
 def test_limits_by_run_are_those_of_runs_and_not_of_copies():
     X, y, runs = near_copies()
-    found = evaluate(KNeighborsClassifier(1), X, y, groups=runs)
+    found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
     width = found.table["accuracy_high"] - found.table["accuracy_low"]
     binomial = 2 * 1.96 * np.sqrt((1 / 3) * (2 / 3) / 60)  # of 60 runs, all right or all wrong
-    assert width["by group"] == pytest.approx(binomial, rel=0.25)
-    assert found.table.loc["by group", "groups"] == 60
+    assert width["by run"] == pytest.approx(binomial, rel=0.25)
+    assert found.table.loc["by run", "groups"] == 60
 
 
 def test_figures_are_those_of_scikit_learn_on_the_decisions():
     X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, groups=runs)
+    found = evaluate(GaussianNB(), X, y, runs=runs)
     for scheme, held in found.predictions.groupby("scheme"):
         row = found.table.loc[scheme]
         assert row["balanced_accuracy"] == pytest.approx(
@@ -100,20 +100,20 @@ def test_figures_are_those_of_scikit_learn_on_the_decisions():
 
 def test_decisions_are_those_of_a_clone_fitted_to_the_other_runs():
     X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, groups=runs)
-    held = found.predictions.query("scheme == 'by group'").set_index("recording")
+    found = evaluate(GaussianNB(), X, y, runs=runs)
+    held = found.predictions.query("scheme == 'by run'").set_index("recording")
     expected = np.empty(len(y), object)
     for train, test in LeaveOneGroupOut().split(X, y, runs):
         expected[test] = GaussianNB().fit(X[train], y[train]).predict(X[test])
     assert (held.loc[np.arange(len(y)), "decision"].to_numpy() == expected).all()
-    assert held["left_out"].unique().tolist() == [f"group {run}" for run in range(8)]
+    assert held["left_out"].unique().tolist() == [f"run {run}" for run in range(8)]
 
 
 def test_no_group_stands_on_both_sides_where_there_are_more_groups_than_folds():
     X, y, runs = near_copies(n_runs=23)
-    found = evaluate(GaussianNB(), X, y, groups=runs, n_splits=4)
-    assert found.table.loc["by group", "folds"] == 4
-    held = found.predictions.query("scheme == 'by group'")
+    found = evaluate(GaussianNB(), X, y, runs=runs, n_splits=4)
+    assert found.table.loc["by run", "folds"] == 4
+    held = found.predictions.query("scheme == 'by run'")
     assert (held.groupby("group")["fold"].nunique() == 1).all()
     assert sorted(held["recording"]) == list(range(len(y)))
 
@@ -155,17 +155,17 @@ def test_without_a_healthy_class_no_alarm_is_counted():
 def test_the_cost_is_the_expected_cost_of_the_decisions():
     X, y, runs = sub_states()
     cost = {("normal", "worn1"): 10, ("normal", "spalled"): 25, ("worn1", "normal"): 0.3}
-    found = evaluate(CostSensitiveGaussianBayes(), X, y, groups=runs, cost=cost)
-    held = found.predictions.query("scheme == 'by group'")
+    found = evaluate(CostSensitiveGaussianBayes(), X, y, runs=runs, cost=cost)
+    held = found.predictions.query("scheme == 'by run'")
     expected = expected_cost(held["truth"], held["decision"], cost=cost, labels=sorted(STATES))
-    assert found.table.loc["by group", "expected_cost"] == pytest.approx(expected, rel=1e-12)
+    assert found.table.loc["by run", "expected_cost"] == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_cost_is_taken_from_the_estimator_if_none_is_stated():
     X, y, runs = sub_states()
     cost = np.full((4, 4), 3.0) - 3 * np.eye(4)
     model = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(cost))
-    row = evaluate(model, X, y, groups=runs).table.loc["by group"]
+    row = evaluate(model, X, y, runs=runs).table.loc["by run"]
     assert row["expected_cost"] == pytest.approx(3 * (1 - row["accuracy"]))
 
 
@@ -178,24 +178,24 @@ def test_without_any_cost_it_is_the_share_of_wrong_decisions():
 def test_families_decided_on_are_scored_by_the_zeros_of_the_cost():
     X, y, runs = sub_states()
     model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
-    found = evaluate(model, X, y, groups=runs, healthy="normal")
-    held = found.predictions.query("scheme == 'by group'")
+    found = evaluate(model, X, y, runs=runs, healthy="normal")
+    held = found.predictions.query("scheme == 'by run'")
     family_of = {state: family for family, states in FAMILIES.items() for state in states}
     families = held["truth"].map(family_of)
     assert set(held["decision"]) == set(FAMILIES)
-    assert found.table.loc["by group", "balanced_accuracy"] == pytest.approx(
+    assert found.table.loc["by run", "balanced_accuracy"] == pytest.approx(
         balanced_accuracy_score(families, held["decision"])
     )
-    assert found.table.loc["by group", "labels"] == 3
-    assert found.confusions["by group"].shape == (3, 4)
-    assert found.confusions["by group"].loc["worn", ["worn1", "worn2"]].sum() > 40
+    assert found.table.loc["by run", "labels"] == 3
+    assert found.confusions["by run"].shape == (3, 4)
+    assert found.confusions["by run"].loc["worn", ["worn1", "worn2"]].sum() > 40
     assert "Scored by families" in found.remarks[-1]
 
 
 def test_stated_families_give_the_same_as_the_zeros_of_the_cost():
     X, y, runs = sub_states()
     model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
-    read, stated = (evaluate(model, X, y, groups=runs, families=f) for f in (None, FAMILIES))
+    read, stated = (evaluate(model, X, y, runs=runs, families=f) for f in (None, FAMILIES))
     columns = sorted(read.table)
     pd.testing.assert_frame_equal(read.table[columns], stated.table[columns])
 
@@ -267,7 +267,7 @@ def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_s
         for state, run in zip(y, runs, strict=True)
     ]
     with pytest.warns(UserWarning, match="confounded: 'spalled' in 'S' alone"):
-        found = evaluate(GaussianNB(), X, y, groups=runs, units=units)
+        found = evaluate(GaussianNB(), X, y, runs=runs, units=units)
     assert found.remarks[0].startswith("Label and unit are confounded")
     assert found.remarks[1].startswith("Each unit has one label")
     assert found.remarks[2] == (
@@ -292,21 +292,21 @@ def test_one_unit_for_each_family_but_not_for_each_state_is_no_warning():
 
 
 def test_folds_of_several_groups_never_leave_a_label_of_two_groups_out():
-    groups = np.repeat(np.arange(24), 2)
-    y = np.where(groups < 2, "rare", np.where(groups % 2, "a", "b"))
+    runs = np.repeat(np.arange(24), 2)
+    y = np.where(runs < 2, "rare", np.where(runs % 2, "a", "b"))
     X = np.random.default_rng(0).normal(size=(48, 2))
     for seed in range(5):
-        found = evaluate(GaussianNB(), X, y, groups=groups, n_splits=2, random_state=seed)
-        assert found.table.loc["by group", "recordings"] == 48
+        found = evaluate(GaussianNB(), X, y, runs=runs, n_splits=2, random_state=seed)
+        assert found.table.loc["by run", "recordings"] == 48
 
 
 def test_a_condition_is_left_out_at_a_time():
     X, y, runs = sub_states()
     loads = pd.Series(np.tile([-40, 20, 40], len(y) // 3), name="load")
-    found = evaluate(GaussianNB(), X, y, groups=runs, conditions=loads, n_splits=2)
+    found = evaluate(GaussianNB(), X, y, runs=runs, conditions=loads, n_splits=2)
     held = found.predictions.query("scheme == 'by load'")
     assert held["left_out"].unique().tolist() == ["load -40", "load 20", "load 40"]
-    assert found.table.loc["by load", ["groups", "resampled"]].tolist() == [8, "group"]
+    assert found.table.loc["by load", ["groups", "resampled"]].tolist() == [8, "run"]
 
 
 class OnlyKnownLoads(GaussianNB):
@@ -326,21 +326,21 @@ def test_who_refuses_a_load_never_seen_is_not_scored_by_load():
     X, y, runs = sub_states()
     loads = np.tile([20.0, 40.0], len(y) // 2)
     found = evaluate(
-        OnlyKnownLoads(), np.column_stack([loads, X]), y, groups=runs, conditions=loads
+        OnlyKnownLoads(), np.column_stack([loads, X]), y, runs=runs, conditions=loads
     )
     assert found.remarks[0].startswith(
         "'by condition' cannot be scored. The estimator refuses: by condition, fold 0 (condition "
         "20.0 left out): no model for the load 20"
     )
-    assert list(found.confusions) == ["random split", "by group"]
+    assert list(found.confusions) == ["random split", "by run"]
 
 
 def test_a_column_of_a_table_names_the_groups():
     X, y, runs = sub_states()
     table = pd.DataFrame(X, columns=["a", "b"]).assign(run=runs)
-    by_name = evaluate(GaussianNB(), table, y, groups="run").table
+    by_name = evaluate(GaussianNB(), table, y, runs="run").table
     pd.testing.assert_frame_equal(
-        by_name, evaluate(GaussianNB(), table, y, groups=table["run"]).table
+        by_name, evaluate(GaussianNB(), table, y, runs=table["run"]).table
     )
 
 
@@ -356,14 +356,14 @@ def test_labels_are_read_from_the_meta_of_recordings():
         )
     model = make_pipeline(OrderResampler(), OrderPSD(4), GaussianNB())
     found = evaluate(
-        model, recordings, y, groups="run", units="unit", conditions="load", healthy="new"
+        model, recordings, y, runs="run", units="unit", conditions="load", healthy="new"
     )
     assert list(found.table.index) == ["random split", "by run", "by unit", "by load"]
     assert (found.table["accuracy"] == 1).all()
     assert any("limits of no width" in remark for remark in found.remarks)
     lazily = make_pipeline(OrderPSD(4), GaussianNB())
     resampled = OrderResampler().fit_transform(recordings)
-    again = evaluate(lazily, resampled, y, groups="run", healthy="new")
+    again = evaluate(lazily, resampled, y, runs="run", healthy="new")
     assert (again.table.loc["by run"] == found.table.loc["by run"]).all()
 
 
@@ -375,7 +375,7 @@ def test_later_runs_and_splitters_are_held_out_as_told():
         "numbers": [(np.flatnonzero(~late), np.flatnonzero(late))],
         "splitter": GroupKFold(4),
     }
-    found = evaluate(GaussianNB(), X, y, groups=runs, splits=splits)
+    found = evaluate(GaussianNB(), X, y, runs=runs, splits=splits)
     table = found.table
     assert table.loc["later runs", ["recordings", "folds", "groups"]].tolist() == [24, 1, 2]
     assert table.loc["later runs", "accuracy"] == table.loc["numbers", "accuracy"]
@@ -392,8 +392,8 @@ def test_without_groups_recordings_are_resampled_and_it_says_so():
 
 def test_few_groups_are_counted_out_loud():
     X, y, runs = sub_states(n_runs=3)
-    found = evaluate(GaussianNB(), X, y, groups=runs)
-    assert any("3 of group in 'by group'" in remark for remark in found.remarks)
+    found = evaluate(GaussianNB(), X, y, runs=runs)
+    assert any("3 of run in 'by run'" in remark for remark in found.remarks)
 
 
 def test_a_single_group_cannot_be_held_out():
@@ -404,18 +404,18 @@ def test_a_single_group_cannot_be_held_out():
 
 def test_the_same_seed_gives_the_same_everything_with_any_number_of_processes():
     X, y, runs = sub_states(width=2.0)
-    one, two = (evaluate(GaussianNB(), X, y, groups=runs, n_jobs=n) for n in (None, 2))
+    one, two = (evaluate(GaussianNB(), X, y, runs=runs, n_jobs=n) for n in (None, 2))
     pd.testing.assert_frame_equal(one.table, two.table)
     pd.testing.assert_frame_equal(one.predictions, two.predictions)
     pd.testing.assert_frame_equal(one.calibration, two.calibration)
-    other = evaluate(GaussianNB(), X, y, groups=runs, random_state=1)
+    other = evaluate(GaussianNB(), X, y, runs=runs, random_state=1)
     assert not one.predictions["recording"].equals(other.predictions["recording"])
 
 
 def test_the_estimator_and_the_data_are_left_alone():
     X, y, runs = sub_states()
     model, before = CostSensitiveGaussianBayes(family_cost()), joblib.hash((X, y, runs))
-    evaluate(model, X, y, groups=runs)
+    evaluate(model, X, y, runs=runs)
     assert not hasattr(model, "classes_")
     assert model.cost.equals(family_cost())
     assert joblib.hash((X, y, runs)) == before
@@ -424,7 +424,7 @@ def test_the_estimator_and_the_data_are_left_alone():
 def test_tables_and_arrays_and_lists_are_the_same_recordings():
     X, y, runs = sub_states()
     kinds = [X, pd.DataFrame(X, columns=["a", "b"]), X.tolist()]
-    tables = [evaluate(GaussianNB(), each, y, groups=list(runs)).table for each in kinds]
+    tables = [evaluate(GaussianNB(), each, y, runs=list(runs)).table for each in kinds]
     for table in tables[1:]:
         pd.testing.assert_frame_equal(table, tables[0])
 
@@ -432,15 +432,15 @@ def test_tables_and_arrays_and_lists_are_the_same_recordings():
 def test_classes_may_be_numbers():
     X, y, runs = near_copies()
     found = evaluate(
-        KNeighborsClassifier(1), X, y, groups=runs, healthy=0, families={0: 0, 1: 9, 2: 9}
+        KNeighborsClassifier(1), X, y, runs=runs, healthy=0, families={0: 0, 1: 9, 2: 9}
     )
-    assert found.confusions["by group"].index.tolist() == [0, 9]
-    assert found.confusions["by group"].to_numpy().sum() == len(y)
+    assert found.confusions["by run"].index.tolist() == [0, 9]
+    assert found.confusions["by run"].to_numpy().sum() == len(y)
 
 
 def test_it_prints_what_to_mind_before_the_figures():
     X, y, runs = sub_states(n_runs=3)
-    found = evaluate(GaussianNB(), X, y, groups=pd.Series(runs, name="<run>"), healthy="normal")
+    found = evaluate(GaussianNB(), X, y, runs=pd.Series(runs, name="<run>"), healthy="normal")
     text = str(found)
     assert text.startswith("- Limits rest on few groups")
     assert text.index("balanced accuracy") > text.index("rough")
@@ -453,7 +453,7 @@ def test_it_prints_what_to_mind_before_the_figures():
 
 def test_a_result_can_be_kept(tmp_path):
     X, y, runs = sub_states()
-    found = evaluate(GaussianNB(), X, y, groups=runs)
+    found = evaluate(GaussianNB(), X, y, runs=runs)
     joblib.dump(found, tmp_path / "found.joblib")
     assert str(joblib.load(tmp_path / "found.joblib")) == str(found)
 
@@ -462,7 +462,7 @@ def test_what_an_estimator_raises_is_placed():
     X, y, runs = sub_states()
     X[runs == 5] = np.nan
     with pytest.raises(ValueError, match=r"^random split, fold 0: .*NaN"):
-        evaluate(GaussianNB(), X, y, groups=runs)
+        evaluate(GaussianNB(), X, y, runs=runs)
 
 
 def test_a_decision_that_cannot_be_judged_is_refused():
@@ -493,13 +493,13 @@ BAD = {
     "y must name the class of every recording; recording 95 has nan": {"y": ["a"] * 95 + [np.nan]},
     "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must hold two classes at the least": {"y": ["a"] * 96},
-    "groups must hold one label for each of 96 recordings": {"groups": [1, 2]},
-    "groups must label every recording; recording 0 has none": {"groups": [None] * 96},
+    "runs must hold one label for each of 96 recordings": {"runs": [1, 2]},
+    "runs must label every recording; recording 0 has none": {"runs": [None] * 96},
     "units must label every recording; recording 95 has none": {"units": ["a"] * 95 + [np.nan]},
     "units must hold labels of one kind, got int, str": {
         "units": np.array([0, "a"] * 48, dtype=object)
     },
-    "groups='run' names a key of the recordings' meta, but X holds no": {"groups": "run"},
+    "runs='run' names a key of the recordings' meta, but X holds no": {"runs": "run"},
     "healthy='sound' is no class and no family": {"healthy": "sound"},
     "n_splits must be a whole number of at least 2": {"n_splits": 1},
     "confidence must be a number above 0 and below 1": {"confidence": 1},
