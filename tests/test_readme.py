@@ -60,14 +60,14 @@ def test_the_table_of_the_campaign_holds_what_its_code_gives(campaign):
         # Half of the last digit, and a recording or two that another library decides otherwise.
         for scheme, figure in zip(cost.index, printed, strict=True):
             if figure == "it refuses":
-                assert "refuses" in " ".join(campaign["found"][name].remarks)
+                assert "refuses" in " ".join(campaign["found"][name].caveats)
             else:
                 assert cost[scheme] == pytest.approx(float(figure), abs=0.012, rel=0.02)
 
 
 def test_one_classifier_misses_half_of_the_faults_under_a_load_it_never_saw(campaign):
     figures = campaign["found"]["one classifier"].table.loc["by condition"]
-    assert figures["missed_detections"] == pytest.approx(0.5, abs=0.03)
+    assert figures["missed_detection_rate"] == pytest.approx(0.5, abs=0.03)
 
 
 def test_two_runs_of_each_are_too_few_for_one_classifier_of_all_channels(campaign):

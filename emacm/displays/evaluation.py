@@ -26,14 +26,15 @@ from emacm.evaluation.results import Evaluation
 SHARES = {
     "balanced_accuracy": "balanced accuracy",
     "accuracy": "accuracy",
-    "false_alarms": "false alarms",
-    "missed_detections": "missed detections",
+    "false_alarm_rate": "false alarms",
+    "inspection_rate": "inspections",
+    "missed_detection_rate": "missed detections",
 }
-_SHOWN = ("balanced_accuracy", "false_alarms", "missed_detections")
+_SHOWN = ("balanced_accuracy", "false_alarm_rate", "inspection_rate", "missed_detection_rate")
 _LINE = 0.22  # inches for each figure of a scheme
 _CELL = (0.42, 0.42)  # inches of a cell of the confusion
 _DARK = 0.55  # share of a column above which its number is written in white
-_CURVE = ("stated", "came_true", "low", "high", "n")
+_CURVE = ("confidence", "frequency", "low", "high", "count")
 
 
 class EvaluationDisplay:
@@ -48,13 +49,14 @@ class EvaluationDisplay:
     confusion : DataFrame
         Counts: rows are what was decided (families, if there are any), columns the true classes.
     calibration : DataFrame, optional
-        A row for each bin of stated probability: "stated", "came_true", "low", "high" (may be
-        NaN) and "n". Without any there is no third panel.
+        A row for each bin of stated probability: "confidence", "frequency", "low", "high" (may be
+        NaN) and "count". Without any there is no third panel.
     scheme : str
         What `confusion` and `calibration` are of.
     figures : sequence of str, optional
-        Which shares are drawn, among "balanced_accuracy", "accuracy", "false_alarms" and
-        "missed_detections". Default: all but "accuracy", as far as `table` has them.
+        Which shares are drawn, among "balanced_accuracy", "accuracy", "false_alarm_rate",
+        "inspection_rate" and "missed_detection_rate". Default: all but "accuracy", as far
+        as `table` has them.
 
     Attributes
     ----------
@@ -248,12 +250,12 @@ class EvaluationDisplay:
     def _draw_reliability(self, panel: Any) -> None:
         curve = self.calibration
         assert curve is not None
-        stated, true = (100 * curve[name].to_numpy(float) for name in ("stated", "came_true"))
+        stated, true = (100 * curve[name].to_numpy(float) for name in ("confidence", "frequency"))
         low, high = (100 * curve[name].to_numpy(float) for name in ("low", "high"))
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
         panel.vlines(stated, low, high, color=COLOURS[0], linewidth=1.2)
         panel.plot(stated, true, "-", color=COLOURS[0], linewidth=0.8)
-        sizes = 12 + 90 * curve["n"].to_numpy(float) / curve["n"].sum()
+        sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()
         panel.scatter(stated, true, sizes, color=COLOURS[0], zorder=3)
         panel.set_xlim(-2, 102)
         panel.set_ylim(-2, 102)
@@ -280,5 +282,7 @@ def _checked_curve(calibration: pd.DataFrame) -> pd.DataFrame:
     missing = [name for name in _CURVE if name not in getattr(calibration, "columns", ())]
     if missing:
         raise ValueError(f"calibration must have the columns {list(_CURVE)}; it lacks {missing}.")
-    check_values(calibration[["stated", "came_true", "n"]], "calibration", (None, 3), least=0)
+    check_values(
+        calibration[["confidence", "frequency", "count"]], "calibration", (None, 3), least=0
+    )
     return calibration

@@ -99,7 +99,7 @@ def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
     -------
     DataFrame
         A row for each bin that holds recordings: its edges "from" and "to", the mean
-        probability "stated", the share "came_true" and the number "n" of recordings.
+        probability "confidence", the share "frequency" and the number "count" of recordings.
 
     Raises
     ------
@@ -109,17 +109,17 @@ def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
     Examples
     --------
     >>> reliability([[0.8, 0.2], [0.8, 0.2], [0.4, 0.6], [0.4, 0.6]], [0, 0, 0, 1], n_bins=2)
-       from   to  stated  came_true  n
-    0   0.5  1.0     0.7       0.75  4
+       from   to  confidence  frequency  count
+    0   0.5  1.0         0.7       0.75      4
     """
     largest, right, bins = most_probable(probabilities, truths, n_bins=n_bins)
     rows = []
     for number in np.unique(bins):
         inside = bins == number
         edges = {"from": number / n_bins, "to": (number + 1) / n_bins}
-        means = {"stated": largest[inside].mean(), "came_true": right[inside].mean()}
-        rows.append({**edges, **means, "n": int(inside.sum())})
-    return pd.DataFrame(rows, columns=["from", "to", "stated", "came_true", "n"])
+        means = {"confidence": largest[inside].mean(), "frequency": right[inside].mean()}
+        rows.append({**edges, **means, "count": int(inside.sum())})
+    return pd.DataFrame(rows, columns=["from", "to", "confidence", "frequency", "count"])
 
 
 def most_probable(

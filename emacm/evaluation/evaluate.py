@@ -21,9 +21,9 @@ from emacm._checks import check_classes, check_count, once_hint
 from emacm.decisions.families import as_families
 from emacm.decisions.stated_costs import stated_cost
 from emacm.evaluation.bootstrap import check_limits
+from emacm.evaluation.caveats import scheme_caveats
 from emacm.evaluation.confounding import confounding, single_unit_labels
 from emacm.evaluation.held_out_decisions import decide_held_out
-from emacm.evaluation.remarks import scheme_remarks
 from emacm.evaluation.results import Evaluation, gathered, scored
 from emacm.evaluation.schemes import Scheme, given_scheme, group_scheme, random_scheme
 from emacm.evaluation.scoring import scoring_rule
@@ -80,7 +80,7 @@ def evaluate(
         whether the estimator decides on classes or on families. Default: where the rows of the
         cost are not the classes, the decision that costs 0 is right.
     healthy : object, optional
-        The healthy class or family. Without it alarms are not counted.
+        The healthy class or family. Without it these three rates are not computed.
     cost : array-like, DataFrame or mapping, optional
         Rows are decisions, columns truths, as for `emacm.decisions.costs.cost_table`; columns
         may be families. Default: the `cost` among the estimator's parameters (several that differ
@@ -101,9 +101,10 @@ def evaluate(
     -------
     Evaluation
         Figures are shares 0..1: balanced accuracy (mean of the shares recognised of each label),
-        accuracy, false alarms (share of the healthy called anything else, "inspect" too), missed
-        detections (share of the others called healthy); the expected cost in the unit of
-        `cost`; and with `predict_proba`, log-loss [nats] and Brier score (0..2).
+        accuracy; with `healthy`, false alarm rate (share of the healthy decided to be faulty),
+        inspection rate (share of the healthy with a decision that is no label, such as "inspect")
+        and missed detection rate (share of the faulty decided to be healthy); the expected cost
+        in the unit of `cost`; and with `predict_proba`, log-loss [nats] and Brier score (0..2).
 
     Warns
     -----
@@ -118,9 +119,9 @@ def evaluate(
     Notes
     -----
     Where holding out takes all recordings of a label out of training, that scheme cannot be
-    scored; its row is NaN and a remark says which group and label. For the limits see
+    scored; its row is NaN and a caveat says which group and label. For the limits see
     `emacm.evaluation.bootstrap.group_intervals`: runs are drawn (units, if no `runs` are
-    given, and for the split by unit); without either, recordings are, and a remark says so.
+    given, and for the split by unit); without either, recordings are, and a caveat says so.
     Limits tell how the figure varies with the recordings held out, not with those learnt from.
 
     Posteriors of a classifier whose priors are not the shares of the classes here will, rightly,
@@ -159,12 +160,12 @@ def evaluate(
         None if scheme.impossible else scored(scheme, folds, classes, rule, limits)
         for scheme, folds in zip(schemes, decided, strict=True)
     ]
-    remarks = scheme_remarks(schemes, parts, rule)
+    caveats = scheme_caveats(schemes, parts, rule)
     if (unit := known["units"]) is not None:
-        remarks = [*confounding(labels, unit.labels.tolist(), unit.name), *remarks]
+        caveats = [*confounding(labels, unit.labels.tolist(), unit.name), *caveats]
         if single_unit_labels(labels, unit.labels.tolist()):
-            warnings.warn(remarks[0], UserWarning, stacklevel=2)
-    return gathered(schemes, parts, remarks)
+            warnings.warn(caveats[0], UserWarning, stacklevel=2)
+    return gathered(schemes, parts, caveats)
 
 
 def _schemes(

@@ -18,8 +18,9 @@ Tally = tuple[NDArray[np.float64], NDArray[np.intp]]
 FIGURES = (
     "balanced_accuracy",
     "accuracy",
-    "false_alarms",
-    "missed_detections",
+    "false_alarm_rate",
+    "inspection_rate",
+    "missed_detection_rate",
     "expected_cost",
     "log_loss",
     "brier",
@@ -56,10 +57,15 @@ def tallies(
         "expected_cost": (judged["cost"].to_numpy(float), together),
     }
     if healthy is not None:
-        sound = truths == labels.index(healthy)
-        passed = _numbers(judged["decided_label"], labels) == labels.index(healthy)
-        found["false_alarms"] = ((~passed).astype(float), np.where(sound, 0, -1))
-        found["missed_detections"] = (passed.astype(float), np.where(sound, -1, 0))
+        code, decided = labels.index(healthy), _numbers(judged["decided_label"], labels)
+        among_healthy, among_faulty = (
+            np.where(truths == code, 0, -1),
+            np.where(truths == code, -1, 0),
+        )
+        called_faulty = (decided != code) & (decided >= 0)
+        found["false_alarm_rate"] = (called_faulty.astype(float), among_healthy)
+        found["inspection_rate"] = ((decided < 0).astype(float), among_healthy)
+        found["missed_detection_rate"] = ((decided == code).astype(float), among_faulty)
     if probabilities is not None:
         found["log_loss"] = (log_losses(probabilities, truths), together)
         found["brier"] = (brier_scores(probabilities, truths), together)
@@ -116,7 +122,7 @@ def reliability_curve(
     Returns
     -------
     DataFrame
-        As `emacm.evaluation.calibration.reliability`, with "low" and "high" of "came_true" and
+        As `emacm.evaluation.calibration.reliability`, with "low" and "high" of "frequency" and
         the number of "groups".
     """
     numbers = _numbers(truths, labels)

@@ -47,7 +47,7 @@ class Evaluation:
     calibration : DataFrame
         Reliability curve of each scheme (`emacm.evaluation.calibration.reliability`), with
         limits; empty without probabilities.
-    remarks : list of str
+    caveats : list of str
         What must be known before a figure is believed, the gravest first.
     """
 
@@ -55,7 +55,7 @@ class Evaluation:
     predictions: pd.DataFrame
     confusions: dict[str, pd.DataFrame]
     calibration: pd.DataFrame
-    remarks: list[str]
+    caveats: list[str]
 
     def summary(self) -> pd.DataFrame:
         """Return the figures as text, "0.95 (0.90 to 0.98)", for reading."""
@@ -68,18 +68,18 @@ class Evaluation:
         return pd.DataFrame(columns, index=self.table.index)
 
     def __str__(self) -> str:
-        remarks = [
-            fill(text, _WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.remarks
+        caveats = [
+            fill(text, _WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
         ]
         summary = self.summary().T.to_string()
-        return "\n".join([*remarks, summary])
+        return "\n".join([*caveats, summary])
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str:
-        remarks = "".join(f"<li>{html.escape(text)}</li>" for text in self.remarks)
-        return f"<ul>{remarks}</ul>{self.summary().T.to_html()}"
+        caveats = "".join(f"<li>{html.escape(text)}</li>" for text in self.caveats)
+        return f"<ul>{caveats}</ul>{self.summary().T.to_html()}"
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def scored(
 
 
 def gathered(
-    schemes: Sequence[Scheme], scores: Sequence[SchemeScore | None], remarks: list[str]
+    schemes: Sequence[Scheme], scores: Sequence[SchemeScore | None], caveats: list[str]
 ) -> Evaluation:
     """Put the schemes side by side.
 
@@ -171,7 +171,7 @@ def gathered(
         All of them.
     scores : sequence of SchemeScore or None
         None for those that cannot be scored.
-    remarks : list of str
+    caveats : list of str
         What to mind.
 
     Returns
@@ -197,7 +197,7 @@ def gathered(
             if score is not None
         },
         calibration=_stacked([score.calibration for score in done if len(score.calibration)]),
-        remarks=remarks,
+        caveats=caveats,
     )
 
 

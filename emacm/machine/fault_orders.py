@@ -103,7 +103,7 @@ def order_bands(
     *,
     slip: float = 0.02,
     min_width: float = 0.0,
-    overlap: str = "raise",
+    on_overlap: str = "raise",
 ) -> dict[str, Band]:
     """Make named bands around orders, for ``BinTransformer(edges=...)``.
 
@@ -116,7 +116,7 @@ def order_bands(
     min_width : float
         Least width of a band [orders]. A line of a Hann window over `revolutions` is
         ``4 / revolutions`` wide at its foot. Lines that do not slip need it above 0.
-    overlap : {"raise", "join", "keep"}
+    on_overlap : {"raise", "join", "keep"}
         What to do with bands that overlap, and so hold power twice: an error that names
         them, one band "A/B" for all of them, or keep them as they are.
 
@@ -128,7 +128,7 @@ def order_bands(
     Raises
     ------
     ValueError
-        If bands overlap and `overlap` is "raise", a band has no width, or an order is
+        If bands overlap and `on_overlap` is "raise", a band has no width, or an order is
         not positive.
 
     Examples
@@ -139,7 +139,7 @@ def order_bands(
     """
     check_number(slip, "slip", at_least=0, below=1)
     check_number(min_width, "min_width", at_least=0, unit="orders")
-    check_choice(overlap, "overlap", ("raise", "join", "keep"))
+    check_choice(on_overlap, "on_overlap", ("raise", "join", "keep"))
     names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
     for place in np.flatnonzero(low >= high)[:1]:
         raise ValueError(
@@ -150,16 +150,16 @@ def order_bands(
     for place in np.lexsort((high, low)):
         name, band = names[place], (round_edge(low[place]), round_edge(high[place]))
         last = next(reversed(bands), None)
-        if overlap == "keep" or last is None or bands[last][1] <= band[0]:
+        if on_overlap == "keep" or last is None or bands[last][1] <= band[0]:
             bands[name] = band
-        elif overlap == "join":
+        elif on_overlap == "join":
             joined = bands.pop(last)
             bands[f"{last}/{name}"] = (joined[0], max(joined[1], band[1]))
         else:
             raise ValueError(
                 f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap: no power "
                 f"spectrum tells them apart. Lower slip or min_width, leave one out, or set "
-                f'overlap to "join" or "keep".'
+                f'on_overlap to "join" or "keep".'
             )
     return bands
 

@@ -15,9 +15,9 @@ TABLE = pd.DataFrame(
         "balanced_accuracy": [0.9, 0.6, np.nan],
         "balanced_accuracy_low": [0.85, 0.4, np.nan],
         "balanced_accuracy_high": [0.95, 0.8, np.nan],
-        "false_alarms": [0.1, 0.3, np.nan],
-        "false_alarms_low": [0.0, np.nan, np.nan],
-        "false_alarms_high": [0.2, np.nan, np.nan],
+        "false_alarm_rate": [0.1, 0.3, np.nan],
+        "false_alarm_rate_low": [0.0, np.nan, np.nan],
+        "false_alarm_rate_high": [0.2, np.nan, np.nan],
         "groups": [7, 7, 0],
         "resampled": ["run", "run", "unit"],
     },
@@ -26,11 +26,11 @@ TABLE = pd.DataFrame(
 CONFUSION = pd.DataFrame([[8, 1], [0, 3], [2, 0]], index=["a", "b", "inspect"], columns=["a", "b"])
 CURVE = pd.DataFrame(
     {
-        "stated": [0.6, 0.9],
-        "came_true": [0.5, 0.95],
+        "confidence": [0.6, 0.9],
+        "frequency": [0.5, 0.95],
         "low": [0.3, 0.9],
         "high": [0.7, 1.0],
-        "n": [10, 40],
+        "count": [10, 40],
     }
 )
 
@@ -114,10 +114,11 @@ def test_an_evaluation_is_drawn_with_its_first_split_by_groups():
     display = EvaluationDisplay.from_evaluation(result, ax=axes(3))
     assert display.scheme == "by run"
     assert display.confusion.equals(result.confusions["by run"])
-    assert display.figures == ["balanced_accuracy", "false_alarms", "missed_detections"]
+    rates = ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
+    assert display.figures == ["balanced_accuracy", *rates]
     frame = display.frame().set_index(["scheme", "figure"])
-    expected = result.table.loc["random split", "false_alarms_high"]
-    assert frame.loc[("random split", "false_alarms"), "high"] == expected
+    expected = result.table.loc["random split", "false_alarm_rate_high"]
+    assert frame.loc[("random split", "false_alarm_rate"), "high"] == expected
 
 
 def test_another_scheme_can_be_drawn():
@@ -158,13 +159,13 @@ def test_what_cannot_be_drawn_is_refused():
         EvaluationDisplay(TABLE, CONFUSION, figures=["accuracy"])
     with pytest.raises(ValueError, match="table must hold shares from 0 to 1"):
         EvaluationDisplay(
-            TABLE[["false_alarms", "false_alarms_low", "false_alarms_high"]] * 9,
+            TABLE[["false_alarm_rate", "false_alarm_rate_low", "false_alarm_rate_high"]] * 9,
             CONFUSION,
-            figures=["false_alarms"],
+            figures=["false_alarm_rate"],
         )
     with pytest.raises(ValueError, match="confusion must be at least 0"):
         EvaluationDisplay(TABLE, -CONFUSION)
-    with pytest.raises(ValueError, match=r"calibration must have the columns .*lacks \['n'\]"):
-        EvaluationDisplay(TABLE, CONFUSION, CURVE.drop(columns="n"))
+    with pytest.raises(ValueError, match=r"calibration must have the columns .*lacks \['count'\]"):
+        EvaluationDisplay(TABLE, CONFUSION, CURVE.drop(columns="count"))
     with pytest.raises(ValueError, match="this picture has 2 panels and needs as many Axes, got 3"):
         EvaluationDisplay(TABLE, CONFUSION).plot(ax=axes(3))

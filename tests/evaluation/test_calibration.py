@@ -39,9 +39,9 @@ def test_true_probabilities_have_a_lower_expected_score_than_any_other():
 
 def test_what_follows_its_probabilities_comes_true_as_often_as_stated():
     curve = reliability(*stated(50_000, 3))
-    deviation = np.sqrt(curve["stated"] * (1 - curve["stated"]) / curve["n"])
-    assert (np.abs(curve["came_true"] - curve["stated"]) < 4 * deviation).all()
-    assert curve["n"].sum() == 50_000
+    deviation = np.sqrt(curve["confidence"] * (1 - curve["confidence"]) / curve["count"])
+    assert (np.abs(curve["frequency"] - curve["confidence"]) < 4 * deviation).all()
+    assert curve["count"].sum() == 50_000
 
 
 def test_overstated_probabilities_come_true_less_often():
@@ -49,7 +49,7 @@ def test_overstated_probabilities_come_true_less_often():
     sharp = probabilities**3 / (probabilities**3).sum(axis=1, keepdims=True)
     curve = reliability(sharp, truths)
     middle = curve[curve["to"] < 1]
-    assert (middle["came_true"] < middle["stated"]).all()
+    assert (middle["frequency"] < middle["confidence"]).all()
 
 
 def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
@@ -59,7 +59,7 @@ def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
 
 def test_the_mean_of_a_bin_lies_within_it():
     curve = reliability(*stated(500, 3), n_bins=7)
-    assert ((curve["from"] <= curve["stated"]) & (curve["stated"] <= curve["to"])).all()
+    assert ((curve["from"] <= curve["confidence"]) & (curve["confidence"] <= curve["to"])).all()
 
 
 @pytest.mark.parametrize("function", [log_losses, brier_scores, reliability])

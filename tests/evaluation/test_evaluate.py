@@ -68,7 +68,7 @@ def test_who_memorises_is_right_by_a_random_split_and_at_chance_by_run():
     assert found.table.loc["random split", "balanced_accuracy"] > 0.99
     by_run = found.table.loc["by run"]
     assert by_run["balanced_accuracy_low"] < 1 / 3 < by_run["balanced_accuracy_high"]
-    assert "the random split has 1, 'by run' 0." in "".join(found.remarks)
+    assert "the random split has 1, 'by run' 0." in "".join(found.caveats)
 
 
 def test_limits_by_run_are_those_of_runs_and_not_of_copies():
@@ -118,38 +118,45 @@ def test_no_group_stands_on_both_sides_where_there_are_more_groups_than_folds():
     assert sorted(held["recording"]) == list(range(len(y)))
 
 
-def test_alarms_are_shares_of_the_healthy_and_misses_shares_of_the_others():
-    y = ["ok"] * 4 + ["worn"] * 2 + ["spalled"] * 2
-    answers = ["ok", "worn", "spalled", "ok", "ok", "worn", "worn", "spalled"]
+def test_false_alarms_are_shares_of_the_healthy_and_misses_shares_of_the_faulty():
+    y = ["ok"] * 7 + ["worn"] * 3 + ["spalled"] * 2
+    answers = ["ok", "worn", "ok", "ok", "spalled", "ok", "ok"]  # two false alarms of seven
+    answers += ["worn", "worn", "ok", "worn", "spalled"]  # one missed of five, one wrong fault
     row = echoed(y, answers, healthy="ok", n_splits=2).table.loc["random split"]
-    assert row["false_alarms"] == 2 / 4
-    assert row["missed_detections"] == 1 / 4  # the spalled one called worn is no miss
-    assert row["accuracy"] == 4 / 8
-    assert row["balanced_accuracy"] == pytest.approx((2 / 4 + 1 / 2 + 1 / 2) / 3)
+    assert row["false_alarm_rate"] == 2 / 7
+    assert row["inspection_rate"] == 0
+    assert row["missed_detection_rate"] == 1 / 5
+    assert row["accuracy"] == 8 / 12
+    assert row["balanced_accuracy"] == pytest.approx((5 / 7 + 2 / 3 + 1 / 2) / 3)
 
 
-def test_an_inspection_is_an_alarm_and_no_miss_and_is_never_right():
-    cost = {("inspect", "ok"): 0.2, ("inspect", "worn"): 0.2}
+def test_an_inspection_is_neither_a_false_alarm_nor_a_missed_detection_and_never_correct():
+    cost = {("inspect", "ok"): 0.2, ("inspect", "worn"): 0.3}
     found = echoed(
-        ["ok", "ok", "worn", "worn"],
-        ["ok", "inspect", "inspect", "inspect"],
+        ["ok"] * 7 + ["worn"] * 3,
+        ["ok", "inspect", "worn", "inspect", "ok", "inspect", "ok"] + ["inspect", "ok", "inspect"],
         healthy="ok",
         cost=cost,
         n_splits=2,
     )
     row = found.table.loc["random split"]
-    assert (row["false_alarms"], row["missed_detections"], row["accuracy"]) == (0.5, 0, 0.25)
-    assert row["expected_cost"] == pytest.approx(0.15)
+    assert row["false_alarm_rate"] == 1 / 7
+    assert row["inspection_rate"] == 3 / 7
+    assert row["missed_detection_rate"] == 1 / 3
+    assert row["accuracy"] == 3 / 10
+    assert row["expected_cost"] == pytest.approx((3 * 0.2 + 1 + 2 * 0.3 + 1) / 10)
     assert found.confusions["random split"].to_dict("index") == {
-        "ok": {"ok": 1, "worn": 0},
-        "worn": {"ok": 0, "worn": 0},
-        "inspect": {"ok": 1, "worn": 2},
+        "ok": {"ok": 3, "worn": 1},
+        "worn": {"ok": 1, "worn": 0},
+        "inspect": {"ok": 3, "worn": 2},
     }
+    for rate in ("false_alarm_rate", "inspection_rate", "missed_detection_rate"):
+        assert row[f"{rate}_low"] <= row[rate] <= row[f"{rate}_high"]
 
 
-def test_without_a_healthy_class_no_alarm_is_counted():
+def test_without_a_healthy_class_no_rate_is_computed():
     found = echoed(["a", "a", "b", "b"], ["a", "a", "b", "a"], n_splits=2)
-    assert not {"false_alarms", "missed_detections"} & set(found.table)
+    assert not [name for name in found.table if "rate" in name]
 
 
 def test_the_cost_is_the_expected_cost_of_the_decisions():
@@ -189,7 +196,7 @@ def test_families_decided_on_are_scored_by_the_zeros_of_the_cost():
     assert found.table.loc["by run", "labels"] == 3
     assert found.confusions["by run"].shape == (3, 4)
     assert found.confusions["by run"].loc["worn", ["worn1", "worn2"]].sum() > 40
-    assert "Scored by families" in found.remarks[-1]
+    assert "Scored by families" in found.caveats[-1]
 
 
 def test_stated_families_give_the_same_as_the_zeros_of_the_cost():
@@ -244,7 +251,7 @@ def test_true_probabilities_lie_on_the_diagonal():
     X = rng.normal(y[:, np.newaxis] * 1.5, 1.0)  # Gaussian classes of equal variance
     found = evaluate(CostSensitiveGaussianBayes(covariance="tied"), X, y, n_splits=5)
     curve = found.calibration
-    outside = (curve["low"] > curve["stated"]) | (curve["stated"] > curve["high"])
+    outside = (curve["low"] > curve["confidence"]) | (curve["confidence"] > curve["high"])
     assert len(curve) == 5
     assert outside.sum() == 0
     entropy = found.table.loc["random split"]
@@ -268,9 +275,9 @@ def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_s
     ]
     with pytest.warns(UserWarning, match="confounded: 'spalled' in 'S' alone"):
         found = evaluate(GaussianNB(), X, y, runs=runs, units=units)
-    assert found.remarks[0].startswith("Label and unit are confounded")
-    assert found.remarks[1].startswith("Each unit has one label")
-    assert found.remarks[2] == (
+    assert found.caveats[0].startswith("Label and unit are confounded")
+    assert found.caveats[1].startswith("Each unit has one label")
+    assert found.caveats[2] == (
         "'by unit' cannot be scored. In 1 of 7 folds a label is absent from training: without "
         "unit S, training has no 'spalled'."
     )
@@ -325,10 +332,8 @@ class OnlyKnownLoads(GaussianNB):
 def test_who_refuses_a_load_never_seen_is_not_scored_by_load():
     X, y, runs = sub_states()
     loads = np.tile([20.0, 40.0], len(y) // 2)
-    found = evaluate(
-        OnlyKnownLoads(), np.column_stack([loads, X]), y, runs=runs, conditions=loads
-    )
-    assert found.remarks[0].startswith(
+    found = evaluate(OnlyKnownLoads(), np.column_stack([loads, X]), y, runs=runs, conditions=loads)
+    assert found.caveats[0].startswith(
         "'by condition' cannot be scored. The estimator refuses: by condition, fold 0 (condition "
         "20.0 left out): no model for the load 20"
     )
@@ -360,7 +365,7 @@ def test_labels_are_read_from_the_meta_of_recordings():
     )
     assert list(found.table.index) == ["random split", "by run", "by unit", "by load"]
     assert (found.table["accuracy"] == 1).all()
-    assert any("limits of no width" in remark for remark in found.remarks)
+    assert any("limits of no width" in remark for remark in found.caveats)
     lazily = make_pipeline(OrderPSD(4), GaussianNB())
     resampled = OrderResampler().fit_transform(recordings)
     again = evaluate(lazily, resampled, y, runs="run", healthy="new")
@@ -386,20 +391,20 @@ def test_without_groups_recordings_are_resampled_and_it_says_so():
     X, y, _ = sub_states()
     found = evaluate(GaussianNB(), X, y)
     assert found.table.loc["random split", ["groups", "resampled"]].tolist() == [96, "recording"]
-    assert found.remarks[0].startswith("Only a random split was made")
-    assert "resampling single recordings" in found.remarks[1]
+    assert found.caveats[0].startswith("Only a random split was made")
+    assert "resampling single recordings" in found.caveats[1]
 
 
 def test_few_groups_are_counted_out_loud():
     X, y, runs = sub_states(n_runs=3)
     found = evaluate(GaussianNB(), X, y, runs=runs)
-    assert any("3 of run in 'by run'" in remark for remark in found.remarks)
+    assert any("3 of run in 'by run'" in remark for remark in found.caveats)
 
 
 def test_a_single_group_cannot_be_held_out():
     X, y, _ = sub_states()
     found = evaluate(GaussianNB(), X, y, conditions=pd.Series([20] * len(y), name="load"))
-    assert "There is one load only, 20, and none to hold out" in found.remarks[0]
+    assert "There is one load only, 20, and none to hold out" in found.caveats[0]
 
 
 def test_the_same_seed_gives_the_same_everything_with_any_number_of_processes():
@@ -444,7 +449,7 @@ def test_it_prints_what_to_mind_before_the_figures():
     text = str(found)
     assert text.startswith("- Limits rest on few groups")
     assert text.index("balanced accuracy") > text.index("rough")
-    assert re.search(r"false alarms +0\.\d+ \(", text)
+    assert re.search(r"false alarm rate +0\.\d+ \(", text)
     page = found._repr_html_()
     assert page.index("<li>Limits") < page.index("<table")
     assert "&lt;run&gt;" in page
@@ -549,4 +554,4 @@ def test_a_class_of_one_recording_cannot_be_held_out():
     with pytest.raises(ValueError, match="a class needs two recordings"):
         evaluate(GaussianNB(), [[0.0], [1.0]], ["a", "b"])
     found = evaluate(GaussianNB(), [[0.0], [1.0], [2.0]], ["a", "a", "b"])
-    assert "'random split' cannot be scored" in found.remarks[0]
+    assert "'random split' cannot be scored" in found.caveats[0]

@@ -287,7 +287,7 @@ def test_a_band_is_as_wide_as_the_slip_and_never_narrower_than_asked():
 
 def test_only_rolling_elements_slip():
     table = fault_orders(Bearing(9, 7.94, 39.04), Gear(20, 50))
-    bands = order_bands(table, slip=0.02, min_width=0.02, overlap="keep")
+    bands = order_bands(table, slip=0.02, min_width=0.02, on_overlap="keep")
     assert bands["mesh"] == (19.99, 20.01)
     low, high = bands["BPFO"]
     assert (high - low) / table["order"]["BPFO"] == pytest.approx(0.04)
@@ -297,16 +297,16 @@ def test_bands_that_overlap_are_refused_joined_or_kept():
     near = {"supply": 6.0, "BPFI": 6.123, "2xBPFI": 12.246}
     with pytest.raises(ValueError, match=r"'supply' \(5.88, 6.12\) and 'BPFI' .* overlap"):
         order_bands(near)
-    joined = order_bands(near, overlap="join")
+    joined = order_bands(near, on_overlap="join")
     assert joined["supply/BPFI"] == (5.88, 6.24546)
     assert list(joined) == ["supply/BPFI", "2xBPFI"]
-    assert list(order_bands(near, overlap="keep")) == list(near)
-    assert order_bands({"a": 6.0, "b": 6.0}, overlap="join") == {"a/b": (5.88, 6.12)}
+    assert list(order_bands(near, on_overlap="keep")) == list(near)
+    assert order_bands({"a": 6.0, "b": 6.0}, on_overlap="join") == {"a/b": (5.88, 6.12)}
 
 
 @given(st.lists(st.floats(0.5, 60), min_size=1, max_size=30, unique=True), st.floats(1e-3, 0.1))
 def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
-    bands = order_bands({f"f{i}": v for i, v in enumerate(values)}, slip=slip, overlap="join")
+    bands = order_bands({f"f{i}": v for i, v in enumerate(values)}, slip=slip, on_overlap="join")
     edges = np.array(list(bands.values()))
     assert (edges[1:, 0] >= edges[:-1, 1]).all()
     homes = {name: band for names, band in bands.items() for name in names.split("/")}
@@ -341,7 +341,7 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
         (lambda: order_bands([6.1]), TypeError, "a table of fault_orders or a mapping"),
         (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
         (lambda: order_bands({"a": 1.0}, slip=1.0), ValueError, "slip must be a number"),
-        (lambda: order_bands({"a": 1.0}, overlap="no"), ValueError, "overlap must be one of"),
+        (lambda: order_bands({"a": 1.0}, on_overlap="no"), ValueError, "on_overlap must be one of"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_reason(make, error, words):

@@ -13,7 +13,7 @@ from emacm.evaluation.scoring import ScoringRule
 _FEW = 10  # groups, below which limits are called rough
 
 
-def scheme_remarks(
+def scheme_caveats(
     schemes: Sequence[Scheme], scores: Sequence[SchemeScore | None], rule: ScoringRule
 ) -> list[str]:
     """Say what to mind, the gravest first.
