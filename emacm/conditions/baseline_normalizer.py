@@ -21,6 +21,7 @@ from emacm.conditions.feature_baselines import (
     linear_baseline_of_features,
     mean_baseline_of_features,
 )
+from emacm.conditions.healthy import healthy_recordings
 from emacm.conditions.mean_signals import (
     ALIGNMENTS,
     AngleBaseline,
@@ -30,9 +31,8 @@ from emacm.conditions.mean_signals import (
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import (
     condition_name,
-    healthy_recordings,
     listed_recordings,
-    read_conditions,
+    read_meta,
     sorted_conditions,
 )
 from emacm.recordings.recording import Recording, described
@@ -273,11 +273,11 @@ class BaselineNormalizer(  # type: ignore[call-arg]
     def _fitted_table(self, X: Any, y: ArrayLike | None) -> Any:
         """Learn, and return the features that X has before anything is subtracted."""
         self._check_parameters()
-        found = read_conditions(X, self.condition)
+        found = read_meta(X, self.condition)
         is_healthy = healthy_recordings(X, y, self.healthy)
         reference = _listed_reference(self.reference)
         with located("reference"):
-            known = read_conditions(reference, self.condition) if reference else []
+            known = read_meta(reference, self.condition) if reference else []
         if not self.regression:
             self._check_healthy(found, is_healthy, known)
         conditions = [value for value, good in zip(found, is_healthy, strict=True) if good] + known
@@ -340,7 +340,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         return _like(table, relative)
 
     def _known_conditions(self, X: Any) -> list[Any]:
-        found = read_conditions(X, self.condition)
+        found = read_meta(X, self.condition)
         if self.regression:
             return found
         known = set(self.conditions_)

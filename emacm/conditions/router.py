@@ -24,7 +24,7 @@ from emacm.conditions.rows import aligned_columns, joined_rows, joined_tables
 from emacm.decisions.costs import check_weights, cost_table
 from emacm.decisions.right_decisions import right_decisions
 from emacm.decisions.stated_costs import narrow_costs
-from emacm.recordings.meta import chosen_rows, condition_name, read_conditions, sorted_conditions
+from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 from emacm.recordings.recording import described
 
 _UNSEEN = ("error", "nearest", "pooled")
@@ -149,7 +149,7 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
             raise TypeError(f"estimator must be one, such as a Pipeline; got {self.estimator!r}.")
         if get_config()["enable_metadata_routing"]:
             fit_params = process_routing(self, "fit", **fit_params).estimator.fit
-        found = read_conditions(X, self.condition)
+        found = read_meta(X, self.condition)
         _check_length(y, len(found))
         conditions = sorted_conditions(found)
         if self.unseen == "nearest":
@@ -467,7 +467,7 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
     def _routes(self, X: Any) -> list[tuple[bool, Any]]:
         """Return for each recording whether it goes to the pooled estimator, or to which."""
         routes: list[tuple[bool, Any]] = []
-        for index, value in enumerate(read_conditions(X, self.condition)):
+        for index, value in enumerate(read_meta(X, self.condition)):
             if value in self.estimators_:
                 routes.append((False, value))
             elif self.unseen == "pooled" and hasattr(self, "pooled_"):

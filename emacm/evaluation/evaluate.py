@@ -27,7 +27,7 @@ from emacm.evaluation.held_out_decisions import decide_held_out
 from emacm.evaluation.results import Evaluation, gathered, scored
 from emacm.evaluation.schemes import Scheme, given_scheme, group_scheme, random_scheme
 from emacm.evaluation.scoring import scoring_rule
-from emacm.recordings.groupings import Grouping, read_grouping
+from emacm.recordings.meta import Grouping, read_grouping
 
 _ROLES = {"runs": "run", "units": "unit", "conditions": "condition"}
 
@@ -150,7 +150,7 @@ def evaluate(
     rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, cost=cost)
     labels = as_families(classes.tolist(), rule.family_of)
     known = {
-        role: read_grouping(values, X, len(classes), role, _ROLES[role])
+        role: read_grouping(values, X, role, _ROLES[role])
         for role, values in zip(_ROLES, (runs, units, conditions), strict=True)
     }
     schemes = _schemes(classes, labels, known, splits, n_splits=n_splits, seed=random_state)

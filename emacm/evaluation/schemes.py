@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
 
-from emacm.recordings.groupings import Grouping, plain_label
+from emacm.recordings.meta import Grouping, plain_label
 
 Indices = NDArray[np.intp]
 

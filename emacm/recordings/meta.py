@@ -1,43 +1,72 @@
-"""Under which condition a recording was made, and whether its machine was healthy then."""
+"""Reader of the recordings' `meta`: condition, run, unit.
+
+Wherever a parameter selects content of `meta`, it has one of these forms:
+
+- a key, such as "load"; if X is a DataFrame, the name of a column;
+- a tuple of keys, such as ("unit", "load"), which gives tuples of values;
+- a function of the recording (of the row, if X is a table);
+- where the caller accepts it, an array with one value for each recording.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm._checks import located, once_hint
 from emacm.recordings.recording import check_unique_columns, described
 
-_COLLECTIONS = (list, tuple, set, frozenset, np.ndarray, pd.Series, pd.Index)
+
+@dataclass(frozen=True)
+class Grouping:
+    """One label for each recording, and the name of the property that is labelled.
+
+    Attributes
+    ----------
+    name : str
+        For example "run".
+    labels : ndarray of shape (n_recordings,)
+        The labels: sortable, none missing. Tuples are written as text.
+    """
+
+    name: str
+    labels: NDArray[Any]
 
 
-def read_conditions(X: Any, condition: Any) -> list[Any]:
-    """Return the condition of each recording.
+def read_meta(X: Any, keys: Any, *, role: str = "condition", arrays: bool = False) -> list[Any]:
+    """Return the value of each recording under a key of its `meta`.
 
     Parameters
     ----------
     X : sequence of Recording or AngleRecording, or DataFrame
-        Recordings; of a DataFrame, each row is one. A callable may read anything else.
-    condition : hashable, tuple or callable
-        Key of `meta` (of a DataFrame: name of a column), several of them as a tuple, or a
-        function of the recording (of the row).
+        Recordings; in a DataFrame, each row is one. A function may read any other entries, and
+        with an array only the number of entries matters.
+    keys : hashable, tuple, callable or array-like of shape (n_recordings,)
+        One of the forms listed in the module's docstring.
+    role : str
+        Name of the caller's parameter, for messages.
+    arrays : bool
+        Whether an array is accepted. Estimators refuse it, because an array is not split
+        along with the recordings.
 
     Returns
     -------
     list of hashable
-        One for each recording; tuples, where there are several keys.
+        One value for each recording, as Python objects; tuples if `keys` is a tuple.
 
     Raises
     ------
     TypeError
-        If X is no sequence, an entry has no `meta`, or its condition cannot be a key.
+        If X is not a sequence, an entry has no `meta`, a value cannot be hashed, or `keys` has
+        another form.
     ValueError
-        If X is empty, or a recording lacks the key, or has None or a number there that is not
-        finite (the message names the recording and the key); if `condition` names no key.
+        If X is empty, a recording lacks a key or its value is missing or not finite (the message
+        gives the recording and the key), a function fails, or an array has another length.
 
     Examples
     --------
@@ -47,84 +76,78 @@ def read_conditions(X: Any, condition: Any) -> list[Any]:
     ...     Recording({"torque": [0, 1]}, 1, velocity=speed, meta={"load": load, "unit": "A"})
     ...     for load in (20, 40)
     ... ]
-    >>> read_conditions(runs, "load"), read_conditions(runs, ("unit", "load"))
+    >>> read_meta(runs, "load"), read_meta(runs, ("unit", "load"))
     ([20, 40], [('A', 20), ('A', 40)])
+    >>> read_meta(runs, [3, 1], arrays=True)
+    [3, 1]
     """
+    if _is_array(keys):
+        return _array_values(keys, X, role, arrays)
     entries = listed_recordings(X)
-    keys = _keys(condition)
-    found = []
-    for index, entry in enumerate(entries):
-        if callable(condition):
-            value = _checked(condition(entry), entry, index, "the function condition gives")
-        else:
-            values = tuple(_known(entry, index, key) for key in keys)
-            value = values if isinstance(condition, tuple) else values[0]
-        found.append(value)
-    return found
+    if callable(keys):
+        return [
+            _checked(called(keys, entry, index, role), entry, index, f"the value of {role}() is")
+            for index, entry in enumerate(entries)
+        ]
+    names = _named_keys(keys, role, arrays)
+    rows = [
+        tuple(meta_value(e, i, name, role, arrays) for name in names) for i, e in enumerate(entries)
+    ]
+    return rows if isinstance(keys, tuple) else [values[0] for values in rows]
 
 
-def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.bool_]:
-    """Tell which recordings are of a healthy machine.
+def read_grouping(values: Any, X: Any, role: str, name: str) -> Grouping | None:
+    """Return one sortable label for each recording, read from `meta` or from an array.
 
     Parameters
     ----------
-    X : sequence of Recording or AngleRecording, or DataFrame
-        Recordings.
-    y : array-like of shape (n_recordings,) or None
-        Their labels, where `healthy` is a label.
-    healthy : label, collection of labels, mapping or callable
-        Labels of `y`; or {key of `meta`: value, or a list of values}, all of
-        which must hold; or a function of the recording that returns a bool.
+    values : None, hashable, tuple, callable or array-like of shape (n_recordings,)
+        As `keys` of `read_meta`.
+    X : sequence of Recording, or DataFrame; any sequence if `values` is an array
+        The recordings.
+    role : str
+        Name of the caller's parameter, for messages.
+    name : str
+        Name of the labels, unless `values` is a key, a tuple of keys or a named Series.
 
     Returns
     -------
-    ndarray of bool, shape (n_recordings,)
+    Grouping or None
+        None if `values` is None.
 
     Raises
     ------
-    TypeError
-        If a function returns no bool.
-    ValueError
-        If `y` is needed and missing, or not as long as X, or holds no such label; or a
-        recording lacks a key.
+    TypeError, ValueError
+        As `read_meta`; or if the labels are of several kinds that have no common order.
 
     Examples
     --------
-    >>> from emacm import Recording
-    >>> runs = [
-    ...     Recording({"torque": [0, 1]}, 1, velocity=[1.0, 1.0], meta={"hours": hours})
-    ...     for hours in (0, 900)
-    ... ]
-    >>> healthy_recordings(runs, ["new", "worn"], "new").tolist()
-    [True, False]
-    >>> healthy_recordings(runs, None, lambda run: run.meta["hours"] < 100).tolist()
-    [True, False]
+    >>> frame = pd.DataFrame({"unit": ["B", "A"], "load": [20, 40]})
+    >>> read_grouping(("unit", "load"), frame, "units", "unit")
+    Grouping(name='unit, load', labels=array(["'B', 20", "'A', 40"], dtype='<U7'))
     """
-    entries = listed_recordings(X)
-    if callable(healthy):
-        answers = [healthy(entry) for entry in entries]
-        for index, (entry, answer) in enumerate(zip(entries, answers, strict=True)):
-            if not isinstance(answer, bool | np.bool_):
-                raise TypeError(
-                    f"healthy as a function must return True or False, got {answer!r} for "
-                    f"{described(entry, index)}."
-                )
-        return np.array(answers, dtype=bool)
-    if isinstance(healthy, Mapping):
-        wanted = {key: _listed(values) for key, values in healthy.items()}
-        if not wanted:
-            raise ValueError("healthy must name at least one key of meta, got an empty mapping.")
-        return np.array(
-            [
-                all(_known(entry, index, key) in values for key, values in wanted.items())
-                for index, entry in enumerate(entries)
-            ]
-        )
-    return _labelled(y, len(entries), _listed(healthy))
+    if values is None:
+        return None
+    found = read_meta(X, values, role=role, arrays=True)
+    if isinstance(values, pd.Series):
+        name = values.name if isinstance(values.name, str) else name
+    elif not (_is_array(values) or callable(values)):
+        name = ", ".join(map(str, values if isinstance(values, tuple) else (values,)))
+    kinds = sorted({"str" if isinstance(v, str) else type(v).__name__ for v in found})
+    if {"str", "tuple"} & set(kinds) and len(kinds) > 1:
+        raise TypeError(f"{role} must hold labels of one kind, got {', '.join(kinds)}.")
+    if kinds == ["tuple"]:
+        found = [", ".join(map(repr, value)) for value in found]
+    labels = np.asarray(found)
+    try:
+        np.unique(labels)
+    except TypeError as error:
+        raise TypeError(f"{role} must hold labels of one kind, got {', '.join(kinds)}.") from error
+    return Grouping(name, labels)
 
 
 def condition_name(condition: Any, value: Any) -> str:
-    """Write a condition as messages do.
+    """Return a condition as text, for messages.
 
     Examples
     --------
@@ -140,7 +163,7 @@ def condition_name(condition: Any, value: Any) -> str:
 
 
 def sorted_conditions(values: Iterable[Hashable]) -> tuple[Any, ...]:
-    """Return each condition once, sorted where they have an order, else as they come.
+    """Return each condition once, sorted if they have an order, else in order of appearance.
 
     Examples
     --------
@@ -155,7 +178,7 @@ def sorted_conditions(values: Iterable[Hashable]) -> tuple[Any, ...]:
 
 
 def chosen_rows(values: Any, rows: NDArray[np.intp]) -> Any:
-    """Return some recordings, labels or weights, in the kind of container they came in.
+    """Return some recordings, labels or weights, in the same kind of container.
 
     Examples
     --------
@@ -171,13 +194,28 @@ def chosen_rows(values: Any, rows: NDArray[np.intp]) -> Any:
     return [values[int(row)] for row in rows]
 
 
+def plain_label(label: Any) -> Any:
+    """Return a label as a Python object (dates as pandas objects), as it was written.
+
+    Examples
+    --------
+    >>> plain_label(np.int64(3)), plain_label(np.datetime64("2024-05-01"))
+    (3, Timestamp('2024-05-01 00:00:00'))
+    """
+    if isinstance(label, np.datetime64):
+        return pd.Timestamp(label)
+    if isinstance(label, np.timedelta64):
+        return pd.Timedelta(label)
+    return label.item() if isinstance(label, np.generic) else label
+
+
 def listed_recordings(X: Any) -> list[Any]:
-    """Return what X holds, one entry for each recording.
+    """Return the entries of X, one for each recording.
 
     Raises
     ------
     TypeError
-        If X is no sequence, array or DataFrame.
+        If X is not a sequence, an array or a DataFrame.
     ValueError
         If it is empty, or columns of a DataFrame have the same name.
 
@@ -188,92 +226,104 @@ def listed_recordings(X: Any) -> list[Any]:
     """
     if isinstance(X, pd.DataFrame):
         check_unique_columns(X, "X")
-        entries = [row for _, row in X.astype(object).iterrows()]  # whole numbers stay whole
+        entries = [row for _, row in X.astype(object).iterrows()]  # integers stay integers
     elif isinstance(X, str | Mapping) or not isinstance(X, Sequence | np.ndarray):
         hint = " Write [recording]." if hasattr(X, "meta") else once_hint(X)
-        raise TypeError(f"X must be a list of recordings, got {_kind(X)}.{hint}")
+        raise TypeError(f"X must be a list of recordings, got {kind_of(X)}.{hint}")
     else:
         entries = list(X)
     if not entries:
-        raise ValueError("X holds no recording; at least one is needed.")
+        raise ValueError("X contains no recording; at least one is needed.")
     return entries
 
 
-def _kind(value: Any) -> str:
-    """Say what came in the place of a list, without all that it holds."""
+def kind_of(value: Any) -> str:
+    """Return what was received in place of a list, without its content."""
     if value is None or isinstance(value, str):
         return repr(value)
     package, name = type(value).__module__.partition(".")[0], type(value).__name__
-    return f"a {package} {name}, and not one of pandas" if name == "DataFrame" else f"a {name}"
+    return f"a {package} {name}, which is not a pandas one" if name == "DataFrame" else f"a {name}"
 
 
-def _keys(condition: Any) -> tuple[Any, ...]:
-    """Return the keys that a condition names, or say why it names none."""
-    keys = condition if isinstance(condition, tuple) else (condition,)
-    if not keys:
-        raise ValueError("condition must name at least one key of meta, got ().")
-    for key in keys:
-        if not isinstance(key, Hashable):
+def _is_array(keys: Any) -> bool:
+    if isinstance(keys, str | bytes | tuple | np.generic):
+        return False
+    return isinstance(keys, Sequence) or hasattr(keys, "__array__")
+
+
+def _array_values(values: Any, X: Any, role: str, accepted: bool) -> list[Any]:
+    if not accepted:
+        raise TypeError(
+            f"{role} must be a key of meta such as 'load', a tuple of keys, or a function of the "
+            f"recording; got {kind_of(values)}. An array is not split along with the recordings: "
+            f"put its values into their meta."
+        )
+    found, n_recordings = list(values), X.shape[0] if hasattr(X, "shape") else len(X)
+    shape = np.shape(values) if hasattr(values, "__array__") else (len(found),)
+    if shape != (n_recordings,):
+        raise ValueError(
+            f"{role} must hold one label for each of {n_recordings} recordings, or be a key of "
+            f"their meta; got shape {shape}."
+        )
+    return [_checked(v, None, i, f"the label in {role} is") for i, v in enumerate(found)]
+
+
+def _named_keys(keys: Any, role: str, arrays: bool) -> tuple[Any, ...]:
+    """Return the keys as a tuple."""
+    names = keys if isinstance(keys, tuple) else (keys,)
+    if not names:
+        raise ValueError(f"{role} must name at least one key of meta, got ().")
+    for name in names:
+        if not isinstance(name, Hashable):
+            array = ", or an array with one label for each recording" if arrays else ""
             raise TypeError(
-                f"condition must be a key of meta such as 'load', a tuple of keys, or a function; "
-                f"got {condition!r}."
+                f"{role} must be a key of meta such as 'load', a tuple of keys, a function of the "
+                f"recording{array}; got {keys!r}.{once_hint(keys)}"
             )
-    return keys
+    return names
 
 
-def _known(entry: Any, index: int, key: Any) -> Any:
-    """Return what a recording, or a row of a DataFrame, tells under a key."""
+def meta_value(entry: Any, index: int, key: Any, role: str, arrays: bool = False) -> Any:
+    """Return the value of a recording, or of a row of a DataFrame, under a key."""
     facts = entry if isinstance(entry, pd.Series) else getattr(entry, "meta", None)
     kind = "column" if isinstance(entry, pd.Series) else "meta key"
     if not isinstance(facts, Mapping | pd.Series):
+        other = "an array" if arrays else "a function that reads it"
         raise TypeError(
-            f"recording {index} is a {type(entry).__name__}, which has no meta to tell its "
-            f"{key!r}. Pass recordings with meta={{{key!r}: ...}}, or a function that reads it."
+            f"{role} names the meta key {key!r}, but recording {index} is a "
+            f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}, or "
+            f"{other}."
         )
     if key not in facts:
         raise ValueError(
-            f"{described(entry, index)} has no {kind} {key!r}, only {list(facts.keys())}. State "
+            f"{described(entry, index)} has no {kind} {key!r}, only {list(facts.keys())}. Set "
             f"it when the recording is made, or leave the recording out."
         )
     return _checked(facts[key], entry, index, f"its {kind} {key!r} is")
 
 
+def called(function: Callable[[Any], Any], entry: Any, index: int, role: str) -> Any:
+    """Return the value of a user's function, and name the recording if it fails."""
+    try:
+        return function(entry)
+    except Exception as error:
+        raise ValueError(
+            f"{described(entry, index)}: the function {role} failed with "
+            f"{type(error).__name__}: {error}."
+        ) from error
+
+
 def _checked(value: Any, entry: Any, index: int, what: str) -> Hashable:
-    """Return a value that can be a key, as Python's own object."""
-    value = value.item() if isinstance(value, np.generic) else value
+    """Return a value that can be looked up, as a Python object."""
+    value = plain_label(value)
     with located(lambda: described(entry, index)):
         try:
             hash(value)
         except TypeError as error:
             raise TypeError(
-                f"{what} {value!r}, which cannot be looked up. Use a number, a text or a tuple."
+                f"{what} {value!r}, which cannot be hashed. Use a number, a text or a tuple."
             ) from error
-        if value is None or (isinstance(value, float) and not np.isfinite(value)):
-            raise ValueError(f"{what} {value!r}, which is no condition. State it, or leave it out.")
+        infinite = isinstance(value, float) and not np.isfinite(value)
+        if infinite or (pd.api.types.is_scalar(value) and pd.isna(value)):
+            raise ValueError(f"{what} {value!r}. Set it, or leave the recording out.")
     return value
-
-
-def _listed(values: Any) -> list[Any]:
-    listed = list(values) if isinstance(values, _COLLECTIONS) else [values]
-    return [value.item() if isinstance(value, np.generic) else value for value in listed]
-
-
-def _labelled(y: Any, n_recordings: int, healthy: list[Any]) -> NDArray[np.bool_]:
-    if y is None:
-        raise ValueError(
-            f"healthy = {healthy} names labels of y, but no y was given. Call fit(X, y), or let "
-            f"healthy read the recordings: a mapping of meta keys to values, or a function."
-        )
-    if isinstance(y, str | Mapping) or not isinstance(y, Iterable) or getattr(y, "ndim", 1) > 1:
-        came = f"an array of shape {np.shape(y)}" if hasattr(y, "shape") else _kind(y)
-        raise TypeError(f"y must hold one label for each recording, got {came}.")
-    labels = _listed(y if isinstance(y, _COLLECTIONS) else list(y))
-    if len(labels) != n_recordings:
-        raise ValueError(f"y has {len(labels)} labels for {n_recordings} recordings.")
-    for label in healthy:
-        if label not in labels:
-            found = list(dict.fromkeys(labels))
-            raise ValueError(f"healthy names {label!r}, which is not in y. y holds {found}.")
-    if not healthy:
-        raise ValueError("healthy must name at least one label of y, got none.")
-    return np.array([label in healthy for label in labels])

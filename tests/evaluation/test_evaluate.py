@@ -499,12 +499,12 @@ BAD = {
     "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must hold two classes at the least": {"y": ["a"] * 96},
     "runs must hold one label for each of 96 recordings": {"runs": [1, 2]},
-    "runs must label every recording; recording 0 has none": {"runs": [None] * 96},
-    "units must label every recording; recording 95 has none": {"units": ["a"] * 95 + [np.nan]},
+    "recording 0: the label in runs is None": {"runs": [None] * 96},
+    "recording 95: the label in units is nan": {"units": ["a"] * 95 + [np.nan]},
     "units must hold labels of one kind, got int, str": {
         "units": np.array([0, "a"] * 48, dtype=object)
     },
-    "runs='run' names a key of the recordings' meta, but X holds no": {"runs": "run"},
+    "runs names the meta key 'run', but recording 0 is a ndarray without meta": {"runs": "run"},
     "healthy='sound' is no class and no family": {"healthy": "sound"},
     "n_splits must be a whole number of at least 2": {"n_splits": 1},
     "confidence must be a number above 0 and below 1": {"confidence": 1},
@@ -546,7 +546,7 @@ def test_recordings_that_can_be_read_only_once_are_refused():
 
 def test_a_key_that_a_recording_lacks_is_refused():
     recording = Recording({"a": [0, 1]}, 1, velocity=[1, 1], meta={"run": 1})
-    with pytest.raises(ValueError, match=r"'load' is no key of meta of recording 0.*\['run'\]"):
+    with pytest.raises(ValueError, match=r"recording 0 .*no meta key 'load'.*\['run'\]"):
         evaluate(GaussianNB(), [recording] * 4, ["a", "b"] * 2, conditions="load")
 
 
