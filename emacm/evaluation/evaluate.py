@@ -64,12 +64,12 @@ def evaluate(
         What the estimator takes.
     y : array-like of shape (n_recordings,)
         True classes.
-    runs : str or array-like of shape (n_recordings,), optional
-        Run of each recording (what belongs together in time), or the key of `meta` (the column,
-        if X is a DataFrame) that tells it. Recordings of one run must not stand on both sides.
-    units : str or array-like of shape (n_recordings,), optional
+    runs : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
+        Run of each recording: a key of `meta` (a column, if X is a DataFrame), a tuple of keys,
+        a function of the recording, or an array. Recordings of one run are held out together.
+    units : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Machine or assembly of each recording.
-    conditions : str or array-like of shape (n_recordings,), optional
+    conditions : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Operating condition, such as load; each is left out in turn. An estimator that refuses
         conditions it never saw is not scored by it.
     splits : mapping of str to split, optional

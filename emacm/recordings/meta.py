@@ -10,7 +10,8 @@ Wherever a parameter selects content of `meta`, it has one of these forms:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+import reprlib
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -255,8 +256,8 @@ def _array_values(values: Any, X: Any, role: str, accepted: bool) -> list[Any]:
     if not accepted:
         raise TypeError(
             f"{role} must be a key of meta such as 'load', a tuple of keys, or a function of the "
-            f"recording; got {kind_of(values)}. An array is not split along with the recordings: "
-            f"put its values into their meta."
+            f"recording; got {reprlib.repr(values)}. An array is not split along with the "
+            f"recordings: put its values into their meta."
         )
     found, n_recordings = list(values), X.shape[0] if hasattr(X, "shape") else len(X)
     shape = np.shape(values) if hasattr(values, "__array__") else (len(found),)
@@ -274,7 +275,7 @@ def _named_keys(keys: Any, role: str, arrays: bool) -> tuple[Any, ...]:
     if not names:
         raise ValueError(f"{role} must name at least one key of meta, got ().")
     for name in names:
-        if not isinstance(name, Hashable):
+        if not isinstance(name, Hashable) or isinstance(name, Iterator):
             array = ", or an array with one label for each recording" if arrays else ""
             raise TypeError(
                 f"{role} must be a key of meta such as 'load', a tuple of keys, a function of the "
