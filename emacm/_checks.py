@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pandas import NA
+from pandas import NA, DataFrame
 
 _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
 
@@ -185,6 +185,13 @@ def check_classes(y: Any) -> None:
                 f"y must hold classes of one kind, text or numbers, but recording 0 has {first!r} "
                 f"and recording {index} has {other!r}."
             )
+
+
+def check_unique_columns(frame: DataFrame, name: str) -> None:
+    """Raise a ValueError if two columns of a DataFrame have the same name."""
+    if not frame.columns.is_unique:
+        double = list(frame.columns[frame.columns.duplicated()])
+        raise ValueError(f"{name} has columns of the same name: {double}. Rename them.")
 
 
 def once_hint(values: Any) -> str:

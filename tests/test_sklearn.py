@@ -734,5 +734,5 @@ def test_a_second_fit_forgets_the_table_of_the_first():
 
 
 def test_an_empty_list_is_refused_in_plain_words():
-    with pytest.raises(ValueError, match="X holds no recording and no row"):
+    with pytest.raises(ValueError, match="X contains no recording"):
         OrderPSD().fit([])

@@ -29,14 +29,15 @@ from emacm.conditions.mean_signals import (
     mean_baseline,
 )
 from emacm.orders.columns import OrderTable, column_names
+from emacm.recordings.inputs import check_channels, described
 from emacm.recordings.meta import (
     condition_name,
-    listed_recordings,
     read_meta,
     sorted_conditions,
 )
-from emacm.recordings.recording import Recording, described
+from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.inputs import as_angle_recordings
 
 
 class BaselineNormalizer(  # type: ignore[call-arg]
@@ -304,7 +305,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
     def _fit_signals(
         self, X: Any, is_healthy: NDArray[np.bool_], reference: list[Any], conditions: list[Any]
     ) -> None:
-        rows = _angle_recordings(X)
+        rows = as_angle_recordings(X, "BaselineNormalizer")
         first = rows[0]
         self.channels_, self.theta_s_ = first.channels, first.theta_s
         self._check_alike(rows)
@@ -323,7 +324,7 @@ class BaselineNormalizer(  # type: ignore[call-arg]
         }
 
     def _normalized(self, X: Any) -> list[NormalizedRecording]:
-        rows = _angle_recordings(X)
+        rows = as_angle_recordings(X, "BaselineNormalizer")
         self._check_alike(rows)
         found = self._known_conditions(rows)
         return [
@@ -388,22 +389,11 @@ class BaselineNormalizer(  # type: ignore[call-arg]
 
     def _check_alike(self, rows: Sequence[AngleRecording]) -> None:
         """Compare recordings with those of `fit`."""
+        check_channels(rows, self.channels_, others=False, ordered=True)
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
                 if isinstance(row, NormalizedRecording):
                     raise TypeError("a baseline has been subtracted from it already.")
-                for name in (*self.channels_, *row.channels):
-                    if name not in row.channels or name not in self.channels_:
-                        here = "no" if name in self.channels_ else "a"
-                        raise ValueError(
-                            f"it has {here} channel {name!r}; its channels are "
-                            f"{list(row.channels)}, expected were {list(self.channels_)}."
-                        )
-                if row.channels != self.channels_:
-                    raise ValueError(
-                        f"its channels come in the order {list(row.channels)}, expected was "
-                        f"{list(self.channels_)}."
-                    )
                 if not np.isclose(row.theta_s, self.theta_s_, rtol=1e-12, atol=0):
                     raise ValueError(
                         f"it was resampled with theta_s = {row.theta_s!r}, the baseline with "
@@ -424,37 +414,16 @@ def _listed_reference(reference: Any) -> list[Any]:
     return list(reference)
 
 
-def _angle_recordings(X: Any) -> list[AngleRecording]:
-    rows = listed_recordings(X)
-    for index, row in enumerate(rows):
-        if not isinstance(row, AngleRecording):
-            raise TypeError(
-                f"recording {index} is a {type(row).__name__}, not over the shaft angle. Put an "
-                f"OrderResampler before BaselineNormalizer, or state a transformer to normalise "
-                f"its features."
-            )
-    return rows
-
-
 def _resampled_alike(reference: list[Any], first: AngleRecording) -> list[AngleRecording]:
     """Return reference recordings over the angle, resampled as those of X are."""
-    for index, entry in enumerate(reference):
-        missing = [name for name in first.channels if name not in _channels_of(entry)]
-        if missing:
-            raise ValueError(
-                f"{described(entry, index)} has no channel {missing[0]!r}; expected were "
-                f"{list(first.channels)}."
-            )
+    for entry in reference:
+        if not isinstance(entry, Recording | AngleRecording):
+            raise TypeError(f"expected recordings, got {entry!r}.")
+    check_channels(reference, first.channels)
     return [
         replace(first, recording=entry) if isinstance(entry, Recording) else entry
         for entry in reference
     ]
-
-
-def _channels_of(entry: Any) -> tuple[str, ...]:
-    if not isinstance(entry, Recording | AngleRecording):
-        raise TypeError(f"expected recordings, got {entry!r}.")
-    return entry.channels
 
 
 def _numbers(conditions: list[Any], condition: Any) -> list[Any]:

@@ -24,8 +24,8 @@ from emacm.conditions.rows import aligned_columns, joined_rows, joined_tables
 from emacm.decisions.costs import check_weights, cost_table
 from emacm.decisions.right_decisions import right_decisions
 from emacm.decisions.stated_costs import narrow_costs
+from emacm.recordings.inputs import described
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
-from emacm.recordings.recording import described
 
 _UNSEEN = ("error", "nearest", "pooled")
 

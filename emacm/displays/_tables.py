@@ -12,6 +12,7 @@ from sklearn.pipeline import Pipeline
 
 from emacm._checks import check_number, check_real_array
 from emacm.orders.columns import BinBlock, OrderBlock
+from emacm.recordings.inputs import check_channel_names
 
 Block = TypeVar("Block", OrderBlock, BinBlock)
 
@@ -112,9 +113,7 @@ def channel_blocks(
         raise ValueError(f"psd carries no order axis; {remedy}.")
     known = {block.channel: block for block in blocks}
     wanted = list(known) if channel is None else channel_list(channel)
-    for name in wanted:
-        if name not in known:
-            raise ValueError(f"psd has no channel {name!r}, only {list(known)}.")
+    check_channel_names(list(known), wanted, "psd")
     return [known[name] for name in wanted]
 
 

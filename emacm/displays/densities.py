@@ -264,7 +264,7 @@ def plane_points(X: ArrayLike, what: str) -> NDArray[np.floating]:
             f"Fit the classifier on two of them."
         )
     if not shape[0]:
-        raise ValueError("X holds no recording; at least one is needed to place the picture.")
+        raise ValueError("X contains no recording; at least one is needed to place the picture.")
     return check_values(X, "X", (None, 2))
 
 

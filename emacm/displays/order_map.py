@@ -23,6 +23,7 @@ from emacm.displays._tables import (
     check_values,
 )
 from emacm.orders.welch import SegmentPlan, samples_per_revolution, segment_plan
+from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
@@ -167,8 +168,7 @@ class OrderMapDisplay:
         if not isinstance(recording, Recording):
             raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
         chosen = recording.channels[0] if channel is None else channel
-        if chosen not in recording.channels:
-            raise ValueError(f"the recording has no channel {chosen!r}: {recording.channels}.")
+        check_channel_names(recording.channels, [chosen], "the recording")
         resampler = OrderResampler(
             theta_s, channels=[chosen], direction=direction, min_speed=min_speed
         )

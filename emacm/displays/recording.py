@@ -20,6 +20,7 @@ from emacm.displays._drawing import (
 from emacm.displays._tables import (
     check_values,
 )
+from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.shaft.strokes import find_strokes
 
@@ -142,11 +143,7 @@ class RecordingDisplay:
         if not isinstance(recording, Recording):
             raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
         chosen = list(recording.channels if channels is None else channels)
-        for name in chosen:
-            if name not in recording.channels:
-                raise ValueError(
-                    f"the recording has no channel {name!r}, only {list(recording.channels)}."
-                )
+        check_channel_names(recording.channels, chosen, "the recording")
         start, stop = _checked_window(between, recording.duration)
         cut = {
             name: _between(recording.signals[name], recording.fs[name], start, stop)

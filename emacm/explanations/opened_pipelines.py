@@ -18,6 +18,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
+from emacm.recordings.inputs import refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 
@@ -55,8 +56,7 @@ class OpenedPipeline:
         Pipelines within it are laid flat. Where no step is a `BinTransformer`, the first step
         that makes a table of the recordings `X` is where it is cut: a `FeatureUnion`, say.
         """
-        if isinstance(X, Recording | AngleRecording):
-            raise TypeError("X must be a list of recordings, got a single one; write [recording].")
+        refuse_single(X)
         while hasattr(pipeline, "best_estimator_"):
             pipeline = pipeline.best_estimator_
         steps = _flat_steps(pipeline)

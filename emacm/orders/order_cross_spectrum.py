@@ -19,10 +19,10 @@ from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, check_input_names, order_columns
 from emacm.orders.pair_columns import FORMS, PairColumns, check_kinds
 from emacm.orders.welch import SHORTS, samples_per_revolution, segment_plan
+from emacm.recordings.inputs import check_channels
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import (
-    check_angle_recordings,
-    check_present,
+    as_angle_recordings,
     check_theta_s,
     check_ways_apart,
 )
@@ -185,7 +185,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         """
         check_choice(self.by_direction, "by_direction", (True, False))
         check_choice(self.short, "short", SHORTS)
-        rows = check_angle_recordings(X, "OrderCrossSpectrum")
+        rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self.theta_s_ = rows[0].theta_s
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
@@ -242,7 +242,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
             two), or if a channel has no power at all. The message names it.
         """
         check_is_fitted(self)
-        rows = check_angle_recordings(X, "OrderCrossSpectrum")
+        rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
         tasks = (delayed(self._columns.of)(row, index) for index, row in enumerate(rows))
         features = run(tasks, len(rows), n_jobs=self.n_jobs, verbose=self.verbose)
@@ -273,7 +273,7 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         return tags
 
     def _check_rows(self, rows: list[AngleRecording]) -> None:
-        check_present(rows, self.channels_)
+        check_channels(rows, self.channels_)
         check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum")
         if self.by_direction:
             check_ways_apart(rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,9 +24,11 @@ from emacm.orders.columns import BARE_CHANNEL, OrderTable, check_input_names, or
 from emacm.orders.recalled_spectra import recalled_spectra
 from emacm.orders.store import open_store
 from emacm.orders.welch import SHORTS, SegmentPlan, samples_per_revolution, segment_plan, too_short
-from emacm.recordings.recording import Recording, described
+from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
+from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.resampling.inputs import (
+    as_angle_recordings,
     check_theta_s,
     check_ways_apart,
     strokes_by_kind,
@@ -250,14 +253,11 @@ class OrderPSD(TransformerMixin, BaseEstimator):
         """Return the rows of X: recordings over the angle, or 1-D arrays."""
         check_choice(self.by_direction, "by_direction", (True, False))
         check_choice(self.short, "short", SHORTS)
-        if isinstance(X, AngleRecording | Recording):
-            raise TypeError("X must be a list of recordings, got a single one; write [recording].")
-        if isinstance(X, list | tuple) or _object_vector(X):
-            rows = list(X)
-            if not rows:
-                raise ValueError("X holds no recording and no row; at least one is needed.")
-            if any(isinstance(row, AngleRecording | Recording) for row in rows):
-                return _checked_recordings(rows)
+        refuse_single(X)
+        if isinstance(X, str | PurePath | Sequence) or _object_vector(X):
+            rows = as_list(X)
+            if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
+                return as_angle_recordings(rows, "OrderPSD")
             if self.theta_s is not None or _ragged(rows):
                 return self._checked_rows(rows)
         self._refuse_direction()
@@ -292,11 +292,7 @@ class OrderPSD(TransformerMixin, BaseEstimator):
                     f"{described(row, index)} is a recording, but OrderPSD was fitted on bare "
                     f"rows. Fit it again."
                 )
-            if row.channels != self.channels_:
-                raise ValueError(
-                    f"{described(row, index)} has channels {list(row.channels)}, expected were "
-                    f"{list(self.channels_)}."
-                )
+        check_channels(rows, self.channels_, others=False, ordered=True)
         check_theta_s(rows, self.theta_s_, "OrderPSD")
         if self.by_direction:
             check_ways_apart(rows)
@@ -347,19 +343,6 @@ class OrderPSD(TransformerMixin, BaseEstimator):
 
 def _object_vector(X: Any) -> bool:
     return isinstance(X, np.ndarray) and X.ndim == 1 and X.dtype.hasobject
-
-
-def _checked_recordings(rows: list[Any]) -> list[AngleRecording]:
-    for index, row in enumerate(rows):
-        if isinstance(row, Recording):
-            raise TypeError(
-                f"{described(row, index)} is over time; put an OrderResampler before OrderPSD."
-            )
-        if not isinstance(row, AngleRecording):
-            raise TypeError(
-                f"X mixes recordings with other things: entry {index} is a {type(row).__name__}."
-            )
-    return rows
 
 
 def _ragged(rows: list[Any]) -> bool:

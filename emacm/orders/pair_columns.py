@@ -14,7 +14,7 @@ from scipy import sparse
 from emacm._checks import check_choice, located
 from emacm.orders.cross_spectrum import CrossAverages, Pair, cross_averages
 from emacm.orders.welch import SegmentPlan, too_short
-from emacm.recordings.recording import described
+from emacm.recordings.inputs import described
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.resampling.inputs import strokes_by_kind
 

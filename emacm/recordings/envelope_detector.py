@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located, once_hint
+from emacm._checks import check_choice, located
 from emacm.recordings.envelope import Band, check_band
 from emacm.recordings.envelope_recordings import EnvelopeRecording
-from emacm.recordings.recording import Recording, described
+from emacm.recordings.inputs import as_recordings, described
+from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 
 
@@ -105,7 +106,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             If a parameter is not what it should be, or a recording lacks a channel or is sampled
             too slowly for a band; the message names both.
         """
-        recordings = _checked_recordings(X)
+        recordings = as_recordings(X, "EnvelopeDetector")
         check_choice(self.squared, "squared", (True, False))
         if self.suffix is not None and not (isinstance(self.suffix, str) and self.suffix):
             raise TypeError(f"suffix must be text, such as '_envelope', got {self.suffix!r}.")
@@ -132,7 +133,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             As for `fit`.
         """
         check_is_fitted(self)
-        return self._detected(_checked_recordings(X))
+        return self._detected(as_recordings(X, "EnvelopeDetector"))
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Band]:
         """Return the band of each channel."""
@@ -162,18 +163,3 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
                     )
                 )
         return detected
-
-
-def _checked_recordings(X: Any) -> list[Recording]:
-    if isinstance(X, Recording | str | Mapping | Iterator) or not isinstance(X, Iterable):
-        raise TypeError(f"X must be a list of recordings, got {type(X).__name__}.{once_hint(X)}")
-    recordings = list(X)
-    if not recordings:
-        raise ValueError("X holds no recording; at least one is needed.")
-    for index, recording in enumerate(recordings):
-        if not isinstance(recording, Recording):
-            raise TypeError(
-                f"entry {index} of X must be a Recording over time, got a "
-                f"{type(recording).__name__}. EnvelopeDetector stands before OrderResampler."
-            )
-    return recordings

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from emacm._checks import located
 from emacm.recordings.digests import content_digest
 from emacm.recordings.envelope import Band, EnvelopeSeries
+from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.shaft.motion import Series
 
@@ -154,10 +155,6 @@ class _Computed(Mapping[str, NDArray[np.floating]]):
 
 
 def _check_channel(measured: Recording, channel: str, new: str | None) -> None:
-    if channel not in measured.channels:
-        raise ValueError(
-            f"it has no channel {channel!r}, of which an envelope is wanted; its channels are "
-            f"{list(measured.channels)}."
-        )
+    check_channel_names(measured.channels, [channel])
     if new in measured.channels:
         raise ValueError(f"it has a channel {new!r} already. Choose another suffix.")

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import located, once_hint
-from emacm.recordings.recording import check_unique_columns, described
+from emacm._checks import check_unique_columns, located, once_hint
+from emacm.recordings.inputs import as_list, described
 
 
 @dataclass(frozen=True)
@@ -225,25 +225,13 @@ def listed_recordings(X: Any) -> list[Any]:
     >>> listed_recordings(pd.DataFrame({"load": [20, 40]}))[1]["load"]
     40
     """
-    if isinstance(X, pd.DataFrame):
-        check_unique_columns(X, "X")
-        entries = [row for _, row in X.astype(object).iterrows()]  # integers stay integers
-    elif isinstance(X, str | Mapping) or not isinstance(X, Sequence | np.ndarray):
-        hint = " Write [recording]." if hasattr(X, "meta") else once_hint(X)
-        raise TypeError(f"X must be a list of recordings, got {kind_of(X)}.{hint}")
-    else:
-        entries = list(X)
+    if not isinstance(X, pd.DataFrame):
+        return as_list(X)
+    check_unique_columns(X, "X")
+    entries = [row for _, row in X.astype(object).iterrows()]  # integers stay integers
     if not entries:
         raise ValueError("X contains no recording; at least one is needed.")
     return entries
-
-
-def kind_of(value: Any) -> str:
-    """Return what was received in place of a list, without its content."""
-    if value is None or isinstance(value, str):
-        return repr(value)
-    package, name = type(value).__module__.partition(".")[0], type(value).__name__
-    return f"a {package} {name}, which is not a pandas one" if name == "DataFrame" else f"a {name}"
 
 
 def _is_array(keys: Any) -> bool:

@@ -11,13 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_signal
+from emacm._checks import check_number, check_signal, check_unique_columns
 from emacm.recordings.digests import Stamps, content_digest, file_stamps
 from emacm.shaft.angle import angle_from_velocity, angle_from_wrapped, is_wrapped
 from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, Series
 
 _FEW = 10  # samples of an angle in which a single step may be most of the way
-_LONG = 200  # characters of meta in a message
 _CONTENT = ("_fs", "_meta", "_shaft", "_signals", "reference", "shaft_fs")
 _DIGESTS = "1"  # goes up when digests are made otherwise, as pickles carry them
 _MOST_VERIFIED = 100_000
@@ -290,22 +289,6 @@ class Recording:
     def _velocity_range(self) -> tuple[float, float]:
         velocity = self.velocity
         return float(velocity.min()), float(velocity.max())
-
-
-def described(recording: Any, index: int) -> str:
-    """Say which recording it is: its number and, as folds renumber, what its meta tells."""
-    known = getattr(recording, "meta", None)
-    if not isinstance(known, Mapping) or not known:
-        return f"recording {index}"
-    meta = " ".join(", ".join(f"{key}={value!r}" for key, value in known.items()).split())
-    return f"recording {index} ({meta if len(meta) <= _LONG else meta[:_LONG] + ' ...'})"
-
-
-def check_unique_columns(frame: pd.DataFrame, name: str) -> None:
-    """Raise a ValueError if two columns of a DataFrame have the same name."""
-    if not frame.columns.is_unique:
-        double = list(frame.columns[frame.columns.duplicated()])
-        raise ValueError(f"{name} has columns of the same name: {double}. Rename them.")
 
 
 def _frozen(array: NDArray[np.floating], given: Any) -> NDArray[np.floating]:

@@ -6,23 +6,21 @@ from collections.abc import Sequence
 from math import isclose
 from typing import Any
 
-import numpy as np
-
-from emacm.recordings.recording import Recording, described
+from emacm.recordings.inputs import as_recordings, described
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 
 Kind = tuple[str, list[AngleStroke]]
 
 
-def check_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
-    """Return `X` as a list of recordings over the angle.
+def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
+    """Return X as a list of recordings over the shaft angle.
 
     Parameters
     ----------
     X : sequence of AngleRecording
         What `OrderResampler` returns.
     who : str
-        Name of the estimator that asks, for the message.
+        Name of the estimator, for the message.
 
     Returns
     -------
@@ -31,26 +29,15 @@ def check_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
     Raises
     ------
     TypeError
-        If an entry is something else; a recording over time, above all.
+        If X is no list, or an entry is of another type, such as a recording over time.
     ValueError
-        If there is none.
+        If X is empty.
     """
-    if isinstance(X, AngleRecording | Recording):
-        raise TypeError("X must be a list of recordings, got a single one; write [recording].")
-    if not isinstance(X, Sequence | np.ndarray) or isinstance(X, str):
-        raise TypeError(f"X must be a list of recordings over the angle, got {type(X).__name__}.")
-    rows = list(X)
-    if not rows:
-        raise ValueError("X holds no recording; at least one is needed.")
+    rows = as_recordings(X, who, also=(AngleRecording,))
     for index, row in enumerate(rows):
-        if isinstance(row, Recording):
-            raise TypeError(
-                f"{described(row, index)} is over time; put an OrderResampler before {who}."
-            )
         if not isinstance(row, AngleRecording):
             raise TypeError(
-                f"entry {index} of X is no recording over the angle, as OrderResampler makes "
-                f"them, but a {type(row).__name__}; {who} takes nothing else."
+                f"{described(row, index)} is over time; put an OrderResampler before {who}."
             )
     return rows
 
@@ -62,17 +49,6 @@ def check_theta_s(rows: Sequence[AngleRecording], theta_s: float | None, who: st
             raise ValueError(
                 f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
                 f"{who} was fitted on {theta_s!r}. Resample it alike, or fit again."
-            )
-
-
-def check_present(rows: Sequence[AngleRecording], channels: Sequence[str]) -> None:
-    """Raise a ValueError if a recording lacks one of `channels`; others are passed over."""
-    for index, row in enumerate(rows):
-        missing = [name for name in channels if name not in row.channels]
-        if missing:
-            raise ValueError(
-                f"{described(row, index)} has no channel {missing[0]!r}; its channels are "
-                f"{list(row.channels)}, expected were {list(channels)}."
             )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,9 +11,22 @@ import pandas as pd
 from joblib import delayed
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, check_real_array, located, once_hint
+from emacm._checks import (
+    check_choice,
+    check_number,
+    check_real_array,
+    check_unique_columns,
+    located,
+)
 from emacm._progress import run
-from emacm.recordings.recording import Recording, check_unique_columns, described
+from emacm.recordings.inputs import (
+    as_list,
+    check_channel_names,
+    check_channels,
+    described,
+    received,
+)
+from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.to_angle import INTERPOLATIONS, PASS
@@ -131,7 +144,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self._check_parameters()
         recordings = self._recordings(X)
         self.channels_ = self._chosen_channels(recordings[0])
-        self._check_channels(recordings, self.channels_)
+        check_channels(recordings, self.channels_, others=self.channels is not None)
         return self
 
     def transform(self, X: Any) -> list[AngleRecording]:
@@ -157,7 +170,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_is_fitted(self)
         self._check_parameters()
         recordings = self._recordings(X)
-        self._check_channels(recordings, self.channels_)
+        check_channels(recordings, self.channels_, others=self.channels is not None)
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
                 self._check_turning(recording)
@@ -199,7 +212,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self._check_parameters()
         recordings = self._recordings(X)
         channels = self._chosen_channels(recordings[0])
-        self._check_channels(recordings, channels)
+        check_channels(recordings, channels, others=self.channels is not None)
         tasks = (
             delayed(_quality)(recording, channels, self.theta_s, self.min_speed, self.direction)
             for recording in recordings
@@ -228,22 +241,12 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
 
     def _recordings(self, X: Any) -> list[Recording]:
         """Return X as recordings, whatever form it came in."""
-        if isinstance(X, Recording | AngleRecording | pd.DataFrame | str | Mapping):
-            raise TypeError(
-                f"X must be a list of recordings, got one {type(X).__name__}. "
-                f"Put it in a list: [recording]."
-            )
         if isinstance(X, np.ndarray) and X.dtype != object and X.ndim != 3:
             raise ValueError(
                 f"an array X must have shape (n_recordings, n_channels, n_times), got {X.shape}."
             )
-        if not isinstance(X, Iterable) or isinstance(X, Iterator):
-            raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
-        entries = list(X)
-        if not entries:
-            raise ValueError("X holds no recording; at least one is needed.")
         recordings = []
-        for index, entry in enumerate(entries):
+        for index, entry in enumerate(as_list(X)):
             with located(partial(described, entry, index)):
                 recordings.append(entry if isinstance(entry, Recording) else self._from_bare(entry))
         return recordings
@@ -252,7 +255,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         if isinstance(entry, AngleRecording):
             raise TypeError("it is over the shaft angle already; OrderResampler comes first.")
         if not isinstance(entry, np.ndarray | pd.DataFrame | list | tuple):
-            raise TypeError(f"expected a Recording, an array or a DataFrame, got {entry!r}.")
+            raise TypeError(f"expected a Recording, an array or a DataFrame, got {received(entry)}")
         if self.fs is None or self.reference is None:
             raise ValueError(
                 f"a bare {type(entry).__name__} says neither how fast it was sampled nor how the "
@@ -260,11 +263,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             )
         channels = _bare_channels(entry)
         names = list(channels)
-        reference = self.reference
+        reference: Any = self.reference
         if isinstance(reference, int | np.integer) and -len(names) <= reference < len(names):
             reference = names[reference]
-        if reference not in channels:
-            raise ValueError(f"it has no channel {self.reference!r} (reference), only {names}.")
+        with located("reference"):
+            check_channel_names(names, [reference])
         shaft = channels[reference]
         if self.channels is None or reference not in self.channels:
             del channels[reference]
@@ -286,24 +289,6 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         if not chosen or len(set(chosen)) < len(chosen):
             raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
         return chosen
-
-    def _check_channels(self, recordings: list[Recording], channels: tuple[str, ...]) -> None:
-        wanted = set(channels)
-        for index, recording in enumerate(recordings):
-            if recording.channels == channels:
-                continue
-            missing = [name for name in channels if name not in recording.channels]
-            other = [name for name in recording.channels if name not in wanted]
-            if missing:
-                raise ValueError(
-                    f"{described(recording, index)} has no channel {missing[0]!r}; its channels "
-                    f"are {list(recording.channels)}, expected were {list(channels)}."
-                )
-            if other and self.channels is None:
-                raise ValueError(
-                    f"{described(recording, index)} has a channel {other[0]!r} besides the "
-                    f"expected {list(channels)}. Set channels={list(channels)} to pass over it."
-                )
 
     def _check_turning(self, recording: Recording) -> None:
         lowest, highest = recording.velocity_range

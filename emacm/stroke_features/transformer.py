@@ -7,7 +7,7 @@ is taken for an order or a bin, whose names are ``channel@...``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_number, located, once_hint
+from emacm._checks import check_choice, check_number, located
 from emacm._progress import run
 from emacm.orders.columns import check_input_names
-from emacm.recordings.recording import Recording, described
+from emacm.recordings.inputs import as_recordings, check_channels, described
+from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.stroke_features.signals import SeenRecording, StrokeSignal, see_recording
 
@@ -64,7 +65,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
             If a parameter or X is not what it should be.
         """
         self._check_parameters()
-        rows = _checked_rows(X, type(self).__name__)
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self.channels_ = _chosen_channels(self.channels, rows[0])
         self._over_angle = isinstance(rows[0], AngleRecording)
         self._check_rows(rows)
@@ -98,7 +99,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         self._check_parameters()
-        rows = _checked_rows(X, type(self).__name__)
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
         tasks = (delayed(self._row)(row, index) for index, row in enumerate(rows))
         return np.array(run(tasks, len(rows), n_jobs=self.n_jobs), dtype=np.float64)
@@ -163,9 +164,9 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
 
     def _check_rows(self, rows: Sequence[Row]) -> None:
         """Compare recordings with what `fit` saw."""
+        check_channels(rows, self.channels_, others=self.channels is not None)
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
-                _check_channels(row, self.channels_, others=self.channels is not None)
                 if isinstance(row, AngleRecording) != self._over_angle:
                     kinds = ("over time", "over the shaft angle")
                     raise ValueError(
@@ -235,24 +236,6 @@ def _no_stroke(kind: str, min_revolutions: float) -> str:
     return f"it has no {wanted}. {remedy}."
 
 
-def _checked_rows(X: Any, name: str) -> list[Row]:
-    """Return X as a list of recordings."""
-    if isinstance(X, Row):
-        raise TypeError("X must be a list of recordings, got a single one; write [recording].")
-    if isinstance(X, str | dict | Iterator) or not isinstance(X, Iterable):
-        raise TypeError(f"X must be a list of recordings, got {X!r}.{once_hint(X)}")
-    rows = list(X)
-    if not rows:
-        raise ValueError("X holds no recording; at least one is needed.")
-    for index, row in enumerate(rows):
-        if not isinstance(row, Row):
-            raise TypeError(
-                f"{name} takes recordings, but entry {index} of X is a {type(row).__name__}. Make "
-                f"a Recording of it, or put an OrderResampler that is told fs and reference first."
-            )
-    return rows
-
-
 def _chosen_channels(channels: Any, first: Row) -> tuple[str, ...]:
     if channels is None:
         return tuple(first.channels)
@@ -262,18 +245,3 @@ def _chosen_channels(channels: Any, first: Row) -> tuple[str, ...]:
     if not chosen or len(set(chosen)) < len(chosen):
         raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
     return chosen
-
-
-def _check_channels(row: Row, channels: Sequence[str], *, others: bool) -> None:
-    missing = [name for name in channels if name not in row.channels]
-    if missing:
-        raise ValueError(
-            f"it has no channel {missing[0]!r}; its channels are {list(row.channels)}, expected "
-            f"were {list(channels)}."
-        )
-    if not others and len(row.channels) > len(channels):
-        other = next(name for name in row.channels if name not in channels)
-        raise ValueError(
-            f"it has a channel {other!r} besides the expected {list(channels)}. Set "
-            f"channels={list(channels)} to pass over it."
-        )

@@ -655,7 +655,7 @@ def test_a_condition_in_two_columns_is_refused():
 @pytest.mark.parametrize(
     ("wrap", "message"),
     [
-        (lambda X: X[0], "got a Recording. Write .recording."),
+        (lambda X: X[0], "got a single one; write .recording."),
         (iter, "got a list_iterator. It can be read only once; write list"),
         (lambda X: pd.Series(X), "got a Series"),
     ],

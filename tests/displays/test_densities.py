@@ -93,7 +93,7 @@ def test_what_has_not_two_features_is_refused():
         FeatureDensityDisplay.from_estimator(three, X, y)
     with pytest.raises(ValueError, match=r"two features, got X of shape \(40, 1\)"):
         FeatureDensityDisplay.from_estimator(three, X[:, :1], y)
-    with pytest.raises(ValueError, match="X holds no recording"):
+    with pytest.raises(ValueError, match="X contains no recording"):
         FeatureDensityDisplay.from_estimator(three, X[:0], y[:0])
 
 

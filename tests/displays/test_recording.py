@@ -87,7 +87,7 @@ def test_a_long_signal_keeps_its_shocks():
 def test_what_is_no_part_of_a_recording_is_refused():
     with pytest.raises(TypeError, match="must be one Recording, got list"):
         RecordingDisplay.from_recording([recording()])
-    with pytest.raises(ValueError, match=r"no channel 'speed', only \['current', 'force'\]"):
+    with pytest.raises(ValueError, match=r"no channel 'speed'; .* are \['current', 'force'\]"):
         RecordingDisplay.from_recording(recording(), channels=["speed"])
     with pytest.raises(ValueError, match=r"earlier to a later time within 4 s, got \(2, 1\)"):
         RecordingDisplay.from_recording(recording(), between=(2, 1))

@@ -394,9 +394,9 @@ def test_joined_directions_cannot_be_kept_apart():
     [
         (drive(seconds=1), TypeError, "got a single one; write"),
         ([drive(seconds=1)], TypeError, "recording 0 is over time; put an OrderResampler before"),
-        ([], ValueError, "X holds no recording"),
-        (3, TypeError, "must be a list of recordings over the angle, got int"),
-        ([[1.0, 2.0]], TypeError, "entry 0 of X is no recording over the angle"),
+        ([], ValueError, "X contains no recording"),
+        (3, TypeError, "must be a list of recordings, got 3"),
+        ([[1.0, 2.0]], TypeError, "entry 0 of X must be .* OrderCrossSpectrum, got a list"),
     ],
 )
 def test_what_is_no_list_of_recordings_over_the_angle_is_refused(X, error, match):

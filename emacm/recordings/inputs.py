@@ -1,0 +1,185 @@
+"""The form of X: a list of recordings, and the channels that they must have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm._checks import once_hint
+from emacm.recordings.recording import Recording
+
+_LONG = 200  # characters of meta in a message
+
+
+def as_list(X: Any) -> list[Any]:
+    """Return the entries of X, one for each recording, of whatever kind.
+
+    Parameters
+    ----------
+    X : sequence or ndarray
+        A list, tuple, array or other sequence with a fixed order.
+
+    Returns
+    -------
+    list
+
+    Raises
+    ------
+    TypeError
+        If X is a single recording, a file path, a table, a mapping, a generator, or no sequence.
+    ValueError
+        If X is empty.
+
+    Examples
+    --------
+    >>> as_list((1, 2))
+    [1, 2]
+    """
+    refuse_single(X)
+    if isinstance(X, str | PurePath | Mapping) or not isinstance(X, Sequence | np.ndarray):
+        raise TypeError(f"X must be a list of recordings, got {received(X)}")
+    entries = list(np.atleast_1d(X) if isinstance(X, np.ndarray) else X)
+    if not entries:
+        raise ValueError("X contains no recording; at least one is needed.")
+    return entries
+
+
+def refuse_single(X: Any) -> None:
+    """Raise a TypeError if X is a single recording, over time or over the shaft angle."""
+    if isinstance(X, Recording) or (hasattr(X, "theta_s") and hasattr(X, "meta")):
+        raise TypeError("X must be a list of recordings, got a single one; write [recording].")
+
+
+def as_recordings(X: Any, who: str, *, also: tuple[type, ...] = ()) -> list[Any]:
+    """Return X as a list of recordings over time.
+
+    Parameters
+    ----------
+    X : sequence of Recording
+        Recordings.
+    who : str
+        Name of the estimator, for the message.
+    also : tuple of type
+        Other types that the estimator accepts.
+
+    Returns
+    -------
+    list of Recording
+
+    Raises
+    ------
+    TypeError
+        If X is no list, or an entry is of another type; the message gives its number.
+    ValueError
+        If X is empty.
+    """
+    entries = as_list(X)
+    for index, entry in enumerate(entries):
+        if isinstance(entry, (Recording, *also)):
+            continue
+        if hasattr(entry, "theta_s"):
+            raise TypeError(
+                f"{described(entry, index)} is over the shaft angle; put {who} before "
+                f"OrderResampler."
+            )
+        raise TypeError(f"entry {index} of X must be a recording for {who}, got {received(entry)}")
+    return entries
+
+
+def check_channels(
+    recordings: Sequence[Any],
+    channels: Sequence[str],
+    *,
+    others: bool = True,
+    ordered: bool = False,
+) -> None:
+    """Check that every recording has certain channels.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording or AngleRecording
+        Recordings.
+    channels : sequence of str
+        Channels that each must have.
+    others : bool
+        Whether a recording may have more channels.
+    ordered : bool
+        Whether the channels must come in this order.
+
+    Raises
+    ------
+    ValueError
+        If they have not; the message gives the recording and the channel.
+    """
+    for index, recording in enumerate(recordings):
+        known = recording.channels
+        if known == channels:
+            continue
+        where = described(recording, index)
+        check_channel_names(known, channels, where)
+        extra = [name for name in known if name not in channels]
+        if extra and not others:
+            raise ValueError(
+                f"{where} has a channel {extra[0]!r} besides the expected {list(channels)}. Set "
+                f"channels={list(channels)} (of OrderResampler, or of the estimator) to ignore it."
+            )
+        if ordered and list(known) != list(channels):
+            raise ValueError(
+                f"{where} has its channels in the order {list(known)}, expected was "
+                f"{list(channels)}. State channels={list(channels)} of OrderResampler."
+            )
+
+
+def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: str = "it") -> None:
+    """Raise a ValueError if one of `channels` is not among those that are known."""
+    missing = [name for name in channels if name not in known]
+    if missing:
+        raise ValueError(
+            f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
+            f"were {list(channels)}."
+        )
+
+
+def described(recording: Any, index: int) -> str:
+    """Return the number of a recording and its meta, as numbers change within folds."""
+    meta = getattr(recording, "meta", None)
+    if not isinstance(meta, Mapping) or not meta:
+        return f"recording {index}"
+    text = " ".join(", ".join(f"{key}={value!r}" for key, value in meta.items()).split())
+    return f"recording {index} ({text if len(text) <= _LONG else text[:_LONG] + ' ...'})"
+
+
+def received(value: Any) -> str:
+    """Name what was passed in the place of recordings, and what to do with it.
+
+    Examples
+    --------
+    >>> received(None), received([])
+    ('None.', 'a list.')
+    """
+    if isinstance(value, str | PurePath):
+        return (
+            f"{str(value)!r}. Files are not opened here: read the channels from the file, and "
+            f"make a recording of them: Recording({{'current': ...}}, fs, velocity=...)."
+        )
+    return f"{kind_of(value)}.{once_hint(value)}"
+
+
+def kind_of(value: Any) -> str:
+    """Name a value without its content.
+
+    Examples
+    --------
+    >>> kind_of(2.5), kind_of([])
+    ('2.5', 'a list')
+    """
+    if value is None or isinstance(value, str | bool | int | float):
+        return repr(value)
+    package, name = type(value).__module__.partition(".")[0], type(value).__name__
+    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
+        return f"a {package} DataFrame, which is not a pandas one"
+    return f"a {name}"

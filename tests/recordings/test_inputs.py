@@ -1,0 +1,110 @@
+"""Every estimator reads X in the same way, and refuses the same things with the same words."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import emacm
+from emacm import (
+    EnvelopeDetector,
+    OrderCrossSpectrum,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingStatistics,
+)
+from emacm.recordings.inputs import as_list, check_channel_names, check_channels
+
+
+def run(*channels, **meta):
+    rng = np.random.default_rng(4)
+    signals = {name: rng.normal(size=900) for name in channels or ("torque", "current")}
+    return Recording(signals, 300, velocity=np.full(900, 31.0), meta=meta)
+
+
+OVER_TIME = [OrderResampler(), EnvelopeDetector((20, 60)), RecordingStatistics(by_direction=False)]
+OVER_ANGLE = [OrderPSD(2), OrderCrossSpectrum(2)]
+ALL = [pytest.param(model, id=type(model).__name__) for model in OVER_TIME + OVER_ANGLE]
+
+
+@pytest.mark.parametrize("model", ALL)
+@pytest.mark.parametrize("X", ["runs/a.csv", Path("runs/a.csv")], ids=["text", "path"])
+def test_a_path_for_X_is_refused_with_what_to_do(model, X):
+    with pytest.raises(TypeError, match=r"X must be a list.*'runs/a.csv'.*read the channels.*fs"):
+        model.fit(X)
+
+
+@pytest.mark.parametrize("model", ALL)
+@pytest.mark.parametrize("entry", ["runs/a.csv", Path("runs/a.csv")], ids=["text", "path"])
+def test_a_path_in_X_is_refused_with_its_place(model, entry):
+    X = [run(), entry] if model in OVER_TIME else [*OrderResampler().fit_transform([run()]), entry]
+    with pytest.raises(TypeError, match=r"(entry|recording) 1.*'runs/a.csv'.*read the channels"):
+        model.fit(X)
+
+
+@pytest.mark.parametrize("model", ALL)
+def test_a_single_recording_an_empty_list_and_a_set_are_refused(model):
+    single = run() if model in OVER_TIME else OrderResampler().fit_transform([run()])[0]
+    with pytest.raises(TypeError, match=r"list of recordings, got a single one; write \[recording"):
+        model.fit(single)
+    with pytest.raises(ValueError, match="X contains no recording; at least one"):
+        model.fit([])
+
+
+@pytest.mark.parametrize("model", [p for p in ALL if p.id != "OrderPSD"])
+@pytest.mark.parametrize("X", [{1, 2}, pd.Series([1, 2]), {"a": 1}, iter([1]), 2.5, None])
+def test_what_is_no_list_is_refused(model, X):
+    with pytest.raises(TypeError, match="X must be a list of recordings, got"):
+        model.fit(X)
+
+
+def test_every_step_says_alike_which_channel_a_recording_lacks():
+    models = [OrderResampler(), RecordingStatistics(by_direction=False)]
+    X, other = [run(load=20)], run("torque", "speed", load=40)
+    words = (
+        r"recording 1 \(load=40\) has no channel 'current'; its channels are \['torque', 'speed'\]"
+    )
+    for model in models:
+        with pytest.raises(ValueError, match=words):
+            model.fit([*X, other])
+    over_angle = OrderResampler().fit_transform(X) + OrderResampler().fit_transform([other])
+    for model in (OrderPSD(2), OrderCrossSpectrum(2)):
+        with pytest.raises(ValueError, match=words):
+            model.fit(over_angle)
+
+
+def test_channels_in_another_order_are_refused_where_the_order_counts():
+    there, back = run("torque", "current"), run("current", "torque")
+    check_channels([back], there.channels)
+    check_channels([back], there.channels, others=False)
+    with pytest.raises(ValueError, match=r"order \['current', 'torque'\], expected was \['torque'"):
+        check_channels([there, back], there.channels, ordered=True)
+
+
+def test_further_channels_are_refused_only_where_they_are_not_expected():
+    more = run("torque", "noise", "current", unit="B")
+    check_channels([more], ("torque", "current"))
+    with pytest.raises(ValueError, match=r"recording 0 \(unit='B'\) has a channel 'noise' besides"):
+        check_channels([more], ("torque", "current"), others=False)
+
+
+def test_a_name_is_looked_up_under_the_words_of_the_caller():
+    check_channel_names(["b", "a"], ["a"])
+    with pytest.raises(ValueError, match="psd has no channel 'c'; its channels are"):
+        check_channel_names(["b", "a"], ["a", "c"], "psd")
+
+
+def test_sequences_and_arrays_are_lists():
+    runs = [run(), run()]
+    boxed = np.empty(2, dtype=object)
+    boxed[:] = runs
+    for X in (runs, tuple(runs), boxed):
+        assert as_list(X) == runs
+
+
+def test_messages_do_not_hold_the_data():
+    with pytest.raises(TypeError) as caught:
+        emacm.OrderResampler().fit({"a": np.zeros(10_000)})
+    assert len(str(caught.value)) < 200
