@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.recordings.inputs import kind_of
+from emacm.recordings.inputs import described, kind_of
 from emacm.recordings.meta import called, listed_recordings, meta_value, plain_label
-from emacm.recordings.recording import described
 
 _COLLECTIONS = (list, tuple, set, frozenset, np.ndarray, pd.Series, pd.Index)
 

@@ -287,7 +287,7 @@ def test_a_channel_too_many_is_named_unless_channels_are_chosen(kind):
         ([], ValueError, "X contains no recording"),
         ([FLEET[0], np.zeros(5)], TypeError, "entry 1 of X .* got a ndarray"),
         ("current", TypeError, "a list of recordings, got 'current'"),
-        (iter(FLEET), TypeError, "got a list_iterator .*It can be read only once; write list"),
+        (iter(FLEET), TypeError, "got a list_iterator.*It can be read only once; write list"),
         (5, TypeError, "a list of recordings, got 5"),
     ],
 )
