@@ -1,7 +1,7 @@
-"""Means of what was decided, and how far they may be off: whole groups of recordings resampled.
+"""Means with confidence intervals from a bootstrap over whole groups of recordings.
 
-Recordings of one run are near copies of one another, so they count as one observation, not as
-many: the interval comes from drawing runs (or units) anew, with all their recordings [1]_.
+Recordings of one run are near copies of one another and therefore count as one observation: the
+bootstrap draws whole runs (or units), each with all its recordings [1]_.
 
 References
 ----------
@@ -23,24 +23,24 @@ from emacm._checks import check_count, check_number
 
 Array = NDArray[np.float64]
 
-_BLOCK = 1 << 22  # draws held at a time
-_FEW = 5  # groups, below which draws repeat so often that their percentiles say little
-_LEAST = 100  # draws
-_SHARE = 0.1  # of the draws that must hold every cell, or there is no interval
+_BLOCK = 1 << 22  # numbers of draws held in memory at a time
+_FEW = 5  # groups; with fewer, draws repeat so often that their percentiles are uninformative
+_FEWEST_DRAWS = 100
+_MIN_SHARE = 0.1  # of the draws that must contain every cell, otherwise there is no interval
 
 
 def cell_mean(values: ArrayLike, cells: ArrayLike) -> float:
-    """Average within each cell, then over the cells.
+    """Compute the mean of each cell, and the mean of these over the cells.
 
-    With values 0 or 1 (right or wrong) and one cell for each class this is the balanced
-    accuracy; with a single cell it is a share.
+    With values 0 or 1 (wrong or correct) and one cell for each class this is the balanced
+    accuracy; with a single cell it is a rate.
 
     Parameters
     ----------
     values : array-like of shape (n_recordings,)
         One number for each recording.
     cells : array-like of int of shape (n_recordings,)
-        Cell of each; a negative one leaves the recording out.
+        Cell of each recording; negative: the recording is not counted.
 
     Returns
     -------
@@ -67,49 +67,54 @@ def group_intervals(
     n_resamples: int = 2000,
     random_state: Any = 0,
 ) -> Array:
-    """Find an interval for each of several cell means by drawing groups with replacement.
+    """Compute a confidence interval of each of several cell means by a bootstrap over groups.
 
     Parameters
     ----------
     values : array-like of shape (n_figures, n_recordings)
-        One number for each figure and recording.
+        One number for each figure of merit and recording.
     cells : array-like of int of shape (n_figures, n_recordings)
-        Cells of each figure, as for `cell_mean`.
+        Cells of each figure of merit, as in `cell_mean`.
     groups : array-like of shape (n_recordings,)
-        Group of each recording (run, unit); recordings of a group are drawn together.
+        Group of each recording (run, unit); recordings of one group are drawn together.
     confidence : float, default=0.95
-        Probability that the interval is to hold.
+        Confidence level, above 0 and below 1.
     n_resamples : int, default=2000
-        How many times groups are drawn.
+        Number of bootstrap draws, at least 100.
     random_state : int, Generator or None, default=0
         Seed.
 
     Returns
     -------
     intervals : ndarray of shape (n_figures, 2)
-        Lower and upper end. NaN where fewer than two groups hold recordings that count, or
-        where more than nine in ten draws miss one of the cells.
+        Lower and upper limit. NaN if fewer than two groups contain counted recordings, or if
+        more than nine in ten draws miss one of the cells.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `confidence` or `n_resamples` is outside its range.
 
     Notes
     -----
-    Percentiles of n groups are too narrow by sqrt((n-1)/n), and as much again as a normal
-    distribution is narrower than Student's; they are taken further out to make up for it
-    ([2]_, "expanded percentile interval"). No percentile lies beyond the draws, though, and of
-    few groups there are few different ones: below five groups the interval is that of Student's
-    t with the standard deviation of the draws, cut where no value lies. A draw without any
-    recording of a cell is left out. Values that never differ give an interval of no width, which
-    is no certainty.
+    Percentile intervals of n groups are too narrow by sqrt((n-1)/n), and further by the ratio of
+    the normal to Student's t distribution; the percentiles are moved outwards to correct both
+    ([2]_, "expanded percentile interval"). Percentiles cannot exceed the draws, and few groups
+    give few distinct draws: with fewer than five groups the interval is computed from Student's
+    t distribution and the standard deviation of the draws, and is clipped to the range of the
+    values. Draws that miss a cell are ignored. If all values are equal, the interval has zero
+    width; this does not prove certainty.
 
     Examples
     --------
-    >>> right = np.repeat([1.0, 1.0, 0.0, 1.0], 25)  # four runs of 25 near copies
+    >>> correct = np.repeat([1.0, 1.0, 0.0, 1.0], 25)  # four runs of 25 near copies
     >>> one_cell = np.zeros((1, 100), int)
-    >>> group_intervals([right], one_cell, np.repeat([1, 2, 3, 4], 25))
+    >>> group_intervals([correct], one_cell, np.repeat([1, 2, 3, 4], 25))
     array([[0., 1.]])
-    >>> group_intervals([right], one_cell, np.arange(100)).round(2)  # as if they were no copies
+    >>> group_intervals([correct], one_cell, np.arange(100)).round(2)  # as if independent
     array([[0.66, 0.83]])
     """
-    check_limits(confidence, n_resamples)
+    check_bootstrap(confidence, n_resamples)
     values, cells = np.asarray(values, float), np.asarray(cells)
     codes = np.unique(np.asarray(groups), return_inverse=True)[1]
     tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
@@ -117,7 +122,7 @@ def group_intervals(
     intervals = []
     for value, cell, (_, counts), drawn in zip(values, cells, tables, replicates, strict=True):
         n_groups, drawn = int((counts.sum(axis=1) > 0).sum()), drawn[np.isfinite(drawn)]
-        if n_groups < 2 or len(drawn) < _SHARE * n_resamples:
+        if n_groups < 2 or len(drawn) < _MIN_SHARE * n_resamples:
             intervals.append((np.nan, np.nan))
         elif n_groups < _FEW:
             low, high = _student(cell_mean(value, cell), drawn, n_groups, confidence)
@@ -128,22 +133,22 @@ def group_intervals(
     return np.array(intervals).reshape(-1, 2)
 
 
-def check_limits(confidence: float, n_resamples: int) -> None:
-    """Check what `group_intervals` takes, before anything costly is done.
+def check_bootstrap(confidence: float, n_resamples: int) -> None:
+    """Check the options of `group_intervals` before a long computation.
 
     Raises
     ------
     TypeError, ValueError
-        If `confidence` is not between 0 and 1, or `n_resamples` no count of at least 100.
+        If `confidence` is not between 0 and 1, or `n_resamples` is not an integer of at least 100.
     """
     check_number(confidence, "confidence", above=0, below=1)
-    check_count(n_resamples, "n_resamples", at_least=_LEAST)
+    check_count(n_resamples, "n_resamples", at_least=_FEWEST_DRAWS)
 
 
 def _by_group(
     values: Array, cells: NDArray[Any], codes: NDArray[np.intp] | None = None
 ) -> tuple[Array, Array]:
-    """Sum up values and recordings, shape (n_groups, n_cells); cells without any are dropped."""
+    """Return sums of values and counts of recordings, shape (n_groups, n_nonempty_cells)."""
     codes = np.zeros(len(values), np.intp) if codes is None else codes
     n_groups, counted = int(codes.max(initial=0)) + 1, cells >= 0
     known, places = np.unique(cells[counted], return_inverse=True)
@@ -157,7 +162,7 @@ def _by_group(
 def _replicates(
     tables: list[tuple[Array, Array]], n_resamples: int, rng: np.random.Generator
 ) -> list[Array]:
-    """Draw groups; return the figures of each draw, NaN where a cell is empty."""
+    """Draw groups with replacement; return the cell means of each draw, NaN for an empty cell."""
     n_groups = len(tables[0][0]) if tables else 1
     sizes = [sums.shape[1] for sums, _ in tables]
     sums, counts = (np.hstack([table[part] for table in tables]) for part in (0, 1))
@@ -166,8 +171,8 @@ def _replicates(
     for start in range(0, n_resamples, step):
         shares = np.full(n_groups, 1 / n_groups)
         times = rng.multinomial(n_groups, shares, min(step, n_resamples - start)).astype(float)
-        below = times @ counts
-        drawn.append((times @ sums) / np.where(below > 0, below, np.nan))
+        totals = times @ counts
+        drawn.append((times @ sums) / np.where(totals > 0, totals, np.nan))
     ratios = np.split(np.vstack(drawn), np.cumsum(sizes)[:-1], axis=1)
     return [ratio.mean(axis=1) if ratio.shape[1] else np.empty(0) for ratio in ratios]
 

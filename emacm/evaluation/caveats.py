@@ -1,111 +1,169 @@
-"""What must be known of an evaluation before a figure of it is believed."""
+"""Caveats of an evaluation: what limits the conclusions that its figures of merit allow."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from emacm.evaluation.results import SchemeScore
 from emacm.evaluation.schemes import RANDOM, Scheme
 from emacm.evaluation.scoring import ScoringRule
 
-_FEW = 10  # groups, below which limits are called rough
+_FEW = 10  # groups; with fewer, confidence intervals are called approximate
+_EXAMPLES = 3
+
+
+def single_unit_labels(labels: Sequence[Any], units: Sequence[Any]) -> dict[Any, Any]:
+    """Return the labels that were recorded on one unit only.
+
+    Parameters
+    ----------
+    labels : sequence of n_recordings
+        Label (state of health) of each recording.
+    units : sequence of n_recordings
+        Unit (machine, assembly) of each recording.
+
+    Returns
+    -------
+    dict
+        {label: its only unit}.
+
+    Examples
+    --------
+    >>> single_unit_labels(["new", "new", "worn", "worn"], ["A", "B", "C", "C"])
+    {'worn': 'C'}
+    """
+    pairs = pd.DataFrame({"label": list(labels), "unit": list(units)}).drop_duplicates()
+    alone = pairs[~pairs["label"].duplicated(keep=False)]
+    return dict(zip(alone["label"], alone["unit"], strict=True))
+
+
+def confounding_caveats(labels: Sequence[Any], units: Sequence[Any], unit: str) -> list[str]:
+    """Describe how labels are confounded with units.
+
+    Parameters
+    ----------
+    labels, units : sequence of n_recordings
+        As in `single_unit_labels`.
+    unit : str
+        Name of the property "unit", for the text.
+
+    Returns
+    -------
+    list of str
+        Most serious first; empty if each label occurs in several units, and some unit has several
+        labels.
+
+    Examples
+    --------
+    >>> confounding_caveats(["new", "worn"] * 2, ["A", "A", "B", "B"], "unit")
+    []
+    """
+    caveats = []
+    if alone := single_unit_labels(labels, units):
+        which = _examples([f"{label!r} only in {owner!r}" for label, owner in alone.items()])
+        caveats.append(
+            f"Label and {unit} are confounded: {which}. What distinguishes such a label may be "
+            f"the {unit} itself; no split of these recordings can separate the two."
+        )
+    single = single_unit_labels(units, labels)
+    if len(single) == len(set(units)):
+        which = _examples([f"{owner!r} only {label!r}" for owner, label in single.items()])
+        caveats.append(
+            f"Each {unit} has one label: {which}. With the same {unit} in training and test, a "
+            f"classifier may recognise the {unit}; only the split by {unit} excludes this."
+        )
+    return caveats
 
 
 def scheme_caveats(
-    schemes: Sequence[Scheme], scores: Sequence[SchemeScore | None], rule: ScoringRule
+    schemes: Sequence[Scheme], rows: Mapping[str, Mapping[str, Any]], rule: ScoringRule
 ) -> list[str]:
-    """Say what to mind, the gravest first.
+    """Return the caveats of the schemes, most serious first.
 
     Parameters
     ----------
     schemes : sequence of Scheme
         All of them.
-    scores : sequence of SchemeScore or None
-        What is known of each; None for those that cannot be scored.
+    rows : mapping of str to mapping
+        Row of `Evaluation.table` for each scheme that could be scored.
     rule : ScoringRule
-        What was right.
+        Definition of a correct decision.
 
     Returns
     -------
     list of str
     """
-    pairs = list(zip(schemes, scores, strict=True))
-    said = [
-        f"'{scheme.name}' cannot be scored. {scheme.impossible}"
-        for scheme, score in pairs
-        if score is None
-    ]
-    done = [(scheme, score) for scheme, score in pairs if score is not None]
+    caveats = [f"'{s.name}' cannot be scored. {s.impossible}" for s in schemes if s.impossible]
     if all(scheme.name == RANDOM for scheme in schemes):
-        said.append(
-            "Only a random split was made: it says how recordings are told apart beside near "
-            "copies of themselves, not how the next run or machine is. Give runs= or units=."
+        caveats.append(
+            "Only a random split was made. It estimates the performance on recordings with near "
+            "copies in the training data, not on the next run or unit. Give runs= or units=."
         )
-    said += _optimism(done)
-    said += _resampling(done)
+    caveats += _optimism(rows) + _uncertainty(rows)
     if rule.has_families:
-        families = [
-            f"{label!r} ({', '.join(map(repr, _members(rule, label)))})" for label in rule.labels
-        ]
-        said.append(f"Scored by families: {', '.join(families)}.")
-    return said
+        members = {
+            label: [name for name in rule.classes if rule.family_of[name] == label]
+            for label in rule.labels
+        }
+        families = [f"{k!r} ({', '.join(map(repr, names))})" for k, names in members.items()]
+        caveats.append(f"Scored by families: {', '.join(families)}.")
+    return caveats
 
 
-def _optimism(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
-    """Say where the random split promises more than holding out groups keeps."""
-    rows = {scheme.name: score.row for scheme, score in done}
-    random = rows.pop(RANDOM, None)
-    if random is None:
-        return []
-    name = "balanced_accuracy"
-    said = [
-        f"the random split has {random[name]:.3g}, {scheme!r} {row[name]:.3g}"
-        for scheme, row in rows.items()
-        if random[name] > row[f"{name}_high"]
+def _optimism(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """State where the random split is better than the interval of another scheme."""
+    accuracy = rows.get(RANDOM, {}).get("balanced_accuracy", -np.inf)
+    worse = [
+        f"{row['balanced_accuracy']:.3g} {name!r}"
+        for name, row in rows.items()
+        if accuracy > row["balanced_accuracy_high"]
     ]
-    if not said:
+    if not worse:
         return []
     return [
-        f"Balanced accuracy: {'; '.join(said)}. Believe the split that holds out what will be new "
-        f"in service; a random split has recordings of every kind on both sides."
+        f"The random split is optimistic: balanced accuracy {accuracy:.3g}, but "
+        f"{', '.join(worse)}. Rely on the split that holds out what will be new in service."
     ]
 
 
-def _resampling(done: Sequence[tuple[Scheme, SchemeScore]]) -> list[str]:
-    said = []
-    counts = {scheme.resampled.name: score.row["groups"] for scheme, score in done}
-    if "recording" in counts:
-        said.append(
-            "Limits come from resampling single recordings, as no runs= or units= were given; "
-            "if recordings of one run are alike, they are too narrow."
+def _uncertainty(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """State what is wrong with the confidence intervals."""
+    caveats = []
+    if any(row["resampled"] == "recording" for row in rows.values()):
+        caveats.append(
+            "Confidence intervals are from a bootstrap over single recordings, because no runs= "
+            "or units= were given; they are too narrow if recordings of one run are alike."
         )
     few = [
-        f"{score.row['groups']} of {scheme.resampled.name} in '{scheme.name}'"
-        for scheme, score in done
-        if scheme.resampled.name != "recording" and score.row["groups"] < _FEW
+        f"{row['groups']} in {name!r}"
+        for name, row in rows.items()
+        if row["resampled"] != "recording" and row["groups"] < _FEW
     ]
     if few:
-        said.append(f"Limits rest on few groups and are rough (none of one): {', '.join(few)}.")
-    sure = [scheme.name for scheme, score in done if score.row["accuracy"] in (0, 1)]
-    if sure:
-        said.append(
-            f"In {sure} decisions are all right or all wrong: limits of no width say that "
-            f"resampling met nothing else, not that there is nothing else."
+        caveats.append(
+            f"Confidence intervals from fewer than {_FEW} groups are approximate: {', '.join(few)}."
+        )
+    if sure := [name for name, row in rows.items() if row["accuracy"] in (0, 1)]:
+        caveats.append(
+            f"All decisions are correct, or all are wrong, in {sure}. Zero-width intervals: all "
+            f"resamples agree; this does not prove certainty."
         )
     thin = [
-        scheme.name
-        for scheme, score in done
-        if score.row["groups"] > 1 and np.isnan(score.row["balanced_accuracy_low"])
+        name
+        for name, row in rows.items()
+        if row["groups"] > 1 and np.isnan(row["balanced_accuracy_low"])
     ]
     if thin:
-        said.append(
-            f"Balanced accuracy has no limits in {thin}: some label is in so few groups that "
-            f"most draws miss it."
+        caveats.append(
+            f"Balanced accuracy has no confidence interval in {thin}: some label occurs in so "
+            f"few groups that most resamples miss it."
         )
-    return said
+    return caveats
 
 
-def _members(rule: ScoringRule, label: object) -> list[object]:
-    return [name for name in rule.classes if rule.family_of[name] == label]
+def _examples(parts: list[str]) -> str:
+    more = len(parts) - _EXAMPLES
+    return ", ".join(parts[:_EXAMPLES]) + (f" and {more} more" if more > 0 else "")

@@ -1,8 +1,8 @@
-"""What different ways of holding out say of a classifier, side by side.
+"""Hold-out schemes compared: performance on the next run, the next unit, a new condition.
 
-A random split asks how well recordings are told apart that stand beside near copies of
-themselves. Whoever wants to know about the next run, the next machine or a load never seen must
-hold out runs, machines or loads. `evaluate` does all of it and says what none of it can tell.
+A random split estimates the performance on recordings with near copies in the training data. To
+estimate performance on the next run, the next machine or a new load, hold out whole runs, machines
+or loads. `evaluate` does all of these and lists what limits the conclusions.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ from sklearn.utils.multiclass import check_classification_targets
 from emacm._checks import check_classes, check_count, once_hint
 from emacm.decisions.families import as_families
 from emacm.decisions.stated_costs import stated_cost
-from emacm.evaluation.bootstrap import check_limits
-from emacm.evaluation.caveats import scheme_caveats
-from emacm.evaluation.confounding import confounding, single_unit_labels
-from emacm.evaluation.held_out_decisions import decide_held_out
-from emacm.evaluation.results import Evaluation, gathered, scored
-from emacm.evaluation.schemes import Scheme, given_scheme, group_scheme, random_scheme
+from emacm.evaluation.bootstrap import check_bootstrap
+from emacm.evaluation.caveats import confounding_caveats, scheme_caveats, single_unit_labels
+from emacm.evaluation.results import Evaluation, gather, score_scheme
+from emacm.evaluation.schemes import (
+    Scheme,
+    decide_held_out,
+    given_scheme,
+    group_scheme,
+    random_scheme,
+)
 from emacm.evaluation.scoring import scoring_rule
 from emacm.recordings.meta import Grouping, read_grouping
 
@@ -50,18 +54,18 @@ def evaluate(
     random_state: int | None = 0,
     n_jobs: int | None = None,
 ) -> Evaluation:
-    """Evaluate a classifier by a random split, and by run, by unit and by condition beside it.
+    """Evaluate a classifier by several hold-out schemes: at random, by run, unit and condition.
 
-    In each fold a clone is fitted to the rest and decides on what is held out; nothing is
-    learnt from recordings held out. Limits come from resampling whole groups, as recordings of
-    a run are near copies.
+    In each fold a clone is fitted to the training recordings and decides on the recordings held
+    out. Confidence intervals are from a bootstrap over whole runs or units, because recordings of
+    one run are near copies of one another.
 
     Parameters
     ----------
     estimator : estimator
         Classifier or pipeline; it is not changed.
     X : sequence of Recording, or array-like of n_recordings
-        What the estimator takes.
+        Input of the estimator.
     y : array-like of shape (n_recordings,)
         True classes.
     runs : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
@@ -70,62 +74,63 @@ def evaluate(
     units : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Machine or assembly of each recording.
     conditions : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
-        Operating condition, such as load; each is left out in turn. An estimator that refuses
-        conditions it never saw is not scored by it.
+        Operating condition, such as load; one is left out at a time. The scheme is not scored if
+        the estimator refuses conditions without training data.
     splits : mapping of str to split, optional
-        Further ways of holding out, by name: a tuple (train, test) of numbers or masks, as for
-        "later runs"; a list of such tuples; or an object with ``split(X, y, groups)``.
+        Further schemes by name: a tuple (train, test) of positions or masks, as for "later
+        runs"; a list of such tuples; or an object with ``split(X, y, groups)``.
     families : mapping, optional
-        {class: family} or {family: [classes]}. A decision for the right family is right,
-        whether the estimator decides on classes or on families. Default: where the rows of the
-        cost are not the classes, the decision that costs 0 is right.
+        {class: family} or {family: [classes]}. A decision for the right family is correct,
+        whether the estimator decides on classes or on families. Default: defined by the cost, as
+        in `emacm.decisions.metrics.correct_decisions`.
     healthy : object, optional
-        The healthy class or family. Without it these three rates are not computed.
+        The healthy class or family. Without it the three rates are not computed.
     cost : array-like, DataFrame or mapping, optional
-        Rows are decisions, columns truths, as for `emacm.decisions.costs.cost_table`; columns
-        may be families. Default: the `cost` among the estimator's parameters (several that differ
-        are an error); without any, 0-1.
+        Rows are decisions, columns true classes, as for `emacm.decisions.costs.cost_table`;
+        columns may be families. Default: the `cost` among the estimator's parameters (several
+        that differ are an error); without any, 0-1.
     n_splits : int, default=10
-        Folds of the random split, at least 2. With no more groups (or units) than this, one is
-        left out at a time.
+        Largest number of folds, at least 2. Up to this number of runs (or units), one is left out
+        at a time.
     confidence : float, default=0.95
-        Probability that limits are to hold.
+        Confidence level of the intervals.
     n_resamples : int, default=2000
-        How many times groups are drawn for the limits, at least 100.
+        Number of bootstrap draws, at least 100.
     random_state : int or None, default=0
-        Seed of the random split and of the limits.
+        Seed of the random split and of the bootstrap.
     n_jobs : int, optional
-        Folds in work at the same time, under joblib's active backend (by default, processes).
+        Number of folds processed in parallel, by joblib's active backend (default: processes).
 
     Returns
     -------
     Evaluation
-        Figures are shares 0..1: balanced accuracy (mean of the shares recognised of each label),
-        accuracy; with `healthy`, false alarm rate (share of the healthy decided to be faulty),
-        inspection rate (share of the healthy with a decision that is no label, such as "inspect")
-        and missed detection rate (share of the faulty decided to be healthy); the expected cost
-        in the unit of `cost`; and with `predict_proba`, log-loss [nats] and Brier score (0..2).
+        Balanced accuracy (mean over the labels of the fraction recognised) and accuracy. With
+        `healthy`: false alarm rate (fraction of the healthy recordings decided to be faulty),
+        inspection rate (fraction of them with a decision that is not a label, such as "inspect")
+        and missed detection rate (fraction of the faulty recordings decided to be healthy). Mean
+        cost of a decision, in the unit of `cost`. With `predict_proba`: log loss [nats] and Brier
+        score (0 to 2).
 
     Warns
     -----
     UserWarning
-        If some label occurs in one unit alone.
+        If a label occurs in one unit only.
 
     Raises
     ------
     TypeError, ValueError
-        If an input does not fit; or what the estimator raises, with the fold named.
+        If an argument is invalid; or an error of the estimator, with the fold.
 
     Notes
     -----
-    Where holding out takes all recordings of a label out of training, that scheme cannot be
-    scored; its row is NaN and a caveat says which group and label. For the limits see
-    `emacm.evaluation.bootstrap.group_intervals`: runs are drawn (units, if no `runs` are
-    given, and for the split by unit); without either, recordings are, and a caveat says so.
-    Limits tell how the figure varies with the recordings held out, not with those learnt from.
+    If a label is held out without being in the training data, the scheme cannot be scored; its row
+    is NaN and a caveat gives the group and the label. The bootstrap
+    (`emacm.evaluation.bootstrap.group_intervals`) draws runs, or units if no `runs` are given and
+    for the split by unit; without either it draws recordings, and a caveat says so. The intervals
+    cover the variation of the recordings held out, not that of the training data.
 
-    Posteriors of a classifier whose priors are not the shares of the classes here will, rightly,
-    seem ill calibrated.
+    A classifier whose priors differ from the class frequencies of these recordings is, correctly,
+    not calibrated on them.
 
     Examples
     --------
@@ -134,59 +139,61 @@ def evaluate(
     >>> X = np.repeat(rng.normal(size=(10, 2)), 9, axis=0)  # 10 runs of 9 copies
     >>> y = np.repeat(["healthy", "worn"] * 5, 9)  # unrelated to X
     >>> runs = pd.Series(np.repeat(np.arange(10), 9), name="run")
-    >>> found = evaluate(KNeighborsClassifier(1), X, y, runs=runs, healthy="healthy")
-    >>> found.table["accuracy"].to_dict()
+    >>> result = evaluate(KNeighborsClassifier(1), X, y, runs=runs, healthy="healthy")
+    >>> result.table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 0.5}
     """
     for method in ("fit", "predict"):
         if isinstance(estimator, type) or not hasattr(estimator, method):
-            raise TypeError(f"estimator must be a classifier, with {method}; got {estimator!r}.")
+            raise TypeError(f"estimator must be a classifier with {method}, got {estimator!r}.")
     classes = _checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
-    check_limits(confidence, n_resamples)
+    check_bootstrap(confidence, n_resamples)
     if random_state is not None:
         check_count(random_state, "random_state", at_least=0)
     cost = stated_cost(estimator) if cost is None else cost
     rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, cost=cost)
     labels = as_families(classes.tolist(), rule.family_of)
-    known = {
+    groupings = {
         role: read_grouping(values, X, role, _ROLES[role])
         for role, values in zip(_ROLES, (runs, units, conditions), strict=True)
     }
-    schemes = _schemes(classes, labels, known, splits, n_splits=n_splits, seed=random_state)
-    limits = {"confidence": confidence, "n_resamples": n_resamples, "random_state": random_state}
+    schemes = _schemes(classes, labels, groupings, splits, n_splits=n_splits, seed=random_state)
+    bootstrap = {
+        "confidence": confidence,
+        "n_resamples": n_resamples,
+        "random_state": random_state,
+    }
     schemes, decided = decide_held_out(estimator, X, classes, schemes, n_jobs=n_jobs)
-    parts = [
-        None if scheme.impossible else scored(scheme, folds, classes, rule, limits)
+    scores = {
+        scheme.name: score_scheme(scheme, folds, classes, rule, bootstrap)
         for scheme, folds in zip(schemes, decided, strict=True)
-    ]
-    caveats = scheme_caveats(schemes, parts, rule)
-    if (unit := known["units"]) is not None:
-        caveats = [*confounding(labels, unit.labels.tolist(), unit.name), *caveats]
-        if single_unit_labels(labels, unit.labels.tolist()):
+        if not scheme.impossible
+    }
+    caveats = scheme_caveats(schemes, {name: score.row for name, score in scores.items()}, rule)
+    if (unit := groupings["units"]) is not None:
+        names = unit.labels.tolist()
+        caveats = [*confounding_caveats(labels, names, unit.name), *caveats]
+        if single_unit_labels(labels, names):
             warnings.warn(caveats[0], UserWarning, stacklevel=2)
-    return gathered(schemes, parts, caveats)
+    return gather(schemes, scores, caveats=caveats, confidence=float(confidence))
 
 
 def _schemes(
     y: NDArray[Any],
     labels: list[Any],
-    known: Mapping[str, Grouping | None],
+    groupings: Mapping[str, Grouping | None],
     splits: Mapping[str, Any] | None,
     **options: Any,
 ) -> list[Scheme]:
-    """Return every scheme that can be made of what was given; the random split always."""
-    runs, units, conditions = known.values()
-    singly = Grouping("recording", np.arange(len(y)))
-    resampled = runs or units or singly
+    """Return the random split, and every other scheme for which there are labels."""
+    runs, units, conditions = groupings.values()
+    resampled = runs or units or Grouping("recording", np.arange(len(y)))
     schemes = [random_scheme(y, labels, resampled, **options)]
-    if runs is not None:
-        schemes.append(group_scheme(y, labels, runs, runs, **options))
-    if units is not None:
-        schemes.append(group_scheme(y, labels, units, units, **options))
+    schemes += [group_scheme(y, labels, g, g, **options) for g in (runs, units) if g is not None]
     if conditions is not None:
-        singles = options | {"n_splits": None}
-        left_out = group_scheme(y, labels, conditions, resampled, **singles)
+        one_at_a_time = options | {"n_splits": None}
+        left_out = group_scheme(y, labels, conditions, resampled, **one_at_a_time)
         schemes.append(replace(left_out, may_refuse=True))
     if splits is not None and not isinstance(splits, Mapping):
         raise TypeError(
@@ -199,8 +206,8 @@ def _schemes(
     doubles = [name for name in names if names.count(name) > 1]
     if doubles:
         raise ValueError(
-            f"two ways of holding out are both called {doubles[0]!r}; runs, units, conditions "
-            f"and splits need names of their own."
+            f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
+            f"splits different names, for example as a pandas Series with a name."
         )
     return schemes
 
@@ -223,5 +230,5 @@ def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     check_classes(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:
-        raise ValueError(f"y must hold two classes at the least, got {np.unique(classes)} only.")
+        raise ValueError(f"y must hold at least two classes, got {np.unique(classes)} only.")
     return classes

@@ -1,4 +1,4 @@
-"""Figures of one way of holding out, each with an interval from resampling groups."""
+"""Figures of merit of one hold-out scheme, each with a confidence interval."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from emacm.evaluation.bootstrap import cell_mean, group_intervals
 from emacm.evaluation.calibration import brier_scores, log_losses, most_probable, reliability
 from emacm.evaluation.scoring import ScoringRule
 
-# A value and a cell for each recording; cell -1 does not count (emacm.evaluation.bootstrap).
+# A value and a cell for each recording; in cell -1 it is not counted (emacm.evaluation.bootstrap).
 Tally = tuple[NDArray[np.float64], NDArray[np.intp]]
 
 FIGURES = (
@@ -28,61 +28,60 @@ FIGURES = (
 
 
 def tallies(
-    judged: pd.DataFrame, healthy: Any, probabilities: NDArray[np.float64] | None, labels: list[Any]
+    judged: pd.DataFrame, rule: ScoringRule, probabilities: NDArray[np.float64] | None
 ) -> dict[str, Tally]:
-    """Say what each recording contributes to each figure.
+    """Return the contribution of each recording to each figure of merit.
 
     Parameters
     ----------
     judged : DataFrame
-        Of `ScoringRule.judge`.
-    healthy : object
-        Healthy label, or None: then there are no alarms.
+        From `ScoringRule.judge`.
+    rule : ScoringRule
+        Without a healthy label, the three rates are left out.
     probabilities : ndarray of shape (n_recordings, n_labels) or None
-        Posteriors of the labels.
-    labels : list
-        The labels.
+        Posterior probability of each label; None: log loss and Brier score are left out.
 
     Returns
     -------
     dict of str to (values, cells)
-        As `emacm.evaluation.bootstrap.cell_mean` takes them.
+        Arguments of `emacm.evaluation.bootstrap.cell_mean`.
     """
-    right = judged["right"].to_numpy(float)
-    truths = _numbers(judged["true_label"], labels)
-    together = np.zeros(len(judged), np.intp)
+    correct = judged["correct"].to_numpy(float)
+    truths = _codes(judged["true_label"], rule.labels)
+    one_cell = np.zeros(len(judged), np.intp)
     found: dict[str, Tally] = {
-        "balanced_accuracy": (right, truths),
-        "accuracy": (right, together),
-        "expected_cost": (judged["cost"].to_numpy(float), together),
+        "balanced_accuracy": (correct, truths),
+        "accuracy": (correct, one_cell),
+        "expected_cost": (judged["cost"].to_numpy(float), one_cell),
     }
-    if healthy is not None:
-        code, decided = labels.index(healthy), _numbers(judged["decided_label"], labels)
-        among_healthy, among_faulty = (
-            np.where(truths == code, 0, -1),
-            np.where(truths == code, -1, 0),
+    if rule.healthy is not None:
+        healthy, decided = (
+            rule.labels.index(rule.healthy),
+            _codes(judged["decided_label"], rule.labels),
         )
-        called_faulty = (decided != code) & (decided >= 0)
-        found["false_alarm_rate"] = (called_faulty.astype(float), among_healthy)
-        found["inspection_rate"] = ((decided < 0).astype(float), among_healthy)
-        found["missed_detection_rate"] = ((decided == code).astype(float), among_faulty)
+        called_faulty = (decided >= 0) & (decided != healthy)
+        healthy_only = np.where(truths == healthy, 0, -1)
+        found["false_alarm_rate"] = (called_faulty.astype(float), healthy_only)
+        found["inspection_rate"] = ((decided < 0).astype(float), healthy_only)
+        missed = (decided == healthy).astype(float)
+        found["missed_detection_rate"] = (missed, np.where(truths == healthy, -1, 0))
     if probabilities is not None:
-        found["log_loss"] = (log_losses(probabilities, truths), together)
-        found["brier"] = (brier_scores(probabilities, truths), together)
+        found["log_loss"] = (log_losses(probabilities, truths), one_cell)
+        found["brier"] = (brier_scores(probabilities, truths), one_cell)
     return {name: found[name] for name in FIGURES if name in found}
 
 
 def figure_row(found: dict[str, Tally], groups: NDArray[Any], **bootstrap: Any) -> dict[str, float]:
-    """Compute the figures and their intervals.
+    """Compute the figures of merit and their confidence intervals.
 
     Parameters
     ----------
     found : dict
-        Of `tallies`.
+        From `tallies`.
     groups : ndarray of shape (n_recordings,)
-        What is resampled.
+        Group of each recording, drawn as a whole by the bootstrap.
     **bootstrap
-        As `emacm.evaluation.bootstrap.group_intervals` takes it.
+        Options of `emacm.evaluation.bootstrap.group_intervals`.
 
     Returns
     -------
@@ -101,36 +100,36 @@ def reliability_curve(
     probabilities: NDArray[np.float64],
     truths: Any,
     labels: list[Any],
-    groups: Any,
+    groups: NDArray[Any],
     **bootstrap: Any,
 ) -> pd.DataFrame:
-    """Compute a reliability curve with an interval for each of its bins.
+    """Compute a reliability curve with a confidence interval for each of its bins.
 
     Parameters
     ----------
     probabilities : ndarray of shape (n_recordings, n_labels)
-        Posteriors of the labels.
+        Posterior probability of each label.
     truths : Series of shape (n_recordings,)
         True labels.
     labels : list
         The labels.
     groups : ndarray of shape (n_recordings,)
-        What is resampled.
+        Group of each recording, drawn as a whole by the bootstrap.
     **bootstrap
-        As `emacm.evaluation.bootstrap.group_intervals` takes it.
+        Options of `emacm.evaluation.bootstrap.group_intervals`.
 
     Returns
     -------
     DataFrame
-        As `emacm.evaluation.calibration.reliability`, with "low" and "high" of "frequency" and
-        the number of "groups".
+        As `emacm.evaluation.calibration.reliability`, with the interval "low", "high" of
+        "frequency" and the number of "groups" in each bin.
     """
-    numbers = _numbers(truths, labels)
-    curve = reliability(probabilities, numbers)
-    _, right, bins = most_probable(probabilities, numbers)
+    codes = _codes(truths, labels)
+    curve = reliability(probabilities, codes)
+    _, correct, bins = most_probable(probabilities, codes)
     present = np.unique(bins)
     cells = np.where(bins == present[:, np.newaxis], 0, -1)
-    values = np.broadcast_to(right, cells.shape)
+    values = np.broadcast_to(correct, cells.shape)
     curve[["low", "high"]] = group_intervals(values, cells, groups, **bootstrap)
     return curve.assign(groups=[len(np.unique(groups[bins == number])) for number in present])
 
@@ -141,35 +140,32 @@ def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
     Parameters
     ----------
     judged : DataFrame
-        Of `ScoringRule.judge`.
+        From `ScoringRule.judge`.
     rule : ScoringRule
-        It knows the classes and families.
+        Classes and labels.
 
     Returns
     -------
     DataFrame
-        Counts; index "decided", columns "true".
+        Counts; the index is named "decided", the columns "true".
     """
     rows = list(dict.fromkeys([*rule.labels, *judged["decided_label"]]))
-    counts = pd.DataFrame(
-        0,
-        index=pd.Index(rows, name="decided"),
-        columns=pd.Index(rule.classes, name="true"),
-    )
+    index = pd.Index(rows, name="decided")
+    counts = pd.DataFrame(0, index=index, columns=pd.Index(rule.classes, name="true"))
     for decided, true in zip(judged["decided_label"], judged["truth"], strict=True):
         counts.loc[decided, true] += 1
     return counts
 
 
 def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[np.float64]:
-    """Add up the posteriors of the classes of each label.
+    """Add the posterior probabilities of the classes of each label.
 
     Parameters
     ----------
     probabilities : DataFrame
         Columns are classes.
     rule : ScoringRule
-        It knows the labels.
+        Label of each class.
 
     Returns
     -------
@@ -182,7 +178,7 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[
     return summed
 
 
-def _numbers(values: Any, labels: list[Any]) -> NDArray[np.intp]:
-    """Return the place of each label; -1 for another decision."""
+def _codes(values: Any, labels: list[Any]) -> NDArray[np.intp]:
+    """Return the index of each value among the labels; -1 for another decision."""
     place = {label: number for number, label in enumerate(labels)}
     return np.array([place.get(value, -1) for value in values], np.intp)

@@ -1,4 +1,4 @@
-"""The result of an evaluation: figures, decisions, confusions and what to mind."""
+"""The result of an evaluation: figures of merit, decisions, confusion matrices and caveats."""
 
 from __future__ import annotations
 
@@ -20,35 +20,38 @@ from emacm.evaluation.figures import (
     reliability_curve,
     tallies,
 )
-from emacm.evaluation.schemes import Scheme
+from emacm.evaluation.schemes import Decided, Scheme
 from emacm.evaluation.scoring import ScoringRule
 
-_WIDTH = 98  # letters of a line
+_WIDTH = 98  # characters of a printed line
 
 
 @dataclass(frozen=True, repr=False)
 class Evaluation:
-    """What `evaluate` found; it prints what to mind, and then the figures.
+    """Result of `evaluate`; printed as its caveats, followed by its figures of merit.
 
     Attributes
     ----------
     table : DataFrame
-        A row for each way of holding out. Columns: each figure, its lower and upper limit
-        (``accuracy``, ``accuracy_low``, ``accuracy_high``), then the numbers of "recordings"
-        held out, "folds", "labels" told apart, "groups" resampled, and what is "resampled".
-        NaN in the row of a scheme that cannot be scored.
+        One row for each hold-out scheme. Columns: each figure of merit with the lower and upper
+        limit of its confidence interval (``accuracy``, ``accuracy_low``, ``accuracy_high``), then
+        the numbers of "recordings" held out, "folds", "labels" and "groups", and the kind of
+        group that is "resampled". NaN in the row of a scheme that cannot be scored.
     predictions : DataFrame
-        A row for each scheme and recording held out: "scheme", "fold", "left_out", "recording",
-        "group", "truth", "decision", "true_label" and "decided_label" (families, if there are
-        any), "right", "cost", and the posterior of each label, ``P(label)``.
+        One row for each scheme and recording held out: "scheme", "fold", "left_out", "recording"
+        (its position in X), "group", "truth", "decision", "true_label" and "decided_label"
+        (families, if there are any), "correct", "cost", and the posterior probability of each
+        label, ``P(label)``.
     confusions : dict of str to DataFrame
-        For each scheme that can be scored, counts: rows are what was decided (its family, if
-        there are any), columns the true classes.
+        Counts for each scheme that can be scored: rows are the decision (its family, if there
+        are any), columns the true class.
     calibration : DataFrame
-        Reliability curve of each scheme (`emacm.evaluation.calibration.reliability`), with
-        limits; empty without probabilities.
+        Reliability curve of each scheme (`emacm.evaluation.calibration.reliability`) with
+        confidence intervals; empty without probabilities.
     caveats : list of str
-        What must be known before a figure is believed, the gravest first.
+        What limits the conclusions, most serious first.
+    confidence : float
+        Confidence level of the intervals.
     """
 
     table: pd.DataFrame
@@ -56,35 +59,41 @@ class Evaluation:
     confusions: dict[str, pd.DataFrame]
     calibration: pd.DataFrame
     caveats: list[str]
+    confidence: float
 
     def summary(self) -> pd.DataFrame:
-        """Return the figures as text, "0.95 (0.90 to 0.98)", for reading."""
+        """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""
         columns = {}
         for name in (name for name in FIGURES if name in self.table):
-            parts = self.table[[name, f"{name}_low", f"{name}_high"]].to_numpy()
-            columns[name.replace("_", " ")] = [_with_limits(*part) for part in parts]
-        counts = zip(self.table["groups"], self.table["resampled"], strict=True)
-        columns["groups"] = [f"{number} ({name})" for number, name in counts]
+            limits = self.table[[name, f"{name}_low", f"{name}_high"]].to_numpy()
+            columns[name.replace("_", " ")] = [_with_limits(*row) for row in limits]
+        if columns:
+            counts = zip(self.table["groups"], self.table["resampled"], strict=True)
+            columns["bootstrap groups"] = [f"{number} ({name})" for number, name in counts]
         return pd.DataFrame(columns, index=self.table.index)
 
     def __str__(self) -> str:
         caveats = [
             fill(text, _WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
         ]
-        summary = self.summary().T.to_string()
-        return "\n".join([*caveats, summary])
+        return "\n".join([*caveats, self.summary().T.to_string(), f"({self._interval})"])
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str:
         caveats = "".join(f"<li>{html.escape(text)}</li>" for text in self.caveats)
-        return f"<ul>{caveats}</ul>{self.summary().T.to_html()}"
+        return f"<ul>{caveats}</ul>{self.summary().T.to_html()}<p>{self._interval}</p>"
+
+    @property
+    def _interval(self) -> str:
+        level = f"{100 * self.confidence:g} %"
+        return f"in brackets: {level} confidence interval, from a bootstrap over whole groups"
 
 
 @dataclass(frozen=True)
 class SchemeScore:
-    """What is known of one scheme.
+    """Result of one scheme.
 
     Attributes
     ----------
@@ -100,27 +109,27 @@ class SchemeScore:
     calibration: pd.DataFrame
 
 
-def scored(
+def score_scheme(
     scheme: Scheme,
-    decided: Sequence[tuple[list[Any], pd.DataFrame | None]],
+    decided: Sequence[Decided],
     y: NDArray[Any],
     rule: ScoringRule,
-    limits: Mapping[str, Any],
+    bootstrap: Mapping[str, Any],
 ) -> SchemeScore:
-    """Score one scheme.
+    """Score the decisions of one scheme.
 
     Parameters
     ----------
     scheme : Scheme
-        One that is possible.
+        One that can be scored.
     decided : sequence of (decisions, probabilities)
-        Of each fold, as `emacm.evaluation.held_out_decisions.decide_held_out` returns them.
+        One for each fold, from `emacm.evaluation.schemes.decide_held_out`.
     y : ndarray of shape (n_recordings,)
         True classes.
     rule : ScoringRule
-        What is right, and what it costs.
-    limits : mapping
-        "confidence", "n_resamples" and "random_state" of the limits.
+        Definition of a correct decision, and costs.
+    bootstrap : mapping
+        Options of `emacm.evaluation.bootstrap.group_intervals`.
 
     Returns
     -------
@@ -129,26 +138,16 @@ def scored(
     Raises
     ------
     ValueError
-        If a decision cannot be judged, or probabilities are none.
+        If a decision is unknown or has no cost, or probabilities do not add up to 1.
     """
     numbers = np.concatenate([fold.test for fold in scheme.folds])
     sizes = [len(fold.test) for fold in scheme.folds]
-    decisions = [decision for fold, _ in decided for decision in fold]
-    judged = rule.judge(y[numbers].tolist(), decisions)
-    groups = scheme.resampled.labels[numbers]
-    posteriors = _posteriors([stated for _, stated in decided], rule)
-    truths, labels = judged["true_label"], rule.labels
-    row: dict[str, Any] = dict(
-        figure_row(tallies(judged, rule.healthy, posteriors, labels), groups, **limits)
-    )
+    judged = rule.judge(y[numbers].tolist(), [d for decisions, _ in decided for d in decisions])
+    groups, truths = scheme.resampled.labels[numbers], judged["true_label"]
+    posteriors = _posteriors([table for _, table in decided], rule)
+    row: dict[str, Any] = dict(figure_row(tallies(judged, rule, posteriors), groups, **bootstrap))
     row |= {"recordings": len(numbers), "folds": len(sizes), "labels": truths.nunique()}
     row |= {"groups": len(np.unique(groups)), "resampled": scheme.resampled.name}
-    curve = pd.DataFrame()
-    if posteriors is not None:
-        curve = reliability_curve(posteriors, truths, labels, groups, **limits)
-        curve.insert(0, "scheme", scheme.name)
-        stated = pd.DataFrame(posteriors, columns=[f"P({label})" for label in labels])
-        judged = pd.concat([judged, stated], axis=1)
     places = {
         "scheme": scheme.name,
         "fold": np.repeat(np.arange(len(sizes)), sizes),
@@ -156,56 +155,57 @@ def scored(
         "recording": numbers,
         "group": groups,
     }
-    predictions = pd.concat([pd.DataFrame(places), judged], axis=1)
+    predictions, curve = pd.concat([pd.DataFrame(places), judged], axis=1), pd.DataFrame()
+    if posteriors is not None:
+        predictions[[f"P({label})" for label in rule.labels]] = posteriors
+        curve = reliability_curve(posteriors, truths, rule.labels, groups, **bootstrap)
+        curve.insert(0, "scheme", scheme.name)
     return SchemeScore(row, predictions, confusion(judged, rule), curve)
 
 
-def gathered(
-    schemes: Sequence[Scheme], scores: Sequence[SchemeScore | None], caveats: list[str]
+def gather(
+    schemes: Sequence[Scheme], scores: Mapping[str, SchemeScore], **attributes: Any
 ) -> Evaluation:
-    """Put the schemes side by side.
+    """Combine the results of the schemes.
 
     Parameters
     ----------
     schemes : sequence of Scheme
         All of them.
-    scores : sequence of SchemeScore or None
-        None for those that cannot be scored.
-    caveats : list of str
-        What to mind.
+    scores : mapping of str to SchemeScore
+        The result of each that can be scored, by its name.
+    **attributes
+        Further attributes of `Evaluation`.
 
     Returns
     -------
     Evaluation
     """
-    done = [score for score in scores if score is not None]
+    columns = max((list(score.row) for score in scores.values()), key=len, default=[])
+    rows = [
+        scores[scheme.name].row if scheme.name in scores else {"resampled": scheme.resampled.name}
+        for scheme in schemes
+    ]
     names = pd.Index([scheme.name for scheme in schemes], name="scheme")
-    columns = max((list(score.row) for score in done), key=len, default=[])
-    table = pd.DataFrame([{} if s is None else s.row for s in scores], names, columns)
-    for scheme in schemes:
-        if scheme.impossible and columns:
-            table.loc[scheme.name, "resampled"] = scheme.resampled.name
+    table = pd.DataFrame(rows, names, columns)
     for count in ("recordings", "folds", "labels", "groups"):
         if count in table:
             table[count] = table[count].fillna(0).astype(int)
+    curves = [score.calibration for score in scores.values() if len(score.calibration)]
     return Evaluation(
         table=table,
-        predictions=_stacked([score.predictions for score in done]),
-        confusions={
-            scheme.name: score.confusion
-            for scheme, score in zip(schemes, scores, strict=True)
-            if score is not None
-        },
-        calibration=_stacked([score.calibration for score in done if len(score.calibration)]),
-        caveats=caveats,
+        predictions=_stacked([score.predictions for score in scores.values()]),
+        confusions={name: score.confusion for name, score in scores.items()},
+        calibration=_stacked(curves),
+        **attributes,
     )
 
 
 def _posteriors(
-    stated: Sequence[pd.DataFrame | None], rule: ScoringRule
+    tables: Sequence[pd.DataFrame | None], rule: ScoringRule
 ) -> NDArray[np.float64] | None:
-    found = [label_posteriors(table, rule) for table in stated if table is not None]
-    return np.vstack(found) if found and len(found) == len(stated) else None
+    found = [label_posteriors(table, rule) for table in tables if table is not None]
+    return np.vstack(found) if found and len(found) == len(tables) else None
 
 
 def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:

@@ -1,33 +1,38 @@
-"""Which recordings are held out together: at random, by run, by unit, by condition, or as told."""
+"""Hold-out schemes (random, by run, by unit, by condition, user-defined), and their decisions."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
+from sklearn.base import clone
 from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
 
-from emacm.recordings.meta import Grouping, plain_label
+from emacm._checks import located
+from emacm.decisions.stated_costs import narrow_costs
+from emacm.recordings.meta import Grouping, chosen_rows, plain_label
 
 Indices = NDArray[np.intp]
+Decided = tuple[list[Any], pd.DataFrame | None]  # decisions, posterior probabilities
 
 RANDOM = "random split"
-_NAMED = 4  # groups left out that are named one by one
+_LISTED = 4  # groups of a fold whose names are listed
 
 
 @dataclass(frozen=True)
 class Fold:
-    """Recordings to learn from, recordings held out, and what they have in common.
+    """Recordings for training and recordings held out.
 
     Attributes
     ----------
     train, test : ndarray of int
-        Numbers of the recordings.
+        Positions of the recordings.
     left_out : str
         What is left out of training, such as "run 3"; may be empty.
     """
@@ -39,21 +44,21 @@ class Fold:
 
 @dataclass(frozen=True)
 class Scheme:
-    """One way of holding out.
+    """One way of holding out recordings.
 
     Attributes
     ----------
     name : str
-        Such as "by run".
+        For example "by run".
     folds : list of Fold
         Its folds.
     resampled : Grouping
-        Groups that count as one observation each.
+        Groups that the bootstrap draws as a whole.
     impossible : str
-        Why it cannot be scored; empty if it can.
+        Why the scheme cannot be scored; empty if it can.
     may_refuse : bool
-        Whether a ValueError in `predict` means that the estimator refuses what is held out, as
-        it may a condition that it never saw, rather than that something is wrong.
+        If True, a ValueError in `predict` means that the estimator refuses what is held out (a
+        condition without training data) and is no error of `evaluate`.
     """
 
     name: str
@@ -66,85 +71,82 @@ class Scheme:
 def random_scheme(
     y: NDArray[Any], labels: Sequence[Any], resampled: Grouping, n_splits: int, seed: Any
 ) -> Scheme:
-    """Hold out at random, as many of each class in every fold.
+    """Hold out recordings at random, stratified by class.
 
     Raises
     ------
     ValueError
         If no class has two recordings.
     """
-    most = int(np.unique(y, return_counts=True)[1].max())
-    if most < 2:
-        raise ValueError("a class needs two recordings, one to learn from and one to hold out.")
-    split = StratifiedKFold(min(n_splits, most), shuffle=True, random_state=seed)
-    with warnings.catch_warnings():
-        # A class of fewer recordings than folds is still in every training set, if it has two.
-        warnings.filterwarnings("ignore", "The least populated class")
-        folds = [Fold(train, test) for train, test in split.split(y, y)]
+    largest = int(np.unique(y, return_counts=True)[1].max())
+    if largest < 2:
+        raise ValueError(
+            "y has one recording of each class; at least one class must have two, one for "
+            "training and one to be held out."
+        )
+    split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=seed)
+    folds = [Fold(train, test) for train, test in _split(split, y, None)]
     return Scheme(RANDOM, folds, resampled, _absent(folds, labels))
 
 
 def group_scheme(
     y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, resampled: Grouping, **options: Any
 ) -> Scheme:
-    """Hold out whole groups: one at a time, or several where there are more than `n_splits`.
+    """Hold out whole groups: one at a time, or several if there are more than `n_splits`.
 
     Parameters
     ----------
     y : ndarray of shape (n_recordings,)
-        Classes, to be spread evenly over the folds.
+        Classes, for stratification.
     labels : sequence of n_recordings
-        What is scored: the classes or their families. None may be absent from training.
+        Labels that are scored (classes or families). None may be absent from training.
     grouping : Grouping
         The groups.
     resampled : Grouping
-        Groups that count as one observation each.
+        Groups that the bootstrap draws as a whole.
     **options
-        `n_splits`, at most how many folds (None: one for each group), and `seed`.
+        `n_splits`, the largest number of folds (None: one for each group), and `seed`.
 
     Returns
     -------
     Scheme
-        With `impossible` set if there is one group only, or if some label is in one group only.
+        With `impossible` set if there is one group only, or if a label occurs in one group only.
     """
-    n_groups, n_splits = len(np.unique(grouping.labels)), options["n_splits"]
+    groups, n_splits = np.unique(grouping.labels), options["n_splits"]
     name = f"by {grouping.name}"
-    if n_groups < 2:
-        only = grouping.labels[0]
-        said = f"There is one {grouping.name} only, {plain_label(only)!r}, and none to hold out."
-        return Scheme(name, [], resampled, said)
-    leave_one = _group_folds(LeaveOneGroupOut(), y, grouping)
-    folds = leave_one
-    if n_splits is not None and n_groups > n_splits:
+    if len(groups) < 2:
+        only = f"There is only one {grouping.name}, {plain_label(groups[0])!r}; two are required."
+        return Scheme(name, [], resampled, only)
+    one_at_a_time = _group_folds(LeaveOneGroupOut(), y, grouping)
+    folds = one_at_a_time
+    if n_splits is not None and len(groups) > n_splits:
         cv = StratifiedGroupKFold(n_splits, shuffle=True, random_state=options["seed"])
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The least populated class")
-            folds = _group_folds(cv, y, grouping)
-        # One at a time, no label of two groups can be left out of training altogether.
+        folds = _group_folds(cv, y, grouping)
+        # With one group at a time, a label of two groups is always in the training data.
         if _absent(folds, labels):
-            folds = leave_one
+            folds = one_at_a_time
     return Scheme(name, folds, resampled, _absent(folds, labels))
 
 
 def given_scheme(
     name: str, split: Any, y: NDArray[Any], groups: Any, labels: Sequence[Any], resampled: Grouping
 ) -> Scheme:
-    """Hold out as the user says.
+    """Hold out recordings as specified by the user.
 
     Parameters
     ----------
     name : str
         Name of the scheme.
-    split : tuple (train, test), iterable of such, or object with ``split(X, y, groups)``
-        Numbers of recordings, or masks.
+    split : tuple (train, test), iterable of tuples, or object with ``split(X, y, groups)``
+        Positions of recordings, or masks.
     y : ndarray of shape (n_recordings,)
         Classes.
     groups : ndarray of shape (n_recordings,) or None
-        For the object.
+        Passed to the object.
     labels : sequence of n_recordings
-        What is scored.
+        Labels that are scored.
     resampled : Grouping
-        Groups that count as one observation each.
+        Groups that the bootstrap draws as a whole.
 
     Returns
     -------
@@ -153,8 +155,8 @@ def given_scheme(
     Raises
     ------
     TypeError, ValueError
-        If something else is given, a fold is empty, numbers no recording or has one on both
-        sides.
+        If `split` has another form, a fold is empty, a position is out of range, or a recording
+        is in both parts of a fold.
     """
     if hasattr(split, "split"):
         pairs = list(split.split(np.zeros((len(y), 1)), y, groups))
@@ -164,33 +166,116 @@ def given_scheme(
         pairs = list(split)
     else:
         raise TypeError(
-            f"splits[{name!r}] must be a tuple (train, test), a list of such, or an object with "
-            f"a method split, as of sklearn.model_selection; got {split!r}."
+            f"splits[{name!r}] must be a tuple (train, test), a list of such tuples, or a splitter "
+            f"of sklearn.model_selection; got {split!r}."
         )
     folds = [
         _checked_fold(pair, len(y), f"splits[{name!r}], fold {i}") for i, pair in enumerate(pairs)
     ]
     if not folds:
-        raise ValueError(f"splits[{name!r}] has no fold; it needs one at the least.")
+        raise ValueError(f"splits[{name!r}] must have at least one fold, got none.")
     return Scheme(name, folds, resampled, _absent(folds, labels))
+
+
+def decide_held_out(
+    estimator: Any, X: Any, y: NDArray[Any], schemes: Sequence[Scheme], *, n_jobs: int | None = None
+) -> tuple[list[Scheme], list[list[Decided]]]:
+    """Fit a clone in each fold, and return its decisions on the recordings held out.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Classifier or pipeline; it is not changed.
+    X : array-like or sequence of Recording
+        All recordings.
+    y : ndarray of shape (n_recordings,)
+        Their classes.
+    schemes : sequence of Scheme
+        Those that are `impossible` are skipped.
+    n_jobs : int, optional
+        Number of folds processed in parallel.
+
+    Returns
+    -------
+    schemes : list of Scheme
+        As given; `impossible` is set where the estimator refused what was held out.
+    decided : list of list of (decisions, probabilities)
+        For each scheme and fold, the decisions on the recordings of `test`, and a DataFrame of
+        their posterior probabilities (columns: classes), None without `predict_proba`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Errors of the estimator; the message gives the fold.
+
+    Notes
+    -----
+    If a class is absent from the training data of a fold, its entries in the estimator's
+    parameters named `cost` are left out, so that a family can be decided on when one of its
+    classes was never observed.
+    """
+    tasks = [
+        delayed(_decide)(estimator, X, y, fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
+        for scheme in schemes
+        if not scheme.impossible
+        for number, fold in enumerate(scheme.folds)
+    ]
+    found = iter(Parallel(n_jobs=n_jobs)(tasks))
+    scored, decided = [], []
+    for scheme in schemes:
+        folds = [] if scheme.impossible else [next(found) for _ in scheme.folds]
+        refusals = [fold for fold in folds if isinstance(fold, str)]
+        if refusals:
+            scheme = replace(scheme, impossible=f"The estimator refuses: {refusals[0]}")
+        scored.append(scheme)
+        decided.append([fold for fold in folds if not isinstance(fold, str)])
+    return scored, decided
+
+
+def _decide(
+    estimator: Any, X: Any, y: NDArray[Any], fold: Fold, where: str, may_refuse: bool
+) -> Decided | str:
+    where += f" ({fold.left_out} left out)" if fold.left_out else ""
+    with located(where):
+        classes = np.unique(y[fold.train])
+        model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
+        model.fit(chosen_rows(X, fold.train), y[fold.train])
+        held_out = chosen_rows(X, fold.test)
+        try:
+            decisions = np.asarray(model.predict(held_out)).tolist()
+        except ValueError as error:
+            if not may_refuse:
+                raise
+            return f"{where}: {error}"
+        if not hasattr(model, "predict_proba"):
+            return decisions, None
+        known = np.asarray(getattr(model, "classes_", classes)).tolist()
+        return decisions, pd.DataFrame(np.asarray(model.predict_proba(held_out)), columns=known)
+
+
+def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices]]:
+    with warnings.catch_warnings():
+        # A class with fewer recordings than folds is in every training set if it has two.
+        warnings.filterwarnings("ignore", "The least populated class")
+        return list(cv.split(y, y, groups))
 
 
 def _group_folds(cv: Any, y: NDArray[Any], grouping: Grouping) -> list[Fold]:
     folds = []
-    for train, test in cv.split(y, y, grouping.labels):
+    for train, test in _split(cv, y, grouping.labels):
         names = [str(plain_label(label)) for label in np.unique(grouping.labels[test])]
-        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-        folds.append(Fold(train, test, f"{grouping.name} {', '.join(names[:_NAMED])}{more}"))
+        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        folds.append(Fold(train, test, f"{grouping.name} {', '.join(names[:_LISTED])}{more}"))
     return folds
 
 
 def _absent(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
-    """Say which label would have to be decided on by a classifier that never saw it."""
-    known = np.asarray(pd.factorize(np.fromiter(labels, object, len(labels)))[0])
-    names = dict(zip(known.tolist(), labels, strict=True))
+    """Describe which label is held out without being in the training data."""
+    codes = np.asarray(pd.factorize(np.fromiter(labels, object, len(labels)))[0])
+    names = dict(zip(codes.tolist(), labels, strict=True))
     found = []
     for number, fold in enumerate(folds):
-        absent = np.setdiff1d(known[fold.test], known[fold.train])
+        absent = np.setdiff1d(codes[fold.test], codes[fold.train])
         if len(absent):
             what = fold.left_out or f"fold {number}"
             found.append(f"without {what}, training has no {names[int(absent[0])]!r}")
@@ -202,23 +287,23 @@ def _absent(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
 def _checked_fold(pair: Any, n_recordings: int, where: str) -> Fold:
     if not (isinstance(pair, tuple | list) and len(pair) == 2):
         raise TypeError(f"{where} must be a pair (train, test), got {type(pair).__name__}.")
-    sides: list[Indices] = []
-    for side, values in zip(("train", "test"), pair, strict=True):
+    parts: list[Indices] = []
+    for part, values in zip(("train", "test"), pair, strict=True):
         numbers = np.asarray(values)
         if numbers.dtype == bool and numbers.shape == (n_recordings,):
             numbers = np.flatnonzero(numbers)
         if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
             raise ValueError(
-                f"{where}: {side} must hold the numbers of at least one recording, or a mask of "
+                f"{where}: {part} must hold the positions of at least one recording, or a mask of "
                 f"length {n_recordings}; got {numbers.dtype} of shape {numbers.shape}."
             )
         if numbers.min() < 0 or numbers.max() >= n_recordings:
             raise ValueError(
-                f"{where}: {side} must number recordings 0 to {n_recordings - 1}, got "
+                f"{where}: {part} must hold positions 0 to {n_recordings - 1}, got "
                 f"{numbers.min()} to {numbers.max()}."
             )
-        sides.append(numbers.astype(np.intp))
-    train, test = sides
+        parts.append(numbers.astype(np.intp))
+    train, test = parts
     both = np.intersect1d(train, test)
     if len(both):
         raise ValueError(f"{where} has recording {both[0]} in train and in test.")

@@ -60,7 +60,7 @@ class ScoringRule:
         -------
         DataFrame
             A row each: "truth", "decision", "true_label" and "decided_label" (families, where
-            there are any), "right" and "cost".
+            there are any), "correct" and "cost".
 
         Raises
         ------
@@ -79,8 +79,8 @@ class ScoringRule:
         table["true_label"] = _column(as_families(truths, self.family_of))
         table["decided_label"] = _column(as_families(decisions, self.family_of))
         pairs = zip(table["true_label"], table["decided_label"], strict=True)
-        table["right"] = np.array([true == decided for true, decided in pairs], bool)
-        table["cost"] = self._costs(truths, decisions) if self.prices else 1.0 - table["right"]
+        table["correct"] = np.array([true == decided for true, decided in pairs], bool)
+        table["cost"] = self._costs(truths, decisions) if self.prices else 1.0 - table["correct"]
         return table
 
     def _costs(self, truths: Sequence[Any], decisions: Sequence[Any]) -> list[float]:
@@ -127,7 +127,7 @@ def scoring_rule(
     --------
     >>> families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}
     >>> rule = scoring_rule(np.array(["normal", "worn1", "worn2"]), families=families)
-    >>> rule.judge(["worn1", "worn2", "normal"], ["worn", "worn1", "worn2"])["right"].tolist()
+    >>> rule.judge(["worn1", "worn2", "normal"], ["worn", "worn1", "worn2"])["correct"].tolist()
     [True, True, False]
     """
     names = classes.tolist()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 from sklearn.metrics import recall_score
 
-from emacm.evaluation.bootstrap import cell_mean, check_limits, group_intervals
+from emacm.evaluation.bootstrap import cell_mean, check_bootstrap, group_intervals
 
 
 def interval(values, groups, **options):
@@ -94,6 +94,6 @@ def test_the_same_seed_gives_the_same_limits():
 
 def test_confidence_and_draws_are_checked():
     with pytest.raises(ValueError, match="confidence must be a number above 0 and below 1, got 95"):
-        check_limits(95, 1000)
+        check_bootstrap(95, 1000)
     with pytest.raises(ValueError, match="n_resamples must be a whole number of at least 100"):
-        check_limits(0.95, 10)
+        check_bootstrap(0.95, 10)

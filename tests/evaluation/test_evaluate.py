@@ -62,16 +62,16 @@ def echoed(y, answers, **options):
     return evaluate(Echo(), X, y, **options)
 
 
-def test_who_memorises_is_right_by_a_random_split_and_at_chance_by_run():
+def test_near_copies_give_an_optimistic_random_split_and_chance_by_run():
     X, y, runs = near_copies()
     found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
     assert found.table.loc["random split", "balanced_accuracy"] > 0.99
     by_run = found.table.loc["by run"]
     assert by_run["balanced_accuracy_low"] < 1 / 3 < by_run["balanced_accuracy_high"]
-    assert "the random split has 1, 'by run' 0." in "".join(found.caveats)
+    assert re.search(r"optimistic: balanced accuracy 1, but 0\.\d+ 'by run'", found.caveats[0])
 
 
-def test_limits_by_run_are_those_of_runs_and_not_of_copies():
+def test_intervals_by_run_count_runs_and_not_copies():
     X, y, runs = near_copies()
     found = evaluate(KNeighborsClassifier(1), X, y, runs=runs)
     width = found.table["accuracy_high"] - found.table["accuracy_low"]
@@ -109,7 +109,7 @@ def test_decisions_are_those_of_a_clone_fitted_to_the_other_runs():
     assert held["left_out"].unique().tolist() == [f"run {run}" for run in range(8)]
 
 
-def test_no_group_stands_on_both_sides_where_there_are_more_groups_than_folds():
+def test_no_group_is_in_training_and_test_where_there_are_more_groups_than_folds():
     X, y, runs = near_copies(n_runs=23)
     found = evaluate(GaussianNB(), X, y, runs=runs, n_splits=4)
     assert found.table.loc["by run", "folds"] == 4
@@ -168,7 +168,7 @@ def test_the_cost_is_the_expected_cost_of_the_decisions():
     assert found.table.loc["by run", "expected_cost"] == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_cost_is_taken_from_the_estimator_if_none_is_stated():
+def test_the_cost_is_taken_from_the_estimator_if_none_is_given():
     X, y, runs = sub_states()
     cost = np.full((4, 4), 3.0) - 3 * np.eye(4)
     model = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes(cost))
@@ -176,13 +176,13 @@ def test_the_cost_is_taken_from_the_estimator_if_none_is_stated():
     assert row["expected_cost"] == pytest.approx(3 * (1 - row["accuracy"]))
 
 
-def test_without_any_cost_it_is_the_share_of_wrong_decisions():
+def test_without_a_cost_the_expected_cost_is_the_error_rate():
     X, y, _ = sub_states()
     row = evaluate(GaussianNB(), X, y).table.loc["random split"]
     assert row["expected_cost"] == pytest.approx(1 - row["accuracy"])
 
 
-def test_families_decided_on_are_scored_by_the_zeros_of_the_cost():
+def test_families_decided_on_are_scored_by_the_cost():
     X, y, runs = sub_states()
     model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
     found = evaluate(model, X, y, runs=runs, healthy="normal")
@@ -199,7 +199,7 @@ def test_families_decided_on_are_scored_by_the_zeros_of_the_cost():
     assert "Scored by families" in found.caveats[-1]
 
 
-def test_stated_families_give_the_same_as_the_zeros_of_the_cost():
+def test_given_families_are_scored_as_those_of_the_cost():
     X, y, runs = sub_states()
     model = CostSensitiveGaussianBayes(family_cost(), covariance="tied")
     read, stated = (evaluate(model, X, y, runs=runs, families=f) for f in (None, FAMILIES))
@@ -207,7 +207,7 @@ def test_stated_families_give_the_same_as_the_zeros_of_the_cost():
     pd.testing.assert_frame_equal(read.table[columns], stated.table[columns])
 
 
-def test_sub_states_decided_on_are_right_within_their_family():
+def test_sub_states_decided_on_are_correct_within_their_family():
     answers = ["normal", "worn2", "worn1", "spalled", "normal", "worn1", "worn2", "worn1"]
     found = echoed(STATES * 2, answers, families=FAMILIES, n_splits=2)
     row = found.table.loc["random split"]
@@ -222,7 +222,7 @@ def test_the_posterior_of_a_family_is_the_sum_of_its_sub_states():
     assert np.allclose(found["P(worn)"], plain["P(worn1)"] + plain["P(worn2)"])
 
 
-def test_costs_between_families_price_their_sub_states():
+def test_costs_between_families_apply_to_their_sub_states():
     cost = {("normal", "worn"): 7, ("worn", "normal"): 0.5}
     found = echoed(
         STATES * 2,
@@ -273,7 +273,7 @@ def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_s
         f"{state}-{run % 2}" if state != "spalled" else "S"
         for state, run in zip(y, runs, strict=True)
     ]
-    with pytest.warns(UserWarning, match="confounded: 'spalled' in 'S' alone"):
+    with pytest.warns(UserWarning, match="confounded: 'spalled' only in 'S'"):
         found = evaluate(GaussianNB(), X, y, runs=runs, units=units)
     assert found.caveats[0].startswith("Label and unit are confounded")
     assert found.caveats[1].startswith("Each unit has one label")
@@ -329,7 +329,7 @@ class OnlyKnownLoads(GaussianNB):
         return super().predict(X)
 
 
-def test_who_refuses_a_load_never_seen_is_not_scored_by_load():
+def test_an_estimator_that_refuses_new_loads_is_not_scored_by_load():
     X, y, runs = sub_states()
     loads = np.tile([20.0, 40.0], len(y) // 2)
     found = evaluate(OnlyKnownLoads(), np.column_stack([loads, X]), y, runs=runs, conditions=loads)
@@ -365,14 +365,14 @@ def test_labels_are_read_from_the_meta_of_recordings():
     )
     assert list(found.table.index) == ["random split", "by run", "by unit", "by load"]
     assert (found.table["accuracy"] == 1).all()
-    assert any("limits of no width" in remark for remark in found.caveats)
+    assert any("Zero-width intervals" in caveat for caveat in found.caveats)
     lazily = make_pipeline(OrderPSD(4), GaussianNB())
     resampled = OrderResampler().fit_transform(recordings)
     again = evaluate(lazily, resampled, y, runs="run", healthy="new")
     assert (again.table.loc["by run"] == found.table.loc["by run"]).all()
 
 
-def test_later_runs_and_splitters_are_held_out_as_told():
+def test_later_runs_and_splitters_are_held_out_as_given():
     X, y, runs = sub_states()
     late = runs >= 6
     splits = {
@@ -387,27 +387,27 @@ def test_later_runs_and_splitters_are_held_out_as_told():
     assert table.loc["splitter", ["recordings", "folds"]].tolist() == [96, 4]
 
 
-def test_without_groups_recordings_are_resampled_and_it_says_so():
+def test_without_runs_recordings_are_resampled_and_a_caveat_says_so():
     X, y, _ = sub_states()
     found = evaluate(GaussianNB(), X, y)
     assert found.table.loc["random split", ["groups", "resampled"]].tolist() == [96, "recording"]
     assert found.caveats[0].startswith("Only a random split was made")
-    assert "resampling single recordings" in found.caveats[1]
+    assert "bootstrap over single recordings" in found.caveats[1]
 
 
-def test_few_groups_are_counted_out_loud():
+def test_few_groups_are_counted_in_a_caveat():
     X, y, runs = sub_states(n_runs=3)
     found = evaluate(GaussianNB(), X, y, runs=runs)
-    assert any("3 of run in 'by run'" in remark for remark in found.caveats)
+    assert any("fewer than 10 groups" in c and "3 in 'by run'" in c for c in found.caveats)
 
 
 def test_a_single_group_cannot_be_held_out():
     X, y, _ = sub_states()
     found = evaluate(GaussianNB(), X, y, conditions=pd.Series([20] * len(y), name="load"))
-    assert "There is one load only, 20, and none to hold out" in found.caveats[0]
+    assert "'by load' cannot be scored. There is only one load, 20" in found.caveats[0]
 
 
-def test_the_same_seed_gives_the_same_everything_with_any_number_of_processes():
+def test_the_same_seed_gives_the_same_result_with_any_number_of_processes():
     X, y, runs = sub_states(width=2.0)
     one, two = (evaluate(GaussianNB(), X, y, runs=runs, n_jobs=n) for n in (None, 2))
     pd.testing.assert_frame_equal(one.table, two.table)
@@ -417,7 +417,7 @@ def test_the_same_seed_gives_the_same_everything_with_any_number_of_processes():
     assert not one.predictions["recording"].equals(other.predictions["recording"])
 
 
-def test_the_estimator_and_the_data_are_left_alone():
+def test_the_estimator_and_the_data_are_unchanged():
     X, y, runs = sub_states()
     model, before = CostSensitiveGaussianBayes(family_cost()), joblib.hash((X, y, runs))
     evaluate(model, X, y, runs=runs)
@@ -443,34 +443,35 @@ def test_classes_may_be_numbers():
     assert found.confusions["by run"].to_numpy().sum() == len(y)
 
 
-def test_it_prints_what_to_mind_before_the_figures():
+def test_caveats_are_printed_before_the_figures_of_merit():
     X, y, runs = sub_states(n_runs=3)
     found = evaluate(GaussianNB(), X, y, runs=pd.Series(runs, name="<run>"), healthy="normal")
     text = str(found)
-    assert text.startswith("- Limits rest on few groups")
-    assert text.index("balanced accuracy") > text.index("rough")
+    assert text.startswith("- Confidence intervals from fewer than 10 groups")
+    assert text.index("balanced accuracy") > text.index("approximate")
+    assert "95 % confidence interval" in text
     assert re.search(r"false alarm rate +0\.\d+ \(", text)
     page = found._repr_html_()
-    assert page.index("<li>Limits") < page.index("<table")
+    assert page.index("<li>Confidence") < page.index("<table")
     assert "&lt;run&gt;" in page
     assert "<run>" not in page
 
 
-def test_a_result_can_be_kept(tmp_path):
+def test_a_result_can_be_saved(tmp_path):
     X, y, runs = sub_states()
     found = evaluate(GaussianNB(), X, y, runs=runs)
     joblib.dump(found, tmp_path / "found.joblib")
     assert str(joblib.load(tmp_path / "found.joblib")) == str(found)
 
 
-def test_what_an_estimator_raises_is_placed():
+def test_an_error_of_the_estimator_names_the_fold():
     X, y, runs = sub_states()
     X[runs == 5] = np.nan
     with pytest.raises(ValueError, match=r"^random split, fold 0: .*NaN"):
         evaluate(GaussianNB(), X, y, runs=runs)
 
 
-def test_a_decision_that_cannot_be_judged_is_refused():
+def test_an_unknown_decision_is_refused():
     with pytest.raises(ValueError, match=r"decided 'x', which is none of the classes \['a', 'b'\]"):
         echoed(["a", "a", "b", "b"], ["a", "a", "b", "x"], n_splits=2)
     cost = pd.DataFrame([[0, 1]], index=["a"], columns=["a", "b"])
@@ -497,7 +498,7 @@ BAD = {
     "y must name a class for every recording; 0 has none": {"y": [None] * 96},
     "y must name the class of every recording; recording 95 has nan": {"y": ["a"] * 95 + [np.nan]},
     "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
-    "y must hold two classes at the least": {"y": ["a"] * 96},
+    "y must hold at least two classes, got ['a']": {"y": ["a"] * 96},
     "runs must hold one label for each of 96 recordings": {"runs": [1, 2]},
     "recording 0: the label in runs is None": {"runs": [None] * 96},
     "recording 95: the label in units is nan": {"units": ["a"] * 95 + [np.nan]},
@@ -512,19 +513,19 @@ BAD = {
     "random_state must be a whole number": {"random_state": "a"},
     "splits must map names to splits": {"splits": [1]},
     "splits['s'] must be a tuple (train, test), a list of such": {"splits": {"s": 3}},
-    "splits['s'] has no fold": {"splits": {"s": []}},
+    "splits['s'] must have at least one fold, got none": {"splits": {"s": []}},
     "splits['s'], fold 0 must be a pair (train, test), got int": {"splits": {"s": [1]}},
-    "splits['s'], fold 0: test must hold the numbers of at least": {"splits": {"s": ([1], [])}},
-    "splits['s'], fold 0: train must number recordings 0 to 95, got 96": {
+    "splits['s'], fold 0: test must hold the positions of at least": {"splits": {"s": ([1], [])}},
+    "splits['s'], fold 0: train must hold positions 0 to 95, got 96": {
         "splits": {"s": ([96], [1])}
     },
     "splits['s'], fold 0 has recording 2 in train and in test": {"splits": {"s": ([1, 2], [2])}},
-    "both called 'random split'": {"splits": {"random split": ([1], [2])}},
+    "two hold-out schemes have the name 'random split'": {"splits": {"random split": ([1], [2])}},
 }
 
 
 @pytest.mark.parametrize("message", BAD)
-def test_what_does_not_fit_is_refused(message):
+def test_an_invalid_argument_is_refused(message):
     X, y, _ = sub_states()
     options = {"y": y, **BAD[message]}
     with pytest.raises((TypeError, ValueError), match=re.escape(message)):
@@ -532,9 +533,9 @@ def test_what_does_not_fit_is_refused(message):
 
 
 @pytest.mark.parametrize("estimator", [None, GaussianNB, StandardScaler()])
-def test_what_decides_nothing_is_refused(estimator):
+def test_an_object_without_decisions_is_refused(estimator):
     X, y, _ = sub_states()
-    with pytest.raises(TypeError, match=r"estimator must be a classifier, with (fit|predict); got"):
+    with pytest.raises(TypeError, match=r"estimator must be a classifier with (fit|predict), got"):
         evaluate(estimator, X, y)
 
 
@@ -551,7 +552,7 @@ def test_a_key_that_a_recording_lacks_is_refused():
 
 
 def test_a_class_of_one_recording_cannot_be_held_out():
-    with pytest.raises(ValueError, match="a class needs two recordings"):
+    with pytest.raises(ValueError, match="y has one recording of each class"):
         evaluate(GaussianNB(), [[0.0], [1.0]], ["a", "b"])
     found = evaluate(GaussianNB(), [[0.0], [1.0], [2.0]], ["a", "a", "b"])
     assert "'random split' cannot be scored" in found.caveats[0]
