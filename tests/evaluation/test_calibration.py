@@ -70,7 +70,7 @@ def test_what_is_no_probability_is_refused(function):
         function([[np.nan, 0.5]], [0])
     with pytest.raises(ValueError, match=r"got shapes \(1, 2\) and \(2,\)"):
         function([[0.5, 0.5]], [0, 1])
-    with pytest.raises(ValueError, match="truths must be indices of the 2 classes, .*got 2 to 2"):
+    with pytest.raises(ValueError, match=r"truths must be indices of the 2 classes, .*got 2 to 2"):
         function([[0.5, 0.5]], [2])
 
 
