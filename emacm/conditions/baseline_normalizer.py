@@ -421,7 +421,7 @@ def _resampled_alike(reference: list[Any], first: AngleRecording) -> list[AngleR
             raise TypeError(f"expected recordings, got {entry!r}.")
     check_channels(reference, first.channels)
     return [
-        replace(first, recording=entry) if isinstance(entry, Recording) else entry
+        replace(first, measured=entry) if isinstance(entry, Recording) else entry
         for entry in reference
     ]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from emacm.recordings.digests import content_digest
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.shaft.paths import Path, StrokeTravel
+from emacm.shaft.paths import ShaftPath, StrokeTravel
 
 ALIGNMENTS = ("angle", "start")
 REACHED = 0.5  # share of the recordings that must reach an angle for a mean there; assumed
@@ -181,12 +181,12 @@ class PlacedStroke(AngleStroke):
     @classmethod
     def of(cls, stroke: AngleStroke, align: str) -> PlacedStroke:
         """Place a stroke; by "angle", it is sampled at whole multiples of theta_s."""
-        theta_s = stroke.recording.theta_s
+        theta_s = stroke.parent.theta_s
         if align == "start":
-            return cls(stroke.recording, stroke.path, 0, stroke.n_angles, 0)
+            return cls(stroke.parent, stroke.path, 0, stroke.n_angles, 0)
         path, first, skipped = _on_grid(stroke.path, theta_s)
         count = path.count(theta_s) - skipped
-        return cls(stroke.recording, path, skipped, count, first + skipped)
+        return cls(stroke.parent, path, skipped, count, first + skipped)
 
     def part(self, low: int, high: int, baseline: NDArray[np.floating]) -> PlacedStroke:
         """Return places `low` to `high` (exclusive) of the stroke, less a baseline."""
@@ -197,7 +197,7 @@ class PlacedStroke(AngleStroke):
     def start_angle(self) -> float:
         """Shaft angle of the first sample [rad]."""
         sign = self.path.direction or 1
-        return self.path.start_angle + sign * self.recording.theta_s * self.skipped
+        return self.path.start_angle + sign * self.parent.theta_s * self.skipped
 
     @property
     def n_angles(self) -> int:
@@ -207,7 +207,7 @@ class PlacedStroke(AngleStroke):
     @property
     def revolutions(self) -> float:
         """Length of the stroke [revolutions]."""
-        return (self.count - 1) * self.recording.theta_s / (2 * np.pi)
+        return (self.count - 1) * self.parent.theta_s / (2 * np.pi)
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample some channels a block at a time, less their baseline.
@@ -294,7 +294,7 @@ class NormalizedRecording(AngleRecording):
         )
 
 
-def _on_grid(path: Path, theta_s: float) -> tuple[Path, int, int]:
+def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     """Start a path earlier, by less than theta_s, at a whole multiple of theta_s.
 
     Returns the path, the number of that multiple along the motion, and how many samples

@@ -27,7 +27,7 @@ from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.shaft.strokes import Path
+from emacm.shaft.strokes import ShaftPath
 
 OVERS = ("time", "speed")
 _MAP = "magma"  # as even in grey as in colour
@@ -275,7 +275,7 @@ def _segments(stroke: AngleStroke, plan: SegmentPlan) -> Iterator[tuple[Any, Any
     length = plan.n_per_segment
     if stroke.n_angles < length:
         return
-    signals, theta_s = stroke.signals, stroke.recording.theta_s
+    signals, theta_s = stroke.signals, stroke.parent.theta_s
     for start in range(0, stroke.n_angles - length + 1, plan.step):
         spectrum = plan.average_of([signals[:, start : start + length]])[0]
         interval = _times_at(stroke.path, theta_s * np.array([start, start + length - 1]))
@@ -283,7 +283,7 @@ def _segments(stroke: AngleStroke, plan: SegmentPlan) -> Iterator[tuple[Any, Any
         yield spectrum, interval, turned / (interval[1] - interval[0])
 
 
-def _times_at(path: Path, travel: NDArray[np.floating]) -> NDArray[np.floating]:
+def _times_at(path: ShaftPath, travel: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return when the shaft has run these angles [s]."""
     # Below min_speed it may turn back a little, and interpolation needs a rising angle.
     run = np.maximum.accumulate(np.asarray(path.travel))

@@ -37,8 +37,8 @@ def spectrum_key(row: Any, settings: str) -> str:
         64 hexadecimal digits.
     """
     if isinstance(row, AngleRecording):
-        names = [field.name for field in fields(row) if field.name != "recording"]
-        content = row.recording.digest
+        names = [field.name for field in fields(row) if field.name != "measured"]
+        content = row.measured.digest
         settings += repr([(name, getattr(row, name)) for name in names])
     else:
         content = content_digest("row", [row])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from emacm.recordings.recording import Recording
 from emacm.resampling.to_angle import angle_blocks
-from emacm.shaft.paths import Path
+from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import stroke_paths
 
 
@@ -25,8 +25,8 @@ class AngleRecording:
 
     Attributes
     ----------
-    recording : Recording
-        What is resampled.
+    measured : Recording
+        The recording over time.
     channels : tuple of str
         Channels, in this order.
     theta_s : float
@@ -41,7 +41,7 @@ class AngleRecording:
         Speed up to which the shaft counts as standing [rad/s].
     """
 
-    recording: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
+    measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
     channels: tuple[str, ...]
     theta_s: float
     interpolation: str = "cubic"
@@ -52,14 +52,14 @@ class AngleRecording:
     @property
     def meta(self) -> Mapping[Any, Any]:
         """What else is known of the recording."""
-        return self.recording.meta
+        return self.measured.meta
 
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes in order of time; their signals are not resampled yet."""
         paths = stroke_paths(
-            *self.recording.motion,
-            self.recording.shaft_fs,
+            *self.measured.motion,
+            self.measured.shaft_fs,
             direction=self.direction,
             min_speed=self.min_speed,
         )
@@ -68,12 +68,12 @@ class AngleRecording:
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Type of the resampled signals: float32 if all channels are."""
-        return np.result_type(*(self.recording.series[name].dtype for name in self.channels))
+        return np.result_type(*(self.measured.series[name].dtype for name in self.channels))
 
     @property
     def rate_groups(self) -> list[list[int]]:
         """Numbers of the channels, those of one sampling rate together."""
-        rates = [self.recording.fs[name] for name in self.channels]
+        rates = [self.measured.fs[name] for name in self.channels]
         return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
 
     def frame(self) -> pd.DataFrame:
@@ -104,14 +104,14 @@ class AngleStroke:
 
     Attributes
     ----------
-    recording : AngleRecording
+    parent : AngleRecording
         The recording it belongs to.
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     """
 
-    recording: AngleRecording = field(repr=False)
-    path: Path = field(repr=False)
+    parent: AngleRecording = field(repr=False)
+    path: ShaftPath = field(repr=False)
 
     @property
     def direction(self) -> int:
@@ -126,7 +126,7 @@ class AngleStroke:
     @property
     def n_angles(self) -> int:
         """Number of samples over the angle."""
-        return self.path.count(self.recording.theta_s)
+        return self.path.count(self.parent.theta_s)
 
     @property
     def revolutions(self) -> float:
@@ -137,13 +137,13 @@ class AngleStroke:
     def angles(self) -> NDArray[np.floating]:
         """Shaft angle of each sample [rad]; for "travel", the angle run since its start."""
         sign = self.direction or 1
-        return self.start_angle + sign * self.recording.theta_s * np.arange(self.n_angles)
+        return self.start_angle + sign * self.parent.theta_s * np.arange(self.n_angles)
 
     @property
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
-        resampled = np.empty((len(self.recording.channels), self.n_angles), self.recording.dtype)
-        for rows in self.recording.rate_groups:
+        resampled = np.empty((len(self.parent.channels), self.n_angles), self.parent.dtype)
+        for rows in self.parent.rate_groups:
             done = 0
             for block in self.blocks(rows):
                 resampled[rows, done : done + block.shape[1]] = block
@@ -164,7 +164,7 @@ class AngleStroke:
         iterator of ndarray of shape (n_rows, n_angles)
             Blocks that continue one another.
         """
-        settings, recording = self.recording, self.recording.recording
+        settings, recording = self.parent, self.parent.measured
         names = [settings.channels[row] for row in rows]
         channels = [recording.series[name] for name in names]
         n_times = min(map(len, channels))  # equal to within one sample
@@ -190,7 +190,7 @@ class AngleStroke:
         iterator of ndarray of shape (n_rows, n_angles)
             Blocks that continue one another.
         """
-        wanted = [[row for row in rows if row in group] for group in self.recording.rate_groups]
+        wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
         groups = [group for group in wanted if group]
         if len(groups) == 1:
             return self.blocks(rows)

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from emacm._kernels import kernels
 from emacm.shaft.motion import Series, parts
-from emacm.shaft.paths import Path
+from emacm.shaft.paths import ShaftPath
 
 INTERPOLATIONS = ("linear", "cubic")
 
@@ -21,7 +21,7 @@ _SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0
 def interpolated(
     rows: Sequence[Series],
     fs: float,
-    path: Path,
+    path: ShaftPath,
     theta_s: float,
     interpolation: str,
 ) -> Iterator[NDArray[np.floating]]:
@@ -33,7 +33,7 @@ def interpolated(
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     theta_s : float
         Angle between samples of the result [rad].
@@ -55,7 +55,7 @@ def interpolated(
         travel = path.travel_at(fs, start, stop)
         # A shaft that stands or shivers repeats angles; what counts is when it passes them for
         # good.
-        if path.setback:
+        if path.max_reversal:
             travel = np.maximum(np.maximum.accumulate(travel), farthest)
         farthest = float(travel[-1])
         end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)

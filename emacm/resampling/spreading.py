@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from emacm._kernels import kernels
 from emacm.shaft.motion import Series, parts
-from emacm.shaft.paths import Path
+from emacm.shaft.paths import ShaftPath
 
 # All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
 # folds into it down by more than 60 dB.
@@ -48,7 +48,7 @@ _MEAN_OF, _MEAN_BELOW = 96, 5000  # samples that a mean is taken of, of a signal
 
 
 def spread_rows(
-    rows: Sequence[Series], fs: float, path: Path, theta_s: float
+    rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
 ) -> Iterator[NDArray[np.floating]]:
     """Yield the rows at the grid angles with their orders limited to what the grid holds.
 
@@ -58,7 +58,7 @@ def spread_rows(
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     theta_s : float
         Angle between samples of the result [rad].
@@ -119,7 +119,7 @@ class _Block(NamedTuple):
 
 
 def _dense_blocks(
-    rows: Sequence[Series], fs: float, path: Path, theta_s: float
+    rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
 ) -> Iterator[_Block]:
     """Yield dense time samples in blocks."""
     factor = _upsampling(fs, path, theta_s)
@@ -147,7 +147,7 @@ def _dense_blocks(
         yield made.pop()
 
 
-def _upsampling(fs: float, path: Path, theta_s: float) -> int:
+def _upsampling(fs: float, path: ShaftPath, theta_s: float) -> int:
     """How much denser the time samples must be for the sum to stand for the integral."""
     reach = _KERNEL_REACH * path.fastest / (2 * theta_s)  # Hz: the kernel as a function of time
     if reach <= fs / 2:
@@ -188,9 +188,9 @@ def _upsampled(
     return [kernels().upsample(part, taps, factor, first, count) for part in parts]
 
 
-def _range(travel: NDArray[np.floating], *, onward: bool) -> tuple[float, float]:
+def _range(travel: NDArray[np.floating], *, monotonic: bool) -> tuple[float, float]:
     """Least and greatest of the angles."""
-    if onward:
+    if monotonic:
         return float(travel[0]), float(travel[-1])
     return float(travel.min()), float(travel.max())
 
@@ -221,7 +221,7 @@ class _FineGrid:
 
     def __init__(
         self,
-        path: Path,
+        path: ShaftPath,
         means: NDArray[np.floating],
         n_angles: int,
         theta_s: float,
@@ -230,11 +230,11 @@ class _FineGrid:
         self._means = means
         self._step = theta_s / 2
         self._length = path.length
-        self._onward = path.setback == 0
+        self._monotonic = path.max_reversal == 0
         # So far behind the farthest sample an output may stand: what the shaft may still turn back,
         # and as much again, as a shaft that went beyond its end is mirrored back from there; the
         # filter; as much as mirror images reach over the ends; and a point, for rounding.
-        self._lag = 2 * path.setback / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
+        self._lag = 2 * path.max_reversal / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
         self._end = 2 * (n_angles - 1) + 1 + 2 * _MARGIN
         self._n_angles = n_angles
         self._done = 0  # outputs
@@ -243,7 +243,7 @@ class _FineGrid:
 
     def resample(self, block: _Block) -> NDArray[np.floating]:
         """Spread a block of samples, and return the outputs that the grid allows."""
-        low, high = _range(block.travel, onward=self._onward)
+        low, high = _range(block.travel, monotonic=self._monotonic)
         images = list(_mirror_images(low, high, self._length, _MARGIN * self._step))
         # Outputs are made as the samples go by, so what the start is mirrored to comes before, and
         # what the end is mirrored to, of which nothing is read until then, comes after.
@@ -292,7 +292,7 @@ class _FineGrid:
         """Spread the mirror image ``sign * travel + shift`` of samples between two angles."""
         scale, offset = sign / self._step, shift / self._step + self._offset
         limits = 0.0, float(self._end - 2 * self._done)
-        near = _near(block, scale, offset, limits, onward=self._onward)
+        near = _near(block, scale, offset, limits, monotonic=self._monotonic)
         if not len(near.travel):
             return
         top = max(sign * low, sign * high) / self._step + offset
@@ -315,11 +315,11 @@ class _FineGrid:
 
 
 def _near(
-    block: _Block, scale: float, offset: float, limits: tuple[float, float], *, onward: bool
+    block: _Block, scale: float, offset: float, limits: tuple[float, float], *, monotonic: bool
 ) -> _Block:
     """Cut a block down to the samples whose images lie between two places on the grid."""
     low, high = sorted((limit - offset) / scale for limit in limits)
-    if onward:
+    if monotonic:
         first, last = np.searchsorted(block.travel, (low, high))
     else:
         inside = np.flatnonzero((block.travel > low) & (block.travel < high))

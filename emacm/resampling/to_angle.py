@@ -18,7 +18,7 @@ from emacm._checks import check_choice, check_finite, check_number, check_real_a
 from emacm.resampling.interpolation import INTERPOLATIONS, interpolated
 from emacm.resampling.spreading import PASS, spread_rows
 from emacm.shaft.motion import Series
-from emacm.shaft.paths import Path
+from emacm.shaft.paths import ShaftPath
 
 __all__ = [
     "INTERPOLATIONS",
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 
-def angle_count(path: Path, theta_s: float) -> int:
+def angle_count(path: ShaftPath, theta_s: float) -> int:
     """Return how many samples `theta_s` [rad] apart the path holds, its start included."""
     return path.count(theta_s)
 
@@ -38,7 +38,7 @@ def angle_count(path: Path, theta_s: float) -> int:
 def angle_blocks(
     rows: Sequence[Series],
     fs: float,
-    path: Path,
+    path: ShaftPath,
     *,
     theta_s: float,
     antialias: bool = True,
@@ -52,7 +52,7 @@ def angle_blocks(
         Finite signals at times ``n / fs``, equally long; they may be memory maps.
     fs : float
         Their sampling rate [Hz].
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     theta_s : float
         Angle between samples of the result [rad].
@@ -74,7 +74,7 @@ def angle_blocks(
 def interpolate_to_angle(
     signal: ArrayLike,
     fs: float,
-    path: Path,
+    path: ShaftPath,
     *,
     theta_s: float,
     interpolation: str = "linear",
@@ -87,7 +87,7 @@ def interpolate_to_angle(
         Signal at times ``n / fs``, in any unit; a list of float arrays is taken as finite.
     fs : float
         Its sampling rate [Hz].
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     theta_s : float
         Angle between samples of the result [rad].
@@ -113,7 +113,7 @@ def interpolate_to_angle(
 
 
 def spread_to_angle(
-    signal: ArrayLike, fs: float, path: Path, *, theta_s: float
+    signal: ArrayLike, fs: float, path: ShaftPath, *, theta_s: float
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Resample with the orders limited to what the angle grid holds.
 
@@ -130,7 +130,7 @@ def spread_to_angle(
         Signal at times ``n / fs``, in any unit; a list of float arrays is taken as finite.
     fs : float
         Its sampling rate [Hz].
-    path : Path
+    path : ShaftPath
         Way of the shaft.
     theta_s : float
         Angle between samples of the result [rad].
@@ -152,7 +152,7 @@ def spread_to_angle(
 
 
 def _resampled(
-    signal: Any, fs: float, path: Path, theta_s: float, **options: Any
+    signal: Any, fs: float, path: ShaftPath, theta_s: float, **options: Any
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     rows, leading = _as_rows(signal)
     fs = check_number(fs, "fs", above=0, unit="Hz")

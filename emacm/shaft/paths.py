@@ -25,7 +25,7 @@ class Stroke(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class ShaftPath:
     """Way of the shaft along its own motion, at uniform times.
 
     Attributes
@@ -50,7 +50,7 @@ class Path:
 
     def __eq__(self, other: object) -> bool:
         """Two paths are equal if they run the same way at the same time."""
-        if not isinstance(other, Path):
+        if not isinstance(other, ShaftPath):
             return NotImplemented
         mine = (self.fs, self.start_time, self.start_angle, self.direction)
         theirs = (other.fs, other.start_time, other.start_angle, other.direction)
@@ -83,9 +83,9 @@ class Path:
         return largest, place
 
     @cached_property
-    def setback(self) -> float:
+    def max_reversal(self) -> float:
         """How far the shaft ever turns back on its way [rad]; 0 if it never does."""
-        if isinstance(self.travel, StrokeTravel) and self.travel.onward:
+        if isinstance(self.travel, StrokeTravel) and self.travel.monotonic:
             return 0.0
         farthest, back = 0.0, 0.0
         for _, travel in blocks(self.travel):
@@ -182,14 +182,14 @@ def _lagrange(u: Any) -> tuple[Any, Any, Any, Any]:
 class StrokeTravel(LazySeries):
     """Angle run along one stroke, read off the shaft's angle.
 
-    `onward` says that it is known never to turn back.
+    `monotonic` says that it is known never to turn back.
     """
 
-    def __init__(self, angle: Series, stroke: Stroke, *, onward: bool) -> None:
+    def __init__(self, angle: Series, stroke: Stroke, *, monotonic: bool) -> None:
         super().__init__(stroke.stop - stroke.start)
         self.angle = angle
         self.start = stroke.start
-        self.onward = onward
+        self.monotonic = monotonic
         self.start_angle = float(angle[stroke.start])
         self._sign = stroke.direction
 

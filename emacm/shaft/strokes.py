@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_number, check_signal
 from emacm.shaft.motion import IntegratedAngle, Series, blocks
-from emacm.shaft.paths import JoinedTravel, Path, Stroke, StrokeTravel
+from emacm.shaft.paths import JoinedTravel, ShaftPath, Stroke, StrokeTravel
 
-__all__ = ["DIRECTIONS", "Path", "Stroke", "find_strokes", "stroke_paths"]
+__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_strokes", "stroke_paths"]
 
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 
@@ -57,7 +57,7 @@ def stroke_paths(
     *,
     direction: str = "strokes",
     min_speed: float = 0.0,
-) -> list[Path]:
+) -> list[ShaftPath]:
     """Return the paths along which a signal is to be resampled.
 
     Parameters
@@ -74,7 +74,7 @@ def stroke_paths(
 
     Returns
     -------
-    list of Path
+    list of ShaftPath
         Strokes of a single sample, which have no length, are left out.
 
     Raises
@@ -89,13 +89,13 @@ def stroke_paths(
         return _joined_path(angle, fs, strokes)
     wanted = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}[direction]
     # The integral of a speed that is nowhere the other way never turns back.
-    onward = min_speed == 0 and isinstance(angle, IntegratedAngle)
+    monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
     paths = []
     for stroke in strokes:
         if stroke.direction not in wanted or stroke.stop - stroke.start < 2:
             continue
-        travel = StrokeTravel(angle, stroke, onward=onward)
-        path = Path(travel, fs, stroke.start / fs, travel.start_angle, stroke.direction)
+        travel = StrokeTravel(angle, stroke, monotonic=monotonic)
+        path = ShaftPath(travel, fs, stroke.start / fs, travel.start_angle, stroke.direction)
         if path.length > 0:
             paths.append(path)
     return paths
@@ -130,10 +130,10 @@ def _stretches(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tup
         yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])
 
 
-def _joined_path(angle: Series, fs: float, strokes: list[Stroke]) -> list[Path]:
+def _joined_path(angle: Series, fs: float, strokes: list[Stroke]) -> list[ShaftPath]:
     if not strokes:
         return []
     travel = JoinedTravel(angle, strokes)
     origin = strokes[0].start
-    path = Path(travel, fs, origin / fs, float(angle[origin]), 0)
+    path = ShaftPath(travel, fs, origin / fs, float(angle[origin]), 0)
     return [path] if path.length > 0 else []

@@ -126,7 +126,7 @@ class ShaftHarmonics(StrokeFeatures):
                 "it was resampled with direction='travel', which has no shaft angle: phases turn "
                 "over at each reversal. Use direction='strokes'."
             )
-        measured: Recording = row.recording if isinstance(row, AngleRecording) else row
+        measured: Recording = row.measured if isinstance(row, AngleRecording) else row
         if self._absolute and measured.reference == "velocity":
             raise ValueError(
                 "its shaft reference is a velocity, so the angle starts at 0 wherever the shaft "

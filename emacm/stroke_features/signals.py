@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.shaft.paths import Path
+from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import stroke_paths
 
 _TURN = 2 * np.pi
@@ -124,7 +124,7 @@ def see_recording(
     return SeenRecording(strokes, rest)
 
 
-def _over_time(signal: Samples, fs: float, path: Path, first: int, last: int) -> StrokeSignal:
+def _over_time(signal: Samples, fs: float, path: ShaftPath, first: int, last: int) -> StrokeSignal:
     travel = path.travel_at(fs, first, last)
     return StrokeSignal(signal[first:last], travel, path.start_angle, path.direction, fs)
 

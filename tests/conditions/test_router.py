@@ -408,7 +408,7 @@ def test_a_transformer_standardises_by_condition():
 def test_order_tables_keep_their_axis_and_recordings_their_order(fleet):
     X, _ = fleet
     over_angle = ConditionRouter(OrderResampler(THETA_S)).fit_transform(X)
-    assert [entry.recording for entry in over_angle] == X
+    assert [entry.measured for entry in over_angle] == X
     routed = ConditionRouter(OrderPSD(4)).fit_transform(over_angle)
     plain = OrderPSD(4).fit_transform(over_angle)
     assert routed.columns == plain.columns

@@ -15,7 +15,7 @@ from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm._kernels import kernels, using
 from emacm.orders.welch import order_psd
 from emacm.resampling.to_angle import PASS, angle_count, interpolate_to_angle, spread_to_angle
-from emacm.shaft.strokes import Path
+from emacm.shaft.strokes import ShaftPath
 
 TURN = 2 * np.pi
 THETA_S = TURN / 128  # orders up to 64, flat up to 49.92
@@ -67,7 +67,7 @@ def tone_power(recording, order, **resampling):
 def steady(speed, fs, duration):
     """Times and the path of a shaft at constant `speed` [rev/s]."""
     time = times(fs, duration)
-    return time, Path(TURN * speed * time, fs, 0.0, 0.0, 1)
+    return time, ShaftPath(TURN * speed * time, fs, 0.0, 0.0, 1)
 
 
 def varying(fs, mean, swing, rate, duration):
@@ -75,7 +75,7 @@ def varying(fs, mean, swing, rate, duration):
     time = times(fs, duration)
     speed = mean + swing * np.sin(TURN * rate * time)
     angle = TURN * mean * time + swing / rate * (1 - np.cos(TURN * rate * time))
-    return time, speed, Path(angle, fs, 0.0, 0.0, 1)
+    return time, speed, ShaftPath(angle, fs, 0.0, 0.0, 1)
 
 
 def decibel(power_ratio):
@@ -279,7 +279,7 @@ def test_a_fixed_tone_of_4200_hertz_does_not_fold_at_any_speed(samples_per_rev):
 
 @pytest.fixture(scope="module")
 def noise():
-    """Path of a varying speed, white noise of variance 1 in four channels, and its true level.
+    """ShaftPath of a varying speed, white noise of variance 1 in four channels, and its true level.
 
     At f rev/s the one-sided level 2/fs per Hz is 2 f/fs per order, and over the angle a time of
     speed f counts by f: the mean over the angle is 2/fs mean(f²)/mean(f).
@@ -371,7 +371,7 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
     pytest.importorskip(name)
     # Also beyond its start and its end, so that what is mirrored there reaches far in.
     travel = np.interp(np.arange(12_000), np.linspace(0, 11_999, len(turns)), turns)
-    path = Path(travel, 10_000, 0.0, 0.0, 1)
+    path = ShaftPath(travel, 10_000, 0.0, 0.0, 1)
     signal = np.random.default_rng(0).standard_normal((2, len(travel)))
     with using(name):
         _, whole = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
@@ -406,7 +406,7 @@ def test_all_at_another_pace_changes_nothing(factor, antialias, speed):
     resample = spread_to_angle if antialias else interpolate_to_angle
     _, path = steady(speed, 1000.0, 1.0)
     _, slow = resample(signal, 1000.0, path, theta_s=TURN / 50)
-    quick_path = Path(path.travel, 1000 * factor, 0.0, 0.0, 1)
+    quick_path = ShaftPath(path.travel, 1000 * factor, 0.0, 0.0, 1)
     _, quick = resample(signal, 1000 * factor, quick_path, theta_s=TURN / 50)
     np.testing.assert_allclose(quick, slow, atol=1e-12)
 
@@ -441,7 +441,7 @@ def test_resampling_leaves_its_input_alone(resample):
 )
 def test_linear_interpolation_is_that_of_the_thesis(steps, values):
     travel = np.concatenate([[0.0], np.cumsum(steps)])
-    path = Path(travel, 100.0, 0.0, 0.0, 1)
+    path = ShaftPath(travel, 100.0, 0.0, 0.0, 1)
     angles, resampled = interpolate_to_angle(values, 100.0, path, theta_s=0.01)
     # Eq. (2.13), read from x(k-1).
     np.testing.assert_allclose(resampled, np.interp(angles, travel, values), atol=1e-12 * 10)
@@ -515,7 +515,7 @@ def test_the_resampler_interpolates_only_without_the_filter():
 
 def test_interpolation_passes_over_a_shaft_that_stands_still():
     travel = np.concatenate([np.arange(50.0), np.full(30, 49.0), 49 + np.arange(50.0)]) / 10
-    path = Path(travel, 100.0, 0.0, 0.0, 1)
+    path = ShaftPath(travel, 100.0, 0.0, 0.0, 1)
     angles, resampled = interpolate_to_angle(travel, 100.0, path, theta_s=0.05)
     np.testing.assert_allclose(resampled, angles, atol=1e-12)
 

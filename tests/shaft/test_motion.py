@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from emacm._kernels import using
 from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, blocks
-from emacm.shaft.paths import JoinedTravel, Path, Stroke, StrokeTravel
+from emacm.shaft.paths import JoinedTravel, ShaftPath, Stroke, StrokeTravel
 from emacm.shaft.strokes import stroke_paths
 
 FS = 1000.0
@@ -105,14 +105,14 @@ def test_joined_strokes_stand_still_in_between():
 
 def test_a_path_knows_how_far_the_shaft_turns_back():
     travel = np.array([0.0, 2, 5, 4, 3.5, 6, 9, 8.9, 10])
-    assert Path(travel, FS, 0.0, 0.0, 1).setback == 1.5
+    assert ShaftPath(travel, FS, 0.0, 0.0, 1).max_reversal == 1.5
 
 
 def test_an_integrated_stroke_above_zero_speed_never_turns_back():
     velocity = np.abs(VELOCITY) + 0.1
     (path,) = stroke_paths(IntegratedAngle(velocity, FS), velocity, FS)
     assert isinstance(path.travel, StrokeTravel)
-    assert path.setback == 0
+    assert path.max_reversal == 0
     assert np.all(np.diff(np.asarray(path.travel)) > 0)
 
 
@@ -120,7 +120,7 @@ def test_the_largest_step_and_its_place_are_found(monkeypatch):
     travel = np.arange(1000.0)
     travel[700:] += 50
     monkeypatch.setattr("emacm.shaft.paths.BLOCK", 64)
-    path = Path(travel, FS, 0.0, 0.0, 1)
+    path = ShaftPath(travel, FS, 0.0, 0.0, 1)
     assert path.largest_step() == (51.0, 699)
     assert path.fastest == 51 * FS
 
@@ -130,7 +130,7 @@ def test_the_largest_step_and_its_place_are_found(monkeypatch):
 @given(limits=st.tuples(st.integers(-9, 260), st.integers(0, 400)))
 def test_travel_at_a_multiple_of_the_rate_is_the_cubic_through_the_samples(factor, start, limits):
     travel = ANGLE[:50] - ANGLE[0]
-    path = Path(travel, FS, start / FS, 0.0, 1)
+    path = ShaftPath(travel, FS, start / FS, 0.0, 1)
     first, stop = start * factor + limits[0], start * factor + limits[0] + limits[1]
     found = path.travel_at(factor * FS, first, stop)
     position = np.clip(np.arange(first, stop) / factor - start, 0, 49)
