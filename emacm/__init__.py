@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from emacm.explanations.explain import (
         explain_model as explain_model,
     )
-    from emacm.explanations.explain import (
+    from emacm.explanations.fault_matches import (
         match_fault_orders as match_fault_orders,
     )
     from emacm.machine.fault_orders import (
@@ -197,6 +197,8 @@ _PUBLIC = {
     "explanations.explain": [
         "explain_decision",
         "explain_model",
+    ],
+    "explanations.fault_matches": [
         "match_fault_orders",
     ],
     "recipes": [

@@ -1,7 +1,7 @@
-"""From which columns of a table the features of a classifier come.
+"""Dependence of the features of a classifier on the columns of a table.
 
-What a fitted step does is found by asking it: columns are changed one at a time, and one sees
-which outputs follow. So any transformer counts, one's own as well, and none is known by name.
+The dependence is determined by experiment: the columns are changed one at a time, and the changes
+of the outputs are observed. This works for any transformer, including user-defined ones.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Steps = tuple[tuple[str, Any], ...]
 
-_DEAF = 1e-9  # an output that answers with this share of the largest answer does not
-_BLOCK = 256  # columns asked in one go
-_CURVED = 1e-6  # share of its answer by which a linear step may miss the prediction
+_INSENSITIVE = 1e-9  # relative response below which an output does not depend on a column
+_BLOCK = 256  # columns changed in one call
+_NONLINEARITY = 1e-6  # largest relative deviation from the linear prediction
 
 
 @dataclass(frozen=True)
 class FeatureTrace:
-    """The way from a table to the features: element-wise steps, then linear ones.
+    """The steps from a table to the features: element-wise steps, then linear ones.
 
     Attributes
     ----------
     elementwise, linear : tuple of (name, transformer)
         The fitted steps of each kind.
     sources : ndarray of int, shape (n_positions,)
-        Column of the table that each output of the element-wise steps comes from. These
+        Column of the table on which each output of the element-wise steps depends. These
         outputs are called positions.
     matrix : ndarray of shape (n_features, n_positions)
-        What the linear steps multiply positions by.
+        Matrix of the linear steps, which is applied to the positions.
     """
 
     elementwise: Steps
@@ -54,33 +54,33 @@ class FeatureTrace:
             positions = apply_step(step, positions)
         return positions
 
-    def by_column(self, shares: Array, n_columns: int) -> Array:
-        """Add up shares of positions by the column of the table they come from."""
-        columns = np.zeros((len(shares), n_columns))
-        np.add.at(columns.T, self.sources, shares.T)
+    def by_column(self, contributions: Array, n_columns: int) -> Array:
+        """Add the contributions of the positions that depend on the same column of the table."""
+        columns = np.zeros((len(contributions), n_columns))
+        np.add.at(columns.T, self.sources, contributions.T)
         return columns
 
 
 def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTrace:
-    """Find how features follow from the columns of a table.
+    """Determine the element-wise and linear steps from the columns of a table to the features.
 
     Parameters
     ----------
     steps : sequence of (name, transformer)
         Fitted steps after the table; None and "passthrough" are left out.
     table : ndarray of shape (n_recordings, n_columns)
-        Rows of the table; the steps are asked near the first.
+        Rows of the table; the steps are tested near the first.
 
     Returns
     -------
     FeatureTrace
-        Element-wise steps as far as they reach, and linear steps after them.
+        The leading element-wise steps, and the linear steps after them.
 
     Raises
     ------
     ValueError
         If a step is neither element-wise (each output depends on one column) nor linear,
-        or is element-wise and not linear after columns were mixed; it is named.
+        or is nonlinear after a step that mixes columns; the message gives its name.
 
     Examples
     --------
@@ -128,67 +128,68 @@ def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
     if hasattr(step, "get_support"):  # scikit-learn's selectors
         return np.flatnonzero(step.get_support())
     sources: NDArray[np.intp] | None = None
-    # A hundredth more leaves a power a power, so that its logarithm exists.
+    # One per cent more leaves a positive value positive, so that its logarithm exists.
     changes = np.where(row[0] == 0, 1e-3, 0.01 * row[0])
-    for asked, answers, size in _answers(step, row, changes):
-        if not np.isfinite(answers).all():
+    for changed, responses, size in _responses(step, row, changes):
+        if not np.isfinite(responses).all():
             return None
-        strength = np.abs(answers)
-        heard = strength > _DEAF * strength.max(axis=1, keepdims=True) + 1e-13 * size
+        strength = np.abs(responses)
+        limit = _INSENSITIVE * strength.max(axis=1, keepdims=True) + 1e-13 * size
+        responds = strength > limit
         if sources is None:
-            sources = np.full(heard.shape[1], -1)
-        outputs = heard.any(axis=0)
-        if (heard.sum(axis=0) > 1).any() or (sources[outputs] >= 0).any():
+            sources = np.full(responds.shape[1], -1)
+        outputs = responds.any(axis=0)
+        if (responds.sum(axis=0) > 1).any() or (sources[outputs] >= 0).any():
             return None
-        sources[outputs] = asked.start + heard.argmax(axis=0)[outputs]
+        sources[outputs] = changed.start + responds.argmax(axis=0)[outputs]
     if sources is None:
         return None
-    silent = np.flatnonzero(sources < 0)  # at the floor of a logarithm, say
-    if len(silent) and len(sources) != row.shape[1]:
+    constant = np.flatnonzero(sources < 0)  # for example at the floor of a logarithm
+    if len(constant) and len(sources) != row.shape[1]:
         return None
-    sources[silent] = silent
+    sources[constant] = constant
     return sources
 
 
 def _linear_part(name: str, step: Any, row: Array) -> Array:
-    """Return the matrix of a linear step, or say why it has none."""
+    """Return the matrix of a linear step; raise if it is not linear."""
     n_columns = row.shape[1]
     scale = np.sqrt(np.mean(row**2)) or 1.0
     away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
     try:
-        found = [answers for _, answers, _ in _answers(step, row, np.full(n_columns, scale))]
+        found = [change for _, change, _ in _responses(step, row, np.full(n_columns, scale))]
         with np.errstate(all="ignore"):
-            reached = apply_step(step, row + away) - apply_step(step, row)
+            measured = apply_step(step, row + away) - apply_step(step, row)
     except ValueError as error:
         raise _untraceable(name, step) from error
     matrix = np.concatenate(found).T / scale
     predicted = away @ matrix.T
-    miss = np.abs(reached - predicted).max(initial=0.0)
-    if not miss <= _CURVED * np.abs(predicted).max(initial=0.0):
+    deviation = np.abs(measured - predicted).max(initial=0.0)
+    if not deviation <= _NONLINEARITY * np.abs(predicted).max(initial=0.0):
         raise _untraceable(name, step)
     return matrix
 
 
-def _answers(step: Any, row: Array, changes: Array) -> Iterator[tuple[slice, Array, Array]]:
-    """Change one column at a time; yield how the outputs change, block by block of columns.
+def _responses(step: Any, row: Array, changes: Array) -> Iterator[tuple[slice, Array, Array]]:
+    """Change one column at a time; yield the changes of the outputs, for blocks of columns.
 
-    A block is the columns asked, the answers of shape (n_asked, n_outputs), and the size of
-    the outputs. Blocks, because thousands of columns make a large square.
+    Each block is (columns changed, changes of the outputs of shape (n_changed, n_outputs),
+    magnitude of the outputs). Blocks limit the memory for thousands of columns.
     """
     n_columns = row.shape[1]
     with np.errstate(all="ignore"):
         before = apply_step(step, row)
         for start in range(0, n_columns, _BLOCK):
-            asked = slice(start, min(start + _BLOCK, n_columns))
-            changed = np.repeat(row, asked.stop - start, axis=0)
-            changed[np.arange(len(changed)), np.arange(start, asked.stop)] += changes[asked]
-            after = apply_step(step, changed)
-            yield asked, after - before, np.abs(before) + np.abs(after).max(axis=0)
+            block = slice(start, min(start + _BLOCK, n_columns))
+            rows = np.repeat(row, block.stop - start, axis=0)
+            rows[np.arange(len(rows)), np.arange(start, block.stop)] += changes[block]
+            after = apply_step(step, rows)
+            yield block, after - before, np.abs(before) + np.abs(after).max(axis=0)
 
 
 def _untraceable(name: str, step: Any) -> ValueError:
     return ValueError(
-        f"step {name!r} ({type(step).__name__}) cannot be traced back to the bins: what it does is "
-        f"neither linear nor, ahead of any step that mixes columns, element-wise. Use a linear "
-        f"projection (PCA, LDA) in its place, and logarithms before it."
+        f"step {name!r} ({type(step).__name__}) cannot be traced back to the bins: it must be "
+        f"linear, or element-wise and before any step that mixes columns. Replace it by a linear "
+        f"projection (PCA, LDA), and take logarithms before that."
     )

@@ -13,7 +13,8 @@ from sklearn.pipeline import Pipeline, make_pipeline
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.displays.outcomes import OUTCOMES
-from emacm.explanations.explain import explain_model, match_fault_orders
+from emacm.explanations.explain import explain_model
+from emacm.explanations.fault_matches import match_fault_orders
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.parts import Motor
 from emacm.orders.bin_transformer import BinTransformer

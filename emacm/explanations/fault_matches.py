@@ -1,0 +1,120 @@
+"""Comparison of an explanation with the predicted fault orders of the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from emacm._checks import check_count, check_number
+from emacm.machine.fault_orders import named_orders, slip_ranges
+
+Array = NDArray[np.float64]
+
+
+def match_fault_orders(
+    explanation: pd.DataFrame,
+    orders: pd.DataFrame | Mapping[str, float],
+    *,
+    slip: float = 0.02,
+    min_width: float = 0.0,
+    harmonics: int = 1,
+) -> pd.DataFrame:
+    """Assign predicted fault orders to the bins that determine a decision or a model.
+
+    Parameters
+    ----------
+    explanation : DataFrame
+        From `explain_decision` or `explain_model`, or some of its rows (those of one channel, for
+        example).
+    orders : DataFrame from `fault_orders`, or mapping of str to float
+        Predicted orders by name.
+    slip : float
+        Largest relative deviation of a line with slip from its order; in a mapping, every
+        line may slip.
+    min_width : float
+        Smallest width of a line [orders], for example ``4 / revolutions``.
+    harmonics : int
+        Number of multiples of each order, the order itself included.
+
+    Returns
+    -------
+    DataFrame
+        The explanation with the columns "fault" (the predicted order in the bin, or the one
+        nearest to its centre if there are several; "none" without any), "fault_order" (NaN if
+        none) and "n_faults" (number of predicted orders in the bin, which it cannot separate).
+        `attrs` additionally contains "predicted_share", the fraction of the contributions in bins
+        with a fault order, and "predicted_bins", the fraction of the bins with one, which is the
+        predicted share of a model that depends on all bins equally.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `explanation` is not an explanation, there is no order, or an order is not positive.
+
+    Notes
+    -----
+    A predicted share close to the fraction of bins proves nothing; one below it suggests a model
+    that recognises the units instead of the fault. With many harmonics and wide bins, every bin
+    contains a fault order.
+
+    Examples
+    --------
+    >>> from emacm import match_fault_orders
+    >>> explanation = pd.DataFrame(
+    ...     {"column": ["v@12-13", "v@6-7"], "low": [12, 6], "high": [13, 7], "share": [0.3, 0.7]}
+    ... )
+    >>> matched = match_fault_orders(explanation, {"BPFI": 6.123}, harmonics=2)
+    >>> matched["fault"].tolist(), matched.attrs["predicted_share"]
+    (['2xBPFI', 'BPFI'], 1.0)
+    """
+    columns = ("column", "low", "high", "share")
+    missing = [c for c in columns if c not in getattr(explanation, "columns", ())]
+    if missing:
+        raise ValueError(
+            f"explanation must be a table from explain_decision or explain_model; it has no "
+            f"column {missing[0]!r}."
+        )
+    check_number(slip, "slip", at_least=0, below=1)
+    check_number(min_width, "min_width", at_least=0, unit="orders")
+    names, centres, low, high = _with_harmonics(orders, slip, min_width, harmonics)
+    bottom, top = (
+        explanation[name].to_numpy(np.float64)[:, np.newaxis] for name in ("low", "high")
+    )
+    inside = (low <= top) & (high >= bottom)
+    for row, column in enumerate(explanation["column"]):
+        if np.isnan(bottom[row, 0]):  # a named band without known edges
+            inside[row] = np.array(names) == str(column).rpartition("@")[2]
+    distance = np.where(np.isnan(bottom), 0.0, np.abs(centres - (bottom + top) / 2))
+    nearest = np.argmin(np.where(inside, distance, np.inf), axis=1)
+    hit = np.any(inside, axis=1)
+    matched = explanation.assign(
+        fault=np.where(hit, np.array(names, dtype=object)[nearest], "none"),
+        fault_order=np.where(hit, centres[nearest], np.nan),
+        n_faults=inside.sum(axis=1),
+    )
+    total = float(explanation["share"].sum())
+    matched.attrs = {
+        **explanation.attrs,
+        "predicted_share": float(explanation["share"][hit].sum()) / total if total else 0.0,
+        "predicted_bins": float(hit.mean()) if len(hit) else 0.0,
+    }
+    return matched
+
+
+def _with_harmonics(
+    orders: pd.DataFrame | Mapping[str, float], slip: float, min_width: float, harmonics: int
+) -> tuple[list[str], Array, Array, Array]:
+    """Return names, orders, and lower and upper limits of the lines, multiples included."""
+    check_count(harmonics, "harmonics")
+    names, centres = named_orders(orders)
+    if not names:
+        raise ValueError("orders must contain at least one predicted order, got none.")
+    _, low, high = slip_ranges(orders, slip=slip)
+    multiples = np.arange(1, harmonics + 1)[:, np.newaxis]
+    all_names = [name if k == 1 else f"{k}x{name}" for k in multiples[:, 0] for name in names]
+    centre = (multiples * centres).ravel()
+    half = np.maximum((multiples * (high - low)).ravel(), min_width) / 2
+    return all_names, centre, centre - half, centre + half
