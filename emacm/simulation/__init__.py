@@ -1,12 +1,13 @@
-"""Simulated recordings whose truth is known, for tests and studies.
+"""Simulated recordings with known faults, for tests and studies.
 
 - `chapter3_recordings`: the signals of chapter 3 of the thesis, Eqs. (3.1) to (3.6).
 - `LaboratoryBench`, `laboratory_recordings`: the laboratory of chapter 4, with ten kinds of faults
-  and units that differ. A recording says in `meta` what was true: unit, condition, run, label,
-  severity, and the orders of the fault.
-- `simulate_actuator`, `simulate_fleet`: short runs at 4 kHz, to try a pipeline in seconds.
+  and unit-to-unit variation. `meta` of a recording contains the truth: unit, condition, run,
+  label, severity, and the orders of the fault.
+- `simulate_actuator`, `simulate_fleet`: a preset of the bench with short runs at 4 kHz, to try a
+  pipeline within seconds.
 
-Same seed, same recordings, in whatever order they are made.
+The same seed gives the same recordings, in whatever order they are simulated.
 
 Examples
 --------
@@ -26,32 +27,23 @@ from emacm.simulation.chapter3 import (
     chapter3_recordings,
 )
 from emacm.simulation.conditions import CONDITIONS, TRANSDUCERS, Condition, Transducer
-from emacm.simulation.faults import BEARING, FAULT_ORDERS, FAULTS, SCREW
-from emacm.simulation.fleet import (
-    BEARING_ORDER,
-    ELECTRICAL_ORDER,
-    SCREW_ORDER,
-    STATES,
-    simulate_actuator,
-    simulate_fleet,
-)
+from emacm.simulation.faults import BEARING, FAULT_ORDERS, FAULTS, SCREW, Fault
+from emacm.simulation.fleet import STATES, simulate_actuator, simulate_fleet
 
 __all__ = [
     "BEARING",
-    "BEARING_ORDER",
     "CHAPTER3_ORDERS",
     "CONDITIONS",
-    "ELECTRICAL_ORDER",
     "FAULTS",
     "FAULT_ORDERS",
     "PEAK_SPEED",
     "SCREW",
-    "SCREW_ORDER",
     "STATES",
     "TRANSDUCERS",
     "Actuator",
     "BenchTruth",
     "Condition",
+    "Fault",
     "LaboratoryBench",
     "LaboratoryRecordings",
     "Transducer",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -13,25 +14,14 @@ from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.actuator import RATED_CURRENT, Actuator, draw_run, draw_unit
 from emacm.simulation.conditions import CONDITIONS, load_error, load_force, position_command
-from emacm.simulation.faults import FAULT_ORDERS, ROLLING, Passage, ball_passage, check_faults
-from emacm.simulation.mechanics import bench_motion
+from emacm.simulation.faults import FAULTS, Passage, ball_passage, check_faults
+from emacm.simulation.mechanics import bench_motion, rod_position
 from emacm.simulation.motor import Torques, phase_currents, shaft_torques
-from emacm.simulation.rod import rod_position
 from emacm.simulation.sensors import SHAFT_DECIMATION, cable_noise, measured, resolver_angle
 from emacm.simulation.vibration import housing_acceleration, housing_force
 
 PHASES = ("a", "b", "c")
 _BEFORE = 0.1  # s that are simulated before a recording, for all that rings to settle
-# Each kind of chance has a stream of its own, so that a fault changes nothing but what it does.
-_STREAMS = ("unit", "run", "load", "friction", "forces", "resolver", *FAULT_ORDERS) + (
-    "lvdt",
-    "velocity",
-    "current_a",
-    "current_b",
-    "current_c",
-    "accelerometer",
-    "load_cell",
-)
 
 
 class BenchTruth(NamedTuple):
@@ -88,7 +78,7 @@ class LaboratoryBench:
         Number of the unit. The same number is the same unit, whatever its faults: before
         and after.
     faults : None, str or mapping of str to float
-        Severities in [0, 1] of the faults in `FAULT_ORDERS`; a name alone is severity 1.
+        Severities in [0, 1] of the faults in `FAULTS`; a name alone is severity 1.
     actuator : Actuator
         The drawing to which units are made; its `screw_lead` is not in the thesis.
     electrical_noise : float
@@ -166,7 +156,7 @@ class LaboratoryBench:
     @property
     def orders(self) -> dict[str, tuple[float, ...]]:
         """True orders of each fault that the unit has."""
-        return {name: FAULT_ORDERS[name] for name in self._present}
+        return {name: FAULTS[name].orders for name in self._present}
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -273,7 +263,7 @@ class LaboratoryBench:
         passages = {
             name: ball_passage(name, motion.angle, self._rng(name, condition, run), mark=unit.mark)
             for name in faults
-            if name in ROLLING
+            if FAULTS[name].rolls
         }
         friction_rng = self._rng("friction", condition, run)
         torques = shaft_torques(motion, force, unit, faults, passages, friction_rng)
@@ -328,7 +318,8 @@ class LaboratoryBench:
         return {name: severity for name, severity in self.faults.items() if severity}
 
     def _rng(self, stream: str, condition: int = 0, run: int = 0) -> np.random.Generator:
-        key = (_STREAMS.index(stream), self.unit, condition, run)
+        # The name, not a number in a list: a new fault or channel must not change any other stream.
+        key = (zlib.crc32(stream.encode()), self.unit, condition, run)
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 

@@ -1,7 +1,8 @@
-"""The signals of chapter 3 of the thesis: a current at varying speed, sound or with a defect."""
+"""The signals of chapter 3 of the thesis: a current at varying speed, healthy or with a defect."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -35,23 +36,23 @@ def chapter3_recording(
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
     reference: str = "velocity",
 ) -> Recording:
-    """Make one run of the simulated motor current of the thesis [1]_.
+    """Simulate one run of the simulated motor current of the thesis [1]_.
 
-    The motor turns one way, between rest and twice its mean speed. All defaults
-    are those published. The figures show one second; the spectra need 4096
-    samples at 2 kHz, and so 2.048 s.
+    The motor turns in one direction, between standstill and twice its mean speed. All defaults
+    are the published values. The figures show one second; the spectra need 4096 samples at
+    2 kHz, that is, 2.048 s.
 
     Parameters
     ----------
     label : str
         One of the keys of `defect_orders`.
     run : int
-        Number of the run. Runs differ by their noise alone.
+        Number of the run. Runs differ only in their noise.
     sigma : float
-        Standard deviation of the noise [A]. Eq. (3.6) writes N(0, .25), which in the
-        thesis' notation is a variance (sigma 0.5), but its results are those of 0.25.
+        Standard deviation of the noise [A]. Eq. (3.6) states N(0, .25), which in the notation of
+        the thesis is a variance (sigma 0.5), but its results correspond to 0.25.
     seed : int
-        Of the noise. Same seed, label and run: same recording.
+        Seed of the noise. The same seed, label and run give the same recording.
     duration : float
         Length of the recording [s].
     fs : float
@@ -59,28 +60,28 @@ def chapter3_recording(
     mean_speed : float
         Mean of the speed, and amplitude of its sine [rad/s].
     speed_frequency : float
-        How often the speed varies [Hz].
+        Frequency of the speed variation [Hz].
     current_amplitude, current_order : float
         Fundamental current [A] and its order.
     supply_amplitude, supply_frequency : float
-        What is fixed in time [A], [Hz].
+        Amplitude [A] and frequency [Hz] of the component of constant frequency.
     defect_amplitude : float
         Amplitude of a defect [A].
     defect_orders : mapping of str to float or None
         Labels and the orders of their defects; None for no defect.
     reference : {"velocity", "angle"}
-        Which of the two the recording carries.
+        Shaft reference of the recording.
 
     Returns
     -------
     Recording
-        Channel "current" [A]; `meta` holds label, run, severity (defect_amplitude over
-        the published 0.1 A; 0 without defect) and orders, the true order of each fault.
+        Channel "current" [A]; `meta` contains label, run, severity (`defect_amplitude` relative
+        to the published 0.1 A; 0 without defect) and orders, the true order of each fault.
 
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not what it should be.
+        If a parameter is invalid.
 
     References
     ----------
@@ -113,7 +114,8 @@ def chapter3_recording(
     if order is not None:
         order = check_number(order, f"order of {label!r}", above=0)
         current += defect_amplitude * np.sin(order * angle)  # Eq. (3.5)
-    key = (list(defect_orders).index(label), run)
+    # The label, not its position: another label must not change the noise of this one.
+    key = (zlib.crc32(label.encode()), run)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
     current += sigma * rng.standard_normal(len(times))  # Eq. (3.6)
     shaft = {"velocity": velocity, "angle": angle}[reference]
@@ -136,12 +138,12 @@ def chapter3_recordings(
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
     **constants: Any,
 ) -> tuple[list[Recording], NDArray[np.str_]]:
-    """Make the runs of all classes of chapter 3 of the thesis.
+    """Simulate the runs of all classes of chapter 3 of the thesis.
 
     Parameters
     ----------
     n_runs : int
-        Runs of each class. The first runs are the same however many follow.
+        Runs of each class. The first runs do not depend on their number.
     sigma, seed, defect_orders, **constants
         As for `chapter3_recording`.
 
@@ -155,7 +157,7 @@ def chapter3_recordings(
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not what it should be.
+        If a parameter is invalid.
 
     Examples
     --------
@@ -186,7 +188,7 @@ def chapter3_motion(
     mean_speed : float
         Mean of the speed, and amplitude of its sine [rad/s].
     speed_frequency : float
-        How often the speed varies [Hz].
+        Frequency of the speed variation [Hz].
 
     Returns
     -------
@@ -206,7 +208,7 @@ def chapter3_motion(
     """
     mean_speed = check_number(mean_speed, "mean_speed", above=0, unit="rad/s")
     omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
-    # Rounding must not make the speed negative where it touches zero: that would be a stroke.
+    # Rounding must not make the speed negative where it reaches zero: that would be a stroke.
     velocity = np.maximum(mean_speed * (1 + np.sin(omega * times)), 0.0)  # Eq. (3.1)
     angle = mean_speed * times - mean_speed / omega * np.cos(omega * times)  # Eq. (3.2)
     return velocity, angle

@@ -1,9 +1,10 @@
-"""Faults of the laboratory bench: their names, their true orders, and when they strike."""
+"""Faults of the laboratory bench: names, fault orders, sizes, and rolling element passages."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -14,36 +15,104 @@ from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.parts import Bearing
 
-# Assumed: a geometry of an angular contact bearing that gives the 6.123 of the thesis, chapter 4.
+# Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
-# Assumed: 20 balls of 1/8 in to a turn, on a pitch circle of 24 mm at 45 degrees. The nut stands
-# still like an outer ring; the lead, which moves its order by 0.05 %, is not taken into account.
+# Assumed: 20 balls of 1/8 in per turn, on a pitch circle of 24 mm at 45 degrees. The nut is fixed
+# like an outer ring; the lead, which changes the order by 0.05 %, is neglected.
 SCREW = Bearing(20, 0.1323, 1.0, math.radians(45))
 POLE_PAIRS = 6  # Table 4.1: 12 poles
 _LINES = fault_orders(BEARING)["order"]
 CAGE_ORDER = float(_LINES["FTF"])
+_LOAD_ZONE = 1.2  # assumed: Stribeck's epsilon; above 1 the whole ring is loaded, as under thrust
+_IMPACT_SCATTER = 0.2  # assumed: standard deviation of the logarithm of the size of an impact
+_SLIP = 0.005  # assumed: standard deviation of the interval between two impacts, relative to it
 
-# Orders in torque, motion and housing vibration; further lines lie at their multiples, and, of
-# what turns through a load zone, beside them. In a phase current an order o stands at |6 +- o|,
-# Eq. (2.4). Empty: the fault has no order of its own.
-FAULT_ORDERS: Mapping[str, tuple[float, ...]] = MappingProxyType(
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """Orders of a fault, and its effects at severity 1. All sizes are assumed.
+
+    Attributes
+    ----------
+    orders : tuple of float
+        Orders in torque, motion and housing vibration; further lines appear at their multiples
+        and, if the defect passes through a load zone, as sidebands. In a phase current an order o
+        appears at ``|6 +- o|``, Eq. (2.4). Empty: the fault has no order of its own.
+    rolls : bool
+        Whether rolling elements pass over the defect.
+    turns_with : float
+        Order at which the defect turns through the load zone; 0: it does not move.
+    torque : float
+        Amplitude of the torque ripple [N m]; of a rolling element passage at rated load.
+    impact : float
+        Impulse of one impact [N s].
+    force : float
+        Amplitude of the force on the housing [N].
+    rolling_noise : float
+        Increase, or for a cage the modulation, of the rolling noise, relative to it.
+    friction : float
+        Increase of the Coulomb friction, relative to it; of a jam: friction torque relative to
+        the torque limit.
+    friction_noise : float
+        RMS of the random part of the friction, relative to the Coulomb friction.
+    imbalance : float
+        Fraction of its current that phase A lacks.
+    backlash : float
+        Clearance of the nut [in].
+    place, width : float
+        Position and width of a jam [in].
+    """
+
+    orders: tuple[float, ...] = ()
+    rolls: bool = False
+    turns_with: float = 0.0
+    torque: float = 0.0
+    impact: float = 0.0
+    force: float = 0.0
+    rolling_noise: float = 0.0
+    friction: float = 0.0
+    friction_noise: float = 0.0
+    imbalance: float = 0.0
+    backlash: float = 0.0
+    place: float = 0.0
+    width: float = 1.0
+
+
+FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
-        "inner ring": (float(_LINES["BPFI"]),),  # one per revolution beside it
-        "outer ring": (float(_LINES["BPFO"]),),
-        "ball": (float(_LINES["2xBSF"]),),  # the cage's order beside it
-        "cage": (CAGE_ORDER,),
-        "screw": (float(fault_orders(SCREW)["order"]["BPFO"]),),  # a spall in the nut's groove
-        "eccentricity": (1.0,),
-        "backlash": (),  # a knock where the load changes sides
-        "phase imbalance": (2.0 * POLE_PAIRS,),
-        "lubrication": (1.0,),  # and friction at random; sidebands of the current's order 6
-        "jam": (),  # at a place of the stroke
+        "inner ring": Fault(
+            orders=(float(_LINES["BPFI"]),), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
+        ),
+        "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
+        "ball": Fault(
+            orders=(float(_LINES["2xBSF"]),),
+            rolls=True,
+            turns_with=CAGE_ORDER,
+            torque=0.3,
+            impact=0.03,
+        ),
+        "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
+        # A spall in the groove of the nut.
+        "screw": Fault(
+            orders=(float(fault_orders(SCREW)["order"]["BPFO"]),),
+            rolls=True,
+            torque=0.3,
+            impact=0.04,
+        ),
+        "eccentricity": Fault(orders=(1.0,), torque=0.3, force=40.0),
+        # An impact where the load changes its sign; 0.01 in is a worn-out screw.
+        "backlash": Fault(backlash=0.01, impact=0.3),
+        "phase imbalance": Fault(orders=(2.0 * POLE_PAIRS,), imbalance=0.3),
+        # 1x, random friction, and sidebands of order 6 of the current.
+        "lubrication": Fault(
+            orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
+        ),
+        "jam": Fault(friction=0.6, place=1.9, width=0.15),  # all conditions pass 1.9 in
     }
 )
-FAULTS = tuple(FAULT_ORDERS)
-ROLLING = ("inner ring", "outer ring", "ball", "screw")  # what balls strike, or are struck by
-_LOAD_SHARE = 1.2  # assumed: Stribeck's epsilon; above 1 the whole ring carries, as under thrust
-_SLIP = 0.005  # assumed: standard deviation of the way between two strikes, as share of it
+FAULT_ORDERS: Mapping[str, tuple[float, ...]] = MappingProxyType(
+    {name: fault.orders for name, fault in FAULTS.items()}
+)
 
 
 def check_faults(faults: Any) -> dict[str, float]:
@@ -78,33 +147,34 @@ def check_faults(faults: Any) -> dict[str, float]:
             f"got {faults!r}."
         )
     for name, severity in faults.items():
-        check_choice(name, "a fault", FAULTS)
+        check_choice(name, "a fault", tuple(FAULTS))
         check_number(severity, f"severity of {name!r}", at_least=0, at_most=1)
     return {name: float(faults[name]) for name in FAULTS if name in faults}
 
 
 class Passage(NamedTuple):
-    """How the balls pass a defect.
+    """Passage of the rolling elements over a defect.
 
     Attributes
     ----------
     phase : ndarray of shape (n_times,)
-        Balls that have passed; a strike is where it crosses a whole number.
+        Number of rolling elements that have passed; an impact occurs at each whole number.
     weight : ndarray of shape (n_times,)
-        Share of the load that the struck contact carries, in [0, 1].
+        Fraction of the load that the contact at the defect carries, in [0, 1].
+    impacts : ndarray of shape (n_impacts,), of int
+        Samples of the impacts.
+    sizes : ndarray of shape (n_impacts,)
+        Random size of each impact, relative to the median.
     """
 
     phase: NDArray[np.floating]
     weight: NDArray[np.floating]
-
-    @property
-    def strikes(self) -> NDArray[np.intp]:
-        """Samples at which a ball strikes, shape (n_strikes,)."""
-        return np.flatnonzero(np.diff(np.floor(self.phase))) + 1
+    impacts: NDArray[np.intp]
+    sizes: NDArray[np.floating]
 
     @property
     def pulses(self) -> NDArray[np.floating]:
-        """A pulse of mean 0 for each ball, a fifth of their distance wide."""
+        """One pulse per rolling element, with mean 0 and a width of a fifth of their distance."""
         shape = np.cos(np.pi * self.phase) ** 16
         return self.weight * (shape - 6435 / 32768)  # the mean of cos^16
 
@@ -112,22 +182,22 @@ class Passage(NamedTuple):
 def ball_passage(
     fault: str, angle: NDArray[np.floating], rng: np.random.Generator, *, mark: float = 0.0
 ) -> Passage:
-    """Return when balls pass a defect, with slip, and how loaded they are.
+    """Return when rolling elements pass a defect, with slip, and under which load.
 
-    The way between two strikes scatters independently (so that the phase of late strikes is
-    lost, as it is in machines [1]_); the load is spread over the ring as Stribeck has it
-    [2]_, so that a defect that turns through it is struck harder at one side.
+    The intervals between impacts are independent random numbers, so that the phase is lost over
+    many impacts, as measured on machines [1]_. The load is distributed over the ring by
+    Stribeck's formula [2]_: impacts on a defect that turns through the load zone are modulated.
 
     Parameters
     ----------
     fault : {"inner ring", "outer ring", "ball", "screw"}
-        What is defective.
+        Location of the defect.
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     rng : Generator
-        Of slip, and of where the balls are at first.
+        Random numbers of the slip, of the initial position and of the size of impacts.
     mark : float
-        Place of the defect on what turns with the shaft [rad].
+        Angular position of the defect relative to the shaft [rad].
 
     Returns
     -------
@@ -136,7 +206,7 @@ def ball_passage(
     Raises
     ------
     ValueError
-        If nothing rolls over this fault.
+        If no rolling element passes over this fault.
 
     References
     ----------
@@ -147,18 +217,20 @@ def ball_passage(
 
     Examples
     --------
-    >>> turned = np.linspace(0, 2 * np.pi * 100, 100_000)
-    >>> len(ball_passage("inner ring", turned, np.random.default_rng(0)).strikes)
+    >>> angle = np.linspace(0, 2 * np.pi * 100, 100_000)
+    >>> len(ball_passage("inner ring", angle, np.random.default_rng(0)).impacts)
     612
     """
-    check_choice(fault, "fault", ROLLING)
-    (order,) = FAULT_ORDERS[fault]
+    check_choice(fault, "fault", tuple(name for name, known in FAULTS.items() if known.rolls))
+    (order,) = FAULTS[fault].orders
     steps = np.diff(angle, prepend=angle[0]) * (order / (2 * np.pi))
     start = rng.uniform()
     slip = np.cumsum(_SLIP * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
     phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
-    turning = {"inner ring": 1.0, "ball": CAGE_ORDER}.get(fault)
-    if turning is None:  # the place of the defect stands still
-        return Passage(phase, np.ones_like(phase))
-    psi = turning * angle + mark
-    return Passage(phase, (1 - (1 - np.cos(psi)) / (2 * _LOAD_SHARE)) ** 1.5)
+    impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
+    sizes = np.exp(_IMPACT_SCATTER * rng.standard_normal(len(impacts)))
+    weight, turns_with = np.ones_like(phase), FAULTS[fault].turns_with
+    if turns_with:
+        psi = turns_with * angle + mark
+        weight = (1 - (1 - np.cos(psi)) / (2 * _LOAD_ZONE)) ** 1.5
+    return Passage(phase, weight, impacts, sizes)

@@ -1,4 +1,4 @@
-"""From a position command to the motion of the shaft, within limits of speed and torque."""
+"""Motion of the shaft from the position command, and of the rod from the shaft."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal as filters
 from scipy.interpolate import PchipInterpolator
 
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
-from emacm.simulation.conditions import POUND, Condition, load_force, position_command
+from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
+from emacm.simulation.faults import FAULTS
 
 _CONTROL_RATE = 2000.0  # Hz, assumed
-_HEADROOM = 0.99  # of the peak speed is commanded: what ripple adds must not pass it
-JAM_PLACE = 1.9  # in; assumed, because the motion of all five conditions passes it
-_JAM_WIDTH = 0.15  # in
-_JAM_TORQUE = 0.6  # of the controller's limit, at severity 1
+_HEADROOM = 0.99  # the command is limited to 99 % of the peak speed, because ripple adds to it
+_JAM = FAULTS["jam"]
+_HOLDING_FORCE = 10.0  # lbf: friction that holds the nut at its flank; assumed
+_CROSSING_TIME = 0.002  # s, of the nut from flank to flank; assumed
 
 
 class Motion(NamedTuple):
-    """Motion of a shaft without the ripple of its torque.
+    """Motion of the shaft without torque ripple.
 
     Attributes
     ----------
     times : ndarray of shape (n_times,)
         Times [s]; the recording starts at 0.
     angle, velocity, acceleration : ndarray of shape (n_times,)
-        Of the shaft [rad], [rad/s], [rad/s²]. The angle is 0 at position 0.
+        Shaft angle [rad], 0 at position 0, and its derivatives [rad/s], [rad/s²].
     """
 
     times: NDArray[np.floating]
@@ -45,12 +47,12 @@ def bench_motion(
     load_share: float = 1.0,
     jam: float = 0.0,
 ) -> Motion:
-    """Return the motion by which the actuator follows its command.
+    """Return the motion with which the actuator follows its command.
 
-    A controller in proportion to the position error asks for a velocity, not above 99 % of 4572
-    RPM; the velocity loop follows with a first-order lag, unless it wants more torque than there
-    is (thesis, section 4.2, names the loops; gains are assumed). The command of condition 3 is
-    faster than the peak speed at leads below 0.23 in: the rod then falls short of it.
+    A proportional position controller commands a velocity of at most 99 % of 4572 RPM; the
+    velocity loop follows with a first-order lag, unless the required torque exceeds the limit
+    (thesis, section 4.2, names the loops; gains are assumed). The command of condition 3 exceeds
+    the peak speed at leads below 0.23 in: the rod then does not reach its commanded stroke.
 
     Parameters
     ----------
@@ -59,11 +61,11 @@ def bench_motion(
     actuator : Actuator
         Constants.
     times : ndarray of shape (n_times,)
-        Evenly spaced times [s]. The command runs for a period, and at least 1 s, before.
+        Evenly spaced times [s]. The simulation starts one period, and at least 1 s, earlier.
     phase : float
-        Of the command at time 0 [rad].
+        Phase of the command at time 0 [rad].
     load_share : float
-        Part of the commanded load that is reached.
+        Actual load relative to the commanded load.
     jam : float
         Severity of a jam in [0, 1].
 
@@ -78,14 +80,14 @@ def bench_motion(
     >>> round(float(motion.velocity.max()) / RPM)
     4526
     """
-    # To the end of all times, and the derivatives of the last interval need one more step.
+    # The derivatives of the last interval need one more control step.
     before = max(1.0, 1 / condition.frequency) - float(times[0])
     n_before = int(np.ceil(before * _CONTROL_RATE))
     n_after = int(np.ceil(float(times[-1]) * _CONTROL_RATE)) + 2
     steps = np.arange(-n_before, n_after) / _CONTROL_RATE
     targets = position_command(condition, steps, phase) * actuator.angle_per_inch
     start, velocities = _follow(targets, condition, actuator, load_share, jam)
-    velocity = PchipInterpolator(steps, velocities)  # no overshoot: the peak stays the peak
+    velocity = PchipInterpolator(steps, velocities)  # no overshoot: the peak is preserved
     return Motion(
         times,
         start + velocity.antiderivative()(times),
@@ -101,36 +103,33 @@ def _follow(
     load_share: float,
     jam: float,
 ) -> tuple[float, list[float]]:
-    """Return the first angle and the velocity at each step of the controller.
+    """Return the first angle and the velocity at each control step.
 
-    Plain floats: the loop is not linear, and a step of it costs a microsecond so.
+    The loop is nonlinear and therefore computed step by step, with Python floats: 1 us per step.
     """
     dt, inertia, limit = 1 / _CONTROL_RATE, actuator.inertia, _HEADROOM * PEAK_SPEED
     bandwidth = 2 * np.pi * actuator.velocity_bandwidth
-    push, most = actuator.position_gain, actuator.max_torque
+    gain, max_torque = actuator.position_gain, actuator.max_torque
     resists = [
         float(load_force(condition, place, load_share)) * POUND * actuator.torque_per_force
         for place in (np.array(0.0), np.array(1.0))
     ]
     at_0, per_rad = resists[0], (resists[1] - resists[0]) / actuator.angle_per_inch
-    lost, jammed = 1 / actuator.efficiency - 1, jam * _JAM_TORQUE * most
-    jam_angle, jam_width = (
-        JAM_PLACE * actuator.angle_per_inch,
-        _JAM_WIDTH * actuator.angle_per_inch,
-    )
+    lost, jammed = 1 / actuator.efficiency - 1, jam * _JAM.friction * max_torque
+    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (_JAM.place, _JAM.width))
     angle, velocity, velocities = float(targets[0]), 0.0, []
     first = angle
     for target in targets.tolist():
         velocities.append(velocity)
-        wanted = min(max(push * (target - angle), -limit), limit)
+        wanted = min(max(gain * (target - angle), -limit), limit)
         change = min(1.0, bandwidth * dt) * (wanted - velocity)
         load = at_0 + per_rad * angle
         friction = actuator.coulomb + actuator.viscous * abs(velocity) + lost * abs(load)
         if jammed:
             friction += jammed * exp(-(((angle - jam_angle) / jam_width) ** 2))
         torque = inertia * change / dt + load + copysign(friction, velocity)
-        if abs(torque) > most:  # what is there drives, friction can only brake
-            driven = velocity + (copysign(most, torque) - load) * dt / inertia
+        if abs(torque) > max_torque:  # the limited torque drives; friction can only brake
+            driven = velocity + (copysign(max_torque, torque) - load) * dt / inertia
             left = copysign(max(abs(driven) - friction * dt / inertia, 0.0), driven)
             change = min(max(left, -limit), limit) - velocity
         angle += dt * (velocity + change / 2)
@@ -139,7 +138,7 @@ def _follow(
 
 
 def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> NDArray[np.floating]:
-    """Return the friction torque of a jam [N m], a bump at one place of the stroke (assumed).
+    """Return the friction torque of a jam [N m]: a Gaussian over the position (assumed).
 
     Parameters
     ----------
@@ -148,7 +147,7 @@ def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> N
     actuator : Actuator
         Constants.
     jam : float
-        Severity in [0, 1]; at 1 it takes 0.6 of the torque that there is.
+        Severity in [0, 1]; at 1 the peak is 0.6 of the torque limit.
 
     Returns
     -------
@@ -157,11 +156,71 @@ def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> N
     Examples
     --------
     >>> actuator = Actuator()
-    >>> at = JAM_PLACE * actuator.angle_per_inch
-    >>> (jam_torque(np.array([0.0, at]), actuator, 0.5) / actuator.max_torque).round(6)
+    >>> at_jam = 1.9 * actuator.angle_per_inch
+    >>> (jam_torque(np.array([0.0, at_jam]), actuator, 0.5) / actuator.max_torque).round(6)
     array([0. , 0.3])
     """
     if not jam:
         return np.zeros_like(angle)
-    away = (angle / actuator.angle_per_inch - JAM_PLACE) / _JAM_WIDTH
-    return jam * _JAM_TORQUE * actuator.max_torque * np.exp(-(away**2))
+    away = (angle / actuator.angle_per_inch - _JAM.place) / _JAM.width
+    return jam * _JAM.friction * actuator.max_torque * np.exp(-(away**2))
+
+
+def rod_position(
+    angle: NDArray[np.floating],
+    force: NDArray[np.floating],
+    actuator: Actuator,
+    backlash: float,
+    fs: float,
+) -> tuple[NDArray[np.floating], NDArray[np.intp]]:
+    """Return the position of the rod, and the impacts of the nut on its opposite flank.
+
+    The rod is elastic. With backlash, the load presses the nut against one flank, and the nut
+    crosses to the other when the load changes its sign: under a load of constant sign
+    (conditions 1 to 3) backlash has no visible effect, as on real machines.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,)
+        Shaft angle, 0 at position 0 [rad].
+    force : ndarray of shape (n_times,)
+        Load against positive motion [lbf].
+    actuator : Actuator
+        Constants.
+    backlash : float
+        Severity in [0, 1]; 1 is a clearance of 0.01 in.
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    position : ndarray of shape (n_times,)
+        Position of the rod [in].
+    knocks : ndarray of shape (n_knocks,), of int
+        Samples of the impacts; none without backlash.
+
+    Examples
+    --------
+    >>> angle = np.full(9600, 2 * np.pi)
+    >>> force = np.where(np.arange(9600) < 4800, 100.0, -100.0)
+    >>> position, knocks = rod_position(angle, force, Actuator(), 1.0, 48_000)
+    >>> position[[0, -1]].round(3), knocks
+    (array([0.195, 0.205]), array([4800]))
+    """
+    position = angle / actuator.angle_per_inch - force * POUND / actuator.stiffness / INCH
+    if not backlash:
+        return position, np.zeros(0, dtype=np.intp)
+    side = _side(force)
+    decay = np.exp(-1 / (_CROSSING_TIME * fs))
+    eased, _ = filters.lfilter([1 - decay], [1, -decay], side, zi=[decay * side[0]])
+    position = position - FAULTS["backlash"].backlash / 2 * backlash * eased
+    return position, np.flatnonzero(np.diff(side)) + 1
+
+
+def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the sign of the force, unchanged while friction can hold the nut."""
+    certain = np.flatnonzero(np.abs(force) > _HOLDING_FORCE)
+    if not len(certain):
+        return np.ones_like(force)
+    last = np.searchsorted(certain, np.arange(len(force)), side="right") - 1
+    return np.sign(force[certain[np.maximum(last, 0)]])

@@ -1,4 +1,4 @@
-"""From motion to torque, and from torque to phase currents."""
+"""Torque required by a motion, and the phase currents that produce it."""
 
 from __future__ import annotations
 
@@ -11,34 +11,26 @@ from scipy import signal as filters
 
 from emacm.simulation.actuator import RATED_CURRENT, Actuator
 from emacm.simulation.conditions import POUND
-from emacm.simulation.faults import CAGE_ORDER, POLE_PAIRS, Passage
+from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.mechanics import Motion, jam_torque
 
 _COGGING_ORDER = 36.0  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
-_STICTION_SPEED = 1.0  # rad/s, assumed: over which friction changes its sign
-_DAMPING = 0.8  # of the velocity loop, assumed
-# Torque at severity 1 [N m], assumed.
-_BALL_TORQUE = 0.3  # a ball that climbs out of a spall, at rated load
-_CAGE_TORQUE = 0.15
-_ECCENTRIC_TORQUE = 0.3
-_DRY_TORQUE = 0.15  # once per revolution, without grease
-_DRY_FRICTION = 1.5  # more Coulomb friction, in shares of it
-_DRY_SCATTER = 0.35  # RMS of friction at random, in shares of it
-_IMBALANCE = 0.3  # share of current that phase A lacks, at severity 1
-_DEAD_TIME = ((5, 0.010), (7, 0.007))  # harmonics of the current, in shares; assumed
+_STICTION_SPEED = 1.0  # rad/s, assumed: range over which friction changes its sign
+_DAMPING = 0.8  # damping ratio of the velocity loop, assumed
+_DEAD_TIME = ((5, 0.010), (7, 0.007))  # harmonics of the current and their sizes; assumed
 
 
 class Torques(NamedTuple):
-    """Torques on the shaft, and what its motion becomes by their ripple.
+    """Torques on the shaft, and its motion including torque ripple.
 
-    They balance at every instant: ``inertia * acceleration = motor - load - friction + ripple``.
+    At every instant ``inertia * acceleration = motor - load - friction + ripple``.
 
     Attributes
     ----------
     motor, load, friction, ripple : ndarray of shape (n_times,)
-        Of the motor, the load, friction, and all that varies with the angle [N m].
+        Torque of the motor, the load and friction, and angle-dependent ripple [N m].
     angle, velocity, acceleration : ndarray of shape (n_times,)
-        Of the shaft, ripple included [rad], [rad/s], [rad/s²].
+        Motion of the shaft including ripple [rad], [rad/s], [rad/s²].
     """
 
     motor: NDArray[np.floating]
@@ -58,7 +50,7 @@ def shaft_torques(
     passages: Mapping[str, Passage],
     rng: np.random.Generator,
 ) -> Torques:
-    """Return the torques that a motion takes, and the ripple that they add to it.
+    """Return the torques that a motion requires, and the motion including their ripple.
 
     Parameters
     ----------
@@ -71,9 +63,9 @@ def shaft_torques(
     faults : mapping of str to float
         Severities in [0, 1].
     passages : mapping of str to Passage
-        How balls pass the defects.
+        Passages of rolling elements over the defects.
     rng : Generator
-        Of friction at random.
+        Random numbers of the friction.
 
     Returns
     -------
@@ -81,21 +73,21 @@ def shaft_torques(
 
     Notes
     -----
-    Friction is Coulomb's, a viscous part, and what the screw loses of the load. The velocity
-    loop (proportional and integral, damping 0.8, assumed) lets ripple `d` move the shaft by
-    ``d / (J (s² + 2 z w s + w²))``, and answers the rest by torque: below its bandwidth a defect
-    shows in the current, above it in the speed.
+    Friction has a Coulomb part, a viscous part, and the loss of the screw in proportion to the
+    load. Under the velocity loop (PI, damping ratio 0.8, assumed), ripple `d` moves the shaft by
+    ``d / (J (s² + 2 z w s + w²))``, and the motor compensates the rest: below the bandwidth of the
+    loop a defect is visible in the current, above it in the speed.
     """
     load = force * POUND * actuator.torque_per_force
-    way = np.tanh(motion.velocity / _STICTION_SPEED)
+    direction = np.tanh(motion.velocity / _STICTION_SPEED)
     dry = faults.get("lubrication", 0.0)
-    still = actuator.coulomb * (1 + _DRY_FRICTION * dry)
-    still = still + (1 / actuator.efficiency - 1) * np.abs(load)
-    still = still + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
-    friction = way * still + actuator.viscous * motion.velocity
+    coulomb = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
+    coulomb = coulomb + (1 / actuator.efficiency - 1) * np.abs(load)
+    coulomb = coulomb + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
+    friction = direction * coulomb + actuator.viscous * motion.velocity
     mean = actuator.inertia * motion.acceleration + load + friction
     ripple = _ripple(motion.angle, mean, actuator, faults)
-    ripple -= way * _braking(motion.angle, load, actuator, faults, passages, rng)
+    ripple -= direction * _braking(motion.angle, load, actuator, faults, passages, rng)
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
     return Torques(
         mean + actuator.inertia * acceleration - ripple,
@@ -116,14 +108,14 @@ def phase_currents(
 ) -> NDArray[np.floating]:
     """Return the currents of the three phases.
 
-    The controller keeps the current vector square to the rotor (no d-current), so that torque
-    is in proportion to its length. Dead time of the inverter adds the 5th and 7th harmonic;
-    the torque of these is part of what is called cogging here.
+    The controller keeps the current vector perpendicular to the rotor flux (no d-current), so
+    that torque is proportional to its length. Dead time of the inverter adds the 5th and 7th
+    harmonic; their torque is included in the cogging torque.
 
     Parameters
     ----------
     torque : ndarray of shape (n_times,)
-        Of the motor [N m].
+        Motor torque [N m].
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     actuator : Actuator
@@ -155,7 +147,7 @@ def phase_currents(
 
 
 def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
-    return actuator.phase_mismatch - _IMBALANCE * faults.get("phase imbalance", 0.0)
+    return actuator.phase_mismatch - FAULTS["phase imbalance"].imbalance * faults.get("phase imbalance", 0.0)
 
 
 def _ripple(
@@ -164,13 +156,13 @@ def _ripple(
     actuator: Actuator,
     faults: Mapping[str, float],
 ) -> NDArray[np.floating]:
-    """Torque that pushes as much as it brakes: alignment, cogging, rotor and phases."""
-    eccentric = _ECCENTRIC_TORQUE * faults.get("eccentricity", 0.0)
+    """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
+    eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
     ripple = actuator.ripple * np.sin(angle + actuator.mark)
     ripple += actuator.cogging * np.sin(_COGGING_ORDER * angle + actuator.mark)
     if eccentric:
         ripple += eccentric * np.sin(angle + 2 * actuator.mark)
-    # Sine currents of unequal amplitude: a share pulsates at twice the electrical angle.
+    # Sine currents of unequal amplitude: part of the torque pulsates at twice the supply order.
     share = -_mismatch(actuator, faults) / 2
     if share:
         ripple += share * mean * np.cos(2 * POLE_PAIRS * angle)
@@ -185,23 +177,24 @@ def _braking(
     passages: Mapping[str, Passage],
     rng: np.random.Generator,
 ) -> NDArray[np.floating]:
-    """Torque that brakes more and less, against whichever way the shaft turns."""
+    """Return the varying part of the friction torque, which opposes either direction."""
     braking = np.zeros_like(angle)
     rated = actuator.torque_constant * RATED_CURRENT
     for name, passage in passages.items():
-        braking += faults[name] * _BALL_TORQUE * (0.3 + np.abs(load) / rated) * passage.pulses
+        braking += faults[name] * FAULTS[name].torque * (0.3 + np.abs(load) / rated) * passage.pulses
     if cage := faults.get("cage", 0.0):
-        braking += _CAGE_TORQUE * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
+        braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):
-        braking += dry * _DRY_TORQUE * np.sin(angle + 3 * actuator.mark)
-        braking += dry * _DRY_SCATTER * actuator.coulomb * _noise_over_travel(angle, rng)
+        fault = FAULTS["lubrication"]
+        braking += dry * fault.torque * np.sin(angle + 3 * actuator.mark)
+        braking += dry * fault.friction_noise * actuator.coulomb * _noise_over_travel(angle, rng)
     return braking
 
 
 def _noise_over_travel(
     angle: NDArray[np.floating], rng: np.random.Generator, order: float = 1.5, per_rev: int = 32
 ) -> NDArray[np.floating]:
-    """Noise of unit variance below an order (assumed: 1.5), over the way that was turned."""
+    """Return noise of unit variance over the travel, low-passed at an order (assumed: 1.5)."""
     travel = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(angle))))) / (2 * np.pi)
     decay = np.exp(-2 * np.pi * order / per_rev)
     grid = np.arange(int(travel[-1] * per_rev) + 2) / per_rev
@@ -213,7 +206,7 @@ def _noise_over_travel(
 def _loop_response(
     ripple: NDArray[np.floating], actuator: Actuator, times: NDArray[np.floating]
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
-    """Angle, velocity and acceleration that ripple adds under the velocity loop."""
+    """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
     below = [1.0, 2 * _DAMPING * corner, corner**2]
     above = ([1.0], [1.0, 0.0], [1.0, 0.0, 0.0])

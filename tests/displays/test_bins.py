@@ -65,10 +65,11 @@ def test_stop_bands_are_hatched_and_named():
 def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     runs = [simulate_actuator("screw", seed=seed) for seed in (1, 2)]
     bins = BinTransformer(max_order=10, stop_bands=((5.5, 6.5),))
-    pipeline = make_pipeline(OrderResampler(), OrderPSD(4), bins).fit(runs)
+    resampler = OrderResampler(channels=["current_a", "accelerometer"])
+    pipeline = make_pipeline(resampler, OrderPSD(4), bins).fit(runs)
     panels = axes(2)
     display = OrderBinsDisplay.from_estimator(
-        pipeline, runs, unit={"current": "A"}, fault_orders={"screw": 3.125}, ax=panels
+        pipeline, runs, unit={"current_a": "A"}, fault_orders={"screw": 3.125}, ax=panels
     )
     assert np.allclose(display.frame().iloc[:, 0], pipeline.transform(runs).mean(axis=0))
     assert display.stop_bands == [(5.5, 6.5)]

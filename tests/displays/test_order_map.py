@@ -31,9 +31,9 @@ def drawn(ax):
 
 
 def test_the_mean_of_all_segments_is_the_spectrum_of_the_recording(ax):
-    run = simulate_actuator("bearing", seed=3)
-    display = OrderMapDisplay.from_recording(run, "vibration", revolutions=4, ax=ax)
-    over_angle = OrderResampler(channels=["vibration"]).fit_transform([run])
+    run = simulate_actuator("inner ring", seed=3)
+    display = OrderMapDisplay.from_recording(run, "accelerometer", revolutions=4, ax=ax)
+    over_angle = OrderResampler(channels=["accelerometer"]).fit_transform([run])
     expected = OrderPSD(4).fit_transform(over_angle)
     assert np.allclose(display.frame().mean(), np.asarray(expected)[0])
 
@@ -105,7 +105,7 @@ def test_fault_orders_are_named_within_the_map(ax):
 
 def test_strokes_each_way_have_a_speed_each_way(ax):
     display = OrderMapDisplay.from_recording(simulate_actuator("healthy", seed=1), ax=ax)
-    assert display.channel == "current"
+    assert display.channel == "lvdt"
     assert display.speeds.min() < 0 < display.speeds.max()
 
 

@@ -83,11 +83,12 @@ def test_a_linear_spectrum_is_drawn_as_it_is(ax):
 
 def test_a_pipeline_draws_what_it_computes(ax):
     runs = [simulate_actuator("healthy", seed=seed) for seed in (1, 2)]
-    pipeline = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=20)).fit(runs)
-    display = OrderSpectrumDisplay.from_estimator(pipeline, runs, "current", unit="A", ax=ax)
+    resampler = OrderResampler(channels=["current_a", "accelerometer"])
+    pipeline = make_pipeline(resampler, OrderPSD(4), BinTransformer(max_order=20)).fit(runs)
+    display = OrderSpectrumDisplay.from_estimator(pipeline, runs, "current_a", unit="A", ax=ax)
     n_orders = len(pipeline[1].orders_)
     expected = np.asarray(pipeline[:2].transform(runs))[:, :n_orders].mean(axis=0)
-    assert np.allclose(display.frame()["current"], expected)
+    assert np.allclose(display.frame()["current_a"], expected)
 
 
 def test_a_power_spectrum_is_not_called_a_density(ax):

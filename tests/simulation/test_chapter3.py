@@ -143,3 +143,9 @@ def test_orders_without_labels_are_refused(orders):
 def test_no_run_is_no_set():
     with pytest.raises(ValueError, match="n_runs must be a whole number of at least 1, got 0"):
         chapter3_recordings(0)
+
+
+def test_another_label_does_not_change_the_noise_of_this_one():
+    usual = chapter3_recording("defect 1", 3)
+    more = {"loose": 2.5, **CHAPTER3_ORDERS}
+    assert chapter3_recording("defect 1", 3, defect_orders=more) == usual

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
-from emacm.simulation.conditions import CONDITIONS, Condition, position_command
-from emacm.simulation.mechanics import bench_motion, jam_torque
+from emacm.simulation.conditions import CONDITIONS, POUND, Condition, position_command
+from emacm.simulation.mechanics import bench_motion, jam_torque, rod_position
 
 FS = 9600
 TIMES = np.arange(5 * FS) / FS
@@ -114,3 +114,48 @@ def test_a_jam_brakes_at_one_place_and_in_proportion_to_its_severity():
     assert whole == pytest.approx(2 * half)
     assert whole[places < 1].max() < 1e-9
     assert not jam_torque(places, actuator, 0.0).any()
+
+
+# The rod
+
+ROD_FS = 48_000
+ROD_TIMES = np.arange(ROD_FS) / ROD_FS
+STANDSTILL = np.full(ROD_FS, 10.0)
+
+
+def test_without_load_a_revolution_is_a_lead():
+    angle = 2 * np.pi * ROD_TIMES
+    position, _ = rod_position(angle, np.zeros(ROD_FS), Actuator(screw_lead=0.25), 0.0, ROD_FS)
+    assert np.allclose(position, 0.25 * ROD_TIMES)
+
+
+def test_the_rod_gives_way_by_force_over_stiffness():
+    actuator = Actuator(stiffness=5e7)
+    free, pressed = (
+        rod_position(STANDSTILL, np.full(ROD_FS, force), actuator, 0.0, ROD_FS)[0] for force in (0.0, 1000.0)
+    )
+    assert np.allclose((free - pressed) * 0.0254, 1000 * POUND / 5e7)
+
+
+@pytest.mark.parametrize("severity", [0.25, 1.0])
+def test_the_lash_is_crossed_when_the_load_changes_its_sign(severity):
+    force = 500 * np.cos(2 * np.pi * 5 * ROD_TIMES)
+    tight, _ = rod_position(STANDSTILL, force, Actuator(), 0.0, ROD_FS)
+    loose, knocks = rod_position(STANDSTILL, force, Actuator(), severity, ROD_FS)
+    assert len(knocks) == 10
+    assert np.ptp(loose - tight) == pytest.approx(0.01 * severity, rel=1e-6)
+    crossing = np.flatnonzero(np.diff(np.sign(force)))
+    # Friction of 10 lbf holds the nut a little longer.
+    assert np.all((knocks - crossing >= 0) & (knocks - crossing < 0.001 * ROD_FS))
+
+
+def test_under_a_load_of_one_sign_lash_does_not_show():
+    position, knocks = rod_position(STANDSTILL, np.full(ROD_FS, 116.0), Actuator(), 1.0, ROD_FS)
+    assert not len(knocks)
+    assert np.ptp(position) < 1e-12
+
+
+def test_noise_of_the_load_around_zero_does_not_knock():
+    wander = 2 * np.sin(2 * np.pi * 50 * ROD_TIMES)
+    _, knocks = rod_position(STANDSTILL, wander, Actuator(), 1.0, ROD_FS)
+    assert not len(knocks)

@@ -21,11 +21,8 @@ def test_every_function_is_documented(name):
     assert "Returns\n" in inspect.getdoc(getattr(simulation, name))
 
 
-def test_the_names_of_the_demo_are_still_there():
-    assert simulation.STATES == ("healthy", "screw", "bearing")
-    assert simulation.SCREW_ORDER == 3.125
-    # The demo's bearing is that of the thesis, whose geometry the bench assumes.
-    (inner_ring,) = simulation.FAULT_ORDERS["inner ring"]
-    assert inner_ring == pytest.approx(simulation.BEARING_ORDER, abs=5e-4)
-    recordings, states, units = simulation.simulate_fleet(1, 1)
-    assert len(recordings) == len(states) == len(units) == 3
+def test_orders_of_the_screw_and_of_the_inner_ring_are_those_of_their_geometry():
+    # 10 (1 - 0.1323 cos 45 degrees) and, as in the thesis, 6.123.
+    assert simulation.FAULT_ORDERS["screw"] == pytest.approx((9.064498,), abs=1e-6)
+    assert simulation.FAULT_ORDERS["inner ring"] == pytest.approx((6.122915,), abs=1e-6)
+    assert dict(simulation.CHAPTER3_ORDERS) == {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}

@@ -27,7 +27,9 @@ def forced(torques, actuator=QUIET, faults=None, passages=None, knocks=NO_KNOCK,
 
 def struck(speed=100.0, severity=1.0, load=0.0):
     """Strikes of an evenly loaded outer ring, 100 in a second whatever the speed."""
-    passage = Passage(100 * TIMES + 0.5, np.ones(FS))
+    phase = 100 * TIMES + 0.5
+    impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
+    passage = Passage(phase, np.ones(FS), impacts, np.ones(len(impacts)))
     torques = turning(speed, load)
     return forced(torques, faults={"outer ring": severity}, passages={"outer ring": passage})
 
