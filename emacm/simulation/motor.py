@@ -147,7 +147,8 @@ def phase_currents(
 
 
 def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
-    return actuator.phase_mismatch - FAULTS["phase imbalance"].imbalance * faults.get("phase imbalance", 0.0)
+    severity = faults.get("phase imbalance", 0.0)
+    return actuator.phase_mismatch - FAULTS["phase imbalance"].imbalance * severity
 
 
 def _ripple(
@@ -181,7 +182,8 @@ def _braking(
     braking = np.zeros_like(angle)
     rated = actuator.torque_constant * RATED_CURRENT
     for name, passage in passages.items():
-        braking += faults[name] * FAULTS[name].torque * (0.3 + np.abs(load) / rated) * passage.pulses
+        size = faults[name] * FAULTS[name].torque
+        braking += size * (0.3 + np.abs(load) / rated) * passage.pulses
     if cage := faults.get("cage", 0.0):
         braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):

@@ -132,7 +132,8 @@ def test_without_load_a_revolution_is_a_lead():
 def test_the_rod_gives_way_by_force_over_stiffness():
     actuator = Actuator(stiffness=5e7)
     free, pressed = (
-        rod_position(STANDSTILL, np.full(ROD_FS, force), actuator, 0.0, ROD_FS)[0] for force in (0.0, 1000.0)
+        rod_position(STANDSTILL, np.full(ROD_FS, force), actuator, 0.0, ROD_FS)[0]
+        for force in (0.0, 1000.0)
     )
     assert np.allclose((free - pressed) * 0.0254, 1000 * POUND / 5e7)
 

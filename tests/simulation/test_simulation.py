@@ -25,4 +25,8 @@ def test_orders_of_the_screw_and_of_the_inner_ring_are_those_of_their_geometry()
     # 10 (1 - 0.1323 cos 45 degrees) and, as in the thesis, 6.123.
     assert simulation.FAULT_ORDERS["screw"] == pytest.approx((9.064498,), abs=1e-6)
     assert simulation.FAULT_ORDERS["inner ring"] == pytest.approx((6.122915,), abs=1e-6)
-    assert dict(simulation.CHAPTER3_ORDERS) == {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
+    assert dict(simulation.CHAPTER3_ORDERS) == {
+        "healthy": None,
+        "defect 1": 3.125,
+        "defect 2": 10.5,
+    }
