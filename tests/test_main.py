@@ -29,7 +29,7 @@ def test_the_demo_prints_saves_and_draws(tmp_path, capsys, monkeypatch):
         assert words in printed
     assert (tmp_path / "simulated.png").stat().st_size > 10_000
     model = joblib.load(tmp_path / "simulated.joblib")
-    unseen, truths, _ = simulate_fleet(1, 2, severity=4, seed=1, first_unit=20)
+    unseen, truths, _ = simulate_fleet(1, 2, severity=1, seed=1, first_unit=20)
     assert set(model.predict(unseen)) <= set(truths)
 
 
