@@ -119,13 +119,14 @@ def _wanted(name: str, unit: str, *limits: float | None) -> str:
     return " ".join(filter(None, parts))
 
 
-def check_count(value: Any, name: str, *, at_least: int = 1) -> int:
-    """Return `value` as an int of at least `at_least`."""
+def check_count(value: Any, name: str, *, at_least: int = 1, at_most: int | None = None) -> int:
+    """Return `value` as an int within the stated limits."""
     expected = f"{name} must be a whole number of at least {at_least}"
+    expected += "" if at_most is None else f" and at most {at_most}"
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
         raise TypeError(f"{expected}, got {value!r}.")
     count = int(value)
-    if count < at_least:
+    if count < at_least or (at_most is not None and count > at_most):
         raise ValueError(f"{expected}, got {value!r}.")
     return count
 

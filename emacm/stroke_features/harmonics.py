@@ -1,36 +1,35 @@
-"""Amplitude and phase of lines that are locked to the shaft, as named columns."""
+"""Shaft-locked lines (1x, 2x, ...): amplitude and phase of each channel in the strokes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count
+from emacm._checks import check_choice, check_count, check_number, check_signal
 from emacm.orders.columns import number_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.harmonic_sums import (
-    check_orders,
-    harmonic_coefficients,
-    whole_revolutions,
-)
 from emacm.stroke_features.signals import StrokeSignal
-from emacm.stroke_features.transformer import Row, StrokeFeatures
+from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures
+
+Array = NDArray[np.float64]
+
+_TURN = 2 * np.pi
+_COLUMNS = {
+    "absolute": ("cos", "sin"),
+    "relative": ("in_phase", "quadrature"),
+    None: ("amplitude",),
+}
 
 
 class ShaftHarmonics(StrokeFeatures):
-    """Give the coefficients of shaft-locked lines against the absolute shaft angle.
+    """Amplitude and phase of shaft-locked lines: the 1x, 2x, ... components of each channel.
 
-    They are the coefficients of a synchronous average: what comes with every revolution at
-    the same place of the shaft stays, all else averages out.
-
-    **For the same assemblies only.** Where on the shaft a line stands follows from how the
-    parts were put together (which tooth met which, where the sensor's zero lies) as much as from
-    their state. With ``phase=True`` a classifier learns assemblies: it may tell the units
-    that it was trained on without fail, and know nothing of their health. Compare
-    recordings of one assembly, or set ``phase=False``.
+    The coefficients are those of a time-synchronous average: a component that repeats at the
+    same shaft angle in every revolution remains, and everything else averages out.
 
     Parameters
     ----------
@@ -39,22 +38,24 @@ class ShaftHarmonics(StrokeFeatures):
     channels : sequence of str, optional
         Channels, in this order. Default: those of the first recording.
     by_direction : bool
-        Give forward and reverse strokes columns of their own, ``channel+:…`` and ``channel-:…``.
-    phase : bool
-        True: cosine and sine coefficients c and s, of ``c cos(order * angle) + s sin(order *
-        angle)``, in the channel's unit. False: amplitudes, sqrt(c² + s²), which do not change
-        with the zero of the shaft angle.
-    n_parts : int
-        Equal parts of each stroke with coefficients of their own, as waves of friction may
-        change along a screw; numbered from 1 in the direction of motion.
+        Compute forward and reverse strokes separately, as columns ``channel+:…`` and
+        ``channel-:…``.
+    phase : {"absolute", "relative", None}
+        "absolute": coefficients c and s of ``c cos(order * angle) + s sin(order * angle)``, in
+        the unit of the channel, against the shaft angle. "relative": the same, with all phases
+        counted from that of the first order in the forward strokes (of all strokes, without
+        `by_direction`). None: amplitudes, sqrt(c² + s²).
+    n_sections : int
+        Number of equal sections of each stroke with coefficients of their own, for friction
+        that varies along a screw; numbered from 1 in the direction of motion.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
-        the shaft angle that one's holds.
+        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        resampled recordings, the value given there applies.
     min_revolutions : float
-        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
-        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
+        Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
+        strokes of a fraction of a revolution, which `min_speed` does not exclude.
     n_jobs : int, optional
-        Recordings in work at the same time, under joblib's active backend (by default, threads).
+        Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
     Attributes
     ----------
@@ -63,17 +64,30 @@ class ShaftHarmonics(StrokeFeatures):
 
     Notes
     -----
-    `X` is a list of `Recording`, or what `OrderResampler` returns (its filter lowers orders above
-    0.78 π/theta_s), but not with ``direction="travel"``. In the middle of each stroke, or part of
-    it, the most whole revolutions are taken. One set of lines is fitted to all strokes of a
-    direction by least squares, each sample counting by the angle it stands for, and each stroke
-    having a level and a linear trend of its own; strokes too short for a revolution are passed
-    over. Columns are named ``channel+:cos1``, ``channel+:sin1``, ``channel-:cos1`` and so on, or
-    ``channel:cos1`` of both directions; of amplitudes ``channel+:amplitude1``; of parts
-    ``channel+:1of4:cos1``.
+    **Absolute phases compare recordings of one assembly only.** The shaft angle of a line follows
+    from how the parts were assembled (which teeth mesh, where the zero of the sensor lies) as much
+    as from their condition. With ``phase="absolute"`` a classifier can learn to recognise the
+    assemblies of the training data and fail on any other. Absolute phases also need a measured
+    shaft angle: an angle that is integrated from a velocity starts at 0 wherever the shaft was.
 
-    With ``phase=True`` the shaft's reference must be an angle. One that is integrated
-    from a velocity starts at 0 wherever the shaft stood.
+    **Relative phases** do not change with the zero of the shaft angle or the mounting angle of a
+    part, as long as the line has the same shaft angle in both directions. With c_k - j s_k the
+    coefficient of order k, and φ the angle of the mean over sections at the first order k_1 of
+    forward strokes, the columns are the real and negative imaginary part of
+    (c_k - j s_k) exp(-j φ k / k_1). All orders must be whole multiples of k_1. If the
+    forward line is weaker than the noise, φ is noise. Other properties of an assembly, such as
+    the phase of reverse relative to forward strokes, remain.
+
+    `X` is a list of `Recording`, or the output of `OrderResampler` (whose filter attenuates orders
+    above 0.78 π/theta_s), but not with ``direction="travel"``. In the middle of each stroke, or
+    section of it, the largest number of whole revolutions is used; strokes of less than one
+    revolution are ignored. One set of lines is fitted to all strokes of a direction by least
+    squares; see `harmonic_coefficients`.
+
+    Columns are named ``channel+:cos1``, ``channel+:sin1``, ``channel-:cos1`` and so on
+    (``channel:cos1`` for both directions together), ``channel+:in_phase1`` and
+    ``channel+:quadrature1`` for relative phases, ``channel+:amplitude1`` for amplitudes, and
+    ``channel+:1of4:cos1`` for sections.
 
     Examples
     --------
@@ -94,8 +108,8 @@ class ShaftHarmonics(StrokeFeatures):
         *,
         channels: Sequence[str] | None = None,
         by_direction: bool = True,
-        phase: bool = True,
-        n_parts: int = 1,
+        phase: str | None = "absolute",
+        n_sections: int = 1,
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,
@@ -104,61 +118,232 @@ class ShaftHarmonics(StrokeFeatures):
         self.channels = channels
         self.by_direction = by_direction
         self.phase = phase
-        self.n_parts = n_parts
+        self.n_sections = n_sections
         self.min_speed = min_speed
         self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
-    @property
-    def _absolute(self) -> bool:
-        """Whether features depend on where the shaft angle is 0."""
-        return self.phase
-
     def _check_own_parameters(self) -> None:
-        check_orders(self.orders)
-        check_choice(self.phase, "phase", (True, False))
-        check_count(self.n_parts, "n_parts")
+        orders = np.array(check_orders(self.orders))
+        check_choice(self.phase, "phase", tuple(_COLUMNS))
+        check_count(self.n_sections, "n_sections", at_most=MAX_COLUMNS)
+        multiples = orders / orders[0]
+        whole = np.isclose(multiples, np.round(multiples), rtol=0, atol=1e-9)
+        if self.phase == "relative" and not np.all(whole):
+            raise ValueError(
+                f"phase='relative' needs orders that are whole multiples of the first one, got "
+                f"{orders.tolist()}: the phase of order {orders[np.argmin(whole)]:g} does not "
+                f"follow from that of order {orders[0]:g}. Use phase='absolute' or None, or "
+                f"another ShaftHarmonics for this order."
+            )
 
     def _check_row(self, row: Row) -> None:
         super()._check_row(row)
         if isinstance(row, AngleRecording) and row.direction == "travel":
             raise ValueError(
-                "it was resampled with direction='travel', which has no shaft angle: phases turn "
-                "over at each reversal. Use direction='strokes'."
+                "it was resampled with direction='travel', which has no shaft angle: the phase "
+                "changes its sign at each reversal. Use direction='strokes'."
             )
         measured: Recording = row.measured if isinstance(row, AngleRecording) else row
-        if self._absolute and measured.reference == "velocity":
+        if self.phase == "absolute" and measured.reference == "velocity":
             raise ValueError(
                 "its shaft reference is a velocity, so the angle starts at 0 wherever the shaft "
-                "stood, and phases of two recordings cannot be compared. Make the Recording with "
-                "angle=..., or set phase=False of ShaftHarmonics."
+                "was, and phases of two recordings cannot be compared. Make the Recording with "
+                "angle=..., or use ShaftHarmonics with phase='relative' or phase=None."
             )
 
     def _feature_names(self) -> list[tuple[str, ...]]:
-        words = ("cos", "sin") if self.phase else ("amplitude",)
-        lines = [word + number_name(order) for order in self.orders for word in words]
-        if self.n_parts == 1:
+        lines = [word + number_name(k) for k in self.orders for word in _COLUMNS[self.phase]]
+        if self.n_sections == 1:
             return [(line,) for line in lines]
-        parts = [f"{part}of{self.n_parts}" for part in range(1, self.n_parts + 1)]
-        return [(part, line) for part in parts for line in lines]
+        sections = [f"{number}of{self.n_sections}" for number in range(1, self.n_sections + 1)]
+        return [(section, line) for section in sections for line in lines]
 
-    def _features(self, strokes: Sequence[StrokeSignal]) -> NDArray[np.float64]:
-        found = np.stack([self._of_part(strokes, part) for part in range(self.n_parts)])
+    def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
+        found = np.stack([self._of_section(strokes, k) for k in range(self.n_sections)])
         return (found if self.phase else np.hypot(found[..., 0], found[..., 1])).ravel()
 
-    def _of_part(self, strokes: Sequence[StrokeSignal], part: int) -> NDArray[np.float64]:
-        """Fit one part of all strokes, shape (n_orders, 2)."""
-        found = [(s, whole_revolutions(s.travel, part, self.n_parts)) for s in strokes]
+    def _of_section(self, strokes: Sequence[StrokeSignal], section: int) -> Array:
+        """Fit one section of all strokes, shape (n_orders, 2)."""
+        found = [(s, whole_revolutions(s.travel, section, self.n_sections)) for s in strokes]
         cut = [stroke.cut(whole) for stroke, whole in found if whole is not None]
         if not cut:
-            longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / (2 * np.pi)
-            of = f"each of {self.n_parts} parts of a stroke" if self.n_parts > 1 else "a stroke"
+            longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / _TURN
+            of = f"each of {self.n_sections} sections of a " if self.n_sections > 1 else "a "
             raise ValueError(
-                f"a shaft-locked line needs a whole revolution of {of}, but the "
-                f"longest stroke runs {longest:.4g} revolutions. Lower n_parts, check min_speed, "
-                f"or leave the recording out."
+                f"a shaft-locked line needs one whole revolution in {of}stroke, but the "
+                f"longest stroke has {longest:.4g} revolutions. Lower n_sections, check "
+                f"min_speed, or leave the recording out."
             )
         lines = harmonic_coefficients(
             [stroke.angle for stroke in cut], [stroke.signal for stroke in cut], self.orders
         )
         return np.stack([lines.cosines, lines.sines], axis=-1)
+
+    def _row(self, row: Row, index: int) -> Array:
+        values = super()._row(row, index)
+        if self.phase != "relative":
+            return values
+        n_ways = 2 if self.by_direction else 1
+        shape = (len(self.channels_), n_ways, self.n_sections, len(self.orders), 2)
+        return _relative(values.reshape(shape), np.asarray(self.orders, dtype=float)).ravel()
+
+
+def _relative(lines: Array, orders: Array) -> Array:
+    """Count phases of (channel, way, section, order, [cos, sin]) from the first way and order."""
+    waves = lines[..., 0] - 1j * lines[..., 1]
+    reference = np.angle(waves[:, 0, :, 0].mean(axis=-1))
+    turned = waves * np.exp(-1j * reference[:, None, None, None] * orders / orders[0])
+    return np.stack([turned.real, -turned.imag], axis=-1)
+
+
+class Harmonics(NamedTuple):
+    """Coefficients of cosines and sines, each of shape (n_orders,), and the length of the fit.
+
+    Coefficients are in the unit of the signal. A cosine of -2 and a sine of 0 is a line with
+    its maxima half a cycle from the zero of the shaft angle.
+    """
+
+    cosines: Array
+    sines: Array
+    revolutions: float
+
+
+def harmonic_coefficients(
+    angles: Sequence[ArrayLike], signals: Sequence[ArrayLike], orders: Sequence[float]
+) -> Harmonics:
+    """Fit cosines and sines of the shaft angle to sections of a signal, by least squares.
+
+    Parameters
+    ----------
+    angles : sequence of array-like of shape (n_samples,)
+        Shaft angle in each section [rad], rising or falling, evenly sampled or not.
+    signals : sequence of array-like of shape (n_samples,)
+        Signal at these angles, in any unit U; sections may have different lengths.
+    orders : sequence of float
+        Orders, in cycles per revolution.
+
+    Returns
+    -------
+    Harmonics
+        `cosines` and `sines` [U], of shape (n_orders,), of ``signal = level + trend * angle
+        + Σ c cos(order * angle) + s sin(order * angle)``, where each section has its own level
+        and trend; and `revolutions`, the total length of the sections.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the shapes do not match, an order is not positive, or the samples are too few or span
+        too little to separate the orders, the levels and the trends.
+
+    Notes
+    -----
+    Each sample is weighted by the angle that it represents, so that over whole revolutions the
+    coefficients are those of the time-synchronous average, and other orders are rejected even
+    if the speed changes. At even angles, apart from the trend, they are the Fourier coefficients
+    of the average revolution (assumed: no source is followed).
+
+    Examples
+    --------
+    >>> angle = 2 * np.pi * np.linspace(0, 5, 500)
+    >>> signal = 7 + 2 * np.cos(angle) + np.sin(angle) - np.cos(2 * angle) - 3 * np.sin(2 * angle)
+    >>> lines = harmonic_coefficients([angle], [signal], (1, 2))
+    >>> lines.cosines.round(9).tolist(), lines.sines.round(9).tolist()
+    ([2.0, -1.0], [1.0, -3.0])
+    """
+    chosen = np.array(check_orders(orders))
+    models, targets, turned, n_steps = [], [], 0.0, 0
+    for angle, signal in zip(angles, signals, strict=True):
+        theta, x = _checked(angle, signal)
+        farthest = np.maximum.accumulate(np.abs(theta - theta[0]))
+        waves = chosen[:, np.newaxis] * theta
+        rows = np.column_stack([np.cos(waves).T, np.sin(waves).T, x])
+        left = _without_trend(rows, theta, np.sqrt(np.gradient(farthest)))
+        models.append(left[:, :-1])
+        targets.append(left[:, -1])
+        turned, n_steps = turned + farthest[-1] / _TURN, n_steps + len(theta) - 1
+    _check_density(n_steps, turned, chosen)
+    solution, _, rank, _ = np.linalg.lstsq(
+        np.concatenate(models), np.concatenate(targets), rcond=1e-9
+    )
+    if rank < len(solution):
+        raise ValueError(
+            f"{n_steps + len(models)} samples over {turned:.4g} revolutions do not separate the "
+            f"orders {chosen.tolist()} from each other and from a trend. Use longer sections or "
+            f"fewer orders."
+        )
+    return Harmonics(solution[: len(chosen)], solution[len(chosen) :], float(turned))
+
+
+def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) -> slice | None:
+    """Return the samples of the most whole revolutions in the middle of a section of a stroke.
+
+    Parameters
+    ----------
+    travel : array-like of shape (n_samples,)
+        Angle travelled [rad], from 0 upwards.
+    section, n_sections : int
+        Number of the section, from 0, and number of equal sections of the stroke.
+
+    Returns
+    -------
+    slice or None
+        None if the section contains no whole revolution, or a single sample.
+
+    Examples
+    --------
+    >>> whole_revolutions(2 * np.pi * np.arange(0, 5.5, 0.25))
+    slice(1, 21, None)
+    """
+    run = np.maximum.accumulate(check_signal(travel, "travel", min_length=1))
+    if len(run) < 2:
+        return None
+    # A sample represents the angle up to the next one, so the stroke ends one step after the last.
+    step = (run[-1] - run[0]) / (len(run) - 1)
+    edges = np.array([section, section + 1]) / n_sections
+    low, high = run[0] + (run[-1] + step - run[0]) * edges
+    revolutions = np.floor((high - low) / _TURN + 1e-6)
+    if revolutions < 1:
+        return None
+    spare = (high - low - revolutions * _TURN) / 2
+    first, last = np.searchsorted(run, np.array([low + spare, high - spare]) - 1e-6 * step)
+    return slice(int(first), int(last)) if last - first > 1 else None
+
+
+def check_orders(orders: Any) -> tuple[float, ...]:
+    """Return orders as floats: positive, each once."""
+    if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray):
+        raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
+    found = tuple(check_number(order, "an order", above=0) for order in orders)
+    if not found or len(set(found)) < len(found):
+        raise ValueError(f"orders must contain each order once, got {list(found)}.")
+    return found
+
+
+def _checked(angle: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
+    theta = check_signal(angle, "angle").astype(np.float64)
+    x = check_signal(signal, "signal").astype(np.float64)
+    if len(x) != len(theta):
+        raise ValueError(f"a signal of {len(x)} samples does not match {len(theta)} angles.")
+    return theta, x
+
+
+def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
+    """Weight columns, and remove a level and a trend from each of them."""
+    trend = np.column_stack([np.ones_like(theta), theta - theta.mean()]) * weight[:, np.newaxis]
+    basis, size = np.linalg.qr(trend / (np.linalg.norm(trend, axis=0) + np.finfo(float).tiny))
+    basis = basis[:, np.abs(np.diag(size)) > 1e-9]
+    weighted = rows * weight[:, np.newaxis]
+    return weighted - basis @ (basis.T @ weighted)
+
+
+def _check_density(n_steps: int, revolutions: float, orders: Array) -> None:
+    """Raise if there are fewer than two samples per cycle of the highest order."""
+    if not revolutions > 0:
+        raise ValueError("the shaft does not turn, so there are no shaft-locked lines.")
+    density = n_steps / revolutions
+    if not orders.max() < density / 2:
+        raise ValueError(
+            f"order {orders.max():g} is above the Nyquist order {density / 2:.4g} of "
+            f"{density:.4g} samples per revolution. Choose lower orders."
+        )

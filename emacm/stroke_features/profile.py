@@ -1,45 +1,52 @@
-"""The course of each channel along the strokes of a recording, as named columns."""
+"""Profile of each channel along the strokes of a recording, as few coefficients.
+
+Between its samples a signal is linear, and all integrals are exact. Samples may therefore lie at
+any positions: evenly spaced over the angle, or closer together where the shaft is slow.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count
-from emacm.stroke_features.profiles import cosine_coefficients, segment_means, stroke_positions
+from emacm._checks import check_choice, check_count, check_signal
 from emacm.stroke_features.signals import StrokeSignal
-from emacm.stroke_features.transformer import StrokeFeatures
+from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures
 
-_BASES = {"cosine": cosine_coefficients, "mean": segment_means}
+Array = NDArray[np.float64]
+
+_BLOCK = 1 << 20  # products of coefficients and samples computed at a time
 
 
 class StrokeProfile(StrokeFeatures):
-    """Describe in few numbers how each channel runs along the stroke.
+    """Profile of each channel along the stroke, as few coefficients.
 
-    Friction of a screw varies along it, and load along the way of an actuator: slow changes,
-    over many revolutions, which order spectra take out with the mean or cannot resolve.
+    The friction of a screw varies along its length, and so does the load of an actuator along its
+    travel. These changes are slow, over many revolutions; order spectra remove them with the mean
+    or do not resolve them.
 
     Parameters
     ----------
     n_coefficients : int
-        Numbers for each channel and direction.
+        Number of coefficients for each channel and direction, at most 10000.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
     by_direction : bool
-        Give forward and reverse strokes columns of their own, ``channel+:…`` and ``channel-:…``.
+        Compute forward and reverse strokes separately, as columns ``channel+:…`` and
+        ``channel-:…``.
     basis : {"cosine", "mean"}
         "cosine": projections on the orthonormal cosines with 0, 1, 2, ... half waves along the
-        stroke; "mean": means of equal segments of the stroke. Both in the channel's unit.
+        stroke; "mean": means of equal segments of the stroke. Both in the unit of the channel.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
-        the shaft angle that one's holds.
+        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        resampled recordings, the value given there applies.
     min_revolutions : float
-        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
-        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
+        Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
+        strokes of a fraction of a revolution, which `min_speed` does not exclude.
     n_jobs : int, optional
-        Recordings in work at the same time, under joblib's active backend (by default, threads).
+        Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
     Attributes
     ----------
@@ -48,15 +55,15 @@ class StrokeProfile(StrokeFeatures):
 
     Notes
     -----
-    `X` is a list of `Recording`, or what `OrderResampler` returns; the integrals are over the
-    shaft angle in both cases, and the signal is taken as straight lines between its samples. The
-    position runs from 0 at the first to 1 at the last sample of each stroke in its own
-    direction of motion. Strokes of one direction are averaged, weighted by their lengths.
-    Columns are named ``channel+:cosine0``, ``channel-:cosine0``, or ``channel:cosine0`` of both
-    directions; of means ``channel+:segment0``.
+    `X` is a list of `Recording`, or the output of `OrderResampler`. In both cases the integrals
+    are over the shaft angle, and the signal is linear between its samples. The position is 0 at
+    the first sample of each stroke and 1 at the last, in its own direction of motion. The profiles
+    of the strokes of one direction are averaged with their lengths as weights. Columns
+    are named ``channel+:cosine0``, ``channel-:cosine0``, or ``channel:cosine0`` for both
+    directions together; with segments, ``channel+:segment0``.
 
-    Coefficient k of a cosine has k / 2 waves along a stroke. As long as that is far below the
-    revolutions of the stroke, no coefficient sees a wave once per revolution, nor its phase.
+    Coefficient k of a cosine has k / 2 waves along a stroke. If that is far below the number of
+    revolutions of the stroke, no coefficient depends on the 1x component or its phase.
 
     Examples
     --------
@@ -90,7 +97,7 @@ class StrokeProfile(StrokeFeatures):
         self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
-        check_count(self.n_coefficients, "n_coefficients")
+        check_count(self.n_coefficients, "n_coefficients", at_most=MAX_COLUMNS)
         check_choice(self.basis, "basis", tuple(_BASES))
 
     def _feature_names(self) -> list[tuple[str, ...]]:
@@ -102,11 +109,146 @@ class StrokeProfile(StrokeFeatures):
         long = [s for s in strokes if len(s.travel) > 1 and np.max(s.travel) > s.travel[0]]
         if not long:
             raise ValueError(
-                "no stroke holds two samples, so that nothing is known along it. Resample to a "
-                "smaller theta_s, or leave the recording out."
+                "no stroke contains two samples, so it has no profile. Resample to a smaller "
+                "theta_s, or leave the recording out."
             )
         profiles = [
             project(stroke_positions(s.travel), s.signal, self.n_coefficients) for s in long
         ]
-        # By length, as statistics are pooled; and noise at rest makes strokes of no length.
+        # Weighted by length, as in RecordingStatistics; noise at rest makes very short strokes.
         return np.average(profiles, axis=0, weights=[np.ptp(s.travel) for s in long])
+
+
+def stroke_positions(travel: ArrayLike) -> Array:
+    """Return positions along a stroke, from 0 at its first sample to 1 at its last.
+
+    Parameters
+    ----------
+    travel : array-like of shape (n_samples,)
+        Angle travelled [rad, or any unit]. Small reversals count as standing.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,)
+        Non-decreasing.
+
+    Raises
+    ------
+    ValueError
+        If the travel has no length.
+
+    Examples
+    --------
+    >>> stroke_positions([2.0, 3.0, 2.9, 6.0]).tolist()
+    [0.0, 0.25, 0.25, 1.0]
+    """
+    run = check_signal(travel, "travel").astype(np.float64)
+    farthest = np.maximum.accumulate(run)
+    length = farthest[-1] - farthest[0]
+    if not length > 0:
+        raise ValueError("a stroke must have a length, but the shaft stands at all its samples.")
+    return (farthest - farthest[0]) / length
+
+
+def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: int) -> Array:
+    """Project a signal on the cosines with the fewest half waves along the stroke.
+
+    Parameters
+    ----------
+    position : array-like of shape (n_samples,)
+        From 0 to 1, non-decreasing; see `stroke_positions`.
+    signal : array-like of shape (..., n_samples)
+        Signal at these positions, in any unit U.
+    n_coefficients : int
+        Number of coefficients; coefficient k has k half waves along the stroke.
+
+    Returns
+    -------
+    ndarray of shape (..., n_coefficients)
+        Integrals of the signal times 1, √2 cos(πp), √2 cos(2πp), ... over the position p [U].
+        The cosines are orthonormal: the squares of all coefficients add up to the mean square
+        over the position (Parseval), and the first is the mean.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the positions are not as above, or their number is not that of the samples.
+
+    Notes
+    -----
+    For a piecewise linear signal with the increments Δx, integration by parts gives
+    ``-(√2/ω) Σ Δx sin(ω p) sinc(ω Δp / 2)`` at ω = πk, with p the centre of each piece.
+
+    Examples
+    --------
+    >>> ramp = cosine_coefficients([0, 1], [0, 1], 3)
+    >>> np.allclose(ramp, [1 / 2, -2 * np.sqrt(2) / np.pi**2, 0])
+    True
+    """
+    p, x = _checked(position, signal)
+    waves = np.pi * np.arange(1, check_count(n_coefficients, "n_coefficients"))[:, np.newaxis]
+    middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), -np.sqrt(2) * np.diff(x)
+    mean = (x[..., 1:] + x[..., :-1]) @ width / 2
+    total = np.zeros((*x.shape[:-1], len(waves)))
+    step = max(1, _BLOCK // max(1, len(waves)))  # so that the memory does not grow with both
+    for start in range(0, len(width), step):
+        part = slice(start, start + step)
+        weights = np.sin(waves * middle[part]) * np.sinc(waves * width[part] / (2 * np.pi)) / waves
+        total += rise[..., part] @ weights.T
+    return np.concatenate([mean[..., np.newaxis], total], axis=-1)
+
+
+def segment_means(position: ArrayLike, signal: ArrayLike, n_segments: int) -> Array:
+    """Average a signal over equal segments of the stroke.
+
+    Parameters
+    ----------
+    position : array-like of shape (n_samples,)
+        From 0 to 1, non-decreasing; see `stroke_positions`.
+    signal : array-like of shape (..., n_samples)
+        Signal at these positions, in any unit U.
+    n_segments : int
+        Number of segments.
+
+    Returns
+    -------
+    ndarray of shape (..., n_segments)
+        Mean over the position within each segment [U].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the positions are not as above, or their number is not that of the samples.
+
+    Examples
+    --------
+    >>> segment_means([0, 1], [0, 1], 4).tolist()
+    [0.125, 0.375, 0.625, 0.875]
+    """
+    p, x = _checked(position, signal)
+    edges = np.arange(check_count(n_segments, "n_segments") + 1) / n_segments
+    width = np.diff(p)
+    pieces = (x[..., 1:] + x[..., :-1]) / 2 * width
+    before = np.concatenate([np.zeros_like(x[..., :1]), np.cumsum(pieces, axis=-1)], axis=-1)
+    left = np.clip(np.searchsorted(p, edges, side="right") - 1, 0, len(p) - 2)
+    inside = edges - p[left]
+    steep = np.where(width[left] > 0, inside / np.where(width[left] > 0, width[left], 1.0), 0.0)
+    # The trapezoid from the sample on the left to the edge.
+    area = (x[..., left] + (x[..., left + 1] - x[..., left]) * steep / 2) * inside
+    return np.diff(before[..., left] + area, axis=-1) * n_segments
+
+
+def _checked(position: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
+    p = check_signal(position, "position").astype(np.float64)
+    x = np.asarray(signal, dtype=np.float64)
+    if x.ndim == 0 or x.shape[-1] != len(p):
+        raise ValueError(f"a signal of shape {x.shape} does not match {len(p)} positions.")
+    if p[0] != 0 or p[-1] != 1 or np.any(np.diff(p) < 0):
+        raise ValueError(
+            f"positions must increase from 0 to 1; they start at {p[0]:g}, end at {p[-1]:g} and "
+            f"have {np.count_nonzero(np.diff(p) < 0)} decreasing steps. Use stroke_positions."
+        )
+    return p, x
+
+
+_BASES = {"cosine": cosine_coefficients, "mean": segment_means}

@@ -1,60 +1,59 @@
-"""Level and shape of each channel in the strokes of a recording, as named columns."""
+"""Statistics of each channel in the strokes of a recording: mean, RMS, crest factor, kurtosis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number
+from emacm._checks import check_finite, check_number, check_real_array
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.levels import (
-    STATISTICS,
-    check_statistics,
-    common_slope,
-    signal_statistics,
-)
 from emacm.stroke_features.signals import StrokeSignal
 from emacm.stroke_features.transformer import Row, StrokeFeatures
 
-PARTS = ("stroke", "start", "stop", "rest")
+SECTIONS = ("stroke", "start", "stop", "rest")
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 8  # rounding errors by which samples of a constant signal may differ
 
 
 class RecordingStatistics(StrokeFeatures):
-    """Describe level and shape of each channel, stroke by stroke.
+    """Statistics of each channel in the strokes: mean, RMS, peak, crest factor, kurtosis, slope.
 
-    Order spectra tell how power spreads over orders; they do not see the mean, the trend along
-    the stroke, the peaks, or what happens while the shaft starts, stops or stands.
+    Order spectra show how power is distributed over orders. They do not show the mean, the trend
+    along the stroke, the peaks, or what happens while the shaft starts, stops or stands still.
 
     Parameters
     ----------
     statistics : sequence of str
-        Of the strokes, any of "mean", "rms", "std", "peak", "peak_to_peak" and "slope" (in the
-        unit of the channel; the slope per revolution of the stroke's own motion), "crest_factor",
-        "kurtosis" (not less 3) and "skewness"; see
-        `emacm.stroke_features.levels.signal_statistics`.
+        Statistics of the strokes: any of "mean", "rms", "std", "peak", "peak_to_peak" and "slope"
+        (in the unit of the channel; the slope per revolution, in the direction of motion of the
+        stroke), "crest_factor", "kurtosis" (3 for Gaussian noise) and "skewness"; see
+        `emacm.stroke_features.statistics.signal_statistics`.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
     by_direction : bool
-        Give forward and reverse strokes columns of their own, ``channel+:…`` and ``channel-:…``.
+        Compute forward and reverse strokes separately, as columns ``channel+:…`` and
+        ``channel-:…``.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`; over
-        the shaft angle that one's holds.
+        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        resampled recordings, the value given there applies.
     min_revolutions : float
-        Shorter strokes are passed over [revolutions]. Where the shaft's reference is noisy at
-        rest, jitter makes strokes of a fraction of a revolution that `min_speed` cannot tell.
-    parts : sequence of {"stroke", "start", "stop", "rest"}
-        What is described: whole strokes; their first and last `transient` seconds; what belongs
-        to no stroke (or to one passed over). All but "stroke" need recordings over time.
-    part_statistics : sequence of str
+        Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
+        strokes of a fraction of a revolution, which `min_speed` does not exclude.
+    sections : sequence of {"stroke", "start", "stop", "rest"}
+        Sections to describe: whole strokes; their first and last `transient` seconds; the samples
+        that belong to no stroke (or to an ignored one). All but "stroke" need recordings over time.
+    section_statistics : sequence of str
         Statistics of start, stop and rest.
     transient : float
-        Length of start and stop [s]; at least a sample, at most the stroke.
+        Length of start and stop [s]; at least one sample, at most the stroke.
     n_jobs : int, optional
-        Recordings in work at the same time, under joblib's active backend (by default, threads).
+        Number of recordings processed in parallel, by joblib's active backend (default: threads).
 
     Attributes
     ----------
@@ -63,15 +62,15 @@ class RecordingStatistics(StrokeFeatures):
 
     Notes
     -----
-    `X` is a list of `Recording`, whose samples count alike in time, or what `OrderResampler`
-    returns, whose samples count alike in angle. All strokes of one direction are pooled as if
-    they were one, so a longer one counts more; only the slope lets each have a level of its own.
-    Columns are named ``channel+:rms``, ``channel-:rms``, or ``channel:rms`` of both directions;
-    of parts ``channel+:start:peak``, ``channel+:stop:peak``, ``channel:rest:peak``.
+    `X` is a list of `Recording`, with samples equally weighted in time, or the output of
+    `OrderResampler`, with samples equally weighted in angle. All strokes of one direction are
+    pooled, so a longer stroke has more weight; for the slope, each stroke has its own level.
+    Columns are named ``channel+:rms``, ``channel-:rms``, or ``channel:rms`` for both directions
+    together; for sections, ``channel+:start:peak``, ``channel+:stop:peak``, ``channel:rest:peak``.
 
-    A crest factor of zeros, and kurtosis or skewness of a constant, do not exist: that is an
-    error which names recording, channel and strokes. So is a recording without a stroke of
-    a direction, and one whose shaft never stands where "rest" is wanted.
+    The crest factor of a signal of zeros, and the kurtosis or skewness of a constant, are
+    undefined and raise an error that gives the recording, the channel and the strokes. So do a
+    recording without a stroke in one direction, and "rest" if the shaft never stands still.
 
     Examples
     --------
@@ -79,7 +78,7 @@ class RecordingStatistics(StrokeFeatures):
     >>> from emacm import Recording, RecordingStatistics
     >>> speed = np.repeat([0.0, 20.0, 0.0, -20.0], 50)
     >>> run = Recording({"current": 0.1 * speed + 1}, 100, velocity=speed)
-    >>> levels = RecordingStatistics(("mean", "rms"), parts=("stroke", "rest"))
+    >>> levels = RecordingStatistics(("mean", "rms"), sections=("stroke", "rest"))
     >>> levels.set_output(transform="pandas").fit_transform([run]).iloc[0, :5]
     current+:mean        3.0
     current+:rms         3.0
@@ -97,8 +96,8 @@ class RecordingStatistics(StrokeFeatures):
         by_direction: bool = True,
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
-        parts: Sequence[str] = ("stroke",),
-        part_statistics: Sequence[str] = ("mean", "rms", "peak"),
+        sections: Sequence[str] = ("stroke",),
+        section_statistics: Sequence[str] = ("mean", "rms", "peak"),
         transient: float = 0.5,
         n_jobs: int | None = None,
     ) -> None:
@@ -107,75 +106,78 @@ class RecordingStatistics(StrokeFeatures):
         self.by_direction = by_direction
         self.min_speed = min_speed
         self.min_revolutions = min_revolutions
-        self.parts = parts
-        self.part_statistics = part_statistics
+        self.sections = sections
+        self.section_statistics = section_statistics
         self.transient = transient
         self.n_jobs = n_jobs
 
     def _check_own_parameters(self) -> None:
         known = (*STATISTICS, "slope")
         check_statistics(self.statistics, "statistics", known)
-        check_statistics(self.part_statistics, "part_statistics", known)
-        check_statistics(self.parts, "parts", PARTS)
+        check_statistics(self.section_statistics, "section_statistics", known)
+        check_statistics(self.sections, "sections", SECTIONS)
         check_number(self.transient, "transient", above=0, unit="s")
-        if "rest" in self.parts and "slope" in self.part_statistics:
+        if "rest" in self.sections and "slope" in self.section_statistics:
             raise ValueError(
-                "part_statistics holds 'slope', which is over the revolutions of a stroke, but a "
-                "shaft at rest runs none. Leave out 'slope', or 'rest' of parts."
+                "section_statistics contains 'slope', per revolution, but at rest there are no "
+                "revolutions. Leave out 'slope', or 'rest' of sections."
             )
 
     def _check_row(self, row: Row) -> None:
         super()._check_row(row)
-        if isinstance(row, AngleRecording) and set(self.parts) != {"stroke"}:
+        if isinstance(row, AngleRecording) and set(self.sections) != {"stroke"}:
             raise ValueError(
-                f"parts = {list(self.parts)} need the time, but it is over the shaft angle. Give "
-                f"RecordingStatistics the recordings themselves, beside OrderResampler in a "
-                f"FeatureUnion, or set parts=['stroke']."
+                f"sections = {list(self.sections)} need recordings over time, but it is over the "
+                f"shaft angle. Apply RecordingStatistics to the recordings themselves, next to "
+                f"OrderResampler in a FeatureUnion, or set sections=['stroke']."
             )
 
     def _feature_names(self) -> list[tuple[str, ...]]:
         return [
-            (name,) if part == "stroke" else (part, name)
-            for part in self.parts
-            if part != "rest"
-            for name in self._statistics_of(part)
+            (name,) if section == "stroke" else (section, name)
+            for section in self.sections
+            if section != "rest"
+            for name in self._statistics_of(section)
         ]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> list[float]:
         values: list[float] = []
-        for part in self.parts:
-            if part != "rest":
-                cut = [_part(stroke, part, self.transient) for stroke in strokes]
-                values += _described(cut, self._statistics_of(part))
+        for section in self.sections:
+            if section != "rest":
+                cut = [_section(stroke, section, self.transient) for stroke in strokes]
+                values += _described(cut, self._statistics_of(section))
         return values
 
     def _rest_names(self) -> list[tuple[str, ...]]:
-        return [("rest", name) for name in self.part_statistics] if "rest" in self.parts else []
+        return (
+            [("rest", name) for name in self.section_statistics] if "rest" in self.sections else []
+        )
 
     def _rest_features(self, rest: NDArray[np.floating]) -> Any:
-        if "rest" not in self.parts:
+        if "rest" not in self.sections:
             return []
         if not len(rest):
             raise ValueError(
-                f"the shaft never stands (min_speed = {self.min_speed:g} rad/s). Raise min_speed "
-                f"above the noise of the shaft's reference at rest, or leave 'rest' out of parts."
+                f"the shaft never stands still (min_speed = {self.min_speed:g} rad/s). Raise "
+                f"min_speed above the noise of the shaft reference at rest, or leave 'rest' out "
+                f"of sections."
             )
-        return signal_statistics(rest, self.part_statistics)
+        return signal_statistics(rest, self.section_statistics)
 
-    def _statistics_of(self, part: str) -> Sequence[str]:
-        return self.statistics if part == "stroke" else self.part_statistics
+    def _statistics_of(self, section: str) -> Sequence[str]:
+        return self.statistics if section == "stroke" else self.section_statistics
 
 
-def _part(stroke: StrokeSignal, part: str, transient: float) -> StrokeSignal:
-    """Cut the start or the stop out of a stroke."""
-    if part == "stroke" or stroke.fs is None:
+def _section(stroke: StrokeSignal, section: str, transient: float) -> StrokeSignal:
+    """Return the start or the stop of a stroke, or all of it."""
+    if section == "stroke" or stroke.fs is None:
         return stroke
     n_samples = ceil(transient * stroke.fs * (1 - 1e-9))
-    return stroke.cut(slice(n_samples) if part == "start" else slice(-n_samples, None))
+    return stroke.cut(slice(n_samples) if section == "start" else slice(-n_samples, None))
 
 
 def _described(strokes: Sequence[StrokeSignal], statistics: Sequence[str]) -> list[float]:
-    """Pool the strokes; only a slope is taken within each."""
+    """Pool the strokes; only the slope is computed within each."""
     levels = [name for name in statistics if name != "slope"]
     values: dict[str, float] = {}
     if levels:
@@ -185,3 +187,180 @@ def _described(strokes: Sequence[StrokeSignal], statistics: Sequence[str]) -> li
         turns = [stroke.travel / (2 * np.pi) for stroke in strokes]
         values["slope"] = common_slope([stroke.signal for stroke in strokes], turns)
     return [values[name] for name in statistics]
+
+
+def signal_statistics(signal: ArrayLike, statistics: Sequence[str]) -> Array:
+    """Compute statistics of signals.
+
+    Parameters
+    ----------
+    signal : array-like of shape (..., n_samples)
+        Signals in any unit U; all samples have equal weight.
+    statistics : sequence of str
+        Any of
+
+        - "mean" [U], "rms" [U], "std" [U] (divided by n_samples, so that
+          rms² = mean² + std²),
+        - "peak" [U], the largest absolute value, and "peak_to_peak" [U],
+        - "crest_factor", peak / rms: 1 for a constant, sqrt(2) for a sine,
+        - "kurtosis", the fourth central moment divided by the squared variance (3 is not
+          subtracted): 1.5 for a sine, 3 for Gaussian noise,
+        - "skewness", the third central moment divided by the variance to the power 3/2.
+
+    Returns
+    -------
+    ndarray of shape (..., n_statistics)
+        In float64, in the order of `statistics`.
+
+    Raises
+    ------
+    TypeError
+        If the signal is not numeric.
+    ValueError
+        If a statistic is unknown, a sample is not finite, or a ratio is undefined: the
+        kurtosis or skewness of a constant, the crest factor of zeros.
+
+    Examples
+    --------
+    >>> sine = np.sin(2 * np.pi * np.arange(100) / 100)
+    >>> signal_statistics(sine, ["rms", "crest_factor", "kurtosis"]).round(3).tolist()
+    [0.707, 1.414, 1.5]
+    """
+    x = check_real_array(signal, "signal")
+    if x.ndim == 0 or x.shape[-1] == 0:
+        raise ValueError(f"signal must contain at least 1 sample, got shape {x.shape}.")
+    check_finite(x.reshape(-1), "signal")
+    check_statistics(statistics, "statistics", tuple(STATISTICS))
+    return np.stack([STATISTICS[name](x) for name in statistics], axis=-1)
+
+
+def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> float:
+    """Fit one slope to several sections of a signal, each with a level of its own.
+
+    Parameters
+    ----------
+    signals : sequence of array-like of shape (n_samples,)
+        Sections of the signal, in any unit U; they may have different lengths.
+    turns : sequence of array-like of shape (n_samples,)
+        Position of each sample [revolutions, or any unit].
+
+    Returns
+    -------
+    float
+        Least-squares slope [U per unit of `turns`].
+
+    Raises
+    ------
+    ValueError
+        If no section has samples at two different positions, or lengths differ.
+
+    Notes
+    -----
+    The least-squares solution of ``signal[i] = level[i] + slope * turns[i]`` is the sum of the
+    centred products over the sum of the centred squares (assumed: no source is followed).
+
+    Examples
+    --------
+    >>> round(common_slope([[0.0, 1.0, 2.0], [9.0, 10.0]], [[0, 1, 2], [5, 6]]), 12)
+    1.0
+    """
+    products = squares = 0.0
+    for signal, position in zip(signals, turns, strict=True):
+        x, t = (np.asarray(values, dtype=np.float64) for values in (signal, position))
+        if x.ndim != 1 or x.shape != t.shape:
+            raise ValueError(
+                f"a signal of shape {x.shape} does not match turns of shape {t.shape}."
+            )
+        centred = t - t.mean()
+        products += float(centred @ (x - x.mean()))
+        squares += float(centred @ centred)
+    if not squares > 0:
+        raise ValueError(
+            "a slope needs samples at two different angles. Leave 'slope' out, or use longer "
+            "strokes."
+        )
+    return products / squares
+
+
+def check_statistics(names: Any, parameter: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Return names of statistics as a tuple: known, and each once."""
+    if isinstance(names, str) or not isinstance(names, Sequence | np.ndarray):
+        raise TypeError(f"{parameter} must be a list of names such as ['rms'], got {names!r}.")
+    chosen = tuple(names)
+    for name in chosen:
+        if name not in known:
+            raise ValueError(f"{parameter} must be some of {list(known)}; got {name!r}.")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise ValueError(f"{parameter} must name each statistic once, got {list(chosen)}.")
+    return chosen
+
+
+def _mean(x: NDArray[np.floating]) -> Array:
+    return np.mean(x, axis=-1, dtype=np.float64)
+
+
+def _peak(x: NDArray[np.floating]) -> Array:
+    return np.maximum(np.max(x, axis=-1), -np.min(x, axis=-1)).astype(np.float64)
+
+
+def _peak_to_peak(x: NDArray[np.floating]) -> Array:
+    return np.max(x, axis=-1).astype(np.float64) - np.min(x, axis=-1)
+
+
+def _rms(x: NDArray[np.floating]) -> Array:
+    return _size(np.asarray(x, dtype=np.float64))
+
+
+def _std(x: NDArray[np.floating]) -> Array:
+    return _size(_centred(x))
+
+
+def _crest_factor(x: NDArray[np.floating]) -> Array:
+    peak = _peak(x)
+    if not np.all(peak > 0):
+        raise ValueError(
+            "the crest factor of a signal of zeros is undefined. Leave 'crest_factor' or the "
+            "channel out."
+        )
+    return peak / _rms(x)
+
+
+def _kurtosis(x: NDArray[np.floating]) -> Array:
+    return np.mean(_standardised(x, "kurtosis") ** 4, axis=-1)
+
+
+def _skewness(x: NDArray[np.floating]) -> Array:
+    return np.mean(_standardised(x, "skewness") ** 3, axis=-1)
+
+
+def _centred(x: NDArray[np.floating]) -> Array:
+    return np.asarray(x, dtype=np.float64) - _mean(x)[..., np.newaxis]
+
+
+def _size(x: Array) -> Array:
+    """Root mean square, without overflow or underflow."""
+    largest = np.max(np.abs(x), axis=-1, keepdims=True)
+    unit = np.where(largest > 0, largest, 1.0)
+    return unit[..., 0] * np.sqrt(np.mean((x / unit) ** 2, axis=-1))
+
+
+def _standardised(x: NDArray[np.floating], name: str) -> Array:
+    """Scale to mean 0 and standard deviation 1; a constant, up to rounding, is an error."""
+    if np.any(_peak_to_peak(x) <= _ROUNDING * np.finfo(x.dtype).eps * _peak(x)):
+        raise ValueError(
+            f"the {name} of a constant signal is undefined. Leave {name!r} or the channel out."
+        )
+    centred = _centred(x)
+    return centred / _size(centred)[..., np.newaxis]
+
+
+STATISTICS: dict[str, Callable[[NDArray[np.floating]], Array]] = {
+    "mean": _mean,
+    "rms": _rms,
+    "std": _std,
+    "peak": _peak,
+    "peak_to_peak": _peak_to_peak,
+    "crest_factor": _crest_factor,
+    "kurtosis": _kurtosis,
+    "skewness": _skewness,
+}
