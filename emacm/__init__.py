@@ -111,9 +111,6 @@ if TYPE_CHECKING:
     from emacm.stroke_features.profile import (
         StrokeProfile as StrokeProfile,
     )
-    from emacm.stroke_features.relative_harmonics import (
-        RelativeHarmonics as RelativeHarmonics,
-    )
     from emacm.stroke_features.statistics import (
         RecordingStatistics as RecordingStatistics,
     )
@@ -159,9 +156,6 @@ _PUBLIC = {
     ],
     "stroke_features.harmonics": [
         "ShaftHarmonics",
-    ],
-    "stroke_features.relative_harmonics": [
-        "RelativeHarmonics",
     ],
     "conditions.baseline_normalizer": [
         "BaselineNormalizer",

@@ -17,7 +17,6 @@ from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
-from emacm.stroke_features.relative_harmonics import RelativeHarmonics
 from emacm.stroke_features.statistics import RecordingStatistics
 
 _STROKE = 1.0  # revolutions; what is shorter is jitter of a shaft that stands
@@ -118,13 +117,14 @@ def actuator_recipe(
         {} if healthy is None else {"condition": condition, "healthy": healthy}
     )
     strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
-    wave = ShaftHarmonics if phase else RelativeHarmonics
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
         BaselineNormalizer(**relative) if relative else "passthrough",
         _over_angle(revolutions, max_order, n_jobs),
     )
-    features = _union(over_angle=over_angle, wave=wave((1,), n_parts=2, **strokes))
+    reference = "absolute" if phase else "relative"
+    lines = ShaftHarmonics((1,), phase=reference, n_sections=2, **strokes)
+    features = _union(over_angle=over_angle, lines=lines)
     gaussians = CostSensitiveGaussianBayes(cost, priors=priors, covariance="tied", shrinkage="auto")
     return Pipeline(
         [

@@ -1,4 +1,4 @@
-"""What a channel showed in each stroke of a recording, over time or over the shaft angle."""
+"""Signals of a recording, stroke by stroke, over time or over the shaft angle."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class StrokeSignal(NamedTuple):
     Attributes
     ----------
     signal : ndarray of shape (n_samples,)
-        Its samples.
+        Samples.
     travel : ndarray of shape (n_samples,)
-        Angle run since the start of the stroke at each sample [rad].
+        Angle travelled since the start of the stroke, at each sample [rad].
     start_angle : float
         Shaft angle at the start of the stroke [rad].
     direction : {1, -1, 0}
@@ -47,61 +47,61 @@ class StrokeSignal(NamedTuple):
         return self.start_angle + (self.direction or 1) * self.travel
 
     def cut(self, samples: slice) -> StrokeSignal:
-        """Return some of the samples; angles stay what they are."""
+        """Return some of the samples, at unchanged angles."""
         return self._replace(signal=self.signal[samples], travel=self.travel[samples])
 
 
-class SeenRecording(NamedTuple):
-    """The channels of a recording, stroke by stroke, and while the shaft stands.
+class StrokeSignals(NamedTuple):
+    """Signals of a recording in each stroke and at rest.
 
     Attributes
     ----------
     strokes : list of list of StrokeSignal
         Strokes in order of time, for each channel.
     rest : list of ndarray, or None
-        For each channel, the samples that belong to no stroke; None over the shaft angle,
-        where there are none.
+        Samples that belong to no stroke, for each channel; None over the shaft angle, where
+        there are no such samples.
     """
 
     strokes: list[list[StrokeSignal]]
     rest: list[Samples] | None
 
 
-def see_recording(
+def cut_into_strokes(
     recording: Recording | AngleRecording,
     channels: Sequence[str],
     *,
     min_speed: float = 0.0,
     min_revolutions: float = 0.0,
-) -> SeenRecording:
+) -> StrokeSignals:
     """Cut channels of a recording into its strokes.
 
     Parameters
     ----------
     recording : Recording or AngleRecording
-        A recording over time is cut by `emacm.shaft.strokes.stroke_paths`; its samples stay as they
-        were taken. One over the shaft angle is resampled now.
+        A recording over time is cut by `emacm.shaft.strokes.stroke_paths`, without resampling.
+        One over the shaft angle is resampled in this call.
     channels : sequence of str
-        Which channels.
+        Names of the channels.
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s]; a recording over the angle
-        has its own.
+        has its own value.
     min_revolutions : float
-        Strokes shorter than this [revolutions] are passed over; over time they belong to rest.
+        Strokes shorter than this [revolutions] are ignored; over time they count as rest.
 
     Returns
     -------
-    SeenRecording
+    StrokeSignals
 
     Examples
     --------
     >>> run = Recording({"force": [0, 1, 2, 3, 4, 5]}, 1.0, velocity=[0.0, 1, 1, 0, -1, -1])
-    >>> seen = see_recording(run, ["force"])
-    >>> [(s.signal.tolist(), s.direction) for s in seen.strokes[0]], seen.rest[0].tolist()
+    >>> strokes, rest = cut_into_strokes(run, ["force"])
+    >>> [(s.signal.tolist(), s.direction) for s in strokes[0]], rest[0].tolist()
     ([([1.0, 2.0], 1), ([4.0, 5.0], -1)], [0.0, 3.0])
     """
     if isinstance(recording, AngleRecording):
-        return SeenRecording(_over_angle(recording, channels, min_revolutions), None)
+        return StrokeSignals(_over_angle(recording, channels, min_revolutions), None)
     paths = [
         path
         for path in stroke_paths(*recording.motion, recording.shaft_fs, min_speed=min_speed)
@@ -121,7 +121,7 @@ def see_recording(
         for first, last in ranges:
             standing[first:last] = False
         rest.append(signal[standing])
-    return SeenRecording(strokes, rest)
+    return StrokeSignals(strokes, rest)
 
 
 def _over_time(signal: Samples, fs: float, path: ShaftPath, first: int, last: int) -> StrokeSignal:

@@ -291,7 +291,7 @@ def check_statistics(names: Any, parameter: str, known: Sequence[str]) -> tuple[
         if name not in known:
             raise ValueError(f"{parameter} must be some of {list(known)}; got {name!r}.")
     if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(f"{parameter} must name each statistic once, got {list(chosen)}.")
+        raise ValueError(f"{parameter} must contain each name once, got {list(chosen)}.")
     return chosen
 
 

@@ -1,8 +1,8 @@
-"""What the transformers of strokes into named columns share: what they take, and the names.
+"""Base class of the estimators that compute named feature columns from strokes.
 
-A column is named ``channel+:feature`` of forward strokes, ``channel-:feature`` of reverse ones,
-``channel:feature`` of both, and ``channel+:part:feature`` of a part of the strokes. No such name
-is taken for an order or a bin, whose names are ``channel@...``.
+A column is named ``channel+:feature`` for forward strokes, ``channel-:feature`` for reverse ones,
+``channel:feature`` for both together, and ``channel+:section:feature`` for a section of the
+strokes. Orders and bins have other names, ``channel@...``.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from emacm.orders.columns import check_input_names
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.signals import SeenRecording, StrokeSignal, see_recording
+from emacm.stroke_features.signals import StrokeSignal, StrokeSignals, cut_into_strokes
 
 Row = Recording | AngleRecording
 Self = TypeVar("Self", bound="StrokeFeatures")
 
 WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
+MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
 
 
 class StrokeFeatures(TransformerMixin, BaseEstimator):
-    """Base of transformers of recordings into columns named after channels and strokes.
+    """Base class of the transformers from recordings to named feature columns.
 
-    Subclasses have the parameters `channels`, `by_direction`, `min_speed`,
-    `min_revolutions` and `n_jobs`, and
-    supply `_check_own_parameters`, `_feature_names` and `_features`.
+    Subclasses have the parameters `channels`, `by_direction`, `min_speed`, `min_revolutions` and
+    `n_jobs`, and implement `_check_own_parameters`, `_feature_names` and `_features`.
     """
 
     channels: Sequence[str] | None
@@ -46,11 +46,11 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
     n_jobs: int | None
 
     def fit(self: Self, X: Any, y: Any = None) -> Self:
-        """Learn the channels and the names of the columns; nothing is computed.
+        """Set the channels and the names of the columns; no feature is computed.
 
         Parameters
         ----------
-        X : list of Recording, or what OrderResampler returns
+        X : list of Recording, or output of OrderResampler
             Recordings.
         y : ignored
 
@@ -62,7 +62,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         Raises
         ------
         TypeError, ValueError
-            If a parameter or X is not what it should be.
+            If a parameter or X is invalid.
         """
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
@@ -72,8 +72,8 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         names = [":".join(key) for key in self._keys()]
         if len(set(names)) < len(names):
             raise ValueError(
-                f"the names of channels {list(self.channels_)} make columns of one name; rename "
-                f"those that end in '+' or '-' or hold a ':'."
+                f"channels {list(self.channels_)} give two columns the same name; rename "
+                f"those that end in '+' or '-' or contain a ':'."
             )
         self._columns_out = names
         return self
@@ -83,8 +83,8 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : list of Recording, or what OrderResampler returns
-            Recordings of the kind and with the channels seen in `fit`.
+        X : list of Recording, or output of OrderResampler
+            Recordings of the same kind and with the same channels as in `fit`.
 
         Returns
         -------
@@ -94,8 +94,8 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         Raises
         ------
         TypeError, ValueError
-            If X is not what it should be, or a recording lacks a stroke that a column is of; the
-            message names recording, channel and direction.
+            If X is invalid, or a recording has no stroke for a column; the message gives the
+            recording, the channel and the direction.
         """
         check_is_fitted(self)
         self._check_parameters()
@@ -110,7 +110,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         input_features : array-like of str, optional
-            Names of the channels; recordings name their own.
+            Names of the channels, which are checked.
 
         Returns
         -------
@@ -122,7 +122,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         return np.array(self._columns_out, dtype=object)
 
     def __sklearn_tags__(self) -> Any:
-        """Tell scikit-learn that X is no 2-D table."""
+        """Declare that X is a list of recordings, not a 2-D table."""
         tags = super().__sklearn_tags__()
         tags.input_tags.two_d_array = False
         tags.input_tags.three_d_array = True
@@ -132,11 +132,11 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         raise NotImplementedError
 
     def _feature_names(self) -> list[tuple[str, ...]]:
-        """Return what follows the channel in the names, for strokes of one direction."""
+        """Return the column names without the channel, for strokes of one direction."""
         raise NotImplementedError
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Any:
-        """Compute what `_feature_names` names from the strokes of one channel and direction."""
+        """Return the values of `_feature_names` for the strokes of one channel and direction."""
         raise NotImplementedError
 
     def _rest_names(self) -> list[tuple[str, ...]]:
@@ -163,7 +163,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         ]
 
     def _check_rows(self, rows: Sequence[Row]) -> None:
-        """Compare recordings with what `fit` saw."""
+        """Raise if recordings differ from those of `fit`."""
         check_channels(rows, self.channels_, others=self.channels is not None)
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
@@ -176,7 +176,7 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
                 self._check_row(row)
 
     def _check_row(self, row: Row) -> None:
-        """Say why a recording does not go with the parameters."""
+        """Raise if a recording does not match the parameters."""
         if not isinstance(row, AngleRecording):
             return
         if self.by_direction and row.direction == "travel":
@@ -187,41 +187,41 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         if self.min_speed not in (0, row.min_speed):
             raise ValueError(
                 f"min_speed = {self.min_speed:g} contradicts OrderResampler, which found the "
-                f"strokes with {row.min_speed:g}. State it there alone."
+                f"strokes with {row.min_speed:g}. Set it there only."
             )
 
     def _row(self, row: Row, index: int) -> NDArray[np.float64]:
         with located(partial(described, row, index)), np.errstate(over="ignore", invalid="ignore"):
-            seen = see_recording(
+            signals = cut_into_strokes(
                 row,
                 self.channels_,
                 min_speed=self.min_speed,
                 min_revolutions=self.min_revolutions,
             )
             blocks = [
-                block for k in range(len(self.channels_)) for block in self._of_channel(seen, k)
+                block for k in range(len(self.channels_)) for block in self._of_channel(signals, k)
             ]
             values = np.concatenate(blocks).astype(np.float64)
             if not np.all(np.isfinite(values)):
                 column = self._columns_out[int(np.argmin(np.isfinite(values)))]
                 raise ValueError(
-                    f"{column!r} is beyond what a float can hold. State the channel in another "
-                    f"unit."
+                    f"{column!r} exceeds the range of floating-point numbers. Convert the channel "
+                    f"to another unit."
                 )
             return values
 
-    def _of_channel(self, seen: SeenRecording, number: int) -> list[Any]:
+    def _of_channel(self, signals: StrokeSignals, number: int) -> list[Any]:
         channel, blocks = self.channels_[number], []
         for sign, way in WAYS.values() if self.by_direction else [(0, "")]:
             kind = f"{way} stroke".strip()
-            strokes = [s for s in seen.strokes[number] if sign in (0, s.direction)]
+            strokes = [s for s in signals.strokes[number] if sign in (0, s.direction)]
             if not strokes:
                 raise ValueError(_no_stroke(kind, self.min_revolutions))
             with located(f"channel {channel!r}, {kind}s"):
                 blocks.append(self._features(strokes))
-        if seen.rest is not None:
+        if signals.rest is not None:
             with located(f"channel {channel!r}, at rest"):
-                blocks.append(self._rest_features(seen.rest[number]))
+                blocks.append(self._rest_features(signals.rest[number]))
         return blocks
 
 
@@ -230,9 +230,9 @@ def _no_stroke(kind: str, min_revolutions: float) -> str:
     if min_revolutions > 0:
         wanted += f" and {min_revolutions:g} revolutions"
         parameters += ", min_revolutions"
-    remedy = f"Leave it out, or check {parameters} and the shaft's reference"
+    remedy = f"Leave it out, check {parameters} and the shaft reference"
     if kind != "stroke":
-        remedy += ", or do not keep directions apart (by_direction=False)"
+        remedy += ", or use by_direction=False"
     return f"it has no {wanted}. {remedy}."
 
 

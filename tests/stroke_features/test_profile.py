@@ -106,7 +106,7 @@ def test_strokes_of_a_single_angle_have_no_profile():
     (row,) = OrderResampler(4.0).fit_transform(
         [Recording({"force": np.arange(100.0)}, FS, velocity=np.full(100, 30.0))]
     )
-    with pytest.raises(ValueError, match="channel 'force', strokes: no stroke holds two samples"):
+    with pytest.raises(ValueError, match="channel 'force', strokes: no stroke contains two"):
         StrokeProfile(by_direction=False).fit_transform([row])
 
 
@@ -121,3 +121,8 @@ def test_strokes_of_a_single_angle_have_no_profile():
 def test_wrong_parameters_are_refused(parameters, error, message):
     with pytest.raises(error, match=message):
         StrokeProfile(**parameters).fit([out_and_back(lambda p: p)])
+
+
+def test_a_mistyped_number_of_coefficients_is_refused_at_once():
+    with pytest.raises(ValueError, match=r"n_coefficients must be .* at most 10000, got 10000000"):
+        StrokeProfile(10**7).fit([out_and_back(lambda p: p)])

@@ -32,9 +32,9 @@ KINDS = [
     StrokeProfile(5),
     StrokeProfile(3, basis="mean"),
     ShaftHarmonics((1, 2.5)),
-    ShaftHarmonics((1,), phase=False, n_parts=2),
+    ShaftHarmonics((1,), phase=None, n_sections=2),
 ]
-KINDS_OVER_TIME = [*KINDS, RecordingStatistics(parts=("start", "stroke", "stop", "rest"))]
+KINDS_OVER_TIME = [*KINDS, RecordingStatistics(sections=("start", "stroke", "stop", "rest"))]
 kinds = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: str(kind))
 kinds_over_time = pytest.mark.parametrize("kind", KINDS_OVER_TIME, ids=lambda kind: str(kind))
 
@@ -171,7 +171,7 @@ def union():
     return FeatureUnion(
         [
             ("bins", bins),
-            ("levels", RecordingStatistics(min_speed=10, parts=("stroke", "start", "rest"))),
+            ("levels", RecordingStatistics(min_speed=10, sections=("stroke", "start", "rest"))),
             ("profile", StrokeProfile(3, min_speed=10)),
             ("lines", make_pipeline(OrderResampler(THETA_S, min_speed=10), ShaftHarmonics())),
         ]
@@ -371,15 +371,15 @@ def test_channels_whose_columns_would_have_one_name_are_refused(kind):
     signals = dict.fromkeys(["a", "a:rest"], FLEET[0].signals["current"])
     recording = Recording(signals, 500, angle=FLEET[0].angle)
     clone(kind).fit([recording])
-    levels = RecordingStatistics(("rms",), by_direction=False, parts=("stroke", "rest"))
-    with pytest.raises(ValueError, match="make columns of one name"):
+    levels = RecordingStatistics(("rms",), by_direction=False, sections=("stroke", "rest"))
+    with pytest.raises(ValueError, match="give two columns the same name"):
         levels.fit([recording])
 
 
 def test_numbers_beyond_a_float_name_the_column():
     recording = Recording({"force": [1e308, -1e308] * 5}, 1, angle=np.arange(10.0))
     levels = RecordingStatistics(("peak_to_peak",), by_direction=False)
-    with pytest.raises(ValueError, match="'force:peak_to_peak' is beyond what a float can hold"):
+    with pytest.raises(ValueError, match="'force:peak_to_peak' exceeds the range of floating"):
         levels.fit_transform([recording])
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from emacm.stroke_features.profiles import cosine_coefficients, segment_means, stroke_positions
+from emacm.stroke_features.profile import cosine_coefficients, segment_means, stroke_positions
 
 RNG = np.random.default_rng(0)
 UNEVEN = np.concatenate([[0.0], np.sort(RNG.uniform(size=30)), [1.0]])
@@ -127,10 +127,10 @@ def test_a_stroke_without_a_length_has_no_positions():
 @pytest.mark.parametrize(
     ("position", "signal", "message"),
     [
-        ([0.0, 0.5], [1.0, 2.0], "run from 0 to 0.5"),
-        ([0.1, 1.0], [1.0, 2.0], "run from 0.1 to 1"),
-        ([0.0, 0.7, 0.6, 1.0], [0.0] * 4, "never fall"),
-        ([0.0, 1.0], [1.0, 2.0, 3.0], r"shape \(3,\) does not fit 2 positions"),
+        ([0.0, 0.5], [1.0, 2.0], "end at 0.5"),
+        ([0.1, 1.0], [1.0, 2.0], "start at 0.1"),
+        ([0.0, 0.7, 0.6, 1.0], [0.0] * 4, "have 1 decreasing steps"),
+        ([0.0, 1.0], [1.0, 2.0, 3.0], r"shape \(3,\) does not match 2 positions"),
     ],
 )
 def test_what_are_no_positions_is_refused(kind, position, signal, message):
@@ -142,3 +142,11 @@ def test_what_are_no_positions_is_refused(kind, position, signal, message):
 def test_no_coefficient_is_none(kind):
     with pytest.raises(ValueError, match="at least 1, got 0"):
         kind([0, 1], [0, 1], 0)
+
+
+def test_a_long_signal_is_projected_a_block_at_a_time(monkeypatch):
+    position = np.linspace(0, 1, 1001) ** 1.5
+    signal = np.stack([np.sin(9 * position), position**2])
+    whole = cosine_coefficients(position, signal, 7)
+    monkeypatch.setattr("emacm.stroke_features.profile._BLOCK", 6 * 64)
+    np.testing.assert_allclose(cosine_coefficients(position, signal, 7), whole, atol=1e-15)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emacm.stroke_features.harmonic_sums import harmonic_coefficients, whole_revolutions
+from emacm.stroke_features.harmonics import harmonic_coefficients, whole_revolutions
 
 TURN = 2 * np.pi
 STEP = TURN / 64
@@ -107,10 +107,10 @@ def test_whole_revolutions_lie_in_the_middle():
     assert whole_revolutions(travel) == slice(16, 16 + 64 * 4)
 
 
-@pytest.mark.parametrize("n_parts", [1, 2, 3, 4])
-def test_parts_of_whole_revolutions_share_no_sample(n_parts):
+@pytest.mark.parametrize("n_sections", [1, 2, 3, 4])
+def test_parts_of_whole_revolutions_share_no_sample(n_sections):
     travel = STEP * np.arange(64 * 12 + 20)
-    parts = [whole_revolutions(travel, part, n_parts) for part in range(n_parts)]
+    parts = [whole_revolutions(travel, part, n_sections) for part in range(n_sections)]
     assert all((part.stop - part.start) % 64 == 0 for part in parts)
     assert all(a.stop <= b.start for a, b in itertools.pairwise(parts))
     assert parts[0].start >= 0
@@ -125,12 +125,12 @@ def test_less_than_a_revolution_holds_none():
 
 
 def test_orders_above_half_the_samples_of_a_revolution_are_refused():
-    with pytest.raises(ValueError, match=r"order 32 does not exist in samples .* 64 in a revol"):
+    with pytest.raises(ValueError, match=r"order 32 is above the Nyquist order 32 of 64 samples"):
         harmonic_coefficients([EVEN], [lines(EVEN)], (1, 32))
 
 
 def test_orders_that_the_angle_cannot_tell_apart_are_refused():
-    with pytest.raises(ValueError, match=r"do not tell the orders .* apart"):
+    with pytest.raises(ValueError, match=r"do not separate the orders .* fewer orders"):
         harmonic_coefficients([EVEN], [lines(EVEN)], (1, 1 + 1e-12))
 
 
@@ -140,7 +140,7 @@ def test_a_shaft_that_stands_is_refused():
 
 
 def test_a_signal_must_fit_its_angles():
-    with pytest.raises(ValueError, match="3 samples does not fit 320 angles"):
+    with pytest.raises(ValueError, match="3 samples does not match 320 angles"):
         harmonic_coefficients([EVEN], [[1.0, 2.0, 3.0]], (1,))
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emacm import OrderResampler, Recording, RelativeHarmonics, ShaftHarmonics
+from emacm import OrderResampler, Recording, ShaftHarmonics
 
 FS = 1000
 TURN = 2 * np.pi
@@ -18,7 +18,8 @@ def recording(signal, angle=SWAY, **options):
 
 
 def lines(recordings, **options):
-    return RelativeHarmonics(**options).fit_transform(recordings)
+    options = {"orders": (1,), **options}
+    return ShaftHarmonics(phase="relative", **options).fit_transform(recordings)
 
 
 def two_ways(zero=0.0, lag=0.0, order=1):
@@ -29,7 +30,7 @@ def two_ways(zero=0.0, lag=0.0, order=1):
 @settings(max_examples=20)
 @given(st.floats(-10, 10))
 def test_where_the_wave_stands_on_the_shaft_changes_nothing(zero):
-    known, found = (lines([recording(two_ways(z, 0.7))], n_parts=2) for z in (0.0, zero))
+    known, found = (lines([recording(two_ways(z, 0.7))], n_sections=2) for z in (0.0, zero))
     np.testing.assert_allclose(found, known, atol=1e-6)
 
 
@@ -50,17 +51,17 @@ def test_the_phase_of_the_way_back_is_counted_from_the_way_out():
 
 def test_amplitudes_are_those_of_shaft_harmonics():
     X = [recording(two_ways(1.3, 0.7))]
-    options = {"orders": (1, 2), "n_parts": 3}
+    options = {"orders": (1, 2), "n_sections": 3}
     found = np.hypot(*lines(X, **options).reshape(-1, 2).T)
-    known = ShaftHarmonics(phase=False, **options).fit_transform(X)
+    known = ShaftHarmonics(phase=None, **options).fit_transform(X)
     np.testing.assert_allclose(found, known.ravel(), rtol=1e-9)
 
 
 def test_phases_are_those_of_shaft_harmonics_turned_by_one_angle():
     X = [recording(two_ways(1.3, 0.7))]
     absolute, relative = (
-        kind((1,), n_parts=2).fit_transform(X).reshape(-1, 2) @ [1, -1j]
-        for kind in (ShaftHarmonics, RelativeHarmonics)
+        ShaftHarmonics((1,), phase=phase, n_sections=2).fit_transform(X).reshape(-1, 2) @ [1, -1j]
+        for phase in ("absolute", "relative")
     )
     turned = relative / absolute
     np.testing.assert_allclose(turned, turned[0], atol=1e-9)
@@ -80,7 +81,8 @@ def test_recordings_over_the_angle_say_the_same():
 
 
 def test_columns_are_named_after_what_they_are():
-    names = RelativeHarmonics((1, 2), n_parts=2).fit([recording(SWAY)]).get_feature_names_out()
+    lines = ShaftHarmonics((1, 2), phase="relative", n_sections=2).fit([recording(SWAY)])
+    names = lines.get_feature_names_out()
     assert len(names) == 16
     assert names[0] == "current+:1of2:in_phase1"
     assert names[3] == "current+:1of2:quadrature2"
