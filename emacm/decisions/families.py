@@ -1,122 +1,248 @@
-"""Families of classes: a decision for the family of a sub-state is right."""
+"""Families of classes: several true states that call for the same decision."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from emacm._checks import check_number, located
 from emacm.decisions.costs import cost_table
+from emacm.decisions.labels import label_array, label_list, plain_labels
+
+_FORMS = (
+    "families must map each state to its family, as {'worn1': 'worn'}, or each family to its "
+    "states, as {'worn': ['worn1', 'worn2']}"
+)
+_COLLECTIONS = list | tuple | set | frozenset | np.ndarray | pd.Series | pd.Index
 
 
-def family_mapping(families: Mapping[Any, Any], classes: Iterable[Any]) -> dict[Any, Any]:
-    """Bring families to a mapping from each class to its family.
+def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
+    """Read families as a mapping from each state to its family.
 
     Parameters
     ----------
-    families : mapping
-        Either {class: family}, or {family: [classes]}, with lists, tuples or sets.
-    classes : iterable
-        The classes; each must have a family.
+    families : mapping or Series
+        Either {state: family}, or {family: states} with a list, tuple, set, array, Series or
+        Index of states. A Series has states in its index (or families, if its values are
+        collections). In the second form, a family with one state of the same name may be written
+        without a list.
+    classes : array-like of shape (n_classes,), optional
+        Classes that must have a family.
 
     Returns
     -------
     family_of : dict
-        {class: family}, families in the order given.
+        {state: family}, families in the order given.
 
     Raises
     ------
     TypeError
-        If `families` is no mapping.
+        If `families` is not a mapping.
     ValueError
-        If a class has no family or two, or a family is called like a class of another one.
+        If there is no family, a family has no states, a state has no family or two, the two forms
+        are mixed, or a family has the name of a state of another family.
 
     Examples
     --------
-    >>> family_mapping({"normal": ["normal"], "worn": ["worn1", "worn2"]}, ["normal", "worn1"])
+    >>> family_mapping({"normal": ["normal"], "worn": ["worn1", "worn2"]})
+    {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
+    >>> family_mapping({"normal": "normal", "worn1": "worn", "worn2": "worn"})
     {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
     """
-    if isinstance(families, pd.Series):
-        families = families.to_dict()
-    if not isinstance(families, Mapping):
-        raise TypeError(
-            f"families must map each class to its family, as {{'worn1': 'worn'}}, or each family "
-            f"to its classes, as {{'worn': ['worn1', 'worn2']}}; got {families!r}."
-        )
+    if not isinstance(families, Mapping | pd.Series):
+        raise TypeError(f"{_FORMS}; got {families!r}.")
+    if not len(families):
+        raise ValueError("families must contain at least one family, got none.")
+    entries = [(plain_labels([name])[0], content) for name, content in families.items()]
+    if any(isinstance(content, _COLLECTIONS) for _, content in entries):
+        pairs = [(state, name) for name, content in entries for state in _states(name, content)]
+        names = [state for state, _ in pairs]
+        repeated = next((state for state in names if names.count(state) > 1), None)
+    else:
+        pairs = [(state, plain_labels([family])[0]) for state, family in entries]
+        repeated = None  # the index of a Series may repeat a state with the same family
     family_of: dict[Any, Any] = {}
-    for name, members in families.items():
-        listed = isinstance(members, list | tuple | set | frozenset | np.ndarray)
-        for label, family in ((m, name) for m in members) if listed else ((name, members),):
-            if family_of.setdefault(label, family) != family:
-                raise ValueError(
-                    f"families puts {label!r} into {family_of[label]!r} and into {family!r}; a "
-                    f"class has one family."
-                )
-    missing = [label for label in classes if label not in family_of]
-    if missing:
-        raise ValueError(f"families must name a family for every class; missing: {missing}.")
+    for state, family in pairs:
+        if pd.isna(family):
+            raise ValueError(f"families has no family for {state!r}: got {family!r}.")
+        if family_of.setdefault(state, family) != family or state == repeated is not None:
+            others = [other for name, other in pairs if name == state]
+            raise ValueError(
+                f"families puts the state {state!r} into {others[0]!r} and into {others[1]!r}; "
+                f"each state belongs to one family, once."
+            )
     for family in family_of.values():
         if family_of.get(family, family) != family:
             raise ValueError(
-                f"families has a family {family!r} and a class {family!r} that belongs to "
-                f"{family_of[family]!r}: a decision for {family!r} could be either. Rename one."
+                f"families has a family {family!r} and a state {family!r} that belongs to "
+                f"{family_of[family]!r}: a decision for {family!r} is ambiguous. Rename one."
             )
+    missing = [label for label in plain_labels(np.asarray(classes)) if label not in family_of]
+    if missing:
+        raise ValueError(f"families must name a family for every class; missing: {missing}.")
     return family_of
 
 
-def families_of_cost(cost: Any, classes: ArrayLike) -> dict[Any, Any]:
-    """Read from a cost matrix which decision is right: the one that costs exactly 0.
+def as_families(y: ArrayLike, families: Any) -> NDArray[Any]:
+    """Return the family of each label, to be compared with decisions on families.
 
     Parameters
     ----------
-    cost : None, array-like, DataFrame or mapping
-        As for `emacm.decisions.costs.cost_table`: rows are decisions, columns truths.
-    classes : array-like of shape (n_classes,)
-        The truths.
+    y : array-like of shape (n_recordings,)
+        States.
+    families : mapping or Series
+        {state: family} or {family: states}, as for `family_costs`.
 
     Returns
     -------
-    family_of : dict
-        {class: right decision}. Where every class is a decision too, each is its own.
+    ndarray of shape (n_recordings,)
+        The families.
 
     Raises
     ------
-    ValueError
-        If a class is no decision, and not exactly one decision costs 0 for a class.
+    TypeError, ValueError
+        If a label has no family (the message gives its position), or `families` is ambiguous.
 
     Examples
     --------
-    >>> prices = [[0, 1, 1], [5, 0, 0]]
-    >>> cost = pd.DataFrame(prices, index=["fly", "ground"], columns=["new", "worn", "broken"])
-    >>> families_of_cost(cost, ["new", "worn", "broken"])
-    {'new': 'fly', 'worn': 'ground', 'broken': 'ground'}
+    >>> families = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
+    >>> as_families(["spalling2", "normal"], families).tolist()
+    ['spalling', 'normal']
     """
-    decisions, matrix = cost_table(cost, classes)
-    labels, rows = np.asarray(classes).tolist(), decisions.tolist()
-    if all(label in rows for label in labels):
-        return {label: label for label in labels}
-    family_of = {}
-    for label, prices in zip(labels, matrix.T, strict=True):
-        free = [row for row, price in zip(rows, prices, strict=True) if price == 0]
-        if len(free) != 1:
+    family_of = family_mapping(families)
+    labels = label_list(y, "y")
+    for position, label in enumerate(labels):
+        if label not in family_of:
             raise ValueError(
-                f"the decisions {rows} are not the classes, and {len(free)} of them cost 0 when "
-                f"{label!r} is true, so that the cost does not tell which one is right. Give "
-                f"families=, which maps each class to the decision that is right."
+                f"y contains {label!r} at position {position}, which is in no family. "
+                f"Known states: {list(family_of)}."
             )
-        family_of[label] = free[0]
-    return family_of
+    return label_array([family_of[label] for label in labels])
 
 
-def as_families(labels: Sequence[Any], family_of: Mapping[Any, Any]) -> list[Any]:
-    """Return the family of each label; what is no class (a family, "inspect") stays.
+def family_costs(
+    families: Any,
+    costs: Any = None,
+    *,
+    other_decisions: Mapping[Any, float] | None = None,
+    healthy: Any = None,
+    missed: float = 1.0,
+    false_alarm: float = 1.0,
+) -> pd.DataFrame:
+    """Return costs of decisions on families, for a classifier that is trained on the states.
+
+    A family of faults is seldom one Gaussian: eight severities of spalling are eight. A classifier
+    that is trained on the states and decides on families adds the posterior probabilities of
+    the states of a family.
+
+    Parameters
+    ----------
+    families : mapping or Series
+        {family: states} or {state: family}: families of faults, or the maintenance action that
+        each state calls for. See `emacm.decisions.families.family_mapping`.
+    costs : None, array-like, DataFrame or mapping, default=None
+        Costs between families, in the forms that `CostSensitiveGaussianBayes` accepts between
+        classes: None is 0-1, a mapping is {(decision, true family): cost}, all other entries 0-1
+        (or as below).
+    other_decisions : mapping of decision to cost, optional
+        Further decisions whose cost does not depend on the true state, such as {"inspect": 0.3}.
+    healthy : family, optional
+        The family to which `missed` and `false_alarm` refer.
+    missed, false_alarm : float, default=1
+        Cost of deciding `healthy` when another family is true (missed detection), and of the
+        reverse (false alarm). Entries of a mapping `costs` take precedence.
+
+    Returns
+    -------
+    DataFrame
+        Index = decisions, columns = states; the form that `CostSensitiveGaussianBayes`,
+        `expected_cost` and `emacm.decisions.least_risk` accept as `cost`.
+
+    Raises
+    ------
+    TypeError
+        If `families` or `other_decisions` is not a mapping, or a cost is not a number.
+    ValueError
+        If `families` is ambiguous, a family is unknown, one of `other_decisions` is a family, or
+        `missed` or `false_alarm` is given without `healthy` or together with a complete table.
+
+    Notes
+    -----
+    Metrics that compare labels, such as scikit-learn's accuracy, count every decision on families
+    as wrong if `y` contains states. Compare families with families,
+    ``balanced_accuracy_score(as_families(y, families), model.predict(X))``, or use `score` of the
+    classifier, `expected_cost` or `neg_expected_cost`.
 
     Examples
     --------
-    >>> as_families(["worn2", "worn", "inspect"], {"worn1": "worn", "worn2": "worn"})
-    ['worn', 'worn', 'inspect']
+    >>> families = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"]}
+    >>> family_costs(families, other_decisions={"inspect": 0.3}, healthy="normal", missed=10)
+              normal  spalling1  spalling2
+    normal       0.0       10.0       10.0
+    spalling     1.0        0.0        0.0
+    inspect      0.3        0.3        0.3
     """
-    return [family_of.get(label, label) for label in labels]
+    family_of = family_mapping(families)
+    names, states = list(dict.fromkeys(family_of.values())), list(family_of)
+    if missed != 1 or false_alarm != 1 or healthy is not None:
+        costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
+    with located("costs between families (the classes are the families here)"):
+        decisions, matrix = cost_table(costs, label_array(names))
+    rows = plain_labels(decisions)
+    if not isinstance(other_decisions, Mapping | None):
+        raise TypeError(
+            f"other_decisions must be a mapping such as {{'inspect': 0.3}}, "
+            f"got {other_decisions!r}."
+        )
+    matrix = matrix[:, [names.index(family) for family in family_of.values()]]
+    for decision, cost in (other_decisions or {}).items():
+        if decision in rows:
+            raise ValueError(
+                f"other_decisions contains {decision!r}, which already has costs between families."
+            )
+        value = check_number(cost, f"the cost of {decision!r} in other_decisions")
+        rows, matrix = [*rows, decision], np.vstack([matrix, np.full(len(states), value)])
+    index, columns = (pd.Index(labels, tupleize_cols=False) for labels in (rows, states))
+    return pd.DataFrame(matrix, index=index, columns=columns)
+
+
+def _states(family: Any, content: Any) -> list[Any]:
+    """Return the states of one family."""
+    if not isinstance(content, _COLLECTIONS):
+        if content != family:
+            raise ValueError(
+                f"families is ambiguous: some entries are collections of states, but "
+                f"{family!r}: {content!r} may mean either the state or the family {family!r}. "
+                f"Write {family!r}: [{content!r}]."
+            )
+        return [family]
+    states = plain_labels(content)
+    if not states:
+        raise ValueError(f"families has no states for the family {family!r}. Leave it out.")
+    return states
+
+
+def _alarm_costs(
+    costs: Any, families: list[Any], healthy: Any, missed: Any, false_alarm: Any
+) -> dict[Any, Any]:
+    """Return costs between families that contain those of missed detections and false alarms."""
+    if healthy not in families:
+        raise ValueError(
+            f"missed and false_alarm need healthy, one of the families {families}; "
+            f"got healthy={healthy!r}."
+        )
+    if not isinstance(costs, Mapping | None):
+        raise ValueError(
+            "costs is a complete table, which contains the costs of missed detections and false "
+            "alarms. Omit healthy, missed and false_alarm, or give costs as a mapping."
+        )
+    values = {"missed": missed, "false_alarm": false_alarm}
+    missed, false_alarm = (check_number(value, name) for name, value in values.items())
+    others = [family for family in families if family != healthy]
+    alarms = {(healthy, family): missed for family in others}
+    alarms |= {(family, healthy): false_alarm for family in others}
+    return alarms | dict(costs or {})

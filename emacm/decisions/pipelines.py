@@ -1,0 +1,92 @@
+"""The last step of pipelines and searches, where a classifier with costs is found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import has_fit_parameter
+
+
+def final_estimator(estimator: Any) -> Any:
+    """Return the last step of nested pipelines and searches, fitted or not.
+
+    Of a fitted search, this is the last step of the best estimator; of one that is not fitted, of
+    the estimator that it would fit.
+
+    Examples
+    --------
+    >>> from sklearn.naive_bayes import GaussianNB
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> final_estimator(make_pipeline(StandardScaler(), make_pipeline(GaussianNB())))
+    GaussianNB()
+    """
+    inner = _search_estimator(estimator)
+    if inner is not estimator:
+        return final_estimator(inner)
+    if hasattr(estimator, "steps"):
+        return final_estimator(estimator.steps[-1][1])
+    return estimator
+
+
+def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
+    """Transform X by all steps of a fitted pipeline but the last.
+
+    Returns
+    -------
+    final : estimator
+        As of `final_estimator`.
+    X : any
+        The input of `final`.
+
+    Examples
+    --------
+    >>> from sklearn.naive_bayes import GaussianNB
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> model = make_pipeline(StandardScaler(), GaussianNB()).fit([[0.0], [2.0]], [0, 1])
+    >>> before_the_last_step(model, [[3.0]])
+    (GaussianNB(), array([[2.]]))
+    """
+    inner = _search_estimator(estimator)
+    if inner is not estimator:
+        return before_the_last_step(inner, X)
+    if not hasattr(estimator, "steps"):
+        return estimator, X
+    table = estimator[:-1].transform(X) if len(estimator) > 1 else X
+    return before_the_last_step(estimator.steps[-1][1], table)
+
+
+def weight_parameter(estimator: Any) -> str:
+    """Return the name under which `fit` accepts weights: in a pipeline, those of the last step.
+
+    Raises
+    ------
+    TypeError
+        If it accepts none.
+
+    Examples
+    --------
+    >>> from sklearn.naive_bayes import GaussianNB
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> weight_parameter(make_pipeline(StandardScaler(), GaussianNB()))
+    'gaussiannb__sample_weight'
+    """
+    prefix, last = "", estimator
+    while isinstance(last, Pipeline):
+        step, last = last.steps[-1]
+        prefix += f"{step}__"
+    if not has_fit_parameter(last, "sample_weight"):
+        raise TypeError(f"{type(last).__name__} accepts no sample_weight. Omit the weights.")
+    return f"{prefix}sample_weight"
+
+
+def _search_estimator(estimator: Any) -> Any:
+    """Return the best estimator of a search, before the fit its template; others unchanged."""
+    if hasattr(estimator, "best_estimator_"):
+        return estimator.best_estimator_
+    if hasattr(estimator, "param_grid") or hasattr(estimator, "param_distributions"):
+        return estimator.estimator
+    return estimator
