@@ -19,7 +19,7 @@ from emacm import (
     CostSensitiveGaussianBayes,
     OrderPSD,
     OrderResampler,
-    group_costs,
+    family_costs,
 )
 from emacm.recipes import actuator_recipe
 
@@ -71,7 +71,7 @@ class Method:
 
 
 class Recipe(Method):
-    """The recipe of emacm; decisions are priced by `group_costs`."""
+    """The recipe of emacm; decisions are priced by `family_costs`."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__()
@@ -98,7 +98,9 @@ class Recipe(Method):
         groups: dict[str, list[str]] = {}
         for label, answer in answers.items():
             groups.setdefault(answer, []).append(label)
-        return make_pipeline(StandardScaler(), self.recipe[-1].set_params(cost=group_costs(groups)))
+        return make_pipeline(
+            StandardScaler(), self.recipe[-1].set_params(cost=family_costs(groups))
+        )
 
 
 class Thesis(Recipe):

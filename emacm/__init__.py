@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from emacm.decisions.classifier import (
         CostSensitiveGaussianBayes as CostSensitiveGaussianBayes,
     )
-    from emacm.decisions.classifier import (
-        neg_expected_cost as neg_expected_cost,
+    from emacm.decisions.families import (
+        as_families as as_families,
     )
-    from emacm.decisions.costs import (
+    from emacm.decisions.families import (
+        family_costs as family_costs,
+    )
+    from emacm.decisions.metrics import (
         expected_cost as expected_cost,
     )
-    from emacm.decisions.costs import (
-        group_costs as group_costs,
-    )
-    from emacm.decisions.costs import (
-        group_labels as group_labels,
+    from emacm.decisions.metrics import (
+        neg_expected_cost as neg_expected_cost,
     )
     from emacm.decisions.posterior_product import (
         PosteriorProduct as PosteriorProduct,
@@ -175,12 +175,14 @@ _PUBLIC = {
     ],
     "decisions.classifier": [
         "CostSensitiveGaussianBayes",
-        "neg_expected_cost",
     ],
-    "decisions.costs": [
+    "decisions.families": [
+        "as_families",
+        "family_costs",
+    ],
+    "decisions.metrics": [
         "expected_cost",
-        "group_costs",
-        "group_labels",
+        "neg_expected_cost",
     ],
     "decisions.posterior_product": [
         "PosteriorProduct",

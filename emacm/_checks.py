@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pandas import NA, DataFrame
+from pandas import DataFrame
 
 _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
 
@@ -153,41 +153,6 @@ def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
     return value
 
 
-def check_classes(y: Any) -> None:
-    """Raise if a recording has no class, or one of another kind than the first.
-
-    numpy would make text of a list that holds text and a missing label or a number, and so a class
-    called "nan".
-
-    Raises
-    ------
-    ValueError
-        If a label is None or NaN beside others that are not; the message tells which.
-    TypeError
-        If text and other labels are mixed.
-
-    Examples
-    --------
-    >>> check_classes(["healthy", "worn"])
-    """
-    dtype = getattr(y, "dtype", None)
-    if isinstance(dtype, np.dtype) and dtype.kind != "O":
-        return
-    labels = [label for label in y if np.ndim(label) == 0]
-    for index, label in enumerate(labels):
-        if label is None or label is NA or label != label:
-            raise ValueError(
-                f"y must name the class of every recording; recording {index} has {label!r}. "
-                f"Leave such recordings out."
-            )
-        if isinstance(label, str) != isinstance(labels[0], str):
-            first, other = (getattr(x, "item", lambda x=x: x)() for x in (labels[0], label))
-            raise TypeError(
-                f"y must hold classes of one kind, text or numbers, but recording 0 has {first!r} "
-                f"and recording {index} has {other!r}."
-            )
-
-
 def check_unique_columns(frame: DataFrame, name: str) -> None:
     """Raise a ValueError if two columns of a DataFrame have the same name."""
     if not frame.columns.is_unique:
@@ -204,27 +169,6 @@ def once_hint(values: Any) -> str:
     (' It can be read only once; write list(...).', '')
     """
     return " It can be read only once; write list(...)." if isinstance(values, Iterator) else ""
-
-
-def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
-    """Say why classes may be numbers where the user has names; nothing, if that is not it.
-
-    Examples
-    --------
-    >>> numbered_hint([0, 1], ["worn"])[:36]
-    ' Parts of scikit-learn number the cl'
-    >>> numbered_hint(["healthy", "worn"], ["wron"])
-    ''
-    """
-    if list(known) != list(range(len(known))) or not all(isinstance(k, str) for k in named):
-        return ""
-    return (
-        " Parts of scikit-learn number the classes before they fit (StackingClassifier, "
-        "VotingClassifier, cross_val_predict of probabilities). They want posteriors, which "
-        "no cost changes: leave the cost out there, state priors in the order of the classes, "
-        "and decide by PosteriorProduct([(name, classifier)], cost=...) or "
-        "emacm.decisions.costs.least_risk."
-    )
 
 
 def _first_word(values: Any, array: NDArray[Any]) -> str:

@@ -21,8 +21,8 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm.datasets import load_cranfield
-from emacm.decisions.classifier import CostSensitiveGaussianBayes, neg_expected_cost
-from emacm.decisions.costs import expected_cost
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD

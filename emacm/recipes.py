@@ -63,7 +63,7 @@ def actuator_recipe(
         Key of `meta` within which recordings are compared with `healthy` ones. For a
         classifier for each condition, put the recipe into a `ConditionRouter`.
     cost, priors
-        As for `CostSensitiveGaussianBayes`; a table of `group_costs` decides on families.
+        As for `CostSensitiveGaussianBayes`; a table of `family_costs` decides on families.
     revolutions : float
         Length of a segment of the spectra, and so 1 / (width of a bin). Short segments give
         few bins of small scatter.

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from emacm import ConditionRouter, Recording, ShaftHarmonics, group_costs
+from emacm import ConditionRouter, Recording, ShaftHarmonics, family_costs
 from emacm.recipes import actuator_recipe
 
 FS, TURN = 100.0, 2 * np.pi
@@ -108,7 +108,7 @@ def test_every_feature_has_a_name_of_its_own(options):
 
 def test_it_decides_on_families_of_states():
     X, y = campaign()
-    cost = group_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
+    cost = family_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
     assert {*recipe(cost=cost).fit(X, y).predict(X)} == {"normal", "worn"}
 
 

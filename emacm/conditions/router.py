@@ -19,11 +19,12 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, check_classes, located
+from emacm._checks import check_choice, located
 from emacm.conditions.rows import aligned_columns, joined_rows, joined_tables
-from emacm.decisions.costs import check_weights, cost_table
-from emacm.decisions.right_decisions import right_decisions
-from emacm.decisions.stated_costs import narrow_costs
+from emacm.decisions.costs import cost_table, narrow_costs
+from emacm.decisions.labels import check_classes
+from emacm.decisions.metrics import fraction_correct
+from emacm.decisions.pipelines import before_the_last_step, final_estimator
 from emacm.recordings.inputs import described
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
@@ -41,7 +42,7 @@ def _has(method: str) -> Callable[[Any], bool]:
 
 
 def _has_risk(router: ConditionRouter) -> bool:
-    return hasattr(_final(router.estimator), "risk")
+    return hasattr(final_estimator(router.estimator), "risk")
 
 
 def _scores(router: ConditionRouter) -> bool:
@@ -259,7 +260,7 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
             recording's condition.
         """
         parts, places, models = self._asked(X, _risk)
-        known = [_final(model).decisions_ for model in models]
+        known = [final_estimator(model).decisions_ for model in models]
         return joined_rows(aligned_columns(parts, known, self.decisions_, absent=np.inf), places)
 
     @available_if(_has("transform"))
@@ -326,8 +327,8 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
         """
         answers = self.predict(X)
         if hasattr(self, "cost_"):
-            right = right_decisions(y, answers, self.decisions_, self.classes_, self.cost_)
-            return float(np.average(right, weights=check_weights(sample_weight, len(right))))
+            table = self.decisions_, self.classes_, self.cost_
+            return fraction_correct(y, answers, table, sample_weight)
         metric = accuracy_score if is_classifier(self.estimator) else r2_score
         return float(metric(y, answers, sample_weight=sample_weight))
 
@@ -442,9 +443,9 @@ class ConditionRouter(MetaEstimatorMixin, BaseEstimator):
             return
         self.classes_ = np.unique(np.concatenate([model.classes_ for model in models]))
         whole = [model for model in models if len(model.classes_) == len(self.classes_)]
-        if hasattr(_final(models[0]), "cost_"):
+        if hasattr(final_estimator(models[0]), "cost_"):
             # A condition that lacks a class was given a part of the cost; what was stated has all.
-            stated = _final(whole[0] if whole else self.estimator).cost
+            stated = final_estimator(whole[0] if whole else self.estimator).cost
             self.decisions_, self.cost_ = cost_table(stated, self.classes_)
 
     def _asked(self, X: Any, ask: Callable[[Any, Any], Any]) -> tuple[list[Any], list[Any], list]:
@@ -544,21 +545,7 @@ def _names_out(model: Any) -> Any:
         return None
 
 
-def _final(estimator: Any) -> Any:
-    """Return the last step of pipelines and searches, fitted or not."""
-    if hasattr(estimator, "best_estimator_"):
-        return _final(estimator.best_estimator_)
-    if hasattr(estimator, "param_grid") or hasattr(estimator, "param_distributions"):
-        return _final(estimator.estimator)
-    if hasattr(estimator, "steps"):
-        return _final(estimator.steps[-1][1])
-    return estimator
-
-
 def _risk(estimator: Any, X: Any) -> NDArray[np.floating]:
-    """Return the risk that the last step sees; pipelines themselves have no such method."""
-    if hasattr(estimator, "best_estimator_"):
-        return _risk(estimator.best_estimator_, X)
-    if not hasattr(estimator, "steps"):
-        return estimator.risk(X)
-    return _risk(estimator.steps[-1][1], estimator[:-1].transform(X) if len(estimator) > 1 else X)
+    """Return the risk that the last step computes; pipelines have no such method."""
+    final, table = before_the_last_step(estimator, X)
+    return final.risk(table)

@@ -6,19 +6,19 @@ import warnings
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_choice, check_classes, check_number
-from emacm.decisions.costs import check_weights, cost_table, expected_cost
+from emacm._checks import check_choice, check_number
+from emacm.decisions.costs import cost_table
 from emacm.decisions.gaussians import FLOOR, fit_gaussians
+from emacm.decisions.labels import check_classes
+from emacm.decisions.metrics import check_weights, fraction_correct
 from emacm.decisions.moments import ClassMoments, class_moments
 from emacm.decisions.posteriors import BayesRule
 from emacm.decisions.priors import class_priors
-from emacm.decisions.right_decisions import right_decisions
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient
 
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
@@ -305,8 +305,7 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
             classes, and `y` holds a label that is neither.
         """
         table = self.decisions_, self.classes_, self.cost_
-        right = right_decisions(column_or_1d(y), self.predict(X), *table)
-        return float(np.average(right, weights=check_weights(sample_weight, len(right))))
+        return fraction_correct(column_or_1d(y), self.predict(X), table, sample_weight)
 
     def _features(self, X) -> NDArray[np.float64]:
         check_is_fitted(self)
@@ -401,60 +400,6 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         if self._moments.pooled:
             return "all classes"
         return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
-
-
-def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
-    """Score a fitted classifier by minus the mean cost of its decisions.
-
-    A scorer for `scoring=` of `GridSearchCV`, `cross_validate` and the like. The cost is
-    that of the classifier itself, found at the end of a Pipeline or in the best estimator
-    of a search. A search over the cost itself must not use it: the unit would change.
-
-    Parameters
-    ----------
-    estimator : CostSensitiveGaussianBayes, Pipeline or fitted search
-        Fitted, with `cost_`, `decisions_` and `classes_` somewhere at its end.
-    X : array-like of n_recordings
-        What the estimator takes.
-    y : array-like of shape (n_recordings,)
-        True classes.
-
-    Returns
-    -------
-    score : float
-        Minus the mean cost per recording; higher is better.
-
-    Raises
-    ------
-    TypeError
-        If the classifier has no cost.
-    ValueError
-        If `y` holds a class that the classifier was not trained on.
-
-    Examples
-    --------
-    >>> X, y = [[0.0], [1.0], [2.0], [3.0]], ["healthy", "healthy", "worn", "worn"]
-    >>> model = CostSensitiveGaussianBayes({("healthy", "worn"): 10}).fit(X, y)
-    >>> neg_expected_cost(model, [[0.5], [0.4]], ["healthy", "worn"])
-    -5.0
-    """
-    final = _final_classifier(estimator)
-    if not hasattr(final, "cost_"):
-        raise TypeError(
-            f"neg_expected_cost takes the cost from the classifier, but {type(final).__name__} "
-            f"has no cost_ (is it fitted?). For other classifiers, state the cost: "
-            f"make_scorer(expected_cost, greater_is_better=False, cost=...)."
-        )
-    cost = pd.DataFrame(final.cost_, index=final.decisions_, columns=final.classes_)
-    return -expected_cost(y, estimator.predict(X), cost=cost)
-
-
-def _final_classifier(estimator: Any) -> Any:
-    if hasattr(estimator, "best_estimator_"):
-        return _final_classifier(estimator.best_estimator_)
-    if hasattr(estimator, "steps"):
-        return _final_classifier(estimator.steps[-1][1])
-    return estimator
 
 
 def _check_parameters(covariance: Any, shrinkage: Any) -> None:

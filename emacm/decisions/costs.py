@@ -95,9 +95,7 @@ def cost_parameters(estimator: Any) -> dict[str, Any]:
     {'costsensitivegaussianbayes__cost': {('a', 'b'): 10}}
     """
     parameters = estimator.get_params(deep=True) if hasattr(estimator, "get_params") else {}
-    return {
-        name: value for name, value in parameters.items() if name.rpartition("__")[2] == "cost"
-    }
+    return {name: value for name, value in parameters.items() if name.rpartition("__")[2] == "cost"}
 
 
 def stated_cost(estimator: Any) -> Any:

@@ -11,7 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import has_fit_parameter
 
 from emacm._checks import located
-from emacm.decisions.classifier import _final_classifier
+from emacm.decisions.pipelines import final_estimator
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def member_prior(name: str, member: Any, classes: NDArray[Any], counts: Array) -
             f"{classes.tolist()}: posteriors can be multiplied for the same classes only. "
             f"Fit it on all of them."
         )
-    final = _final_classifier(member)
+    final = final_estimator(member)
     for attribute in ("priors_", "class_prior_"):
         if hasattr(final, attribute):
             return np.asarray(getattr(final, attribute), dtype=np.float64)

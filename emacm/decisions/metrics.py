@@ -286,7 +286,8 @@ def decision_costs(
 
     Examples
     --------
-    >>> decision_costs(["new", "worn"], ["worn", "new"], (["new", "worn"],) * 2 + ([[0, 9], [1, 0]],))
+    >>> labels, cost = ["new", "worn"], [[0, 9], [1, 0]]
+    >>> decision_costs(["new", "worn"], ["worn", "new"], (labels, labels, cost))
     array([1., 9.])
     """
     decisions, classes = (plain_labels(np.asarray(labels)) for labels in table[:2])

@@ -14,8 +14,9 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, proces
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from emacm._checks import check_classes, check_number
-from emacm.decisions.costs import check_weights, conditional_risk, cost_table
+from emacm._checks import check_number
+from emacm.decisions.costs import cost_table
+from emacm.decisions.labels import check_classes
 from emacm.decisions.members import (
     checked_members,
     fitted_member,
@@ -24,10 +25,10 @@ from emacm.decisions.members import (
     named_pairs,
     weight_parameter,
 )
+from emacm.decisions.metrics import check_weights, fraction_correct
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.priors import class_priors
-from emacm.decisions.right_decisions import right_decisions
-from emacm.decisions.risks import LeastRisk
+from emacm.decisions.risks import LeastRisk, conditional_risk
 
 Array = NDArray[np.float64]
 
@@ -279,8 +280,7 @@ class PosteriorProduct(ClassifierMixin, BaseEstimator):
             classes, and `y` holds a label that is neither.
         """
         table = self.decisions_, self.classes_, self.cost_
-        right = right_decisions(column_or_1d(y), self.predict(X), *table)
-        return float(np.average(right, weights=check_weights(sample_weight, len(right))))
+        return fraction_correct(column_or_1d(y), self.predict(X), table, sample_weight)
 
     def get_params(self, deep=True):
         """Return parameters; with `deep`, also members, and theirs as ``name__parameter``."""

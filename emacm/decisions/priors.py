@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_number, check_real_array, numbered_hint
+from emacm._checks import check_choice, check_number, check_real_array
+from emacm.decisions.labels import numbered_hint
 
 
 def class_priors(

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from emacm.decisions.families import as_families, family_mapping
+from emacm.decisions.families import family_mapping
+from emacm.decisions.labels import label_list
+from emacm.decisions.metrics import are_correct, correct_families, label_of
 from emacm.displays._drawing import (
     COLOURS,
     SMALL,
@@ -144,19 +146,19 @@ class OutcomesDisplay:
         ValueError
             If lengths differ, nobody and nothing is healthy, or a class has no family.
         """
-        truths = np.asarray(y_true)
-        check_labels(truths, truths.size, "y_true")
-        decided = check_labels(y_pred, len(truths), "y_pred")
+        truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
+        check_labels(decided, len(truths), "y_pred")
+        correct = {}
         if families is not None:
-            family_of = family_mapping(families, np.unique(truths).tolist())
-            truths, decided = (_in_families(a, family_of) for a in (truths, decided))
+            correct = correct_families(family_mapping(families, list(dict.fromkeys(truths))))
+        right = are_correct(truths, decided, correct)
+        truths, decided = ([label_of(v, correct) for v in side] for side in (truths, decided))
         sound, passed = (np.array([v == healthy for v in a], bool) for a in (truths, decided))
         if not (sound.any() or passed.any()):
             raise ValueError(
                 f"healthy = {healthy!r} is neither in y_true nor in y_pred, which hold "
                 f"{sorted(set(map(str, truths)))} and {sorted(set(map(str, decided)))}."
             )
-        right = np.array([t == d for t, d in zip(truths, decided, strict=True)], bool)
         outcome = np.select(
             [right, sound, passed], ["correct", "false positive", "false negative"], "wrong fault"
         )
@@ -224,8 +226,3 @@ class OutcomesDisplay:
         panel.set_yticks(heights, names, fontsize=SMALL)
         panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
         panel.set_xlim(0, 100)
-
-
-def _in_families(labels: NDArray[Any], family_of: Mapping[Any, Any]) -> NDArray[Any]:
-    """Return the family of each label, as an object, so that mixed labels stay what they are."""
-    return np.fromiter(as_families(labels.tolist(), family_of), object, len(labels))

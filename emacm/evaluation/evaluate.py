@@ -17,9 +17,9 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
-from emacm._checks import check_classes, check_count, once_hint
-from emacm.decisions.families import as_families
-from emacm.decisions.stated_costs import stated_cost
+from emacm._checks import check_count, once_hint
+from emacm.decisions.costs import stated_cost
+from emacm.decisions.labels import check_classes
 from emacm.evaluation.bootstrap import check_bootstrap
 from emacm.evaluation.caveats import confounding_caveats, scheme_caveats, single_unit_labels
 from emacm.evaluation.results import Evaluation, gather, score_scheme
@@ -86,7 +86,7 @@ def evaluate(
     healthy : object, optional
         The healthy class or family. Without it the three rates are not computed.
     cost : array-like, DataFrame or mapping, optional
-        Rows are decisions, columns true classes, as for `emacm.decisions.costs.cost_table`;
+        Rows are decisions, columns true classes, as for `CostSensitiveGaussianBayes`;
         columns may be families. Default: the `cost` among the estimator's parameters (several
         that differ are an error); without any, 0-1.
     n_splits : int, default=10
@@ -153,7 +153,7 @@ def evaluate(
         check_count(random_state, "random_state", at_least=0)
     cost = stated_cost(estimator) if cost is None else cost
     rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, cost=cost)
-    labels = as_families(classes.tolist(), rule.family_of)
+    labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = {
         role: read_grouping(values, X, role, _ROLES[role])
         for role, values in zip(_ROLES, (runs, units, conditions), strict=True)

@@ -15,7 +15,7 @@ from sklearn.base import clone
 from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
 
 from emacm._checks import located
-from emacm.decisions.stated_costs import narrow_costs
+from emacm.decisions.costs import narrow_costs
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label
 
 Indices = NDArray[np.intp]

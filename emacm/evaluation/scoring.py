@@ -1,4 +1,4 @@
-"""Which decisions are right under which truth, which are alarms, and what each costs."""
+"""Which decisions are correct, which are alarms, and what each costs."""
 
 from __future__ import annotations
 
@@ -11,32 +11,43 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.decisions.costs import cost_table
-from emacm.decisions.families import as_families, families_of_cost, family_mapping
+from emacm.decisions.families import family_mapping
+from emacm.decisions.labels import label_array
+from emacm.decisions.metrics import (
+    Correct,
+    are_correct,
+    correct_decisions,
+    correct_families,
+    decision_costs,
+    label_of,
+)
 
 
 @dataclass(frozen=True)
 class ScoringRule:
-    """How decisions are judged.
+    """Correct decisions and their costs.
 
     Attributes
     ----------
     classes : list
-        The possible truths, those of a family together.
-    family_of : dict
-        {class: label that is right}; each its own where there are no families.
+        The possible true classes, those of a family together.
+    correct : dict
+        {class: correct decisions}, see `emacm.decisions.metrics.correct_decisions`.
     healthy : object
-        Healthy label; None if nobody said.
-    prices : dict or None
-        {(decision, truth): cost}; None counts wrong decisions.
-    decisions : list
-        Decisions that `prices` knows.
+        Healthy label; None if it was not given.
+    costs : tuple of (decisions, classes, cost) or None
+        Labels of the rows and columns, and the cost; None counts wrong decisions.
     """
 
     classes: list[Any]
-    family_of: dict[Any, Any]
+    correct: Correct
     healthy: Any = None
-    prices: dict[tuple[Any, Any], float] | None = None
-    decisions: Sequence[Any] = ()
+    costs: tuple[list[Any], list[Any], NDArray[np.float64]] | None = None
+
+    @property
+    def family_of(self) -> dict[Any, Any]:
+        """The first correct decision for each class."""
+        return {label: self.correct[label][0] for label in self.classes}
 
     @property
     def labels(self) -> list[Any]:
@@ -67,52 +78,52 @@ class ScoringRule:
         ValueError
             If a decision is no class, no family and has no price.
         """
-        known = {*self.family_of, *self.family_of.values(), *self.decisions}
+        rows = self.costs[0] if self.costs else []
+        known = {*self.correct, *self.labels, *rows}
         for decision in decisions:
             if decision not in known:
                 raise ValueError(
                     f"the estimator decided {decision!r}, which is none of the classes "
-                    f"{self.classes} and has no price. If it stands for some of them, give "
-                    f"families=; if it is another decision, price it in cost=."
+                    f"{self.classes} and has no cost. If it stands for some of them, give "
+                    f"families=; if it is another decision, give its costs in cost=."
                 )
         table = pd.DataFrame({"truth": _column(truths), "decision": _column(decisions)})
-        table["true_label"] = _column(as_families(truths, self.family_of))
-        table["decided_label"] = _column(as_families(decisions, self.family_of))
-        pairs = zip(table["true_label"], table["decided_label"], strict=True)
-        table["correct"] = np.array([true == decided for true, decided in pairs], bool)
-        table["cost"] = self._costs(truths, decisions) if self.prices else 1.0 - table["correct"]
+        is_correct = are_correct(truths, decisions, self.correct)
+        labels = [label_of(truth, self.correct) for truth in truths]
+        # Where several decisions are correct, each of them stands for the first.
+        decided = [
+            label if correct else label_of(decision, self.correct)
+            for label, decision, correct in zip(labels, decisions, is_correct, strict=True)
+        ]
+        table["true_label"], table["decided_label"] = _column(labels), _column(decided)
+        table["correct"] = is_correct
+        table["cost"] = self._costs(truths, decisions) if self.costs else 1.0 - is_correct
         return table
 
-    def _costs(self, truths: Sequence[Any], decisions: Sequence[Any]) -> list[float]:
-        """Look up prices; those of a family stand for its classes where they have none."""
-        found = []
-        for truth, decision in zip(truths, decisions, strict=True):
-            chosen = decision if decision in self.decisions else self.family_of.get(decision)
-            if (price := (self.prices or {}).get((chosen, truth))) is None:
-                raise ValueError(
-                    f"cost has no price for deciding {decision!r} when {truth!r} is true. Its "
-                    f"decisions (rows) are {list(self.decisions)}."
-                )
-            found.append(price)
-        return found
+    def _costs(self, truths: Sequence[Any], decisions: Sequence[Any]) -> NDArray[np.float64]:
+        """Return the cost of each decision; a class without costs has those of its family."""
+        assert self.costs is not None
+        rows = self.costs[0]
+        chosen = [d if d in rows else label_of(d, self.correct) for d in decisions]
+        return decision_costs(truths, chosen, self.costs)
 
 
 def scoring_rule(
     classes: NDArray[Any], *, families: Any = None, healthy: Any = None, cost: Any = None
 ) -> ScoringRule:
-    """Settle how decisions are judged.
+    """Return which decisions are correct and what each costs.
 
     Parameters
     ----------
     classes : ndarray of shape (n_classes,)
         The possible truths, sorted.
     families : mapping, optional
-        {class: family} or {family: [classes]}. Default: what costs 0, if the rows of `cost` are
-        not the classes; otherwise each class is its own.
+        {class: family} or {family: [classes]}. Default: for a class that is no decision of
+        `cost`, the decision with the least cost; otherwise each class is its own.
     healthy : object, optional
         Healthy class or family.
     cost : None, array-like, DataFrame or mapping, optional
-        As for `emacm.decisions.costs.cost_table`; its columns may also be the families.
+        As for `CostSensitiveGaussianBayes`; its columns may also be the families.
 
     Returns
     -------
@@ -132,26 +143,29 @@ def scoring_rule(
     """
     names = classes.tolist()
     if families is not None:
-        family_of = family_mapping(families, names)
+        correct = correct_families(family_mapping(families, names))
     elif cost is not None:
-        family_of = family_mapping(families_of_cost(cost, classes), names)
+        correct = correct_decisions(*_table(cost, names))
     else:
-        family_of = {name: name for name in names}
-    order = [name for name in family_of if name in names] if families is not None else names
-    rule = ScoringRule(order, family_of, _healthy_label(healthy, family_of, names))
+        correct = {name: (name,) for name in names}
+    order = [name for name in correct if name in names] if families is not None else names
+    family_of = {name: correct[name][0] for name in order}
+    healthy = _healthy_label(healthy, family_of, names)
     if cost is None:
-        return rule
+        return ScoringRule(order, correct, healthy)
+    labels = list(dict.fromkeys(family_of.values()))
     truths = _truths(cost)
-    by_family = truths <= {*rule.labels} and not truths <= {*names}
-    columns = rule.labels if by_family else names
-    decisions, matrix = cost_table(cost, columns)
-    place = {name: columns.index(family_of[name] if by_family else name) for name in names}
-    prices = {
-        (decision, name): float(matrix[row, place[name]])
-        for row, decision in enumerate(decisions.tolist())
-        for name in names
-    }
-    return ScoringRule(order, family_of, rule.healthy, prices, decisions.tolist())
+    if truths <= {*labels} and not truths <= {*names}:
+        decisions, _, matrix = _table(cost, labels)
+        matrix = matrix[:, [labels.index(family_of[name]) for name in names]]
+    else:
+        decisions, _, matrix = _table(cost, names)
+    return ScoringRule(order, correct, healthy, (decisions, names, matrix))
+
+
+def _table(cost: Any, columns: list[Any]) -> tuple[list[Any], list[Any], NDArray[np.float64]]:
+    decisions, matrix = cost_table(cost, label_array(columns))
+    return decisions.tolist(), columns, matrix
 
 
 def _healthy_label(healthy: Any, family_of: Mapping[Any, Any], names: list[Any]) -> Any:
@@ -177,9 +191,4 @@ def _truths(cost: Any) -> set[Any]:
 
 
 def _column(values: Sequence[Any]) -> pd.Series:
-    """Keep labels as they are: numbers beside text stay numbers."""
-    array = np.asarray(values)
-    if array.dtype.kind in "US" and not all(isinstance(value, str) for value in values):
-        array = np.empty(len(values), object)
-        array[:] = values
-    return pd.Series(array)
+    return pd.Series(label_array(list(values)))

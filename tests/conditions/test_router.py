@@ -23,10 +23,10 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingStatistics,
+    as_families,
     explain_decision,
     explain_model,
-    group_costs,
-    group_labels,
+    family_costs,
     neg_expected_cost,
 )
 
@@ -226,7 +226,7 @@ def test_the_mean_cost_of_its_decisions_is_a_score(fleet):
 def test_a_decision_for_the_family_of_a_state_is_scored_as_right():
     states = ["healthy", "healthy", "worn 1", "worn 1", "worn 2", "worn 2"] * 2
     levels = table([20] * 6 + [40] * 6, [1, 1.2, 5, 5.2, 9, 9.2] * 2)
-    cost = group_costs({"healthy": "healthy", "worn": ["worn 1", "worn 2"]})
+    cost = family_costs({"healthy": "healthy", "worn": ["worn 1", "worn 2"]})
     model = CostSensitiveGaussianBayes(cost, covariance="tied")
     router = ConditionRouter(model).fit(levels, states)
     assert set(router.predict(levels)) == {"healthy", "worn"}
@@ -519,7 +519,9 @@ def test_the_pipeline_of_a_condition_can_be_explained(fleet):
 FAMILIES = {"healthy": ["healthy"], "worn": ["worn", "dry"]}
 SUB_STATES = np.array(["healthy", "healthy", "dry", "worn", "healthy", "healthy", "worn", "worn"])
 FORMS_OF_A_COST = {
-    "families": group_costs(FAMILIES, extra={"inspect": 0.3}, healthy="healthy", missed=10),
+    "families": family_costs(
+        FAMILIES, other_decisions={"inspect": 0.3}, healthy="healthy", missed=10
+    ),
     "mapping": {("healthy", "dry"): 10, ("healthy", "worn"): 10},
     "array": [[0, 1, 1], [10, 0, 1], [10, 1, 0]],  # dry, healthy, worn
 }
@@ -565,7 +567,7 @@ def test_the_cost_of_the_estimator_given_stays_as_it_is():
 
 def test_a_right_family_scores_as_right():
     router = ConditionRouter(gaussian(FORMS_OF_A_COST["families"])).fit(LOADED, SUB_STATES)
-    right = group_labels(SUB_STATES, FAMILIES) == router.predict(LOADED)
+    right = as_families(SUB_STATES, FAMILIES) == router.predict(LOADED)
     assert router.score(LOADED, SUB_STATES) == right.mean() == 1.0
     weight = np.arange(1.0, 9.0)
     assert router.score(LOADED, np.full(8, "worn"), weight) == (3 + 4 + 7 + 8) / 36
@@ -602,7 +604,9 @@ def test_columns_of_different_channels_are_not_put_below_one_another(fleet):
 
 @pytest.mark.parametrize("missing", [None, np.nan, pd.NA])
 def test_a_recording_without_a_class_is_named_and_makes_no_class_called_nan(missing):
-    with pytest.raises(ValueError, match=r"class of every recording; recording 7 has (None|nan|<)"):
+    with pytest.raises(
+        ValueError, match=r"class of every recording, but recording 7 has (None|nan|<)"
+    ):
         ConditionRouter(LogisticRegression()).fit(LOADED, [*STATES[:7], missing])
 
 

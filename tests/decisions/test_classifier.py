@@ -31,8 +31,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from emacm.decisions.classifier import CostSensitiveGaussianBayes, neg_expected_cost
-from emacm.decisions.costs import expected_cost, least_risk
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.metrics import expected_cost, neg_expected_cost
+from emacm.decisions.risks import least_risk
 
 NAMES = np.array(["ball", "healthy", "screw"])
 COST = np.array([[0.0, 8.0, 3.0], [20.0, 0.0, 40.0], [5.0, 6.0, 0.0]])
@@ -412,7 +413,7 @@ def test_posteriors_of_sub_states_need_no_cost_and_decide_for_families_afterward
 def test_a_sub_state_never_trained_on_cannot_be_scored_but_its_family_can():
     X, y = states(33)
     model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
-    with pytest.raises(ValueError, match="y holds 'dry 3' at recording 1, which is none of the"):
+    with pytest.raises(ValueError, match="y contains 'dry 3' at recording 1, which is none of the"):
         model.score(X[:2], ["dry 1", "dry 3"])
     assert model.score(X[:2], ["dry", "dry"]) == np.mean(model.predict(X[:2]) == "dry")
 
@@ -776,5 +777,5 @@ def test_a_classifier_without_a_cost_is_told_of_make_scorer():
 def test_the_scorer_refuses_a_class_it_was_not_trained_on():
     X, y = draw()
     model = CostSensitiveGaussianBayes().fit(X, y)
-    with pytest.raises(ValueError, match="y_true holds 'nut' at position 1"):
+    with pytest.raises(ValueError, match="y_true contains 'nut' at position 1"):
         neg_expected_cost(model, X[:2], ["ball", "nut"])

@@ -1,58 +1,211 @@
-"""A decision for the family of a sub-state is right."""
+"""Facts about families of states: what decisions on them cost, and how they are scored."""
 
+import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sklearn.metrics import accuracy_score, balanced_accuracy_score
+from sklearn.model_selection import GridSearchCV
 
-from emacm.decisions.families import as_families, families_of_cost, family_mapping
+from emacm import (
+    CostSensitiveGaussianBayes,
+    as_families,
+    expected_cost,
+    family_costs,
+    neg_expected_cost,
+)
+from emacm.decisions.families import family_mapping
 
-STATES = ["normal", "worn1", "worn2"]
+FAMILIES = {"normal": ["normal"], "spalling": ["spalling1", "spalling2"], "backlash": ["backlash1"]}
+STATES = ["normal", "spalling1", "spalling2", "backlash1"]
 
 
-def test_both_ways_of_stating_families_are_the_same():
-    by_class = family_mapping({"normal": "normal", "worn1": "worn", "worn2": "worn"}, STATES)
-    assert by_class == family_mapping({"normal": ["normal"], "worn": ("worn1", "worn2")}, STATES)
-    assert by_class == family_mapping(pd.Series(by_class), STATES)
+@pytest.fixture(scope="module")
+def states():
+    """One feature, and the states in a row along it: spalling lies on both sides of normal."""
+    rng = np.random.default_rng(0)
+    centre = {"spalling1": 0.0, "normal": 4.0, "spalling2": 8.0, "backlash1": 20.0}
+    y = np.repeat(list(centre), 20)
+    return np.array([[centre[label] + rng.standard_normal()] for label in y]), y
 
 
-def test_a_family_and_another_decision_stay_what_they_are():
-    family_of = {"worn1": "worn", "worn2": "worn"}
-    assert as_families(["worn", "worn1", "inspect"], family_of) == ["worn", "worn", "inspect"]
+def test_a_decision_costs_nothing_if_the_truth_is_in_its_family_and_one_elsewhere():
+    frame = family_costs(FAMILIES)
+    assert frame.index.tolist() == list(FAMILIES)
+    assert frame.columns.tolist() == STATES
+    np.testing.assert_array_equal(frame, [[0, 1, 1, 1], [1, 0, 0, 1], [1, 1, 1, 0]])
+
+
+def test_a_family_of_one_state_may_be_written_without_a_list():
+    assert family_costs(FAMILIES | {"normal": "normal"}).equals(family_costs(FAMILIES))
+
+
+@given(st.lists(st.integers(0, 2), min_size=1, max_size=6))
+def test_families_decide_by_the_sum_of_the_posteriors_of_their_states(members):
+    families = {family: [i for i, m in enumerate(members) if m == name] for name in set(members)}
+    rng = np.random.default_rng(len(members))
+    posterior = rng.dirichlet(np.ones(len(members)), size=5)
+    cost = family_costs(families)[list(range(len(members)))].to_numpy()
+    risk = posterior @ cost.T
+    sums = np.stack([posterior[:, states].sum(axis=1) for states in families.values()], axis=1)
+    np.testing.assert_allclose(risk, 1 - sums, atol=1e-12)
+
+
+def test_costs_between_families_hold_for_all_their_states():
+    frame = family_costs(FAMILIES, {("normal", "spalling"): 10, ("backlash", "normal"): 2})
+    np.testing.assert_array_equal(frame, [[0, 10, 10, 1], [1, 0, 0, 1], [2, 1, 1, 0]])
+
+
+def test_a_frame_of_costs_may_have_decisions_that_are_no_family():
+    costs = pd.DataFrame(
+        [[0, 9, 5], [1, 0, 0]], index=["fly", "repair"], columns=["normal", "spalling", "backlash"]
+    )
+    frame = family_costs(FAMILIES, costs)
+    assert frame.index.tolist() == ["fly", "repair"]
+    assert frame.loc["fly"].tolist() == [0, 9, 9, 5]
+
+
+def test_a_further_decision_costs_the_same_whatever_is_true():
+    frame = family_costs(FAMILIES, other_decisions={"inspect": 0.3})
+    assert frame.loc["inspect"].tolist() == [0.3] * 4
+    assert frame.loc["normal"].tolist() == [0, 1, 1, 1]
+
+
+def test_missed_faults_and_false_alarms_refer_to_the_healthy_family():
+    frame = family_costs(FAMILIES, healthy="normal", missed=10, false_alarm=2)
+    np.testing.assert_array_equal(frame, [[0, 10, 10, 10], [2, 0, 0, 1], [2, 1, 1, 0]])
+
+
+def test_a_price_of_its_own_goes_before_that_of_all_missed_faults():
+    frame = family_costs(FAMILIES, {("normal", "backlash"): 50}, healthy="normal", missed=10)
+    assert frame.loc["normal"].tolist() == [0, 10, 10, 50]
+
+
+def test_families_of_numbers_and_of_tuples_stay_what_they_are():
+    frame = family_costs({10: [0, 1], 2: [2]}, other_decisions={"inspect": 1})
+    assert frame.index.tolist() == [10, 2, "inspect"]
+    assert frame.columns.tolist() == [0, 1, 2]
+    assert family_costs({("a", 1): [("s", 1)], ("b", 2): ["t"]}).index.tolist() == [
+        ("a", 1),
+        ("b", 2),
+    ]
+
+
+def test_a_classifier_trained_on_states_decides_on_families(states):
+    X, y = states
+    model = CostSensitiveGaussianBayes(family_costs(FAMILIES), covariance="tied").fit(X, y)
+    answers = model.predict([[0.0], [4.0], [8.0], [20.0]])
+    assert answers.tolist() == ["spalling", "normal", "spalling", "backlash"]
+
+
+def test_training_on_states_beats_training_on_families_that_are_not_gaussian(states):
+    X, y = states
+    families = as_families(y, FAMILIES)
+    by_states = CostSensitiveGaussianBayes(family_costs(FAMILIES), covariance="tied").fit(X, y)
+    directly = CostSensitiveGaussianBayes(covariance="tied").fit(X, families)
+    assert balanced_accuracy_score(families, by_states.predict(X)) > 0.95
+    assert balanced_accuracy_score(families, directly.predict(X)) < 0.75
+
+
+def test_inspection_is_chosen_where_families_are_in_doubt(states):
+    X, y = states
+    cost = family_costs(FAMILIES, other_decisions={"inspect": 0.2})
+    model = CostSensitiveGaussianBayes(cost, covariance="tied").fit(X, y)
+    assert model.predict([[2.0], [4.0]]).tolist() == ["inspect", "normal"]
+
+
+def test_the_metric_takes_states_as_truths_and_families_as_decisions():
+    cost = family_costs(FAMILIES, healthy="normal", missed=10)
+    assert expected_cost(["spalling2", "normal"], ["normal", "normal"], cost=cost) == 5
+
+
+def test_a_search_over_costs_and_covariances_takes_them(states):
+    X, y = states
+    model = CostSensitiveGaussianBayes(family_costs(FAMILIES))
+    search = GridSearchCV(model, {"covariance": ["tied", "diag"]}, scoring=neg_expected_cost)
+    assert search.fit(X, y).best_score_ > -0.1
+
+
+def test_accuracy_compares_families_with_families(states):
+    X, y = states
+    model = CostSensitiveGaussianBayes(family_costs(FAMILIES), covariance="tied").fit(X, y)
+    accuracy = accuracy_score(as_families(y, FAMILIES), model.predict(X))
+    assert accuracy > 0.95
+    assert model.score(X, y) == accuracy
+
+
+def test_labels_of_families_keep_their_kind():
+    assert as_families([0, 2, 1], {10: [0, 1], 2: [2]}).tolist() == [10, 2, 10]
+    assert as_families(np.array(STATES), FAMILIES).dtype.kind == "U"
+
+
+@pytest.mark.parametrize(
+    ("families", "options", "error", "message"),
+    [
+        (["a"], {}, TypeError, "families must map each state to its family.*got "),
+        ({}, {}, ValueError, "at least one family, got none"),
+        ({"a": []}, {}, ValueError, "no states for the family 'a'"),
+        ({"a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
+        ({"a": ["x", "x"]}, {}, ValueError, "state 'x' into 'a' and into 'a'"),
+        ({"a": ["x", "y"], "b": "z"}, {}, ValueError, r"ambiguous.*'b': 'z'.*Write 'b': \['z'\]"),
+        ({"x": "a", "y": None}, {}, ValueError, "no family for 'y'"),
+        ({"a": "b", "b": "c"}, {}, ValueError, "a family 'b' and a state 'b' that belongs to 'c'"),
+        (
+            FAMILIES,
+            {"costs": {("normal", "wear"): 1}},
+            ValueError,
+            r"costs between families .*: cost names the class 'wear' .* \['normal', 'spalling'",
+        ),
+        (FAMILIES, {"costs": {("stop", "normal"): 1}}, ValueError, "a cost for every class"),
+        (FAMILIES, {"costs": {("normal", "spalling"): np.nan}}, ValueError, "must be a number"),
+        (FAMILIES, {"other_decisions": {"normal": 1}}, ValueError, "contains 'normal', which"),
+        (FAMILIES, {"other_decisions": {"inspect": "x"}}, TypeError, "the cost of 'inspect' in"),
+        (FAMILIES, {"other_decisions": ["inspect"]}, TypeError, "must be a mapping"),
+        (FAMILIES, {"missed": 10}, ValueError, "missed and false_alarm need healthy, one of"),
+        (FAMILIES, {"healthy": "fine", "missed": 10}, ValueError, "got healthy='fine'"),
+        (FAMILIES, {"healthy": "normal", "missed": "x"}, TypeError, "missed must be a number"),
+        (
+            FAMILIES,
+            {"healthy": "normal", "missed": 2, "costs": np.eye(3)},
+            ValueError,
+            "costs is a complete table",
+        ),
+    ],
+)
+def test_invalid_families_and_costs_are_refused(families, options, error, message):
+    with pytest.raises(error, match=message):
+        family_costs(families, **options)
+
+
+def test_a_label_of_no_family_is_named_with_its_place():
+    with pytest.raises(ValueError, match="y contains 'wear' at position 1, which is in no family"):
+        as_families(["normal", "wear"], FAMILIES)
+
+
+# The reader of families
+
+
+def test_families_of_one_state_each_are_read_as_the_family_of_each_state():
+    assert family_mapping({"screw": "bad", "healthy": "ok"}) == {"screw": "bad", "healthy": "ok"}
+    frame = family_costs({"screw": "bad", "healthy": "ok"}, {("ok", "bad"): 7})
+    assert frame.index.tolist() == ["bad", "ok"]
+    assert frame.columns.tolist() == ["screw", "healthy"]
+    assert frame.loc["ok", "screw"] == 7
+
+
+def test_a_series_may_repeat_a_state_with_the_same_family():
+    table = pd.Series(["bad", "ok", "bad"], index=["screw", "healthy", "screw"])
+    assert family_mapping(table) == {"screw": "bad", "healthy": "ok"}
+    with pytest.raises(ValueError, match="'screw' into 'bad' and into 'ok'"):
+        family_mapping(table.replace("bad", "ok").mask([True, False, False], "bad"))
 
 
 def test_a_class_without_a_family_is_named():
-    with pytest.raises(ValueError, match=r"a family for every class; missing: \['worn2'\]"):
-        family_mapping({"normal": ["normal"], "worn": ["worn1"]}, STATES)
+    with pytest.raises(ValueError, match=r"a family for every class; missing: \['backlash1'\]"):
+        family_mapping({"normal": ["normal"], "worn": ["spalling1", "spalling2"]}, STATES)
 
 
-def test_a_class_has_one_family():
-    with pytest.raises(ValueError, match="'worn1' into 'normal' and into 'worn'"):
-        family_mapping({"normal": ["normal", "worn1"], "worn": ["worn1", "worn2"]}, STATES)
-
-
-def test_a_family_called_like_a_class_of_another_is_ambiguous():
-    with pytest.raises(ValueError, match="a family 'b' and a class 'b' that belongs to 'c'"):
-        family_mapping({"a": "b", "b": "c"}, ["a", "b"])
-
-
-def test_families_are_a_mapping():
-    with pytest.raises(TypeError, match="families must map each class to its family"):
-        family_mapping(["worn"], STATES)
-
-
-def test_without_a_cost_or_with_one_of_classes_each_is_its_own():
-    same = {state: state for state in STATES}
-    assert families_of_cost(None, STATES) == same
-    inspect = {("inspect", state): 0.0 for state in STATES}  # free, and yet no class
-    assert families_of_cost(inspect, STATES) == same
-
-
-def test_the_decision_that_costs_nothing_is_right():
-    cost = pd.DataFrame([[0, 9, 9], [1, 0, 0]], index=["fly", "ground"], columns=STATES)
-    assert families_of_cost(cost, STATES) == {"normal": "fly", "worn1": "ground", "worn2": "ground"}
-
-
-@pytest.mark.parametrize(("price", "number"), [(0.5, 0), (0.0, 2)])
-def test_a_cost_that_does_not_tell_what_is_right_is_refused(price, number):
-    cost = pd.DataFrame([[0, 9, price], [1, 0, price]], index=["fly", "ground"], columns=STATES)
-    with pytest.raises(ValueError, match=f"{number} of them cost 0 when 'worn2' is true.*families"):
-        families_of_cost(cost, STATES)
+def test_labels_of_numpy_are_those_of_python():
+    assert family_mapping({np.str_("ok"): np.array([1, 4])}) == {1: "ok", 4: "ok"}
+    assert all(type(state) is int for state in family_mapping({"ok": np.array([1, 4])}))

@@ -439,7 +439,7 @@ def test_a_stacked_gaussian_decides_by_least_risk_as_the_one_member_of_a_product
 )
 def test_parts_of_scikit_learn_number_the_classes_and_the_error_says_so(named):
     X, y = table(19)
-    plain, hint = CostSensitiveGaussianBayes(shrinkage=0.1), "number the classes .*least_risk"
+    plain, hint = CostSensitiveGaussianBayes(shrinkage=0.1), "by numbers .*LeastRiskClassifier"
     for numbering in (
         StackingClassifier([("all", named)], plain),
         StackingClassifier([("all", plain)], named),
@@ -608,7 +608,7 @@ def test_a_member_that_answers_nan_is_refused():
 @pytest.mark.parametrize(
     ("odd", "error", "message"),
     [
-        (np.nan, ValueError, "y must name the class of every recording; recording 3 has nan"),
+        (np.nan, ValueError, "class of every recording, but recording 3 has nan"),
         (7, TypeError, "text or numbers, but recording 0 has 'new' and recording 3 has 7"),
     ],
 )

@@ -475,7 +475,7 @@ def test_an_unknown_decision_is_refused():
     with pytest.raises(ValueError, match=r"decided 'x', which is none of the classes \['a', 'b'\]"):
         echoed(["a", "a", "b", "b"], ["a", "a", "b", "x"], n_splits=2)
     cost = pd.DataFrame([[0, 1]], index=["a"], columns=["a", "b"])
-    with pytest.raises(ValueError, match="no price for deciding 'b' when 'b' is true"):
+    with pytest.raises(ValueError, match="'b' at position 1, which is no known decision"):
         echoed(
             ["a", "a", "b", "b"],
             ["a", "a", "b", "b"],
@@ -489,15 +489,19 @@ def test_several_costs_that_differ_are_refused():
     X, y, _ = sub_states()
     first, second = (CostSensitiveGaussianBayes(k * (1 - np.eye(4))) for k in (1, 2))
     both = VotingClassifier([("first", first), ("second", second)])
-    with pytest.raises(ValueError, match=r"several costs, \['first__cost', 'second__cost'\]"):
+    with pytest.raises(
+        ValueError, match=r"several costs that differ, \['first__cost', 'second__cost'\]"
+    ):
         evaluate(both, X, y)
 
 
 BAD = {
     "y must hold one class for each of 96 recordings": {"y": ["a"] * 5},
     "y must name a class for every recording; 0 has none": {"y": [None] * 96},
-    "y must name the class of every recording; recording 95 has nan": {"y": ["a"] * 95 + [np.nan]},
-    "y must hold classes of one kind, text or numbers": {"y": ["a"] * 95 + [3]},
+    "y must contain the class of every recording, but recording 95 has nan": {
+        "y": ["a"] * 95 + [np.nan]
+    },
+    "y must contain classes of one type, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must hold at least two classes, got ['a']": {"y": ["a"] * 96},
     "runs must hold one label for each of 96 recordings": {"runs": [1, 2]},
     "recording 0: the label in runs is None": {"runs": [None] * 96},
