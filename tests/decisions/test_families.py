@@ -43,7 +43,7 @@ def test_a_family_of_one_state_may_be_written_without_a_list():
 
 @given(st.lists(st.integers(0, 2), min_size=1, max_size=6))
 def test_families_decide_by_the_sum_of_the_posteriors_of_their_states(members):
-    families = {family: [i for i, m in enumerate(members) if m == name] for name in set(members)}
+    families = {-1 - name: [i for i, m in enumerate(members) if m == name] for name in set(members)}
     rng = np.random.default_rng(len(members))
     posterior = rng.dirichlet(np.ones(len(members)), size=5)
     cost = family_costs(families)[list(range(len(members)))].to_numpy()
