@@ -1,4 +1,4 @@
-"""Fitted pipelines, cut open at their table of order bins or other named features."""
+"""Fitted pipelines, divided at their table of order bins or other named features."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class OpenedPipeline:
-    """A fitted pipeline, cut behind its last `BinTransformer`, or where recordings become a table.
+    """A fitted pipeline, divided after its last `BinTransformer` or where a table is computed.
 
     Attributes
     ----------
     before : tuple of transformers
         Steps up to the table of bins, or of other named features.
     maker : transformer or None
-        The last of them, which names the columns; None if the pipeline takes a table.
+        The last of them, which names the columns; None if the input of the pipeline is a table.
     steps : tuple of (name, transformer)
         Steps from the table to the classifier.
     classifier : CostSensitiveGaussianBayes
@@ -51,10 +51,10 @@ class OpenedPipeline:
 
     @classmethod
     def of(cls, pipeline: Any, X: Any) -> OpenedPipeline:
-        """Open a fitted pipeline, search or classifier, for what it takes.
+        """Divide a fitted pipeline, search or classifier whose input is `X`.
 
-        Pipelines within it are laid flat. Where no step is a `BinTransformer`, the first step
-        that makes a table of the recordings `X` is where it is cut: a `FeatureUnion`, say.
+        Nested pipelines are flattened. Without a `BinTransformer`, the pipeline is divided after
+        the first step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
         while hasattr(pipeline, "best_estimator_"):
@@ -65,8 +65,8 @@ class OpenedPipeline:
             _refuse_router(classifier)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
             raise TypeError(
-                f"the last step must be a CostSensitiveGaussianBayes, whose densities can be "
-                f"taken apart; got {name!r} ({type(classifier).__name__})."
+                f"the last step must be a CostSensitiveGaussianBayes, whose densities are known; "
+                f"got {name!r} ({type(classifier).__name__})."
             )
         check_is_fitted(classifier)
         places = [i for i, (_, step) in enumerate(steps) if isinstance(step, BinTransformer)]
@@ -80,11 +80,11 @@ class OpenedPipeline:
         return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
 
     def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
-        """Return the bins or features of recordings, and what each column of them is."""
+        """Return the bins or features of recordings, and a description of each column."""
         if self.maker is None:
             return self._own_table(X)
         for step in self.before:
-            X = X if _is_passed_over(step) else step.transform(X)
+            X = X if _is_skipped(step) else step.transform(X)
         frame = _bin_frame(_names_of(self.maker))
         if isinstance(self.maker, BinTransformer):
             edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
@@ -114,14 +114,13 @@ def _refuse_router(router: ConditionRouter) -> NoReturn:
     check_is_fitted(router)
     known = list(router.conditions_)
     raise TypeError(
-        f"a ConditionRouter has a pipeline for each condition {known}, and each leans on orders "
-        f"of its own. Explain one of them, router.estimators_[{known[0]!r}] say, with "
-        f"recordings of its condition."
+        f"a ConditionRouter has a pipeline for each condition {known}. Explain one of them, for "
+        f"example router.estimators_[{known[0]!r}], with recordings of its condition."
     )
 
 
 def one_recording(x: Any) -> Any:
-    """Return one recording or one row of a table in the form of many.
+    """Return one recording, or one row of a table, as a list or table of length 1.
 
     Examples
     --------
@@ -136,14 +135,14 @@ def one_recording(x: Any) -> Any:
         return x[np.newaxis]
     if len(x) != 1:
         raise ValueError(
-            f"x must be one recording, or one row of a table; got {len(x)}. Take one, as "
+            f"x must be one recording, or one row of a table; got {len(x)}. Select one, as "
             f"X[3] or X.iloc[[3]], or explain them together by explain_model."
         )
     return x
 
 
 def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
-    """Return the steps of a pipeline, those of pipelines within it in their place."""
+    """Return the steps of a pipeline, with nested pipelines replaced by their steps."""
     if not isinstance(estimator, Pipeline):
         return [(prefix or type(estimator).__name__.lower(), estimator)]
     return [
@@ -158,44 +157,44 @@ def _are_recordings(X: Any) -> bool:
     return listed and len(X) > 0 and isinstance(X[0], Recording | AngleRecording)
 
 
-def _is_passed_over(step: Any) -> bool:
+def _is_skipped(step: Any) -> bool:
     return step is None or isinstance(step, str)
 
 
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
-    """Find the step that makes a table of recordings, by giving it one of them."""
+    """Return the index of the step that turns recordings into a table, tested with one of them."""
     seen = list(X[:1])
     try:
         for place, (_, step) in enumerate(steps):
-            if not _is_passed_over(step):
+            if not _is_skipped(step):
                 seen = step.transform(seen)
                 if len(getattr(seen, "shape", ())) == 2:
                     return place
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"X holds recordings, of which the pipeline makes no table: {error} Pass its table, "
-            f"or the whole pipeline."
+            f"X contains recordings, but the steps before the classifier give no table: {error} "
+            f"Pass the table, or the whole pipeline."
         ) from error
     raise ValueError(
-        "X holds recordings, but the pipeline has no step that makes a table of them. Pass the "
-        "table, or the whole pipeline."
+        "X contains recordings, but the pipeline has no step that turns them into a table. Pass "
+        "the table, or the whole pipeline."
     )
 
 
 def _names_of(maker: Any) -> NDArray[Any]:
-    """Return the names of the columns that a step makes."""
+    """Return the names of the columns of a step."""
     try:
         return maker.get_feature_names_out()
     except AttributeError as error:
         raise ValueError(
-            f"the columns of {type(maker).__name__} have no names to explain a decision by: "
-            f"{error} Within it, write FunctionTransformer(np.log10, "
+            f"the columns of {type(maker).__name__} have no names, which an explanation needs: "
+            f"{error} In that step, write FunctionTransformer(np.log10, "
             f"feature_names_out='one-to-one')."
         ) from error
 
 
 def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:
-    """Read channel and orders off the names of bins or single lines; the channel off others."""
+    """Parse channel and orders from the names of bins or lines; from others, the channel."""
     rows = []
     for name in map(str, names):
         channel, at, label = name.rpartition("@")

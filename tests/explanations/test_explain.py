@@ -567,7 +567,7 @@ def test_lines_without_bins_are_explained_by_their_orders():
 
 def test_features_without_names_are_refused_with_the_remedy():
     model = named_features(log_names=None).fit(KNOCKING, KNOCKS)
-    with pytest.raises(ValueError, match=r"have no names to explain .* feature_names_out='one-to"):
+    with pytest.raises(ValueError, match=r"have no names, .* feature_names_out='one-to"):
         explain_model(model, KNOCKING)
 
 
@@ -693,11 +693,11 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
     model, X, _ = fitted("log")
     recording = Recording({"a": np.ones(9)}, 1.0, velocity=np.ones(9))
     with pytest.raises(
-        ValueError, match=r"recordings, of which the pipeline makes no table: .* Pass"
+        ValueError, match=r"contains recordings, but the steps .* give no table: .* Pass"
     ):
         explain_decision(model, recording)
     bare = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, fitted("log")[2])
-    with pytest.raises(ValueError, match="has no step that makes a table of them"):
+    with pytest.raises(ValueError, match="has no step that turns them into a table"):
         explain_decision(bare, recording)
     with pytest.raises(ValueError, match=r"a table of recordings, got shape \(8,\)"):
         explain_model(model, X.to_numpy()[0])
