@@ -13,6 +13,8 @@ from emacm.machine.fault_orders import named_orders, slip_ranges
 
 Array = NDArray[np.float64]
 
+_MOST_HARMONICS = 1000
+
 
 def match_fault_orders(
     explanation: pd.DataFrame,
@@ -37,7 +39,7 @@ def match_fault_orders(
     min_width : float
         Smallest width of a line [orders], for example ``4 / revolutions``.
     harmonics : int
-        Number of multiples of each order, the order itself included.
+        Number of multiples of each order, the order itself included; at most 1000.
 
     Returns
     -------
@@ -108,10 +110,8 @@ def _with_harmonics(
     orders: pd.DataFrame | Mapping[str, float], slip: float, min_width: float, harmonics: int
 ) -> tuple[list[str], Array, Array, Array]:
     """Return names, orders, and lower and upper limits of the lines, multiples included."""
-    check_count(harmonics, "harmonics")
+    check_count(harmonics, "harmonics", at_most=_MOST_HARMONICS)
     names, centres = named_orders(orders)
-    if not names:
-        raise ValueError("orders must contain at least one predicted order, got none.")
     _, low, high = slip_ranges(orders, slip=slip)
     multiples = np.arange(1, harmonics + 1)[:, np.newaxis]
     all_names = [name if k == 1 else f"{k}x{name}" for k in multiples[:, 0] for name in names]

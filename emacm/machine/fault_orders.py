@@ -1,19 +1,21 @@
-"""The orders at which the faults of a machine show, and bands around them."""
+"""Orders of the faults of a machine, and bands around them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from emacm._checks import check_choice, check_count, check_number
-from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part, check_distinct
+from emacm._checks import check_choice, check_count, check_number, located
+from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
 from emacm.orders.bins import Band, round_edge
 
 _PARTS = (Bearing, Motor, Gear, BallScrew)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
+_MOST_LINES = 100_000
+_HIGHEST = 1e9  # order
 
 
 def fault_orders(
@@ -23,44 +25,44 @@ def fault_orders(
     max_order: float | None = None,
     signal: str = "vibration",
 ) -> pd.DataFrame:
-    """Predict the orders at which the faults of a machine show.
+    """Predict the orders of the faults of a machine.
 
     Parameters
     ----------
     *parts : Bearing, Motor, Gear, BallScrew or mapping of str to float
-        Parts of the machine; a mapping states orders that are known already.
+        Parts of the machine, at least one; a mapping gives known orders by name.
     harmonics : int
-        Multiples of each order. The lines of a ball start at the second multiple of its
-        spin, and are given up to twice as many.
+        Number of harmonics of each order, the order itself included. Twice as many are given for
+        the spin of a ball, whose lines start at the second harmonic.
     sidebands : int
-        Sidebands on either side of each line, at multiples of what modulates it.
+        Number of sidebands on either side of each line, at multiples of the modulating order.
     max_order : float, optional
-        Leave out what lies above [orders].
+        Highest order in the table; lines above it are left out.
     signal : {"vibration", "current"}
         "vibration": the mechanical orders f (also those of torque, speed and position).
         "current": ``|supply ± f|``, Eqs. (2.2) and (2.4) of [1]_, and multiples of the
-        supply; this needs the `Motor` among the parts.
+        supply; this requires the `Motor` among the parts.
 
     Returns
     -------
     DataFrame
-        Index: name of the line, as "2xBPFI", "BPFI-shaft" or "supply+BPFI". Columns:
-        "order" [cycles per revolution of the motor shaft], "part", "kind" (what it tells
-        of), "harmonic", "sideband" (0, or number and side of it), "slips" (whether rolling
-        elements make it, whose slip lets it depart by 1 to 2 %).
+        Index: name of the line, such as "2xBPFI", "BPFI-shaft" or "supply+BPFI". Columns:
+        "order" [cycles per revolution of the motor shaft], "part", "kind" (component or
+        phenomenon), "harmonic", "sideband" (0, or its signed number), "slips" (whether the slip
+        of rolling elements changes the order by 1 to 2 %).
 
     Raises
     ------
     TypeError
-        If a part is none of these.
+        If a part is of another type.
     ValueError
-        If two lines have one name, an order is not positive, or "current" finds not one
-        Motor.
+        If there is no part, two lines have the same name, an order is not positive, the table
+        would have more than 100,000 lines, or "current" is requested without exactly one Motor.
 
     Notes
     -----
-    ``fault_orders(...)["order"].to_dict()`` is what `OrderSpectrumDisplay` marks;
-    `order_bands` makes bands of it for `BinTransformer`.
+    `OrderSpectrumDisplay` marks ``fault_orders(...)["order"].to_dict()``; `order_bands` turns the
+    table into bands for `BinTransformer`.
 
     References
     ----------
@@ -82,20 +84,19 @@ def fault_orders(
     check_count(harmonics, "harmonics")
     check_count(sidebands, "sidebands", at_least=0)
     check_choice(signal, "signal", ("vibration", "current"))
-    for number, part in enumerate(parts):
-        if not isinstance(part, (*_PARTS, Mapping)):
-            raise TypeError(
-                f"part {number} must be a Bearing, Motor, Gear, BallScrew or a mapping of "
-                f"names to orders, got {part!r}."
-            )
-    rows = [row for part in parts for row in _rows(part, harmonics, sidebands, signal)]
+    if max_order is not None:
+        check_number(max_order, "max_order", above=0, unit="orders")
+    if not parts:
+        raise ValueError("fault_orders needs at least one part, such as Bearing(9, 7.94, 39.04).")
+    rows: list[tuple[Any, ...]] = []
+    for prefix, owner, line in [found for i, part in enumerate(parts) for found in _lines(part, i)]:
+        _check_line_count(len(rows), line, harmonics, sidebands)
+        rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
         rows = list(_in_current(rows, [part for part in parts if isinstance(part, Motor)]))
-    check_distinct([row[0] for row in rows])
+    _check_distinct([row[0] for row in rows])
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("name")
-    if max_order is None:
-        return table
-    return table[table["order"] <= check_number(max_order, "max_order", above=0, unit="orders")]
+    return table if max_order is None else table[table["order"] <= max_order]
 
 
 def order_bands(
@@ -105,31 +106,31 @@ def order_bands(
     min_width: float = 0.0,
     on_overlap: str = "raise",
 ) -> dict[str, Band]:
-    """Make named bands around orders, for ``BinTransformer(edges=...)``.
+    """Return named bands around orders, for ``BinTransformer(edges=...)``.
 
     Parameters
     ----------
-    orders : DataFrame of `fault_orders`, or mapping or Series of str to float
-        Orders by name. In a mapping every order may slip.
+    orders : DataFrame from `fault_orders`, or mapping or Series of str to float
+        Orders by name. In a mapping, every line may slip.
     slip : float
-        Share of its order by which a line that slips may lie lower or higher.
+        Largest relative deviation of a line with slip from its order.
     min_width : float
-        Least width of a band [orders]. A line of a Hann window over `revolutions` is
-        ``4 / revolutions`` wide at its foot. Lines that do not slip need it above 0.
+        Smallest width of a band [orders]; must be above 0 for lines without slip. The main lobe of
+        a Hann window of length `revolutions` is ``4 / revolutions`` wide.
     on_overlap : {"raise", "join", "keep"}
-        What to do with bands that overlap, and so hold power twice: an error that names
-        them, one band "A/B" for all of them, or keep them as they are.
+        Overlapping bands contain the same power twice: raise an error that names them, join them
+        to one band "A/B", or keep them.
 
     Returns
     -------
     dict of str to (low, high)
-        Bands [orders], by rising order; edges have 12 digits.
+        Bands [orders] in ascending order; edges are rounded to 12 digits.
 
     Raises
     ------
-    ValueError
-        If bands overlap and `on_overlap` is "raise", a band has no width, or an order is
-        not positive.
+    TypeError, ValueError
+        If bands overlap and `on_overlap` is "raise", a band has no width, there is no order, or an
+        order is not positive.
 
     Examples
     --------
@@ -143,8 +144,8 @@ def order_bands(
     names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
     for place in np.flatnonzero(low >= high)[:1]:
         raise ValueError(
-            f"the band of {names[place]!r} at order {low[place]:g} has no width, because it does "
-            f"not slip. Give min_width, such as 4 / revolutions of the order spectra."
+            f"the band of {names[place]!r} at order {low[place]:g} has no width, because the line "
+            f"does not slip. Give min_width, such as 4 / revolutions of the order spectra."
         )
     bands: dict[str, Band] = {}
     for place in np.lexsort((high, low)):
@@ -157,8 +158,8 @@ def order_bands(
             bands[f"{last}/{name}"] = (joined[0], max(joined[1], band[1]))
         else:
             raise ValueError(
-                f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap: no power "
-                f"spectrum tells them apart. Lower slip or min_width, leave one out, or set "
+                f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap, and no power "
+                f"spectrum can separate them. Reduce slip or min_width, leave one out, or set "
                 f'on_overlap to "join" or "keep".'
             )
     return bands
@@ -167,16 +168,16 @@ def order_bands(
 def slip_ranges(
     orders: pd.DataFrame | pd.Series | Mapping[str, float], *, slip: float, min_width: float = 0.0
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Return names of orders, and from where to where each may lie.
+    """Return names of orders, and the range of each with slip.
 
     Parameters
     ----------
-    orders : DataFrame of `fault_orders`, or mapping of str to float
+    orders : DataFrame from `fault_orders`, or mapping of str to float
         Orders by name.
     slip : float
-        Share by which those that slip may depart.
+        Largest relative deviation of a line with slip from its order.
     min_width : float
-        Least width of a range [orders].
+        Smallest width of a range [orders].
 
     Returns
     -------
@@ -187,7 +188,7 @@ def slip_ranges(
     Raises
     ------
     TypeError, ValueError
-        If it is no mapping of names to positive orders.
+        As `named_orders`.
 
     Examples
     --------
@@ -203,7 +204,12 @@ def slip_ranges(
 def named_orders(
     orders: pd.DataFrame | pd.Series | Mapping[str, float],
 ) -> tuple[list[str], np.ndarray]:
-    """Check orders by name; return names, and orders of shape (n_orders,).
+    """Return the names, and the orders as an array of shape (n_orders,).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `orders` is no table or mapping, is empty, has a name twice, or an order is not positive.
 
     Examples
     --------
@@ -214,54 +220,73 @@ def named_orders(
         missing = [name for name in ("order", "slips") if name not in orders.columns]
         if missing:
             raise ValueError(
-                f"orders must be a table of fault_orders; it has no column {missing[0]!r}."
+                f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
             )
-        named = dict(orders["order"].items())
-    elif isinstance(orders, Mapping | pd.Series):
-        named = dict(orders.items())
-    else:
+        orders = orders["order"]
+    if not isinstance(orders, Mapping | pd.Series):
         raise TypeError(
-            f"orders must be a table of fault_orders or a mapping of names to orders, "
+            f"orders must be a table from fault_orders or a mapping of names to orders, "
             f"got {orders!r}."
         )
+    if not len(orders):
+        raise ValueError("orders must contain at least one order, got none.")
+    names = [str(name) for name, _ in orders.items()]
+    _check_distinct(names)
     values = [
-        check_number(order, f"the order of {name!r}", above=0, unit="orders")
-        for name, order in named.items()
+        check_number(order, f"the order of {name!r}", above=0, at_most=_HIGHEST, unit="orders")
+        for name, order in orders.items()
     ]
-    return [str(name) for name in named], np.array(values)
+    return names, np.array(values)
+
+
+def _lines(part: Any, number: int) -> list[tuple[str, str, Line]]:
+    """Return prefix of the names, owner and line, for each line of a part."""
+    if isinstance(part, Mapping):
+        with located(f"part {number}"):
+            names, orders = named_orders(part)
+        pairs = zip(names, orders.tolist(), strict=True)
+        return [("", "given", Line(name, "given", order, slips=True)) for name, order in pairs]
+    if not isinstance(part, _PARTS):
+        raise TypeError(
+            f"part {number} must be a Bearing, Motor, Gear, BallScrew or a mapping of names to "
+            f"orders, got {part!r}."
+        )
+    prefix = f"{part.name} " if part.name else ""
+    return [(prefix, part.name or type(part).__name__, line) for line in part.lines()]
+
+
+def _check_line_count(n_before: int, line: Line, harmonics: int, sidebands: int) -> None:
+    n_more = harmonics * line.strikes * (1 + 2 * sidebands * len(line.sidebands))
+    if n_before + n_more > _MOST_LINES:
+        raise ValueError(
+            f"harmonics={harmonics} and sidebands={sidebands} give more than {_MOST_LINES} lines "
+            f"({line.name!r} alone: {n_more}). Reduce them."
+        )
 
 
 def _rows(
-    part: Part | Mapping[str, float], harmonics: int, sidebands: int, signal: str
+    prefix: str, owner: str, line: Line, harmonics: int, sidebands: int, signal: str
 ) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of one part: each line, its harmonics, their sidebands."""
-    if isinstance(part, Mapping):
-        owner, prefix = "given", ""
-        pairs = zip(*named_orders(part), strict=True)
-        lines = tuple(Line(name, "given", float(order), slips=True) for name, order in pairs)
-    else:
-        owner, prefix = part.name or type(part).__name__, f"{part.name} " if part.name else ""
-        lines = part.lines()
-    for line in lines:
-        # In the current, the sidebands of the supply come from the line of the shaft.
-        beside = () if line.name == "supply" and signal == "current" else line.sidebands
-        for harmonic in range(1, harmonics * line.strikes + 1):
-            name, order = prefix + _times(harmonic, line.name), harmonic * line.order
-            yield name, order, owner, line.kind, harmonic, 0, line.slips
-            for modulation, spacing in beside:
-                for number in (k for n in range(1, sidebands + 1) for k in (-n, n)):
-                    side = order + number * spacing
-                    if side > 0:
-                        sign = "+" if number > 0 else "-"
-                        beside_name = f"{name}{sign}{_times(abs(number), modulation)}"
-                        yield beside_name, side, owner, line.kind, harmonic, number, line.slips
+    """Yield the rows of one line: its harmonics, and their sidebands."""
+    # In the current, the sidebands of the supply are the lines of the shaft.
+    modulations = () if line.name == "supply" and signal == "current" else line.sidebands
+    for harmonic in range(1, harmonics * line.strikes + 1):
+        name, order = prefix + _times(harmonic, line.name), harmonic * line.order
+        yield name, order, owner, line.kind, harmonic, 0, line.slips
+        for modulation, spacing in modulations:
+            for number in (k for n in range(1, sidebands + 1) for k in (-n, n)):
+                side = order + number * spacing
+                if side > 0:
+                    sign = "+" if number > 0 else "-"
+                    beside = f"{name}{sign}{_times(abs(number), modulation)}"
+                    yield beside, side, owner, line.kind, harmonic, number, line.slips
 
 
 def _in_current(rows: list[tuple[Any, ...]], motors: list[Motor]) -> Iterator[tuple[Any, ...]]:
-    """Yield where each mechanical line shows in the current, Eqs. (2.2) and (2.4)."""
+    """Yield the lines in the current of each mechanical line, Eqs. (2.2) and (2.4)."""
     if len(motors) != 1:
         raise ValueError(
-            f'signal="current" needs one Motor among the parts, whose supply is modulated; '
+            f'signal="current" needs exactly one Motor among the parts, whose supply is modulated; '
             f"got {len(motors)}."
         )
     supply = float(motors[0].pole_pairs)
@@ -277,3 +302,14 @@ def _in_current(rows: list[tuple[Any, ...]], motors: list[Motor]) -> Iterator[tu
 
 def _times(number: int, name: str) -> str:
     return name if number == 1 else f"{number}x{name}"
+
+
+def _check_distinct(names: Sequence[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise ValueError(
+                f"two lines have the name {name!r}. Distinguish parts by name=..., as in "
+                f"Bearing(..., name='front')."
+            )
+        seen.add(name)

@@ -1,39 +1,38 @@
-"""Parts of a machine, and at which orders a fault of each shows.
+"""Machine parts and the orders of their faults, in cycles per revolution of the motor shaft.
 
-Orders are cycles per revolution of the motor shaft. Rolling elements are taken to roll without
-slip; real ones slip by 1 to 2 %, and lines of theirs are marked so. Teeth, poles and
-shafts are bound to the shaft exactly.
+The formulas assume rolling without slip; real rolling elements slip by 1 to 2 %, and their lines
+are marked accordingly. The orders of teeth, poles and shafts are exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from math import asin, atan, cos, gcd, lcm, pi
 from typing import NamedTuple
 
 from emacm._checks import check_choice, check_count, check_number
 
-_FULL = pi * (1 + 1e-9)  # half angles of balls that touch all around
+_FULL = pi * (1 + 1e-9)  # sum of half angles of balls that touch one another on the whole circle
+_MOST = 1_000_000  # balls, teeth, poles or slots; revolutions per revolution of the motor shaft
 
 
 class Line(NamedTuple):
-    """One series of spectral lines that a part makes.
+    """One series of spectral lines of a part.
 
     Attributes
     ----------
     name : str
-        Its short name, such as "BPFI".
+        Short name, such as "BPFI".
     kind : str
-        What it tells of, such as "inner ring".
+        Component or phenomenon, such as "inner ring".
     order : float
-        Its first order.
+        Order of the first harmonic.
     sidebands : tuple of (str, float)
-        What it is modulated by, and the order of that.
+        Name and order of each modulation.
     slips : bool
-        Whether it departs from the order by the slip of rolling elements.
+        Whether the slip of rolling elements changes the order.
     strikes : int
-        Which harmonic a local defect excites first.
+        Impacts of a local defect per period: the first harmonic that it excites.
     """
 
     name: str
@@ -46,40 +45,38 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class Bearing:
-    """A rolling bearing of balls or rollers.
+    """A ball or roller bearing.
 
     Parameters
     ----------
     n_balls : int
-        Number of balls or rollers in a row, n.
+        Number n of balls or rollers in one row.
     ball_diameter, pitch_diameter : float
-        BD and PD, in one unit of length.
+        BD and PD, in the same unit of length.
     contact_angle : float
-        φ [rad]; a catalogue's 15 degrees are ``math.radians(15)``.
+        φ [rad]; for 15 degrees, write ``math.radians(15)``.
     ratio : float
         Revolutions of the rotating ring per revolution of the motor shaft.
     rotating : {"inner", "outer"}
-        Which ring turns; the other stands still.
+        The rotating ring; the other one is stationary.
     name : str
-        Put in front of the names of its lines, to tell two bearings apart.
+        Prefix of the names of its lines; distinguishes two bearings.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is not what it should be, or the balls do not fit.
+        If a value is out of range, or the balls do not fit.
 
     Notes
     -----
     With γ = BD/PD cos φ: BPFO = n/2 (1 - γ), BPFI = n/2 (1 + γ), BSF = PD/(2 BD) (1 - γ²),
-    FTF = (1 - γ)/2 [1]_. Eq. (2.1) of Chirico calls the first of them that of the inner
-    ring; it is that of the outer. If the outer ring turns, the cage turns at (1 + γ)/2 (the mean
-    of the two raceways' speeds), and the others, which depend on the rings' difference in speed
-    alone, stay [2]_.
+    FTF = (1 - γ)/2 [1]_. Eq. (2.1) of Chirico attributes the first formula to the inner ring;
+    it is that of the outer ring. If the outer ring rotates, FTF = (1 + γ)/2 (mean of the raceway
+    speeds); the others depend only on the difference in speed of the rings [2]_.
 
-    BSF is how often a ball turns relative to the cage. A defect of it strikes both rings in each
-    turn, so its lines start at 2 BSF, and BSF is given up to twice as many harmonics.
-    The load is taken to stand still: it modulates the lines of a ring that turns by the turns of
-    that ring, and those of a ball by the cage.
+    BSF counts turns of a ball relative to the cage. A defect of a ball strikes both rings in each
+    turn, so its lines start at 2 BSF, and twice as many harmonics of BSF are given. The load is
+    assumed stationary: it modulates the rotating ring once per revolution, and a ball by the cage.
 
     References
     ----------
@@ -108,14 +105,14 @@ class Bearing:
 
     def __post_init__(self) -> None:
         """Check the geometry."""
-        check_count(self.n_balls, "n_balls", at_least=2)
+        check_count(self.n_balls, "n_balls", at_least=2, at_most=_MOST)
         _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
         if self.n_balls * asin(self.ball_diameter / self.pitch_diameter) > _FULL:
             raise ValueError(
                 f"{self.n_balls} balls of diameter {self.ball_diameter:g} do not fit on a pitch "
-                f"circle of diameter {self.pitch_diameter:g}. n_balls counts one row; both "
-                f"diameters are in one unit."
+                f"circle of diameter {self.pitch_diameter:g}. Give the number in one row, and both "
+                f"diameters in the same unit."
             )
 
     def lines(self) -> tuple[Line, ...]:
@@ -136,30 +133,29 @@ class Bearing:
 
 @dataclass(frozen=True)
 class Motor:
-    """A permanent-magnet synchronous motor; its shaft is the one that orders refer to.
+    """A permanent-magnet synchronous motor; orders refer to its shaft.
 
     Parameters
     ----------
     pole_pairs : int
-        Half the number of poles; the currents lie at this order, Eq. (2.3) of Chirico.
+        Half the number of poles; this is the order of the currents, Eq. (2.3) of Chirico.
     slots : int, optional
-        Slots of the stator; they give the order of cogging.
+        Number of stator slots; required for the order of cogging.
     name : str
-        Put in front of the names of its lines.
+        Prefix of the names of its lines.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is not what it should be.
+        If a value is out of range.
 
     Notes
     -----
-    What turns with the shaft (imbalance, a bent shaft, an eccentric rotor, and by Chirico,
-    section 4.5, perhaps poor lubrication) shows at multiples of the shaft, and in the
-    current at the supply plus and minus these [1]_; the order does not tell them apart.
-    Electrical noise lies at harmonics of the supply: magnetic pull at twice, torque ripple
-    of the 5th and 7th harmonics of the current at six times. Cogging has the least common
-    multiple of slots and poles in periods per revolution [2]_.
+    Imbalance, a bent shaft, an eccentric rotor and, by Chirico (section 4.5), possibly poor
+    lubrication appear at multiples of the shaft order, and in the current at the supply order plus
+    and minus these [1]_; the order does not distinguish them. Electrical noise appears at harmonics
+    of the supply: magnetic pull at 2x, torque ripple from the 5th and 7th harmonics of the current
+    at 6x. The number of cogging periods per revolution is lcm(slots, poles) [2]_.
 
     References
     ----------
@@ -181,13 +177,13 @@ class Motor:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_count(self.pole_pairs, "pole_pairs")
+        check_count(self.pole_pairs, "pole_pairs", at_most=_MOST)
         if self.slots is not None:
-            check_count(self.slots, "slots", at_least=2)
-        _check_name(self.name)
+            check_count(self.slots, "slots", at_least=2, at_most=_MOST)
+        _check_mounting(self)
 
     def lines(self) -> tuple[Line, ...]:
-        """Return the lines of the shaft, the supply and, if `slots` is known, cogging."""
+        """Return the lines of the shaft, the supply and, if `slots` is given, of cogging."""
         shaft = (("shaft", 1.0),)
         lines = [
             Line("shaft", "imbalance or eccentricity", 1.0),
@@ -206,23 +202,22 @@ class Gear:
     Parameters
     ----------
     teeth, mating_teeth : int
-        Teeth of the gear on the driving shaft (the pinion) and of the one it drives (the wheel).
+        Teeth of the driving gear (pinion) and of the driven gear (wheel).
     ratio : float
         Revolutions of the driving shaft per revolution of the motor shaft.
     name : str
-        Put in front of the names of its lines, to tell two pairs apart.
+        Prefix of the names of its lines; distinguishes two pairs.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is not what it should be.
+        If a value is out of range.
 
     Notes
     -----
-    The same two teeth meet once in lcm(teeth, mating teeth) meshes: the hunting tooth. A wear
-    pattern that was run in repeats with every gcd(teeth, mating teeth) meshes: the assembly phase;
-    it is left out where the gcd is 1, because it is the mesh itself [1]_. A fault of one of the
-    gears modulates the mesh by the turns of that gear.
+    The same two teeth meet once in lcm(teeth, mating teeth) meshes: the hunting tooth order. A
+    run-in wear pattern repeats every gcd(teeth, mating teeth) meshes: the assembly phase order,
+    left out if it equals the mesh order [1]_. A fault of a gear modulates the mesh once per turn.
 
     References
     ----------
@@ -248,10 +243,9 @@ class Gear:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_count(self.teeth, "teeth", at_least=2)
-        check_count(self.mating_teeth, "mating_teeth", at_least=2)
-        check_number(self.ratio, "ratio", above=0)
-        _check_name(self.name)
+        check_count(self.teeth, "teeth", at_least=2, at_most=_MOST)
+        check_count(self.mating_teeth, "mating_teeth", at_least=2, at_most=_MOST)
+        _check_mounting(self)
 
     @property
     def output_ratio(self) -> float:
@@ -259,7 +253,7 @@ class Gear:
         return self.ratio * self.teeth / self.mating_teeth
 
     def lines(self) -> tuple[Line, ...]:
-        """Return the lines of the mesh, of both gears and of pairs of teeth."""
+        """Return the lines of the mesh, of both gears and of tooth pairs."""
         mesh, common = self.ratio * self.teeth, gcd(self.teeth, self.mating_teeth)
         shafts = (("pinion", self.ratio), ("wheel", self.output_ratio))
         lines = [
@@ -275,39 +269,38 @@ class Gear:
 
 @dataclass(frozen=True)
 class BallScrew:
-    """A ball screw, its screw or its nut driven.
+    """A ball screw with a rotating screw or a rotating nut.
 
     Parameters
     ----------
     balls_per_turn : float
-        Balls in one turn of the thread, need not be whole.
+        Number n of balls in one turn of the thread; need not be an integer.
     ball_diameter, pitch_diameter, lead : float
-        Of a ball, of the circle of ball centres, and travel per revolution, in one unit.
+        BD, PD (circle of the ball centres), and travel per revolution, in the same unit.
     contact_angle : float
-        Angle between the contacts and the radius [rad].
+        Angle φ between contact line and radius [rad].
     ratio : float
         Revolutions of the screw (or nut) per revolution of the motor shaft.
     rotating : {"screw", "nut"}
-        Which of them turns; the other may travel.
+        The rotating part; the other one may travel.
     circuit_balls : int, optional
-        Balls in one circuit, those in the return included.
+        Number of balls in one circuit, including the return.
     name : str
-        Put in front of the names of its lines.
+        Prefix of the names of its lines.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is not what it should be, or the balls do not fit.
+        If a value is out of range, or the balls do not fit.
 
     Notes
     -----
-    A bearing whose raceways are helices. With the lead angle λ = atan(lead / (π PD)) and
-    γ = BD/PD cos φ cos² λ, rolling without slip at two opposite contacts makes n/2 (1 - γ) balls
-    pass a point of the nut in a turn (a spall of the nut, and each entry of a ball into the return)
-    and n/2 (1 + γ) a point of the thread; a ball spins PD/(2 BD cos λ) (1 - γ²) times. Without
-    lead these are the formulas of `Bearing`. Derived here; compare [1]_ for the motion of
-    the balls. A ball comes back to the return ("circuit") once while `circuit_balls`
-    pass. How balls crowd in the return is not taken into account.
+    A bearing with helical raceways. With the lead angle λ = atan(lead / (π PD)) and
+    γ = BD/PD cos φ cos² λ, for rolling without slip at two opposite contacts, n/2 (1 - γ) balls
+    per revolution pass a point of the nut (order of a nut spall, and of the balls entering the
+    return), n/2 (1 + γ) a point of the thread, and a ball spins PD/(2 BD cos λ) (1 - γ²) times.
+    Without lead these are the formulas of `Bearing`. Derived here; kinematics: [1]_. A ball returns
+    ("circuit") once while `circuit_balls` pass. Crowding of balls in the return is neglected.
 
     References
     ----------
@@ -339,7 +332,7 @@ class BallScrew:
 
     def __post_init__(self) -> None:
         """Check the geometry."""
-        check_number(self.balls_per_turn, "balls_per_turn", above=0)
+        check_number(self.balls_per_turn, "balls_per_turn", above=0, at_most=_MOST)
         _check_rolling(self)
         check_number(self.lead, "lead", above=0)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
@@ -347,17 +340,17 @@ class BallScrew:
         if self.balls_per_turn * self.ball_diameter > turn * (1 + 1e-9):
             raise ValueError(
                 f"{self.balls_per_turn:g} balls of diameter {self.ball_diameter:g} do not fit in a "
-                f"turn of length {turn:g}. All lengths are in one unit."
+                f"turn of length {turn:g}. All lengths must be in the same unit."
             )
         if self.circuit_balls is not None:
-            check_count(self.circuit_balls, "circuit_balls")
+            check_count(self.circuit_balls, "circuit_balls", at_most=_MOST)
 
     @property
     def _lead_angle(self) -> float:
         return atan(self.lead / (pi * self.pitch_diameter))
 
     def lines(self) -> tuple[Line, ...]:
-        """Return the lines of screw, nut, balls and, if known, of the circuit."""
+        """Return the lines of screw, nut and balls, and with `circuit_balls` of the circuit."""
         size, slope = self.ball_diameter / self.pitch_diameter, cos(self._lead_angle)
         gamma = size * cos(self.contact_angle) * slope**2
         screw = self.rotating == "screw"
@@ -382,34 +375,26 @@ Part = Bearing | Motor | Gear | BallScrew
 
 
 def _check_rolling(part: Bearing | BallScrew) -> None:
-    """Check what bearings and ball screws share."""
+    """Check the geometry of the rolling elements."""
     check_number(part.ball_diameter, "ball_diameter", above=0)
     check_number(part.pitch_diameter, "pitch_diameter", above=part.ball_diameter)
-    check_number(part.ratio, "ratio", above=0)
+    if part.ball_diameter * _MOST < part.pitch_diameter:
+        raise ValueError(
+            f"ball_diameter must be at least {1 / _MOST:g} times pitch_diameter "
+            f"({part.pitch_diameter:g}), got {part.ball_diameter:g}. Both must be in the same unit."
+        )
     angle = check_number(part.contact_angle, "contact_angle", at_least=0, unit="rad")
     if angle >= pi / 2:
         raise ValueError(
             f"contact_angle must be below pi/2 rad, got {angle:g}. "
             f"Convert degrees by math.radians({angle:g})."
         )
-    _check_name(part.name)
+    _check_mounting(part)
 
 
-def _check_name(name: str) -> None:
-    if not isinstance(name, str) or "@" in name:
-        raise TypeError(f"name must be a string without '@', got {name!r}.")
-
-
-def check_distinct(names: Sequence[str]) -> None:
-    """Raise a ValueError if two lines of a machine have one name.
-
-    Examples
-    --------
-    >>> check_distinct(["BPFI", "BPFO"])
-    """
-    for place, name in enumerate(names):
-        if name in names[:place]:
-            raise ValueError(
-                f"two parts give a line the name {name!r}. Tell them apart by name=..., as in "
-                f"Bearing(..., name='front')."
-            )
+def _check_mounting(part: Part) -> None:
+    """Check the speed ratio and the name."""
+    if not isinstance(part, Motor):
+        check_number(part.ratio, "ratio", at_least=1 / _MOST, at_most=_MOST)
+    if not isinstance(part.name, str) or "@" in part.name:
+        raise TypeError(f"name must be a string without '@', got {part.name!r}.")

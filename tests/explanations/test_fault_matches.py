@@ -45,7 +45,7 @@ def test_an_invalid_explanation_or_order_is_refused():
         match_fault_orders(table.drop(columns="share"), {"BPFI": 6.1})
     with pytest.raises(ValueError, match="explanation must be a table"):
         match_fault_orders([1, 2], {"BPFI": 6.1})
-    with pytest.raises(ValueError, match="at least one predicted order, got none"):
+    with pytest.raises(ValueError, match="at least one order, got none"):
         match_fault_orders(table, {})
     with pytest.raises(ValueError, match="the order of 'BPFI' must be a number of orders, above"):
         match_fault_orders(table, {"BPFI": 0.0})
@@ -53,3 +53,5 @@ def test_an_invalid_explanation_or_order_is_refused():
         match_fault_orders(table, {"BPFI": 6.1}, slip=2)
     with pytest.raises(ValueError, match="harmonics must be a whole number"):
         match_fault_orders(table, {"BPFI": 6.1}, harmonics=0)
+    with pytest.raises(ValueError, match=r"harmonics must be .* at most 1000, got 100000000"):
+        match_fault_orders(table, {"BPFI": 6.1}, harmonics=10**8)

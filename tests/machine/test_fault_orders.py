@@ -323,7 +323,11 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
         (lambda: Bearing(1, 8.0, 39.0), ValueError, "n_balls must be a whole number of at least 2"),
         (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, r"Convert degrees by math.radians\(15\)"),
         (lambda: Bearing(9, 8.0, 39.0, rotating="cage"), ValueError, "rotating must be one of"),
-        (lambda: Bearing(9, 8.0, 39.0, ratio=0), ValueError, "ratio must be a number above 0"),
+        (
+            lambda: Bearing(9, 8.0, 39.0, ratio=0),
+            ValueError,
+            "ratio must be a number at least 1e-06",
+        ),
         (lambda: Bearing(9, 8.0, 39.0, name="a@b"), TypeError, "a string without '@'"),
         (lambda: Motor(0), ValueError, "pole_pairs must be a whole number of at least 1"),
         (lambda: Motor(6, slots=1), ValueError, "slots must be a whole number of at least 2"),
@@ -333,17 +337,83 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
         (lambda: BallScrew(9, 3.0, 20.0, 0.0), ValueError, "lead must be a number above 0"),
         (lambda: fault_orders(6.123), TypeError, "part 0 must be a Bearing, Motor"),
         (lambda: fault_orders({"BPFI": -1.0}), ValueError, "the order of 'BPFI' must be a number"),
-        (lambda: fault_orders({"BPFI": 6.1}, signal="current"), ValueError, "needs one Motor"),
+        (
+            lambda: fault_orders({"BPFI": 6.1}, signal="current"),
+            ValueError,
+            "needs exactly one Motor",
+        ),
         (lambda: fault_orders(Motor(6), signal="sound"), ValueError, "signal must be one of"),
-        (lambda: fault_orders(Gear(9, 20), Gear(9, 30)), ValueError, "two parts .* name 'mesh'"),
+        (
+            lambda: fault_orders(Gear(9, 20), Gear(9, 30)),
+            ValueError,
+            "two lines .* name 'mesh'.*name='front'",
+        ),
         (lambda: fault_orders(Motor(6), harmonics=0), ValueError, "harmonics must be a whole"),
-        (lambda: order_bands(fault_orders(Motor(6))), ValueError, "has no width, because it does"),
-        (lambda: order_bands([6.1]), TypeError, "a table of fault_orders or a mapping"),
+        (
+            lambda: order_bands(fault_orders(Motor(6))),
+            ValueError,
+            "has no width, because .* min_width",
+        ),
+        (lambda: order_bands([6.1]), TypeError, "a table from fault_orders or a mapping"),
         (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
         (lambda: order_bands({"a": 1.0}, slip=1.0), ValueError, "slip must be a number"),
         (lambda: order_bands({"a": 1.0}, on_overlap="no"), ValueError, "on_overlap must be one of"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_reason(make, error, words):
+def test_an_invalid_part_or_order_is_refused(make, error, words):
     with pytest.raises(error, match=words):
+        make()
+
+
+def test_a_machine_without_parts_is_refused():
+    with pytest.raises(ValueError, match="needs at least one part, such as Bearing"):
+        fault_orders(harmonics=3)
+    with pytest.raises(ValueError, match="part 1: orders must contain at least one order"):
+        fault_orders(Motor(3), {})
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"harmonics": 10**8}, {"sidebands": 10**7}, {"harmonics": 10**400}, {"harmonics": 33_334}],
+)
+def test_more_lines_than_a_table_can_hold_are_refused_at_once(options):
+    name, count = next(iter(options.items()))
+    with pytest.raises(ValueError, match=f"{name}={count} .*more than 100000 lines.*Reduce them"):
+        fault_orders(Motor(3, 12), **options)
+
+
+def test_ten_thousand_lines_are_made():
+    assert len(fault_orders(Motor(3), {"screw": 0.4}, harmonics=3333)) == 9999
+
+
+@pytest.mark.parametrize(
+    "orders",
+    [
+        {1: 2.0, "1": 3.0},
+        pd.Series([2.0, 3.0], index=["1", "1"]),
+        pd.DataFrame({"order": [2.0, 3.0], "slips": [True, False]}, index=["1", "1"]),
+    ],
+)
+def test_two_orders_of_one_name_are_refused(orders):
+    with pytest.raises(ValueError, match="two lines have the name '1'"):
+        order_bands(orders)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Bearing(10**400, 8.0, 39.0),
+        lambda: Bearing(9, 5e-324, 1.0),
+        lambda: Bearing(9, 8.0, 39.0, ratio=1e308),
+        lambda: Motor(10**400),
+        lambda: Motor(3, slots=10**400),
+        lambda: Gear(10**400, 20),
+        lambda: Gear(20, 10**400),
+        lambda: BallScrew(9, 3.0, 20.0, 5.0, circuit_balls=10**400),
+        lambda: BallScrew(9, 1e-9, 20.0, 5.0),
+        lambda: fault_orders({"BPFI": 1e308}, harmonics=10),
+    ],
+)
+def test_extreme_values_give_an_error_and_no_infinite_order(make):
+    with pytest.raises(ValueError, match="must be"):
         make()
