@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any
 from emacm._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from emacm.conditions.baseline_normalizer import (
-        BaselineNormalizer as BaselineNormalizer,
+    from emacm.conditions.feature_baseline import (
+        FeatureBaseline as FeatureBaseline,
     )
     from emacm.conditions.router import (
         ConditionRouter as ConditionRouter,
+    )
+    from emacm.conditions.signal_baseline import (
+        SignalBaseline as SignalBaseline,
     )
     from emacm.decisions.classifier import (
         CostSensitiveGaussianBayes as CostSensitiveGaussianBayes,
@@ -157,8 +160,11 @@ _PUBLIC = {
     "stroke_features.harmonics": [
         "ShaftHarmonics",
     ],
-    "conditions.baseline_normalizer": [
-        "BaselineNormalizer",
+    "conditions.signal_baseline": [
+        "SignalBaseline",
+    ],
+    "conditions.feature_baseline": [
+        "FeatureBaseline",
     ],
     "conditions.router": [
         "ConditionRouter",

@@ -9,7 +9,7 @@ from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm._checks import check_choice, check_number
-from emacm.conditions.baseline_normalizer import BaselineNormalizer
+from emacm.conditions.signal_baseline import SignalBaseline
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
@@ -53,7 +53,7 @@ def actuator_recipe(
         forward wave, and no feature depends on where on the shaft, or in the stroke, the wave
         stands, but for what the ends of strokes let through that are not whole revolutions.
     healthy : label, collection of labels, mapping or callable, optional
-        Which recordings are healthy, as for `BaselineNormalizer`. All but the wave once per
+        Which recordings are healthy, as for `SignalBaseline`. All but the wave once per
         revolution is then relative to them, condition by condition: the mean healthy signal
         at each shaft angle is taken off before spectra are (of two recordings at the least, as one
         is nothing beside itself). For conditions from which there
@@ -119,7 +119,7 @@ def actuator_recipe(
     strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
-        BaselineNormalizer(**relative) if relative else "passthrough",
+        SignalBaseline(**relative) if relative else "passthrough",
         _over_angle(revolutions, max_order, n_jobs),
     )
     reference = "absolute" if phase else "relative"

@@ -2,17 +2,107 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.recordings.inputs import described, kind_of
-from emacm.recordings.meta import called, listed_recordings, meta_value, plain_label
+from emacm._checks import located
+from emacm.recordings.inputs import described, kind_of, received
+from emacm.recordings.meta import (
+    called,
+    condition_name,
+    listed_recordings,
+    meta_value,
+    plain_label,
+    read_meta,
+    sorted_conditions,
+)
 
 _COLLECTIONS = (list, tuple, set, frozenset, np.ndarray, pd.Series, pd.Index)
+
+
+class Healthy(NamedTuple):
+    """The healthy recordings of a fit.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (n_recordings,)
+        Which recordings of X are healthy.
+    further : list
+        Healthy recordings given in addition to X.
+    conditions : list of hashable
+        Conditions of the healthy recordings of X, then of the further ones.
+    """
+
+    mask: NDArray[np.bool_]
+    further: list[Any]
+    conditions: list[Any]
+
+
+def find_healthy(
+    X: Any, y: ArrayLike | None, condition: Any, healthy: Any, baseline_recordings: Any
+) -> Healthy:
+    """Return the healthy recordings of each condition.
+
+    Parameters
+    ----------
+    X : sequence of Recording or AngleRecording
+        Recordings.
+    y : array-like of shape (n_recordings,) or None
+        Their labels; needed if `healthy` is a label.
+    condition : hashable, tuple or callable
+        As in `emacm.recordings.meta.read_meta`.
+    healthy : label, collection of labels, mapping or callable
+        As in `healthy_recordings`.
+    baseline_recordings : None or sequence of Recording
+        Further healthy recordings.
+
+    Returns
+    -------
+    Healthy
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an input is invalid, or a condition in X has no healthy recording (the message gives
+        the condition).
+    """
+    found, mask = read_meta(X, condition), healthy_recordings(X, y, healthy)
+    further = [] if baseline_recordings is None else baseline_recordings
+    if isinstance(further, str) or not isinstance(further, Sequence):
+        raise TypeError(
+            f"baseline_recordings must be None or a list of recordings, got {received(further)}"
+        )
+    with located("baseline_recordings"):
+        known = read_meta(further, condition) if further else []
+    for value in sorted_conditions(found):
+        rows = [index for index, other in enumerate(found) if other == value]
+        if not mask[rows].any() and value not in known:
+            raise ValueError(
+                f"none of the {len(rows)} recordings of {condition_name(condition, value)} is "
+                f"healthy (healthy = {healthy!r}). Add healthy ones to X or to "
+                f"baseline_recordings, or leave this condition out."
+            )
+    return Healthy(
+        mask, [*further], [v for v, good in zip(found, mask, strict=True) if good] + known
+    )
+
+
+def known_conditions(X: Any, condition: Any, known: Sequence[Any]) -> list[Any]:
+    """Return the condition of each recording; raise a ValueError if it has no baseline."""
+    found = read_meta(X, condition)
+    for index, value in enumerate(found):
+        if value not in known:
+            where = f"row {index}" if isinstance(X, pd.DataFrame) else described(X[index], index)
+            raise ValueError(
+                f"{where} has {condition_name(condition, value)}, but there are healthy "
+                f"recordings of {list(known)} only. Fit with healthy recordings of it, in X or as "
+                f"baseline_recordings."
+            )
+    return found
 
 
 def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.bool_]:

@@ -1,8 +1,8 @@
-"""Mean healthy signals over the shaft angle, and recordings less these.
+"""Time-synchronous averages of healthy recordings over whole strokes, and residual recordings.
 
-Signals that a motion repeats (friction along the stroke, the profile's accelerations, ripple of
-the motor) stand at the same shaft angles each time. Averaging over repeats keeps them and
-lets go of the rest, which is time-synchronous averaging; here over whole strokes.
+What each repetition of a motion repeats (friction along the stroke, inertial forces, torque ripple
+of the motor) occurs at the same shaft angles. The average over repetitions keeps it, and
+everything else averages out.
 """
 
 from __future__ import annotations
@@ -20,43 +20,43 @@ from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.shaft.paths import ShaftPath, StrokeTravel
 
 ALIGNMENTS = ("angle", "start")
-REACHED = 0.5  # share of the recordings that must reach an angle for a mean there; assumed
-_ON_GRID = 1e-9  # of theta_s: closer to a grid angle than this is there
+REACHED = 0.5  # fraction of the recordings that an angle needs for a mean; assumed
+_ON_GRID = 1e-9  # of theta_s: angles closer to a grid angle than this are equal to it
 
 
-class Stretch(NamedTuple):
-    """A signal over consecutive places along the motion; the first has number `first`."""
+class GridSignals(NamedTuple):
+    """Signals at consecutive grid angles along the motion; the first angle has number `first`."""
 
     first: int
     signals: NDArray[np.floating]
 
     @property
     def stop(self) -> int:
-        """Number of the last place, plus 1."""
+        """Number of the last grid angle, plus 1."""
         return self.first + self.signals.shape[-1]
 
 
-def mean_stretches(
-    recordings: Sequence[Sequence[Stretch]], *, reached: float = REACHED
-) -> tuple[Stretch, ...]:
-    """Average over strokes, place by place, where enough recordings have been.
+def mean_sections(
+    recordings: Sequence[Sequence[GridSignals]], *, reached: float = REACHED
+) -> tuple[GridSignals, ...]:
+    """Average strokes at each grid angle that enough recordings contain.
 
     Parameters
     ----------
-    recordings : sequence of sequence of Stretch, each of shape (n_channels, n_places)
-        The strokes of each recording, on common places.
+    recordings : sequence of sequence of GridSignals, each of shape (n_channels, n_angles)
+        The strokes of each recording, on a common grid.
     reached : float
-        Share of the recordings that must have been at a place.
+        Fraction of the recordings that must contain an angle.
 
     Returns
     -------
-    tuple of Stretch
-        Means over all strokes, float64, in order; empty if there is no stroke.
+    tuple of GridSignals
+        Means over all strokes, float64, in ascending order; empty if there is no stroke.
 
     Examples
     --------
-    >>> one, two = Stretch(0, np.array([[1.0, 2, 3]])), Stretch(1, np.array([[4.0, 5, 6]]))
-    >>> (mean,) = mean_stretches([[one], [two]], reached=1)
+    >>> one, two = GridSignals(0, np.array([[1.0, 2, 3]])), GridSignals(1, np.array([[4.0, 5, 6]]))
+    >>> (mean,) = mean_sections([[one], [two]], reached=1)
     >>> mean.first, mean.signals.tolist()
     (1, [[3.0, 4.0]])
     """
@@ -69,118 +69,119 @@ def mean_stretches(
     for own in recordings:
         visited = np.zeros(stop - first, dtype=bool)
         for stroke in own:
-            place = slice(stroke.first - first, stroke.stop - first)
-            total[:, place] += stroke.signals
-            counts[place] += 1
-            visited[place] = True
+            grid = slice(stroke.first - first, stroke.stop - first)
+            total[:, grid] += stroke.signals
+            counts[grid] += 1
+            visited[grid] = True
         visits += visited
     known = (visits > 0) & (visits >= reached * len(recordings))
     return tuple(
-        Stretch(first + low, total[:, low:high] / counts[low:high]) for low, high in _runs(known)
+        GridSignals(first + low, total[:, low:high] / counts[low:high])
+        for low, high in _runs(known)
     )
 
 
 @dataclass(frozen=True, repr=False)
 class AngleBaseline:
-    """What the channels are at each shaft angle in a healthy machine, by direction.
+    """Mean signals of a healthy machine at each shaft angle (time-synchronous average).
 
     Attributes
     ----------
     theta_s : float
-        Distance of the places [rad].
+        Distance of the grid angles [rad].
     align : {"angle", "start"}
-        Whether places are counted from shaft angle 0, or from the start of a stroke.
-    stretches : mapping of {1, -1, 0} to tuple of Stretch
-        Mean signals of each direction, over places counted along the motion.
+        Whether grid angles are counted from shaft angle 0, or from the start of a stroke.
+    sections : mapping of {1, -1, 0} to tuple of GridSignals
+        Mean signals of each direction, counted along the motion.
     name : str
-        Condition that it is of.
+        Condition of the recordings.
     digest : str
-        SHA-256 of all the rest; baselines are equal if it is.
+        SHA-256 of all other attributes; baselines with equal digests are equal.
     """
 
     theta_s: float = field(compare=False)
     align: str = field(compare=False)
-    stretches: Mapping[int, tuple[Stretch, ...]] = field(compare=False)
+    sections: Mapping[int, tuple[GridSignals, ...]] = field(compare=False)
     name: str = field(default="", compare=False)
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
-        """Work out the digest at once, so that equal baselines look alike to joblib."""
-        ways = sorted(self.stretches.items())
+        """Compute the digest at once, so that joblib gives equal baselines equal hashes."""
+        ways = sorted(self.sections.items())
         facts = [(way, [part.first for part in parts]) for way, parts in ways]
         arrays = [part.signals for _, parts in ways for part in parts]
         digest = content_digest(repr((self.theta_s, self.align, facts)), arrays)
         object.__setattr__(self, "digest", digest)
 
     def __repr__(self) -> str:
-        """Name and digest: by this text spectra that are kept are told apart."""
+        """Return name and digest; cached spectra are identified by this text."""
         return f"AngleBaseline({self.name}; {self.digest})"
 
     def reach(self, direction: int) -> tuple[tuple[float, float], ...]:
-        """Shaft angles from and to which means are known [rad], along the motion."""
+        """Return first and last shaft angle of each section [rad], along the motion."""
         sign = direction or 1
         return tuple(
             (sign * part.first * self.theta_s, sign * (part.stop - 1) * self.theta_s)
-            for part in self.stretches.get(direction, ())
+            for part in self.sections.get(direction, ())
         )
 
 
 def mean_baseline(
     recordings: Sequence[AngleRecording], *, align: str = "angle", name: str = ""
 ) -> AngleBaseline:
-    """Average recordings over the shaft angle, each direction by itself.
+    """Average recordings at each shaft angle, separately for each direction.
 
     Parameters
     ----------
     recordings : sequence of AngleRecording
-        Of one theta_s and with the same channels.
+        Recordings with the same theta_s and channels.
     align : {"angle", "start"}
-        Put strokes together by their shaft angle, or by the angle run since they began.
+        Align strokes by their shaft angle, or by the angle travelled since their start.
     name : str
-        Condition that they were made under.
+        Condition of the recordings.
 
     Returns
     -------
     AngleBaseline
-        Known where half of the recordings have been at least (of those with strokes in
+        At angles that at least half of the recordings contain (of those with strokes in
         this direction).
     """
-    found: dict[int, list[list[Stretch]]] = {}
+    found: dict[int, list[list[GridSignals]]] = {}
     for recording in recordings:
-        own: dict[int, list[Stretch]] = {}
+        own: dict[int, list[GridSignals]] = {}
         for stroke in recording.strokes:
-            placed = PlacedStroke.of(stroke, align)
-            own.setdefault(stroke.direction, []).append(Stretch(placed.place, placed.signals))
+            aligned = GridStroke.of(stroke, align)
+            own.setdefault(stroke.direction, []).append(GridSignals(aligned.first, aligned.signals))
         for direction, strokes in own.items():
             found.setdefault(direction, []).append(strokes)
-    stretches = {direction: mean_stretches(found[direction]) for direction in sorted(found)}
-    return AngleBaseline(recordings[0].theta_s, align, stretches, name)
+    sections = {direction: mean_sections(found[direction]) for direction in sorted(found)}
+    return AngleBaseline(recordings[0].theta_s, align, sections, name)
 
 
 @dataclass(frozen=True)
-class PlacedStroke(AngleStroke):
-    """A stroke, or part of one, whose samples lie at common places.
+class GridStroke(AngleStroke):
+    """A stroke, or a section of one, resampled at the angles of a common grid.
 
     Attributes
     ----------
     skipped : int
-        Samples of the path that come before the first.
+        Samples of the path before the first sample.
     count : int
-        Samples.
-    place : int
-        Number of the first place, counted along the motion.
+        Number of samples.
+    first : int
+        Number of the first grid angle, counted along the motion.
     baseline : ndarray of shape (n_channels, count) or None
-        What is subtracted.
+        Signals to subtract.
     """
 
     skipped: int
     count: int
-    place: int
+    first: int
     baseline: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
 
     @classmethod
-    def of(cls, stroke: AngleStroke, align: str) -> PlacedStroke:
-        """Place a stroke; by "angle", it is sampled at whole multiples of theta_s."""
+    def of(cls, stroke: AngleStroke, align: str) -> GridStroke:
+        """Align a stroke; by "angle", its samples are at whole multiples of theta_s."""
         theta_s = stroke.parent.theta_s
         if align == "start":
             return cls(stroke.parent, stroke.path, 0, stroke.n_angles, 0)
@@ -188,10 +189,10 @@ class PlacedStroke(AngleStroke):
         count = path.count(theta_s) - skipped
         return cls(stroke.parent, path, skipped, count, first + skipped)
 
-    def part(self, low: int, high: int, baseline: NDArray[np.floating]) -> PlacedStroke:
-        """Return places `low` to `high` (exclusive) of the stroke, less a baseline."""
-        skipped = self.skipped + low - self.place
-        return replace(self, skipped=skipped, count=high - low, place=low, baseline=baseline)
+    def section(self, low: int, high: int, baseline: NDArray[np.floating]) -> GridStroke:
+        """Return grid angles `low` to `high` (exclusive) of the stroke, less a baseline."""
+        skipped = self.skipped + low - self.first
+        return replace(self, skipped=skipped, count=high - low, first=low, baseline=baseline)
 
     @property
     def start_angle(self) -> float:
@@ -210,7 +211,7 @@ class PlacedStroke(AngleStroke):
         return (self.count - 1) * self.parent.theta_s / (2 * np.pi)
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
-        """Resample some channels a block at a time, less their baseline.
+        """Resample some channels block by block, less their baseline.
 
         Parameters
         ----------
@@ -220,7 +221,7 @@ class PlacedStroke(AngleStroke):
         Yields
         ------
         ndarray of shape (n_rows, n_angles)
-            Blocks that continue one another.
+            Consecutive blocks.
         """
         done = -self.skipped
         for block in super().blocks(rows):
@@ -236,50 +237,50 @@ class PlacedStroke(AngleStroke):
 
 
 @dataclass(frozen=True)
-class NormalizedRecording(AngleRecording):
-    """A recording over the shaft angle, less what a healthy machine shows at each angle.
+class ResidualRecording(AngleRecording):
+    """Residual of a recording: its signals less the mean of a healthy machine at each angle.
 
     Like any `AngleRecording`, it is evaluated when its signals are read. Its strokes are cut
-    to where the baseline is known.
+    to the angles of the baseline.
 
     Attributes
     ----------
     baseline : AngleBaseline
-        What is subtracted.
+        Mean signals that are subtracted.
     """
 
     baseline: AngleBaseline = field(kw_only=True)
 
     @classmethod
-    def of(cls, recording: AngleRecording, baseline: AngleBaseline) -> NormalizedRecording:
-        """Subtract a baseline from a recording that was resampled with the same theta_s."""
+    def of(cls, recording: AngleRecording, baseline: AngleBaseline) -> ResidualRecording:
+        """Return the residual of a recording that was resampled with the same theta_s."""
         names = AngleRecording.__dataclass_fields__
         return cls(**{name: getattr(recording, name) for name in names}, baseline=baseline)
 
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
-        """The strokes, or parts of them, for which there is a baseline, in order of time."""
-        parts = tuple(
-            placed.part(low, high, known.signals[:, low - known.first : high - known.first])
+        """The strokes, or sections of them, that have a baseline, in order of time."""
+        sections = tuple(
+            aligned.section(low, high, known.signals[:, low - known.first : high - known.first])
             for stroke in super().strokes
-            for placed in [PlacedStroke.of(stroke, self.baseline.align)]
-            for known in self.baseline.stretches.get(stroke.direction, ())
-            for low, high in [_common(placed, known)]
+            for aligned in [GridStroke.of(stroke, self.baseline.align)]
+            for known in self.baseline.sections.get(stroke.direction, ())
+            for low, high in [_common(aligned, known)]
             if high - low > 1
         )
-        if not parts:
-            raise ValueError(self._nowhere())
-        return parts
+        if not sections:
+            raise ValueError(self._without_baseline())
+        return sections
 
     def coverage(self) -> tuple[float, float]:
-        """Return the revolutions of all strokes, and of those parts that have a baseline."""
+        """Return the revolutions of all strokes, and of the sections with a baseline."""
         whole = sum(stroke.revolutions for stroke in super().strokes)
         try:
             return whole, sum(stroke.revolutions for stroke in self.strokes)
         except ValueError:
             return whole, 0.0
 
-    def _nowhere(self) -> str:
+    def _without_baseline(self) -> str:
         ways = {1: "forward", -1: "reverse", 0: "travelling"}
         known = [
             f"{way} {low:.4g} to {high:.4g} rad"
@@ -288,8 +289,8 @@ class NormalizedRecording(AngleRecording):
         ]
         own = [f"{ways[s.direction]} from {s.start_angle:.4g} rad" for s in super().strokes]
         return (
-            f"no stroke of it ({', '.join(own[:4])}) runs where healthy recordings of "
-            f"{self.baseline.name} have been ({', '.join(known) or 'nowhere'}). Use healthy "
+            f"no stroke of it ({', '.join(own[:4])}) is within the shaft angles of the healthy "
+            f"recordings of {self.baseline.name} ({', '.join(known) or 'none'}). Use healthy "
             f"recordings of the same motion, or align='start'."
         )
 
@@ -297,8 +298,8 @@ class NormalizedRecording(AngleRecording):
 def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     """Start a path earlier, by less than theta_s, at a whole multiple of theta_s.
 
-    Returns the path, the number of that multiple along the motion, and how many samples
-    lie before the old start.
+    Returns the path, the number of that multiple along the motion, and the number of samples
+    before the old start.
     """
     sign = path.direction
     position = sign * path.start_angle / theta_s
@@ -308,14 +309,14 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
         return path, first, 0
     travel: Any = path.travel
     if not isinstance(travel, StrokeTravel):
-        raise TypeError(f"only single strokes have places by angle, got {type(travel).__name__}.")
+        raise TypeError(f"only single strokes have a shaft angle, got {type(travel).__name__}.")
     moved = copy.copy(travel)
     moved.start_angle = path.start_angle - sign * ahead
     return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
 
 
-def _common(placed: PlacedStroke, known: Stretch) -> tuple[int, int]:
-    return max(placed.place, known.first), min(placed.place + placed.count, known.stop)
+def _common(aligned: GridStroke, known: GridSignals) -> tuple[int, int]:
+    return max(aligned.first, known.first), min(aligned.first + aligned.count, known.stop)
 
 
 def _runs(known: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -1,0 +1,235 @@
+"""Features relative to the mean of healthy recordings of the same condition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, TransformerMixin, clone
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_finite_table, check_real_array
+from emacm.conditions.healthy import find_healthy, known_conditions
+from emacm.orders.columns import OrderTable, column_names
+from emacm.recordings.meta import sorted_conditions
+
+
+class FeatureBaseline(  # type: ignore[call-arg]
+    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
+):
+    """Subtract the mean features of healthy recordings, for each condition.
+
+    Load, speed and the individual unit change features more than an incipient fault does. The
+    difference from healthy recordings of the same condition depends on them less. For baselines
+    of the signals themselves, see `SignalBaseline`.
+
+    Parameters
+    ----------
+    transformer : transformer
+        Computes the features; a clone of it is fitted. The logarithm of powers belongs here,
+        since a load usually multiplies them.
+    condition : hashable, tuple or callable, default="load"
+        Key of the recordings' `meta` ("load", "unit"), a tuple of keys, or a function of the
+        recording.
+    healthy : label, collection of labels, mapping or callable, default="normal"
+        Healthy recordings: those with these labels in `y`, or with these values in
+        `meta` ({key: value or list of values}), or those for which a function returns True.
+    baseline_recordings : list of Recording, optional
+        Further healthy recordings, for example of commissioning, used in addition to those in
+        X. A condition without healthy recordings in X gets its baseline from them.
+
+    Attributes
+    ----------
+    conditions_ : tuple
+        Conditions with healthy recordings, sorted if they have an order.
+    means_ : dict of condition to ndarray of shape (n_features,)
+        The means that are subtracted.
+    transformer_ : transformer
+        The fitted transformer.
+
+    Notes
+    -----
+    Healthy recordings used in training are part of their own mean: their difference from it is
+    smaller than that of new ones, by the factor 1 - 1/n_healthy.
+
+    Examples
+    --------
+    >>> from sklearn.preprocessing import FunctionTransformer
+    >>> from emacm import FeatureBaseline, Recording
+    >>> runs = [
+    ...     Recording({"current": [level] * 2}, 1, velocity=[1.0, 1.0], meta={"load": load})
+    ...     for level, load in [(1.0, 20), (3.0, 40), (1.5, 20), (3.5, 40)]
+    ... ]
+    >>> levels = FunctionTransformer(lambda X: [[run.signals["current"].mean()] for run in X])
+    >>> y = ["normal", "normal", "worn", "worn"]
+    >>> FeatureBaseline(levels).fit_transform(runs, y).ravel().tolist()
+    [0.0, 0.0, 0.5, 0.5]
+    """
+
+    def __init__(
+        self,
+        transformer: Any,
+        *,
+        condition: Any = "load",
+        healthy: Any = "normal",
+        baseline_recordings: Sequence[Any] | None = None,
+    ) -> None:
+        self.transformer = transformer
+        self.condition = condition
+        self.healthy = healthy
+        self.baseline_recordings = baseline_recordings
+
+    def fit(self, X: Any, y: ArrayLike | None = None) -> FeatureBaseline:
+        """Fit the transformer, and average the features of healthy recordings.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Recordings.
+        y : array-like of shape (n_recordings,), optional
+            Labels; needed if `healthy` is a label.
+
+        Returns
+        -------
+        FeatureBaseline
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X or a parameter is invalid, `healthy` is not in y, a condition has no healthy
+            recording, or a feature is not finite; the message gives the recording or the
+            condition.
+        """
+        self._fitted_table(X, y)
+        return self
+
+    def transform(self, X: Any) -> Any:
+        """Subtract the mean of each recording's condition from its features.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Recordings.
+
+        Returns
+        -------
+        array, OrderTable or DataFrame of shape (n_recordings, n_features)
+            Of the type that the transformer returns, with the same columns.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is invalid, or a recording's condition has no baseline; the message gives the
+            recording.
+        """
+        check_is_fitted(self)
+        return self._difference(X, self.transformer_.transform(X))
+
+    def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:
+        """Fit, and subtract the means, computing the features once.
+
+        Parameters
+        ----------
+        X : list of Recording, or other input of the transformer with `meta`
+            Recordings.
+        y : array-like of shape (n_recordings,), optional
+            Labels; needed if `healthy` is a label.
+
+        Returns
+        -------
+        array, OrderTable or DataFrame of shape (n_recordings, n_features)
+            As `transform` returns.
+        """
+        return self._difference(X, self._fitted_table(X, y))
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the transformer's features.
+
+        Parameters
+        ----------
+        input_features : array-like of str, optional
+            As the transformer takes it.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        return self.transformer_.get_feature_names_out(input_features)
+
+    def set_output(self, *, transform: str | None = None) -> FeatureBaseline:
+        """Set the type of table that the transformer returns.
+
+        Parameters
+        ----------
+        transform : {"default", "pandas", "polars", None}
+            As for any transformer.
+
+        Returns
+        -------
+        FeatureBaseline
+            Itself.
+        """
+        for inner in (self.transformer, getattr(self, "transformer_", None)):
+            if inner is not None and hasattr(inner, "set_output"):
+                inner.set_output(transform=transform)
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        """Declare that X is not a 2-D table, and whether y is needed."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
+        return tags
+
+    def _fitted_table(self, X: Any, y: ArrayLike | None) -> Any:
+        """Fit, and return the features of X before the subtraction."""
+        if isinstance(self.transformer, type) or not hasattr(self.transformer, "fit_transform"):
+            raise TypeError(
+                f"transformer must be an estimator that computes a table from recordings, such as "
+                f"RecordingStatistics(); got {self.transformer!r}."
+            )
+        found = find_healthy(X, y, self.condition, self.healthy, self.baseline_recordings)
+        transformer = clone(self.transformer)
+        table = transformer.fit_transform(X, y)
+        healthy = _values(table)[found.mask]
+        if found.further:
+            healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
+        self.means_ = {
+            condition: healthy[[own == condition for own in found.conditions]].mean(axis=0)
+            for condition in sorted_conditions(found.conditions)
+        }
+        self.transformer_, self.conditions_ = transformer, tuple(self.means_)
+        return table
+
+    def _difference(self, X: Any, table: Any) -> Any:
+        found = known_conditions(X, self.condition, self.conditions_)
+        return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
+
+
+def _values(table: Any) -> NDArray[np.float64]:
+    """Return the finite numbers of a table of features."""
+    values = check_real_array(table, "the table of the transformer").astype(np.float64)
+    if values.ndim != 2:
+        raise ValueError(
+            f"the transformer must return a table of shape (n_recordings, n_features), got shape "
+            f"{values.shape}."
+        )
+    check_finite_table(values, "recording", column_names(table))
+    return values
+
+
+def _like(table: Any, values: NDArray[np.float64]) -> Any:
+    """Return numbers in a table of the same type, with the same names."""
+    if isinstance(table, pd.DataFrame):
+        return pd.DataFrame(values, index=table.index, columns=table.columns)
+    columns = column_names(table)
+    if columns is None:
+        return values
+    if isinstance(table, OrderTable):
+        return OrderTable(values, columns)
+    return type(table)(values, schema=list(columns))  # polars

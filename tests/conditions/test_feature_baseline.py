@@ -1,0 +1,164 @@
+"""Facts about features relative to healthy recordings of the same condition."""
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from sklearn.base import BaseEstimator, clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from strokes_under_load import THETA_S, made_fleet
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    FeatureBaseline,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+)
+from emacm.orders.columns import OrderTable
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    return made_fleet()
+
+
+class Levels(BaseEstimator):
+    """Mean square and mean size, as a DataFrame or an array."""
+
+    def __init__(self, frame=True):
+        self.frame = frame
+
+    def fit(self, X, y=None):
+        self.fitted_ = True
+        return self
+
+    def fit_transform(self, X, y=None):
+        return self.fit(X).transform(X)
+
+    def transform(self, X):
+        signals = [recording.signals["current"] for recording in X]
+        table = np.array([[np.mean(s**2), np.mean(np.abs(s))] for s in signals])
+        return pd.DataFrame(table, columns=["power", "size"]) if self.frame else table
+
+    def get_feature_names_out(self, input_features=None):
+        return np.array(["power", "size"], dtype=object)
+
+
+def constant(load, extra=0.0, seed=None):
+    """A recording whose level is a straight line over the load."""
+    noise = 0.0 if seed is None else 0.01 * np.random.default_rng(seed).standard_normal()
+    level = 2 + load / 20 + extra + noise
+    return Recording({"current": [level] * 3}, 1, velocity=[1.0] * 3, meta={"load": load})
+
+
+def test_features_of_healthy_recordings_are_zero_on_average():
+    runs = [constant(load, seed=i) for i, load in enumerate([20, 40] * 5)]
+    table = FeatureBaseline(Levels(frame=False)).fit_transform(runs, ["normal"] * 10)
+    np.testing.assert_allclose([table[::2].mean(axis=0), table[1::2].mean(axis=0)], 0, atol=1e-12)
+
+
+def test_the_axis_of_order_tables_survives(fleet):
+    X, y = fleet
+    inner = make_pipeline(OrderResampler(THETA_S, min_speed=2.0), OrderPSD(4))
+    table = FeatureBaseline(inner).fit_transform(X, y)
+    assert isinstance(table, OrderTable)
+    assert table.columns[:2] == ("current@0", "current@0.25")
+    psd = inner.fit_transform(X)
+    loads = np.array([recording.meta["load"] for recording in X])
+    healthy = np.asarray(psd)[(y == "normal") & (loads == 40)].mean(axis=0)
+    np.testing.assert_allclose(table[loads == 40], np.asarray(psd)[loads == 40] - healthy)
+
+
+def bins():
+    return make_pipeline(
+        OrderResampler(THETA_S, min_speed=2.0), OrderPSD(4), BinTransformer(1, max_order=8)
+    )
+
+
+def test_frames_keep_names_and_index(fleet):
+    X, y = fleet
+    model = FeatureBaseline(bins()).set_output(transform="pandas").fit(X, y)
+    frame = model.transform(X)
+    assert frame.columns.tolist() == model.get_feature_names_out().tolist()
+    assert frame.columns[0] == "current@0-1"
+    bare = FeatureBaseline(bins()).fit(X, y).transform(X)
+    np.testing.assert_allclose(frame, bare)
+    polars = FeatureBaseline(bins()).set_output(transform="polars").fit_transform(X, y)
+    assert isinstance(polars, pl.DataFrame)
+    np.testing.assert_allclose(polars.to_numpy(), bare)
+
+
+def test_features_are_made_once_in_training(fleet):
+    calls = []
+    made = FunctionTransformer(lambda X: calls.append(len(X)) or [[1.0 * i] for i in range(len(X))])
+    FeatureBaseline(made).fit_transform(*fleet)
+    assert calls == [16]
+
+
+def test_a_search_reaches_the_steps_of_the_transformer(fleet):
+    X, y = fleet
+    pipe = make_pipeline(
+        FeatureBaseline(bins()), CostSensitiveGaussianBayes(covariance="tied", shrinkage="oas")
+    )
+    name = "featurebaseline__transformer__bintransformer__bin_size"
+    search = GridSearchCV(pipe, {name: [1, 2]}, cv=2).fit(X, y)
+    assert search.best_estimator_[0].transformer_[-1].bin_size == search.best_params_[name]
+
+
+def test_commissioning_serves_features_too():
+    further = [constant(60), constant(60, extra=0.2)]
+    model = FeatureBaseline(Levels(), baseline_recordings=further).fit([constant(20)], ["normal"])
+    left = model.transform([constant(60, extra=0.1)])
+    assert left["size"][0] == pytest.approx(0)
+
+
+def test_a_transformer_must_make_a_finite_table():
+    one_dimensional = FunctionTransformer(lambda X: [1.0 for _ in X])
+    with pytest.raises(ValueError, match="must return a table of shape"):
+        FeatureBaseline(one_dimensional).fit([constant(20)], ["normal"])
+    not_finite = FunctionTransformer(lambda X: [[np.nan] for _ in X])
+    with pytest.raises(ValueError, match="X must be finite, got NaN in recording 0"):
+        FeatureBaseline(not_finite).fit([constant(20)], ["normal"])
+
+
+@pytest.mark.parametrize("transformer", [3, "levels", StandardScaler, Recording])
+def test_what_makes_no_table_is_no_transformer(transformer):
+    with pytest.raises(TypeError, match="transformer must be an estimator that computes a table"):
+        FeatureBaseline(transformer).fit([constant(20)], ["normal"])
+
+
+def test_a_condition_without_a_baseline_is_named():
+    model = FeatureBaseline(Levels()).fit([constant(20)], ["normal"])
+    with pytest.raises(ValueError, match=r"recording 1 \(load=70\) has load=70.*\[20\] only"):
+        model.transform([constant(20), constant(70)])
+
+
+def test_each_condition_has_its_own_mean():
+    runs = [constant(40, extra=0.3), constant(20), constant(40, extra=0.5), constant(20, extra=1)]
+    model = FeatureBaseline(Levels(frame=False)).fit(runs, ["normal"] * 3 + ["worn"])
+    assert model.conditions_ == (20, 40)
+    assert model.means_[20][1] == pytest.approx(3)
+    assert model.means_[40][1] == pytest.approx(4.4)
+    assert model.transform(runs)[3, 1] == pytest.approx(1)
+
+
+def test_a_second_fit_and_a_clone_use_the_baseline_recordings_again():
+    model = FeatureBaseline(Levels(), baseline_recordings=(constant(60), constant(60, extra=0.4)))
+    for same in (model.fit([constant(20)], ["normal"]), model, clone(model)):
+        same.fit([constant(20)], ["normal"])
+        assert same.conditions_ == (20, 60)
+        assert same.means_[60][1] == pytest.approx(5.2)
+
+
+def test_baseline_recordings_that_can_be_read_only_once_are_refused():
+    once = (constant(load) for load in (20, 60))
+    model = FeatureBaseline(Levels(), baseline_recordings=once)
+    with pytest.raises(
+        TypeError, match=r"baseline_recordings must be .*generator.*write list\(\.\.\.\)"
+    ):
+        model.fit([constant(20)], ["normal"])
+    assert len([*once]) == 2  # nothing of it was read
