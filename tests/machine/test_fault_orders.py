@@ -244,6 +244,19 @@ def test_a_screw_without_lead_is_a_bearing(driven, ring):
     assert screw[driven] == 1
 
 
+def test_the_race_of_the_rotating_part_of_a_screw_is_modulated_and_the_other_is_not():
+    geometry = (17, 3.175, 20, 5)
+    screw = orders(BallScrew(*geometry, ratio=0.4), sidebands=1)
+    assert screw["thread-screw"] == pytest.approx(screw["thread"] - 0.4)
+    assert screw["thread+screw"] == pytest.approx(screw["thread"] + 0.4)
+    assert not [name for name in screw if name.startswith(("nut race-", "nut race+"))]
+    nut = orders(BallScrew(*geometry, ratio=0.4, rotating="nut"), sidebands=2)
+    assert nut["nut race-2xnut"] == pytest.approx(nut["nut race"] - 0.8)
+    assert nut["nut race+nut"] == pytest.approx(nut["nut race"] + 0.4)
+    assert nut["spin+orbit"] == pytest.approx(nut["spin"] + nut["orbit"])
+    assert not [name for name in nut if name.startswith(("thread-", "thread+"))]
+
+
 def test_the_table_tells_what_each_line_is():
     table = fault_orders(Bearing(9, 7.94, 39.04, name="front"), Gear(20, 50), sidebands=1)
     row = table.loc["front BPFI-shaft"]
@@ -319,6 +332,18 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
     ("make", "error", "words"),
     [
         (lambda: Bearing(9, 40.0, 8.0), ValueError, "pitch_diameter must be a number above 40"),
+        (lambda: Bearing(9, 0.0, 8.0), ValueError, "ball_diameter must be a number above"),
+        (lambda: Bearing(9, -3.0, 8.0), ValueError, "ball_diameter must be a number above"),
+        (lambda: Bearing(9, 8.0, -39.0), ValueError, "pitch_diameter must be a number above 8"),
+        (lambda: Bearing(9, 8.0, 39.0, -0.1), ValueError, "contact_angle must be a number of rad"),
+        (lambda: Gear(18, 42, ratio=-2.0), ValueError, "ratio must be a number at least"),
+        (
+            lambda: BallScrew(9, 0.0, 20.0, 5.0),
+            ValueError,
+            "ball_diameter must be a number above 0",
+        ),
+        (lambda: BallScrew(0, 3.0, 20.0, 5.0), ValueError, "balls_per_turn must be a number above"),
+        (lambda: BallScrew(9, 3.0, 20.0, 5.0, ratio=0), ValueError, "ratio must be a number at"),
         (lambda: Bearing(20, 8.0, 39.0), ValueError, "20 balls of diameter 8 do not fit"),
         (lambda: Bearing(1, 8.0, 39.0), ValueError, "n_balls must be a whole number of at least 2"),
         (lambda: Bearing(9, 8.0, 39.0, 15), ValueError, r"Convert degrees by math.radians\(15\)"),
@@ -326,7 +351,7 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
         (
             lambda: Bearing(9, 8.0, 39.0, ratio=0),
             ValueError,
-            "ratio must be a number at least 1e-06",
+            "ratio must be a number at least",
         ),
         (lambda: Bearing(9, 8.0, 39.0, name="a@b"), TypeError, "a string without '@'"),
         (lambda: Motor(0), ValueError, "pole_pairs must be a whole number of at least 1"),
@@ -340,19 +365,19 @@ def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
         (
             lambda: fault_orders({"BPFI": 6.1}, signal="current"),
             ValueError,
-            "needs exactly one Motor",
+            "exactly one Motor",
         ),
         (lambda: fault_orders(Motor(6), signal="sound"), ValueError, "signal must be one of"),
         (
             lambda: fault_orders(Gear(9, 20), Gear(9, 30)),
             ValueError,
-            "two lines .* name 'mesh'.*name='front'",
+            "two lines .* 'mesh'",
         ),
         (lambda: fault_orders(Motor(6), harmonics=0), ValueError, "harmonics must be a whole"),
         (
             lambda: order_bands(fault_orders(Motor(6))),
             ValueError,
-            "has no width, because .* min_width",
+            "no width, .* min_width",
         ),
         (lambda: order_bands([6.1]), TypeError, "a table from fault_orders or a mapping"),
         (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
