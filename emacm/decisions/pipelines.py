@@ -22,7 +22,7 @@ def final_estimator(estimator: Any) -> Any:
     >>> final_estimator(make_pipeline(StandardScaler(), make_pipeline(GaussianNB())))
     GaussianNB()
     """
-    inner = _search_estimator(estimator)
+    inner = search_estimator(estimator)
     if inner is not estimator:
         return final_estimator(inner)
     if hasattr(estimator, "steps"):
@@ -49,7 +49,7 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
     >>> before_the_last_step(model, [[3.0]])
     (GaussianNB(), array([[2.]]))
     """
-    inner = _search_estimator(estimator)
+    inner = search_estimator(estimator)
     if inner is not estimator:
         return before_the_last_step(inner, X)
     if not hasattr(estimator, "steps"):
@@ -83,8 +83,16 @@ def weight_parameter(estimator: Any) -> str:
     return f"{prefix}sample_weight"
 
 
-def _search_estimator(estimator: Any) -> Any:
-    """Return the best estimator of a search, before the fit its template; others unchanged."""
+def search_estimator(estimator: Any) -> Any:
+    """Return the best estimator of a search, before the fit its template; others unchanged.
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import GridSearchCV
+    >>> from sklearn.naive_bayes import GaussianNB
+    >>> search_estimator(GridSearchCV(GaussianNB(), {}))
+    GaussianNB()
+    """
     if hasattr(estimator, "best_estimator_"):
         return estimator.best_estimator_
     if hasattr(estimator, "param_grid") or hasattr(estimator, "param_distributions"):

@@ -55,16 +55,14 @@ def tallies(
         "expected_cost": (judged["cost"].to_numpy(float), one_cell),
     }
     if rule.healthy is not None:
-        healthy, decided = (
-            rule.labels.index(rule.healthy),
-            _codes(judged["decided_label"], rule.labels),
-        )
-        called_faulty = (decided >= 0) & (decided != healthy)
-        healthy_only = np.where(truths == healthy, 0, -1)
-        found["false_alarm_rate"] = (called_faulty.astype(float), healthy_only)
-        found["inspection_rate"] = ((decided < 0).astype(float), healthy_only)
-        missed = (decided == healthy).astype(float)
-        found["missed_detection_rate"] = (missed, np.where(truths == healthy, -1, 0))
+        is_healthy = (judged["true_label"] == rule.healthy).to_numpy()
+        called_healthy = (judged["decided_label"] == rule.healthy).to_numpy()
+        called_faulty = judged["decided_label"].isin(rule.alarms).to_numpy() & ~called_healthy
+        among_healthy, among_faulty = np.where(is_healthy, 0, -1), np.where(is_healthy, -1, 0)
+        inspected = ~(called_healthy | called_faulty)
+        found["false_alarm_rate"] = (called_faulty.astype(float), among_healthy)
+        found["inspection_rate"] = (inspected.astype(float), among_healthy)
+        found["missed_detection_rate"] = (called_healthy.astype(float), among_faulty)
     if probabilities is not None:
         found["log_loss"] = (log_losses(probabilities, truths), one_cell)
         found["brier"] = (brier_scores(probabilities, truths), one_cell)

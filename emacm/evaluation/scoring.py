@@ -1,4 +1,4 @@
-"""Which decisions are correct, which are alarms, and what each costs."""
+"""Correct decisions, alarms and costs, for the figures of merit of an evaluation."""
 
 from __future__ import annotations
 
@@ -51,32 +51,38 @@ class ScoringRule:
 
     @property
     def labels(self) -> list[Any]:
-        """What is told apart: the families, or the classes without any."""
-        return list(dict.fromkeys(self.family_of[label] for label in self.classes))
+        """The labels that are scored: families, or classes if there are no families."""
+        return list(dict.fromkeys(self.family_of.values()))
 
     @property
     def has_families(self) -> bool:
-        """Whether the right label is another than the class."""
-        return any(self.family_of[label] != label for label in self.classes)
+        """Whether the label of some class is not the class itself."""
+        return any(label != family for label, family in self.family_of.items())
+
+    @property
+    def alarms(self) -> set[Any]:
+        """Decisions that are correct for some class that is not healthy."""
+        faults = [name for name, label in self.family_of.items() if label != self.healthy]
+        return {decision for name in faults for decision in self.correct[name]}
 
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
-        """Judge decisions one by one.
+        """Return label, correctness and cost of each decision.
 
         Parameters
         ----------
         truths, decisions : sequence of n_recordings
-            True classes, and what was decided.
+            True classes, and decisions.
 
         Returns
         -------
         DataFrame
-            A row each: "truth", "decision", "true_label" and "decided_label" (families, where
-            there are any), "correct" and "cost".
+            One row for each recording: "truth", "decision", "true_label" and "decided_label"
+            (families, if there are any), "correct" and "cost".
 
         Raises
         ------
         ValueError
-            If a decision is no class, no family and has no price.
+            If a decision is not a class or family and has no cost.
         """
         rows = self.costs[0] if self.costs else []
         known = {*self.correct, *self.labels, *rows}
@@ -84,13 +90,13 @@ class ScoringRule:
             if decision not in known:
                 raise ValueError(
                     f"the estimator decided {decision!r}, which is none of the classes "
-                    f"{self.classes} and has no cost. If it stands for some of them, give "
+                    f"{self.classes} and has no cost. If it is a family of classes, give "
                     f"families=; if it is another decision, give its costs in cost=."
                 )
         table = pd.DataFrame({"truth": _column(truths), "decision": _column(decisions)})
         is_correct = are_correct(truths, decisions, self.correct)
         labels = [label_of(truth, self.correct) for truth in truths]
-        # Where several decisions are correct, each of them stands for the first.
+        # If several decisions are correct, each of them counts as the first.
         decided = [
             label if correct else label_of(decision, self.correct)
             for label, decision, correct in zip(labels, decisions, is_correct, strict=True)
@@ -111,15 +117,15 @@ class ScoringRule:
 def scoring_rule(
     classes: NDArray[Any], *, families: Any = None, healthy: Any = None, cost: Any = None
 ) -> ScoringRule:
-    """Return which decisions are correct and what each costs.
+    """Return the definition of correct decisions and their costs.
 
     Parameters
     ----------
     classes : ndarray of shape (n_classes,)
-        The possible truths, sorted.
+        The possible true classes, sorted.
     families : mapping, optional
-        {class: family} or {family: [classes]}. Default: for a class that is no decision of
-        `cost`, the decision with the least cost; otherwise each class is its own.
+        {class: family} or {family: [classes]}. Default: the class itself is correct, or, if it is
+        not a decision of `cost`, the decision with the least cost.
     healthy : object, optional
         Healthy class or family.
     cost : None, array-like, DataFrame or mapping, optional
@@ -132,7 +138,7 @@ def scoring_rule(
     Raises
     ------
     TypeError, ValueError
-        If classes, families, costs and `healthy` do not fit together.
+        If classes, families, costs and `healthy` are inconsistent.
 
     Examples
     --------
@@ -175,14 +181,14 @@ def _healthy_label(healthy: Any, family_of: Mapping[Any, Any], names: list[Any])
     label = family_of.get(healthy, healthy)
     if label not in labels:
         raise ValueError(
-            f"healthy={healthy!r} is no class and no family. Classes: {names}; what is told "
-            f"apart: {labels}."
+            f"healthy={healthy!r} is neither a class nor a family. Classes: {names}; labels that "
+            f"are scored: {labels}."
         )
     return label
 
 
 def _truths(cost: Any) -> set[Any]:
-    """Return the truths that a labelled cost names."""
+    """Return the true classes in the columns or keys of a cost; none for an array."""
     if isinstance(cost, pd.DataFrame):
         return set(cost.columns.tolist())
     if isinstance(cost, Mapping):

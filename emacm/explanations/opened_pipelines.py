@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_finite_table
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.pipelines import search_estimator
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
 from emacm.recordings.inputs import refuse_single
@@ -57,8 +58,6 @@ class OpenedPipeline:
         the first step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
-        while hasattr(pipeline, "best_estimator_"):
-            pipeline = pipeline.best_estimator_
         steps = _flat_steps(pipeline)
         name, classifier = steps[-1]
         if isinstance(classifier, ConditionRouter):
@@ -142,7 +141,10 @@ def one_recording(x: Any) -> Any:
 
 
 def _flat_steps(estimator: Any, prefix: str = "") -> list[tuple[str, Any]]:
-    """Return the steps of a pipeline, with nested pipelines replaced by their steps."""
+    """Return the steps of a pipeline, with nested pipelines and searches replaced by theirs."""
+    inner = search_estimator(estimator)
+    if inner is not estimator:
+        return _flat_steps(inner, prefix)
     if not isinstance(estimator, Pipeline):
         return [(prefix or type(estimator).__name__.lower(), estimator)]
     return [

@@ -154,6 +154,20 @@ def test_an_inspection_is_neither_a_false_alarm_nor_a_missed_detection_and_never
         assert row[f"{rate}_low"] <= row[rate] <= row[f"{rate}_high"]
 
 
+def test_every_decision_that_is_correct_for_a_fault_is_a_false_alarm_on_a_healthy_unit():
+    rows, columns = ["fly", "ground", "repair", "inspect"], ["new", "worn"]
+    cost = pd.DataFrame([[0, 9], [1, 0], [3, 0], [0.2, 0.3]], index=rows, columns=columns)
+    y = ["new"] * 7 + ["worn"] * 5
+    answers = ["fly", "repair", "ground", "inspect", "repair", "fly", "fly"]
+    answers += ["ground", "repair", "fly", "inspect", "repair"]
+    found = echoed(y, answers, healthy="new", cost=cost, n_splits=2)
+    row = found.table.loc["random split"]
+    assert row["false_alarm_rate"] == 3 / 7
+    assert row["inspection_rate"] == 1 / 7
+    assert row["missed_detection_rate"] == 1 / 5
+    assert row["accuracy"] == 6 / 12
+
+
 def test_without_a_healthy_class_no_rate_is_computed():
     found = echoed(["a", "a", "b", "b"], ["a", "a", "b", "a"], n_splits=2)
     assert not [name for name in found.table if "rate" in name]
@@ -510,7 +524,7 @@ BAD = {
         "units": np.array([0, "a"] * 48, dtype=object)
     },
     "runs names the meta key 'run', but recording 0 is a ndarray without meta": {"runs": "run"},
-    "healthy='sound' is no class and no family": {"healthy": "sound"},
+    "healthy='sound' is neither a class nor a family": {"healthy": "sound"},
     "n_splits must be a whole number of at least 2": {"n_splits": 1},
     "confidence must be a number above 0 and below 1": {"confidence": 1},
     "n_resamples must be a whole number of at least 100": {"n_resamples": 5},

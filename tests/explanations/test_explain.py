@@ -470,6 +470,14 @@ def test_a_search_is_explained_by_its_best_pipeline(rig, rig_models):
     pd.testing.assert_frame_equal(one, explain_decision(rig_models["position"], rig[0][0]))
 
 
+def test_a_search_at_the_end_of_a_pipeline_is_explained_by_its_best_classifier():
+    X, y = powers()
+    search = GridSearchCV(CostSensitiveGaussianBayes(), {"shrinkage": [0.1]}, cv=3)
+    model = make_pipeline(log(), search).fit(X, y)
+    expected = explain_decision(fitted("log")[0], X.iloc[[7]])
+    pd.testing.assert_frame_equal(explain_decision(model, X.iloc[[7]]), expected)
+
+
 def test_pandas_output_changes_no_explanation(rig, rig_models):
     model = rig_pipeline("vibration").set_output(transform="pandas").fit(*rig)
     one = explain_model(model, rig[0], rig[1])
