@@ -94,11 +94,11 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
-    from emacm.thesis import reproduce
+    from emacm.thesis import CHAPTERS, reproduce
 
-    chapters = [_chapter_number(text) for text in options.chapter or reproduce.CHAPTERS]
+    chapters = [_chapter_number(text) for text in options.chapter or CHAPTERS]
     with _stopping_when_told():
-        reproduce.reproduce(
+        reproduce(
             options.out,
             list(dict.fromkeys(chapters)),
             quick=options.quick,

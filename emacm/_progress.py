@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
-from typing import Any, TextIO
+from typing import Any
 
 from joblib import Parallel
 from joblib.parallel import SequentialBackend, ThreadingBackend, get_active_backend
@@ -96,54 +94,6 @@ def _here(tasks: Iterable[Any]) -> Iterator[Any]:
 def _in_threads(tasks: Iterable[Any], n_workers: int) -> Iterator[Any]:
     with ThreadPoolExecutor(n_workers) as workers:
         yield from workers.map(lambda task: task[0](*task[1], **task[2]), tasks)
-
-
-class Teller:
-    """Say in a line what is being done, and how much of the whole is.
-
-    By tqdm's bar, if it is installed, or else by lines that begin with the seconds passed.
-
-    Parameters
-    ----------
-    total : int
-        Parts of the whole.
-    unit : str
-        What a part is called.
-    file : file-like, optional
-        Where to write. Default: stderr.
-
-    Examples
-    --------
-    >>> with Teller(2, unit="chapter") as tell:
-    ...     tell("chapter 1: pictures")
-    ...     tell.advance()
-    """
-
-    def __init__(self, total: int, *, unit: str, file: TextIO | None = None) -> None:
-        bar = _bar()
-        self._file = sys.stderr if file is None else file
-        self._start = time.perf_counter()
-        self._shown = None if bar is None else bar(total=total, unit=unit, file=self._file)
-
-    def __enter__(self) -> Teller:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._shown is not None:
-            self._shown.close()
-
-    def __call__(self, line: str) -> None:
-        """Say what is being done."""
-        if self._shown is not None:
-            self._shown.set_postfix_str(line)
-            return
-        passed = time.perf_counter() - self._start
-        print(f"[{passed:4.0f} s] {line}", file=self._file, flush=True)
-
-    def advance(self) -> None:
-        """Count one part as done."""
-        if self._shown is not None:
-            self._shown.update()
 
 
 def _bar() -> Any:

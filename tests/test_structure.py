@@ -90,8 +90,8 @@ def imported_at_once(module):
 
 
 def place(name):
-    """Return the subpackage, or the module at the root, of a full name."""
-    return name.split(".")[1]
+    """Return the subpackage, or the module at the root, of a full name; a command is a command."""
+    return "__main__" if name.endswith(".__main__") else name.split(".")[1]
 
 
 def of_the_package(names):

@@ -16,7 +16,7 @@ from emacm.thesis.findings import Chapter
 _N_DRAWS = 200
 
 
-def chapter2(
+def reproduce_chapter2(
     *,
     quick: bool = False,
     n_jobs: int | None = None,

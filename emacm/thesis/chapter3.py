@@ -41,7 +41,7 @@ _PRINTED = {
 }
 
 
-def chapter3(
+def reproduce_chapter3(
     *,
     quick: bool = False,
     n_jobs: int | None = None,

@@ -1,4 +1,4 @@
-"""Order spectra of the laboratory campaign of chapter 4: each recording simulated once."""
+"""Order spectra and bins of the laboratory campaign of chapter 4."""
 
 from __future__ import annotations
 
@@ -11,42 +11,44 @@ import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.simulation.campaign import LaboratoryRecordings, laboratory_recordings, thesis_benches
+from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.campaign import LaboratoryRecordings, laboratory_recordings
 from emacm.simulation.faults import POLE_PAIRS
 
-SIGNALS = {  # channel: what the thesis calls it
+SIGNALS = {  # channel: name in the thesis
     "lvdt": "LVDT",
     "velocity": "Motor Velocity",
     "current_a": "Current",
     "accelerometer": "Y Accelerometer",
 }
 UNITS = {"lvdt": "in", "velocity": "rad/s", "current_a": "A", "accelerometer": "g"}
-REVOLUTIONS = 8  # of a segment; the thesis gives no L. Condition 1 makes 14 in 10 s of travel.
-MIN_SPEED = 1.0  # rad/s; below it the noise of the resolver cuts strokes
-_COMMAND = (0.0, 1.0)  # orders of the commanded motion, slower than a revolution
+REVOLUTIONS = 8  # of a segment; not in the thesis. Condition 1 makes 14 revolutions in 10 s.
+MIN_SPEED = 1.0  # rad/s; below it, noise of the resolver cuts strokes
+_COMMAND = (0.0, 1.0)  # orders of the commanded motion, below one per revolution
 _FUNDAMENTAL = (POLE_PAIRS - 0.4, POLE_PAIRS + 0.4)  # chapter 3: 5.6 to 6.4
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read what chapter 4 says, and leaves open, of its feature extraction.
+    """One interpretation of the feature extraction of chapter 4.
 
     Parameters
     ----------
     note : str
-        What it means, in words.
+        Description.
     theta_s : float
         Angle between samples [rad].
     direction : {"travel", "strokes"}
-        How reversals are met, as for `OrderResampler`.
+        Treatment of reversals, as in `OrderResampler`.
     antialias : bool
         False: linear interpolation, Eq. (2.13).
     filtered : bool
-        Whether a stop band takes out what the command itself makes: the fundamental of the current
-        as in chapter 3, and of the other signals what is slower than a revolution (assumed).
+        Whether a stop band removes the effect of the command: the fundamental of the current as
+        in chapter 3, and orders below 1 of the other signals (assumed).
     """
 
     note: str
@@ -60,15 +62,9 @@ class Reading:
         """Highest order: π/theta_s."""
         return float(round(np.pi / self.theta_s, 9))
 
-    def stop_bands(self, channel: str) -> tuple[tuple[float, float], ...]:
-        """Return what the ideal band-stop filter takes out of a channel [orders]."""
-        if not self.filtered:
-            return ()
-        return (_FUNDAMENTAL if channel.startswith("current") else _COMMAND,)
-
     @property
     def resampler(self) -> OrderResampler:
-        """From time to shaft angle."""
+        """Resampler from time to shaft angle."""
         return OrderResampler(
             self.theta_s,
             interpolation="linear",
@@ -77,6 +73,12 @@ class Reading:
             min_speed=MIN_SPEED,
             channels=list(SIGNALS),
         )
+
+    def binning(self, channel: str) -> BinTransformer:
+        """Return bins of one order with the ideal band-stop filter of a channel."""
+        stop_band = _FUNDAMENTAL if channel.startswith("current") else _COMMAND
+        stop_bands = (stop_band,) if self.filtered else ()
+        return BinTransformer(1.0, max_order=self.max_order, stop_bands=stop_bands)
 
     def spectra(self, recording: Recording) -> dict[str, pd.DataFrame]:
         """Return the order spectra of a recording by channel, of one row each [unit²/order]."""
@@ -90,65 +92,95 @@ class Reading:
 READINGS = {
     "thesis": Reading("linear interpolation over the travel, 100 orders, filtered"),
     "no filter": Reading("as above, without stop bands", filtered=False),
-    "50 orders": Reading("θ_s = 0.02π as Table 4.4 prints it", theta_s=0.02 * np.pi),
-    "band-limited": Reading("no order from above 100 folds in", antialias=True),
-    "strokes": Reading("each stroke by itself", direction="strokes"),
+    "50 orders": Reading("θ_s = 0.02π as printed in Table 4.4", theta_s=0.02 * np.pi),
+    "band-limited": Reading("no aliasing from orders above 100", antialias=True),
+    "strokes": Reading("each stroke resampled separately", direction="strokes"),
 }
 
 
 @dataclass(frozen=True)
+class Signal:
+    """Spectra and bins of one channel under one reading.
+
+    Attributes
+    ----------
+    reading, channel : str
+        Keys of `READINGS` and `SIGNALS`.
+    frame : DataFrame
+        One row per recording, as in `Campaign`.
+    spectra : DataFrame of shape (n_recordings, n_orders)
+        Order spectra [unit²/order].
+    binning : BinTransformer
+        Fitted to the spectra.
+    bins : DataFrame of shape (n_recordings, n_bins)
+        Power in bins of one order [unit²].
+    """
+
+    reading: str
+    channel: str
+    frame: pd.DataFrame
+    spectra: pd.DataFrame
+    binning: BinTransformer
+    bins: pd.DataFrame
+
+    def rows(self, conditions: Collection[int], *, training: bool) -> NDArray[np.bool_]:
+        """Return a mask of the training or test recordings of these conditions."""
+        mask = self.frame["condition"].isin(conditions) & (self.frame["training"] == training)
+        return mask.to_numpy()
+
+
+@dataclass(frozen=True)
 class Campaign:
-    """What is known of a pair of units after all their runs.
+    """All runs of a healthy and a degraded unit.
 
     Attributes
     ----------
     frame : DataFrame
-        A row a recording: "unit", "condition", "run", "label", "severity", "health" ("healthy" or
-        "degraded") and "training" (whether it is one of the first half of the runs).
+        One row per recording: "unit", "condition", "run", "label", "severity", "health"
+        ("healthy" or "degraded") and "training" (True in the first half of the runs).
     spectra : dict of str to dict of str to DataFrame of shape (n_recordings, n_orders)
         Order spectra by reading and channel [unit²/order].
     kept : dict of int to Recording
-        The first run of each unit in each condition, by row, if it was to be kept.
+        First run of each unit in each condition, by row, if requested.
     """
 
     frame: pd.DataFrame
     spectra: dict[str, dict[str, pd.DataFrame]]
     kept: dict[int, Recording]
 
-    def chosen(self, conditions: Collection[int], *, training: bool) -> NDArray[np.bool_]:
-        """Tell which recordings are of these conditions, and for training or for test."""
-        mask = self.frame["condition"].isin(conditions) & (self.frame["training"] == training)
-        return mask.to_numpy()
+    def signal(self, reading: str, channel: str) -> Signal:
+        """Return the spectra and bins of one channel under one reading."""
+        spectra = self.spectra[reading][channel]
+        binning = READINGS[reading].binning(channel).set_output(transform="pandas")
+        bins = binning.fit_transform(spectra)
+        return Signal(reading, channel, self.frame, spectra, binning, bins)
 
 
 def run_campaign(
-    seed: int,
+    benches: Sequence[LaboratoryBench],
     *,
     n_runs: int = 20,
     readings: Sequence[str] = ("thesis",),
     keep: bool = False,
     n_jobs: int | None = None,
     report: Callable[[str], None] | None = None,
-    **constants: Any,
 ) -> Campaign:
-    """Run the two units of the thesis through all conditions; every recording is made once.
+    """Simulate the units in all conditions, each recording once, and estimate order spectra.
 
     Parameters
     ----------
-    seed : int
-        Of the units and their runs.
+    benches : sequence of LaboratoryBench
+        Units, such as `thesis_benches`.
     n_runs : int
         Runs of each unit in each condition; the first half is for training.
     readings : sequence of str
         Keys of `READINGS`.
     keep : bool
-        Whether to keep the first runs themselves with their commands, to be drawn.
+        Whether to keep the first run of each unit in each condition.
     n_jobs : int, optional
-        Processes; a recording is read, brought to spectra and forgotten in each.
+        Number of processes. No process holds more than one recording.
     report : callable, optional
-        Is given a line now and then.
-    **constants
-        Of the benches, as for `LaboratoryBench`.
+        Receives lines of progress.
 
     Returns
     -------
@@ -156,67 +188,29 @@ def run_campaign(
 
     Examples
     --------
-    >>> campaign = run_campaign(0, n_runs=2, duration=0.1)
+    >>> from emacm.simulation import thesis_benches
+    >>> campaign = run_campaign(thesis_benches(duration=0.1), n_runs=2)
     >>> campaign.frame["health"].value_counts().to_dict()
     {'healthy': 10, 'degraded': 10}
-    >>> campaign.spectra["thesis"]["lvdt"].shape
+    >>> campaign.signal("thesis", "lvdt").spectra.shape
     (20, 801)
     """
-    benches = thesis_benches(seed=seed, commands=keep, **constants)
     recordings = laboratory_recordings(benches, n_runs=n_runs)
     frame = recordings.frame
     frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
-    tables, kept = estimate(
-        recordings, readings, f"units of seed {seed}", keep=keep, n_jobs=n_jobs, report=report
-    )
-    return Campaign(frame, tables, kept)
-
-
-def estimate(
-    recordings: LaboratoryRecordings,
-    readings: Sequence[str],
-    called: str,
-    *,
-    keep: bool = False,
-    n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
-) -> tuple[dict[str, dict[str, pd.DataFrame]], dict[int, Recording]]:
-    """Bring recordings to spectra, each made, read and forgotten.
-
-    Parameters
-    ----------
-    recordings : LaboratoryRecordings
-        Which.
-    readings : sequence of str
-        Keys of `READINGS`.
-    called : str
-        What they are, for `report`.
-    keep : bool
-        Whether to keep the first runs themselves.
-    n_jobs, report
-        As for `run_campaign`.
-
-    Returns
-    -------
-    spectra, kept
-        As in `Campaign`.
-    """
-    runs = recordings.frame["run"].tolist()
     tasks = (
         delayed(_spectra)(recordings[i : i + 1], readings, keep and run == 1)
-        for i, run in enumerate(runs)
+        for i, run in enumerate(frame["run"].tolist())
     )
     rows: list[dict[str, dict[str, pd.DataFrame]]] = []
     kept: dict[int, Recording] = {}
-    for number, (spectra, recording) in enumerate(
-        Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
-    ):
-        rows.append(spectra)
+    for spectra, recording in Parallel(n_jobs=n_jobs, return_as="generator")(tasks):
         if recording is not None:
-            kept[number] = recording
-        if report is not None and (number + 1) % 50 == 0:
-            report(f"chapter 4, {called}: {number + 1} of {len(runs)} recordings")
+            kept[len(rows)] = recording
+        rows.append(spectra)
+        if report is not None and (len(rows) % 10 == 0 or len(rows) == len(frame)):
+            report(f"chapter 4: {len(rows)} of {len(frame)} recordings")
     tables = {
         reading: {
             channel: pd.concat([row[reading][channel] for row in rows], ignore_index=True)
@@ -224,15 +218,15 @@ def estimate(
         }
         for reading in readings
     }
-    return tables, kept
+    return Campaign(frame, tables, kept)
 
 
 def _spectra(
     one: LaboratoryRecordings, readings: Sequence[str], keep: bool
 ) -> tuple[dict[str, dict[str, pd.DataFrame]], Recording | None]:
-    """Simulate one recording; return its spectra by reading, and itself if it is to be kept."""
+    """Simulate one recording; return its spectra by reading, and the recording if it is kept."""
     recording = one[0]
-    made: dict[Any, dict[str, pd.DataFrame]] = {}  # readings may differ in the filter alone
+    made: dict[Any, dict[str, pd.DataFrame]] = {}  # some readings differ only in the filter
     spectra = {}
     for name in readings:
         reading = READINGS[name]

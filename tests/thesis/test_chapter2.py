@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from emacm.thesis.chapter2 import chapter2
+from emacm.thesis.chapter2 import reproduce_chapter2
 
 
 @pytest.fixture(scope="module")
 def chapter():
     said = []
-    chapter = chapter2(quick=True, report=said.append)
+    chapter = reproduce_chapter2(quick=True, report=said.append)
     assert all(line.startswith("chapter 2: ") for line in said)
     return chapter
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.thesis.chapter3 import chapter3
+from emacm.thesis.chapter3 import reproduce_chapter3
 from emacm.thesis.chapter3_readings import NO_LOW_HZ, READINGS, outcome
 from emacm.thesis.printed_equations import printed_angle, printed_resampling, rectangle_angle
 
@@ -17,7 +17,7 @@ CHANCE = {
 @pytest.fixture(scope="module")
 def chapter():
     said = []
-    chapter = chapter3(quick=True, report=said.append)
+    chapter = reproduce_chapter3(quick=True, report=said.append)
     assert said == [*(f"chapter 3: draw {n} of 3" for n in (1, 2, 3)), "chapter 3: pictures"]
     return chapter
 

@@ -10,7 +10,6 @@ import time
 from base64 import b64decode
 from html.parser import HTMLParser
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pandas as pd
@@ -18,9 +17,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from emacm.__main__ import main
+from emacm.thesis import reproduction
 from emacm.thesis.findings import Chapter, Finding, findings_frame
-from emacm.thesis.report import Report, counted, flat_table
-from emacm.thesis.report_folder import check_target, whole_folder
+from emacm.thesis.report import Report, check_target, counted, flat_table, whole_folder
 
 FIELDS = ["where", "published", "ours", "low", "high", "agrees", "note"]
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -100,9 +99,7 @@ def stand_in(monkeypatch):
             report(f"chapter {number}: at work")
             return make(number)
 
-        module = ModuleType(f"emacm.thesis.chapter{number}")
-        setattr(module, f"chapter{number}", chapter)
-        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setitem(reproduction.CHAPTERS, number, chapter)
 
     for number in (2, 3, 4):
         give(number)
@@ -155,8 +152,54 @@ def test_what_a_reader_must_know_first_opens_the_report_and_its_chapter(tmp_path
     text = page_of(tmp_path).text
     assert text.count("All of it was simulated.") == 2
     first, second = (part.start() for part in re.finditer("All of it was simulated", text))
-    assert first < text.index("computed anew")
+    assert text.index("computed again: 2 of 4") < first < text.index("Chapter 2: Spectra")
     assert text.rindex("Chapter 4: Spectra") < second < text.rindex("Table 1, a")
+
+
+class Cells(HTMLParser):
+    """The cells of all tables by row."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.rows, self.inside = [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "tr":
+            self.rows.append([])
+        self.inside = tag in ("td", "th")
+        if self.inside:
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        self.inside = False
+
+    def handle_data(self, data):
+        if self.inside:
+            self.rows[-1][-1] += data
+
+
+def test_each_finding_is_a_row_of_the_page_and_says_whether_it_agrees(tmp_path):
+    write(tmp_path, small_chapter())
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    rows = Cells(text).rows
+    assert rows[0] == [
+        "where", "published", "ours", "range of ours", "agrees", "method, reason"
+    ]  # fmt: skip
+    assert rows[1] == ["Table 1, a", "2", "2", "1.5 to 2.5", "yes", "two draws"]
+    assert rows[2] == ["Table 1, b <x>", "7", "2", "1 to 4", "no", "not in the range"]
+    assert text.count('<td class="no">no</td>') == 1
+    assert not re.search(r'class="no">(?!no<)', text)
+
+
+def test_long_cells_are_not_shortened(tmp_path):
+    chapter = Chapter(2, "Words")
+    chapter.compare("Table 1", 1.0, 1.0, "a note of " + 40 * "many words " + "end")
+    chapter.tables["Long"] = pd.DataFrame({"text": ["x" * 300], "gap": [np.nan]})
+    write(tmp_path, chapter)
+    rows = Cells((tmp_path / "report.html").read_text(encoding="utf-8")).rows
+    assert rows[1][-1] == "a note of " + 40 * "many words " + "end"
+    assert rows[3] == ["x" * 300, "–"]
 
 
 def test_only_a_quick_run_is_called_one(tmp_path):
@@ -220,7 +263,7 @@ def test_a_missing_number_of_a_table_is_a_dash_and_of_a_finding_an_error(tmp_pat
 
 def test_two_tables_of_one_file_name_are_refused(tmp_path):
     chapter = Chapter(2, "Twins", tables={"A b": pd.DataFrame(), "a-B": pd.DataFrame()})
-    with pytest.raises(ValueError, match=r"chapter 2 has two tables that would be chapter2_a_b"):
+    with pytest.raises(ValueError, match=r"chapter 2 has two tables .* chapter2_a_b"):
         Report(tmp_path).add(chapter)
 
 
@@ -267,7 +310,10 @@ def test_what_is_not_finished_leaves_the_report_that_was_there(tmp_path):
     with whole_folder(tmp_path) as folder:
         write(folder, small_chapter())
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(FileNotFoundError), whole_folder(tmp_path, overwrite=True) as folder:
+    with (
+        pytest.raises(FileNotFoundError, match="incomplete: summary"),
+        whole_folder(tmp_path, overwrite=True) as folder,
+    ):
         (folder / "report.html").write_text("half")  # and no other part
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
 
@@ -286,7 +332,7 @@ def test_a_new_report_replaces_the_old_one_and_nothing_else(tmp_path):
 def test_a_folder_of_other_tables_is_not_touched(tmp_path):
     (tmp_path / "tables").mkdir()
     for overwrite in (False, True):
-        with pytest.raises(ValueError, match="holds tables, but no report of emacm"):
+        with pytest.raises(ValueError, match="contains tables, but no report of emacm"):
             check_target(tmp_path, overwrite=overwrite)
 
 
@@ -304,8 +350,7 @@ def test_the_command_writes_a_report_and_counts_last(tmp_path, capsys, stand_in)
     assert page_of(tmp_path / "out").ids == ["chapter2", "chapter3", "chapter4"]
 
 
-def test_without_a_bar_the_seconds_passed_begin_each_line(tmp_path, capsys, monkeypatch, stand_in):
-    monkeypatch.setattr("emacm._progress._bar", lambda: None)
+def test_the_seconds_passed_begin_each_line_of_progress(tmp_path, capsys, stand_in):
     assert main(["reproduce", "--out", str(tmp_path / "out"), "--chapter", "2"]) == 0
     assert capsys.readouterr().err == "[   0 s] chapter 2: at work\n"
 
@@ -335,7 +380,7 @@ def refused(arguments, capsys):
 
 def test_an_unknown_chapter_is_one_line_and_exit_code_2(tmp_path, capsys):
     out = ["--out", str(tmp_path / "out")]
-    assert "chapter 7 is not reproduced; there are 2, 3, 4." in refused(
+    assert "chapter 7 is not reproduced; available are 2, 3, 4." in refused(
         ["--chapter", "7", *out], capsys
     )
     assert "a chapter is a number, such as 2, got 'two'." in refused(
@@ -358,7 +403,7 @@ def test_a_report_that_is_there_is_kept_unless_it_may_go(tmp_path, capsys, stand
     assert main(arguments) == 0
     before = (tmp_path / "report.html").read_bytes()
     capsys.readouterr()
-    assert "already holds a report. Pass --overwrite" in refused(arguments[1:], capsys)
+    assert "already contains a report. Pass --overwrite" in refused(arguments[1:], capsys)
     assert (tmp_path / "report.html").read_bytes() == before
     assert main([*arguments[:2], "3", *arguments[3:], "--overwrite"]) == 0
     assert page_of(tmp_path).ids == ["chapter3"]

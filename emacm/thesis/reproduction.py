@@ -1,0 +1,80 @@
+"""Reproduction of the thesis: chapters, and the report of their results."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from emacm.thesis.chapter2 import reproduce_chapter2
+from emacm.thesis.chapter3 import reproduce_chapter3
+from emacm.thesis.chapter4 import reproduce_chapter4
+from emacm.thesis.findings import Chapter, Finding
+from emacm.thesis.report import REPORT, Report, counted, whole_folder
+
+CHAPTERS: dict[int, Callable[..., Chapter]] = {
+    2: reproduce_chapter2,
+    3: reproduce_chapter3,
+    4: reproduce_chapter4,
+}
+
+
+def reproduce(
+    out: Path,
+    chapters: Sequence[int] = tuple(CHAPTERS),
+    *,
+    quick: bool = False,
+    overwrite: bool = False,
+    n_jobs: int | None = None,
+) -> list[Finding]:
+    """Reproduce chapters of the thesis, write the report, and print the findings that disagree.
+
+    Progress is written to stderr.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for the report. After an error it is unchanged.
+    chapters : sequence of int
+        Numbers of the chapters, in this order.
+    quick : bool
+        Whether to use fewer draws.
+    overwrite : bool
+        Whether an existing report may be replaced.
+    n_jobs : int, optional
+        Number of processes.
+
+    Returns
+    -------
+    list of Finding
+        Published figures and ours.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written to.
+    ValueError
+        If a chapter is unknown, or the folder already contains a report.
+    """
+    for number in chapters:
+        if number not in CHAPTERS:
+            known = ", ".join(map(str, CHAPTERS))
+            raise ValueError(f"chapter {number} is not reproduced; available are {known}.")
+    start = time.perf_counter()
+
+    def tell(line: str) -> None:
+        print(f"[{time.perf_counter() - start:4.0f} s] {line}", file=sys.stderr, flush=True)
+
+    with whole_folder(out, overwrite=overwrite) as folder:
+        report = Report(folder, quick=quick)
+        for number in chapters:
+            report.add(CHAPTERS[number](quick=quick, n_jobs=n_jobs, report=tell))
+        report.finish()
+    for f in report.findings:
+        if not f.agrees:
+            print(f"{f.where}: published {f.published:g}, ours {f.ours:.4g} ", end="")
+            print(f"({f.low:.4g} to {f.high:.4g}). {f.note}")
+    print(f"Report written: {Path(out) / REPORT}")
+    print(counted(report.findings))
+    return report.findings
