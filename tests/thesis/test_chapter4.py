@@ -165,9 +165,11 @@ def test_the_accelerometer_is_exposed_as_deciding_on_multiples_of_6_123(chapter)
     carried = chapter.tables["orders that determine the decisions"].xs(
         "Y Accelerometer", level="signal"
     )
-    for conditions in ("3", "4", "all"):
+    # In condition 3 the shaft is fastest; in condition 4 folded resonances take a part, which in
+    # three draws of units leaves 40, 58 and 63 % where chance has 24 %.
+    for conditions, ratio in (("3", 3), ("4", 1.5), ("all", 3)):
         row = carried.loc[conditions]
-        assert row["inner ring [%]"] > 2 * row["inner ring, by chance [%]"]
+        assert row["inner ring [%]"] > ratio * row["inner ring, by chance [%]"]
         assert row["electrical noise [%]"] < 5
 
 
