@@ -1,17 +1,20 @@
-"""Pictures: each holds computed numbers, draws them, and gives them as a table.
+"""Displays: each holds computed values, draws them, and returns them as a table.
 
-- `RecordingDisplay`: the signals and the shaft speed of a recording, over time.
-- `OrderSpectrumDisplay`: order spectra by group; `OrderMapDisplay`: of one recording, over
-  time or speed; `OrderBinsDisplay`: gathered into bins.
-- `ExplainedVarianceDisplay`, `LoadingsDisplay`: what principal components are made of.
+- `RecordingDisplay`: signals and shaft speed of a recording over time.
+- `OrderSpectrumDisplay`: order spectra by group of recordings; `OrderMapDisplay`: order spectra of
+  one recording over time or speed; `OrderBinsDisplay`: order bins by group.
+- `ExplainedVarianceDisplay`, `LoadingsDisplay`: principal components.
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
-- `OutcomesDisplay`: how often decisions were right, by signal and condition.
-- `EvaluationDisplay`: what a random split and splits by run, unit and condition say.
-- `ContributionsDisplay`: which orders carried a decision, beside those of known faults.
+- `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
+  detections by signal and condition.
+- `EvaluationDisplay`: random split and splits by run, unit and condition.
+- `ContributionsDisplay`: contribution of each order to a decision, and predicted fault orders.
 
-A picture is made by one of its ``from_`` methods, or from numbers and ``plot()``. What it drew
-on is in its `ax_` and `figure_`; ``frame()`` gives its numbers. A picture of several panels
-takes as many axes.
+A display is made by one of its ``from_`` methods, or from values and ``plot()``. `ax_` and
+`figure_` hold its axes and figure; ``frame()`` returns its values. A display with several panels
+takes one Axes for each. New figures are 16 cm wide, so that text is readable on a page; legends
+stand above the axes. The healthy state has the same colour in every display, and is first in
+legends.
 """
 
 from emacm.displays._drawing import COLOURS, HATCHES, MARKERS, STYLES

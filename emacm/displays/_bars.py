@@ -1,12 +1,13 @@
-"""Bars and steps over order bins between their exact edges, and over bins that have names."""
+"""Bars and steps over order bins between their exact edges, and over bins with names."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.displays._drawing import (
@@ -14,84 +15,100 @@ from emacm.displays._drawing import (
     MISSING,
     ORDER_LABEL,
     SMALL,
+    label_x,
     mark_orders,
-    name_panels_below,
     panel_axes,
     wrapped,
 )
 from emacm.orders.bins import Band, check_stop_bands
 from emacm.orders.columns import BinBlock, parse_bin_columns
 
-_HALF = 0.4  # of a bar over a name; names stand 1 apart
-_MOST_NAMES = 40  # under one picture
+_HALF = 0.4  # half the width of a bar over a name; names are 1 apart
+_MOST_NAMES = 40  # below one panel
 
 
 def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
-    """Return channels and bins of these columns; names of another form are one channel's bins.
+    """Return the bins of each channel; names of another form are the bins of one channel.
 
     Parameters
     ----------
     columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as `BinTransformer` writes them, other
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`, other
         names, or bands [orders] of one channel.
 
     Raises
     ------
     TypeError, ValueError
-        If there is no column, or one comes twice, or a band is none.
+        If there is no column, a name is repeated, or an entry is not a band.
     """
     entries = list(columns)
     if not entries:
         raise ValueError("columns must hold at least one name or band, got none.")
     if not any(isinstance(entry, str) for entry in entries):
-        check_stop_bands(entries)  # complains of what is no band
+        check_stop_bands(entries)  # raises an error for what is not a band
         bands = np.array([[float(edge) for edge in band] for band in entries])
         names = tuple(f"{low:g}-{high:g}" for low, high in bands)
         return [BinBlock("signal", names, bands, np.arange(len(bands)))]
     for entry in entries:
         if not isinstance(entry, str):
-            raise TypeError(f"columns must be names or bands throughout, got {entry!r} among them.")
+            raise TypeError(f"columns must be all names or all bands, got {entry!r} among names.")
     if len(set(entries)) < len(entries):
         double = next(entry for entry in entries if entries.count(entry) > 1)
-        raise ValueError(f"columns must name each bin once, but {double!r} comes again.")
+        raise ValueError(f"columns must name each bin once, but {double!r} is repeated.")
     blocks = parse_bin_columns(entries)
     if blocks is None:
         return [BinBlock("signal", tuple(entries), None, np.arange(len(entries)))]
     return list(blocks)
 
 
+def has_order_axis(block: BinBlock) -> bool:
+    """Return whether bins are drawn over the order: they have edges and do not overlap."""
+    if block.bands is None:
+        return False
+    low, high = block.bands[np.lexsort(block.bands.T[::-1])].T
+    return bool(np.all(high[:-1] <= low[1:] + 1e-9 * high[:-1]))
+
+
 def bin_places(block: BinBlock) -> NDArray[np.floating]:
-    """Return where each bin begins and ends on the x axis, shape (n_bins, 2)."""
-    if block.bands is not None:
+    """Return start and end of each bin on the x axis, shape (n_bins, 2)."""
+    if block.bands is not None and has_order_axis(block):
         return block.bands
     centres = np.arange(len(block.names))[:, np.newaxis]
     return centres + np.array([-_HALF, _HALF])
 
 
+def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]]) -> pd.DataFrame:
+    """Return values as a table: one row per channel and bin, one column per label."""
+    rows = [(block.channel, name) for block in blocks for name in block.names]
+    places = np.concatenate([block.columns for block in blocks])
+    index = pd.MultiIndex.from_tuples(rows, names=["channel", "bin"])
+    return pd.DataFrame({label: each[places] for label, each in values.items()}, index=index)
+
+
 def share_an_axis(blocks: Sequence[BinBlock]) -> bool:
-    """Tell whether all blocks have an order axis, or the same named bins."""
-    if all(block.bands is not None for block in blocks):
-        return True
-    return len({(block.names, block.bands is None) for block in blocks}) == 1
+    """Return whether all blocks have an order axis, or the same named bins."""
+    over_order = {has_order_axis(block) for block in blocks}
+    return over_order == {True} or (
+        over_order == {False} and len({block.names for block in blocks}) == 1
+    )
 
 
 def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[np.object_]:
-    """Return an axes for each block, `n_rows` times, with limits and names along x."""
+    """Return one Axes for each block, `n_rows` times, with limits and names along x."""
     axes = panel_axes(ax, n_rows * len(blocks), shared="x" if share_an_axis(blocks) else "")
-    low = min(bin_places(block).min() for block in blocks)
-    high = max(bin_places(block).max() for block in blocks)
+    over_order = [block for block in blocks if has_order_axis(block)]
+    edges = np.concatenate([bin_places(block) for block in over_order or blocks])
     for panel, block in zip(axes, [*blocks] * n_rows, strict=True):
-        if block.bands is not None:
-            panel.set_xlim(low, high)
-            continue
-        _name_bins(panel, block.names)
-    banded = all(block.bands is not None for block in blocks)
-    name_panels_below(axes, ORDER_LABEL if banded else "order bin")
+        if has_order_axis(block):
+            panel.set_xlim(edges.min(), edges.max())
+        else:
+            _name_bins(panel, block.names)
+    label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else "order bin")
     return axes
 
 
 def _name_bins(panel: Any, names: Sequence[str]) -> None:
-    """Write names below their bins; upright where they have no room."""
+    """Write names below their bins; upright where the panel is too narrow."""
     panel.set_xlim(-0.6, len(names) - 0.4)
     step = 1 + len(names) // _MOST_NAMES
     width = 72 / panel.figure.dpi * panel.get_window_extent().width
@@ -112,14 +129,13 @@ def draw_bars(
 ) -> None:
     """Draw a bar from `bottom` to each value, between the edges of its bin."""
     widths = places[:, 1] - places[:, 0]
-    style = {"edgecolor": "black", "linewidth": 0.5} | style
     ax.bar(places[:, 0], values - bottom, widths, bottom=bottom, align="edge", **style)
 
 
 def draw_steps(
     ax: Any, places: NDArray[np.floating], values: NDArray[np.floating], **style: Any
 ) -> None:
-    """Draw a line at each value from edge to edge, joined where bins adjoin."""
+    """Draw a line at each value from edge to edge, connected where bins are adjacent."""
     x: list[float] = []
     y: list[float] = []
     for i, ((low, high), value) in enumerate(zip(places, values, strict=True)):
@@ -130,18 +146,26 @@ def draw_steps(
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:
-    """Hatch the orders that were taken out."""
-    for i, (low, high) in enumerate(stop_bands):
-        label = "stop band" if i == 0 else None
-        ax.axvspan(
-            low, high, facecolor="white", edgecolor=MISSING, hatch="////", label=label, zorder=0
-        )
+    """Hatch the orders that a filter removed, as far as they are within the limits."""
+    left, right = ax.get_xlim()
+    label: str | None = "stop band"
+    for low, high in stop_bands:
+        if high > left and low < right:
+            style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}
+            ax.axvspan(low, high, label=label, **style)
+            label = None
 
 
 def mark_panels(
-    axes: NDArray[np.object_], blocks: Sequence[BinBlock], fault_orders: Mapping[str, float]
-) -> None:
-    """Mark fault orders in the panels that have an order axis, named in the first."""
-    for i, (panel, block) in enumerate(zip(axes, blocks, strict=True)):
-        if block.bands is not None:
-            mark_orders(panel, fault_orders, named=i == 0)
+    axes: NDArray[np.object_], blocks: Sequence[BinBlock], lines: pd.DataFrame
+) -> float:
+    """Mark fault orders in the panels with an order axis; return the height of their names.
+
+    They are named in the first panel [points].
+    """
+    heights = [
+        mark_orders(panel, lines, named=i == 0)
+        for i, (panel, block) in enumerate(zip(axes, blocks, strict=True))
+        if has_order_axis(block)
+    ]
+    return max(heights, default=0.0)

@@ -1,18 +1,20 @@
-"""How pictures look here: colours and hatches, axes, legends, and marks of orders."""
+"""Style of all displays: colours by state, axes, legends, labels with units, fault orders."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from textwrap import fill
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
-# Okabe and Ito's colours, told apart by colour-blind readers; line styles, marks and hatches
-# tell the same things apart in print.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999933")
+# The palette of Okabe and Ito, which colour-blind readers can distinguish. The first colour is
+# that of the healthy state, in every display. Line styles, markers and hatches repeat the
+# distinction for print in grey.
+COLOURS = ("#009E73", "#D55E00", "#0072B2", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999933")
 STYLES = (
     "-",
     "--",
@@ -25,35 +27,57 @@ STYLES = (
 )
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 HATCHES = ("", "///", "...", "\\\\\\", "xxx", "---", "+++", "ooo")
-SMALL = 8  # points, of all text but the names of the axes
+HEALTHY = "healthy"  # default label of the healthy state
+PLAIN = COLOURS[2]  # of what is not a state
+WIDTH = 6.3  # inches: 16 cm, the text width of a page, so that font sizes are those on paper
+SMALL = 8  # points; font size of everything except axis labels
 ORDER_LABEL = "order [cycles per revolution]"
-MISSING = "0.85"  # grey of what was not measured or was taken out
+MISSING = "0.85"  # grey hatch: not measured, or removed by a filter
+LETTER = 0.58 * SMALL  # points; mean width of a letter
 
-_LONGEST = 20  # letters of a word that is not broken
-LETTER = 0.58 * SMALL  # points, mean width of a letter
+_LONGEST = 20  # letters; longer words may be broken
 _WRAP = 34  # letters of a line in a legend
+_HANDLE = 44  # points; line sample of a legend entry, with its margins
 
 
-def line_style(number: int) -> dict[str, Any]:
-    """Return colour and line style of the class of this number."""
-    return {"color": colour_of(number), "linestyle": one_of(STYLES, number)}
+def state_numbers(labels: Iterable[Any], healthy: Any) -> dict[str, int]:
+    """Return the number of each state for `colour_of`: healthy is 0 and first, then 1, 2, ...
+
+    A single group that is not healthy has the colour `PLAIN`.
+
+    Examples
+    --------
+    >>> state_numbers(["worn", "healthy", "broken"], "healthy")
+    {'healthy': 0, 'worn': 1, 'broken': 2}
+    """
+    names = list(dict.fromkeys(map(str, labels)))
+    others = [name for name in names if name != str(healthy)]
+    if len(names) == len(others) == 1:
+        return {names[0]: COLOURS.index(PLAIN)}
+    first = {str(healthy): 0} if len(others) < len(names) else {}
+    return first | {name: number for number, name in enumerate(others, 1)}
 
 
 def colour_of(number: int) -> str:
-    """Return the colour of the class of this number."""
-    return COLOURS[number % len(COLOURS)]
+    """Return the colour of a state; 0 is healthy, and no other state has its colour."""
+    return COLOURS[number if number == 0 else 1 + (number - 1) % (len(COLOURS) - 1)]
 
 
-def one_of(kinds: Sequence[Any], number: int) -> Any:
-    """Return the style, mark or hatch of the class of this number.
+def style_of(kinds: Sequence[Any], number: int) -> Any:
+    """Return the line style, marker or hatch of a state.
 
-    Where colours begin again, kinds go one further, so that no two of 64 classes look alike.
+    Where the colours repeat, the kinds are shifted by one, so that 57 states all differ.
     """
-    return kinds[(number + number // len(COLOURS)) % len(kinds)]
+    return kinds[(number + (number - 1) // (len(COLOURS) - 1) * 2) % len(kinds) if number else 0]
+
+
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour and line style of a state."""
+    return {"color": colour_of(number), "linestyle": style_of(STYLES, number)}
 
 
 def tint(colour: str, share: float) -> str:
-    """Mix a colour, ``#rrggbb``, with white; `share` is what is left of it.
+    """Mix a colour, ``#rrggbb``, with white; `share` is the share of the colour.
 
     Examples
     --------
@@ -65,30 +89,62 @@ def tint(colour: str, share: float) -> str:
 
 
 def wrapped(label: Any) -> str:
-    """Break a long name, so that a legend stays narrow."""
+    """Break a long label into lines."""
     return fill(str(label), _WRAP, break_on_hyphens=False)
 
 
-def one_axes(ax: Any) -> Any:
-    """Return the axes, or those of a new figure."""
-    if ax is not None:
-        if np.ndim(np.asarray(ax, dtype=object)):
-            raise TypeError(f"one picture needs one Axes, got {len(ax)} of them.")
-        return ax
-    return _pyplot().subplots(figsize=(7.2, 4.8), layout="constrained")[1]
+def panel_axes(
+    ax: Any, n_panels: int = 1, *, height: float = 1.7, shared: str = "x"
+) -> NDArray[np.object_]:
+    """Return one Axes for each panel: the given ones, or those of a new figure, in one column.
 
+    Parameters
+    ----------
+    ax : None, Axes or sequence of Axes
+        Where to draw.
+    n_panels : int
+        Number of Axes needed.
+    height : float
+        Height of each panel of a new figure [inches].
+    shared : {"", "x", "xy"}
+        Axes that the panels of a new figure share.
 
-def offscreen_panels(
-    n_rows: int = 1, n_columns: int = 1, *, size: tuple[float, float] = (7.2, 4.8), **options: Any
-) -> tuple[Any, Any]:
-    """Return a figure for a file, which no screen and no list of open figures knows, and its axes.
+    Returns
+    -------
+    ndarray of Axes, shape (n_panels,)
 
     Raises
     ------
     ImportError
-        If matplotlib is not there.
+        If matplotlib is not installed.
+    ValueError
+        If `ax` does not hold `n_panels` Axes.
     """
-    _pyplot()
+    if ax is None:
+        size = (WIDTH, max(3.2, 1.0 + height * n_panels))
+        options = {"sharex": "x" in shared, "sharey": "y" in shared, "squeeze": False}
+        figure = pyplot().figure(figsize=size, layout="constrained")
+        return figure.subplots(n_panels, **options).reshape(-1)
+    given = np.asarray(ax, dtype=object).reshape(-1)
+    if len(given) != n_panels:
+        raise ValueError(
+            f"this display has {n_panels} panels and needs as many Axes, got {len(given)}. "
+            f"Leave ax out, or pass figure.subplots({n_panels})."
+        )
+    return given
+
+
+def offscreen_panels(
+    n_rows: int = 1, n_columns: int = 1, *, size: tuple[float, float] = (WIDTH, 4.8), **options: Any
+) -> tuple[Any, Any]:
+    """Return a figure that pyplot does not keep, for a file, and its Axes in two dimensions.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    pyplot()
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout="constrained")
@@ -96,149 +152,127 @@ def offscreen_panels(
 
 
 def label_axes(ax: Any, x: str, y: str) -> None:
-    """Write what runs along each axis."""
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
+    """Label both axes."""
+    ax.set(xlabel=x, ylabel=y)
 
 
-def panel_axes(
-    ax: Any, n_panels: int, *, height: float = 1.7, shared: str = "x"
-) -> NDArray[np.object_]:
-    """Return one axes a panel: those given, or new ones below each other.
-
-    Parameters
-    ----------
-    ax : None, Axes or sequence of Axes
-        Where to draw.
-    n_panels : int
-        How many are needed.
-    height : float
-        Of a new panel [inches].
-    shared : {"x", "xy"}
-        Which axes new panels have in common.
-
-    Returns
-    -------
-    ndarray of Axes, shape (n_panels,)
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not there.
-    ValueError
-        If others than `n_panels` were given.
-    """
-    if ax is not None:
-        given = np.asarray(ax, dtype=object).reshape(-1)
-        if len(given) != n_panels:
-            raise ValueError(
-                f"this picture has {n_panels} panels and needs as many Axes, got {len(given)}. "
-                f"Leave ax out, or pass figure.subplots({n_panels})."
-            )
-        return given
-    size = (7.0, max(3.2, 1.0 + height * n_panels))
-    _, axes = _pyplot().subplots(
-        n_panels,
-        squeeze=False,
-        sharex="x" in shared,
-        sharey="y" in shared,
-        figsize=size,
-        layout="constrained",
-    )
-    return axes.reshape(-1)
-
-
-def panels_beside(ax: Any, widths: Sequence[float], *, height: float) -> NDArray[np.object_]:
-    """Return one axes a panel: those given, or new ones beside each other.
-
-    Parameters
-    ----------
-    ax : None, Axes or sequence of Axes
-        Where to draw.
-    widths : sequence of float
-        Of new panels [inches].
-    height : float
-        Of new panels [inches].
-
-    Returns
-    -------
-    ndarray of Axes, shape (n_panels,)
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not there.
-    ValueError
-        If others than `n_panels` were given.
-    """
-    if ax is not None:
-        return panel_axes(ax, len(widths))
-    _, axes = _pyplot().subplots(
-        1,
-        len(widths),
-        squeeze=False,
-        width_ratios=widths,
-        figsize=(sum(widths), height),
-        layout="constrained",
-    )
-    return axes.reshape(-1)
-
-
-def name_panels_below(axes: NDArray[np.object_], name: str) -> None:
-    """Write what runs along x below each panel, or below the last of those that share it."""
+def label_x(axes: NDArray[np.object_], label: str) -> None:
+    """Label the x axis of each panel, or only of the last one if the panels share it."""
     for ax in axes:
         if ax is axes[-1] or not ax.get_shared_x_axes().joined(ax, axes[-1]):
-            ax.set_xlabel(name)
+            ax.set_xlabel(label)
 
 
-def legend_beside(ax: Any, **options: Any) -> None:
-    """Put a legend to the right of the axes, where it covers nothing."""
-    if ax.get_legend_handles_labels()[1]:
-        place = {"loc": "upper left", "bbox_to_anchor": (1.02, 1), "borderaxespad": 0}
-        look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3.2}
-        ax.legend(labelspacing=0.35, **look, **place, **options)
+def label_y(ax: Any, quantity: str, unit: str) -> None:
+    """Label the y axis with quantity and unit, in as many lines as its height requires."""
+    room = int(1.2 * _extent(ax, "height") / (LETTER * 10 / SMALL))
+    label = f"{quantity} [{unit}]"
+    if len(label) > room:
+        longest = max(map(len, quantity.split()), default=1)
+        label = fill(quantity, max(room, min(longest, _LONGEST))) + f"\n[{unit}]"
+    ax.set_ylabel(label)
 
 
-def name_side(ax: Any, name: str, unit: str) -> None:
-    """Write quantity and unit along the y axis, in as many lines as its height asks for."""
-    height = 72 / ax.figure.dpi * ax.get_window_extent().height  # grows when laid out
-    room = int(1.2 * height / (LETTER * 10 / SMALL))
-    whole = f"{name} [{unit}]"
-    if len(whole) > room:
-        longest = max(map(len, name.split()), default=1)
-        whole = fill(name, max(room, min(longest, _LONGEST))) + f"\n[{unit}]"
-    ax.set_ylabel(whole)
+def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
+    """Put the legend above the axes, in as many columns as fit; the axes keep their width.
 
-
-def mark_orders(ax: Any, fault_orders: Mapping[str, float], *, named: bool = True) -> None:
-    """Mark orders on the x axis by lines; those beyond its limits are passed over.
-
-    Names stand above the axes; upright and drawn apart where they would meet.
+    Parameters
+    ----------
+    ax : Axes
+        Without labelled content it gets no legend.
+    gap : float
+        Space for other text between axes and legend [points].
+    **options
+        As for ``Axes.legend``: handles, labels, title.
     """
-    inside, places = _orders_within(fault_orders, ax.get_xlim(), ax, "width")
-    for _, order in inside:
-        ax.axvline(order, color="0.5", linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=0.5)
-    if not named or not inside:
+    labels = options.get("labels", ax.get_legend_handles_labels()[1])
+    if not labels:
         return
-    halves = np.array([LETTER * len(name) / 2 for name, _ in inside])
-    upright = bool(np.any(np.diff(places) < halves[1:] + halves[:-1] + 4))
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    columns = max(1, min(len(labels), int(_extent(ax, "width") / (LETTER * longest + _HANDLE))))
+    place = {"loc": "lower left", "bbox_to_anchor": (0, 1), "bbox_transform": _above(ax, gap)}
+    look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3, "frameon": False}
+    spaces = {"labelspacing": 0.35, "columnspacing": 1.2, "borderpad": 0.2, "borderaxespad": 0.3}
+    ax.legend(ncols=columns, alignment="left", **place, **look, **spaces, **options)
+
+
+def _above(ax: Any, gap: float) -> Any:
+    """Return axes coordinates shifted up by `gap` [points], and by a title, whenever it is set."""
+    from matplotlib import rcParams
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.transforms import Affine2D, Affine2DBase
+
+    class Above(Affine2DBase):
+        pass_through = True  # recomputed whenever the axes move
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.set_children(ax.transAxes)
+
+        def get_matrix(self) -> Any:
+            lines = max(len(ax.get_title(loc).splitlines()) for loc in ("left", "center", "right"))
+            size = FontProperties(size=rcParams["axes.titlesize"]).get_size_in_points()
+            shift = gap + (1.2 * size * lines + rcParams["axes.titlepad"] if lines else 0)
+            up = Affine2D().translate(0, shift * ax.figure.dpi / 72)
+            return (ax.transAxes + up).get_matrix()
+
+    return Above()
+
+
+def mark_orders(ax: Any, lines: pd.DataFrame, *, named: bool = True) -> float:
+    """Mark predicted fault orders on the x axis: a line at the order, its slip range shaded.
+
+    The names stand above the axes, upright and apart from each other where they would overlap.
+
+    Parameters
+    ----------
+    ax : Axes
+        Its limits are final.
+    lines : DataFrame of shape (n_lines, 3)
+        Columns "order", "low" and "high" [orders], index: names. Orders outside of the limits are
+        not marked.
+    named : bool
+        Whether to write the names.
+
+    Returns
+    -------
+    float
+        Height of the names above the axes [points].
+    """
+    inside, places = _within(lines, ax.get_xlim(), _extent(ax, "width"))
+    for row in inside.itertuples():
+        ax.axvline(row.order, color="0.5", linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=0.5)
+        if row.high > row.low:
+            ax.axvspan(row.low, row.high, color="0.5", alpha=0.15, linewidth=0, zorder=0.4)
+    if not named or inside.empty:
+        return 0.0
+    widths = LETTER * np.array([len(name) for name in inside.index])
+    upright = bool(np.any(np.diff(places) < (widths[1:] + widths[:-1]) / 2 + 4))
     shifts = spread(places, SMALL + 3) - places if upright else np.zeros(len(places))
     style = {"xycoords": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
-    for (name, order), shift in zip(inside, shifts, strict=True):
+    for name, order, shift in zip(inside.index, inside["order"], shifts, strict=True):
         offset = (shift, 12 if abs(shift) > 1 else 3)
-        _point_at(ax, name, (order, 1), offset, rotation=90 if upright else 0, **style)
+        _annotate(ax, name, (order, 1), offset, rotation=90 if upright else 0, **style)
+    return float(16 + 1.1 * widths.max() if upright else SMALL + 6)
 
 
-def mark_orders_beside(ax: Any, fault_orders: Mapping[str, float]) -> None:
-    """Name orders of the y axis at its right edge; those beyond its limits are passed over."""
-    inside, places = _orders_within(fault_orders, ax.get_ylim(), ax, "height")
+def mark_orders_beside(ax: Any, lines: pd.DataFrame) -> None:
+    """Name predicted fault orders at the right end of the y axis, with a bar over the slip range.
+
+    Parameters are those of `mark_orders`.
+    """
+    inside, places = _within(lines, ax.get_ylim(), _extent(ax, "height"))
     style = {"xycoords": ax.get_yaxis_transform(), "ha": "left", "va": "center"}
-    for (name, order), shift in zip(inside, spread(places, SMALL + 3) - places, strict=True):
-        _point_at(ax, name, (1, order), (10, shift), always=True, **style)
+    shifts = spread(places, SMALL + 3) - places
+    for row, shift in zip(inside.itertuples(), shifts, strict=True):
+        look = {"transform": ax.get_yaxis_transform(), "clip_on": False, "color": "0.5"}
+        ends = np.clip([row.low, row.high], *ax.get_ylim())
+        ax.plot([1.008] * 2, ends, linewidth=2, solid_capstyle="butt", **look)
+        _annotate(ax, row.Index, (1.01, row.order), (10, shift), always=True, **style)
 
 
 def spread(places: NDArray[np.floating], gap: float) -> NDArray[np.floating]:
-    """Move rising places apart to at least `gap`, by the least sum of squares.
+    """Move ascending places apart to at least `gap`, with the least sum of squared shifts.
 
     Examples
     --------
@@ -246,11 +280,11 @@ def spread(places: NDArray[np.floating], gap: float) -> NDArray[np.floating]:
     array([-1.,  2.,  9.])
     """
     steps = gap * np.arange(len(places))
-    return isotonic_regression(places - steps).x + steps
+    return isotonic_regression(places - steps).x + steps if len(places) else places
 
 
 def decibels(power: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return 10 log10 of a power; NaN, of which nothing is drawn, where it is 0."""
+    """Return 10 log10 of a power; NaN, which is not drawn, where it is 0."""
     return 10 * np.log10(np.where(power > 0, power, np.nan))
 
 
@@ -259,25 +293,40 @@ def squared(unit: str) -> str:
 
     Examples
     --------
-    >>> squared("A"), squared("m/s²")
-    ('A²', '(m/s²)²')
+    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("1")
+    ('A²', '(m/s²)²', '(m/s²)⁴', '1')
     """
+    if unit.endswith(")²"):
+        return f"{unit[:-1]}⁴"
+    if unit == "1":
+        return unit
     return f"({unit})²" if any(sign in unit for sign in "/² ") else f"{unit}²"
 
 
-def _orders_within(
-    fault_orders: Mapping[str, float], limits: tuple[float, float], ax: Any, side: str
-) -> tuple[list[tuple[str, float]], NDArray[np.floating]]:
-    """Return the orders within the limits, rising, and where they lie along a side [points]."""
+def pyplot() -> Any:
+    """Return pyplot; matplotlib is imported only where a figure is made."""
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise ImportError("displays need matplotlib; install emacm[plot].") from error
+    return pyplot
+
+
+def _extent(ax: Any, side: str) -> float:
+    """Return width or height of the axes before the layout, which is a lower bound [points]."""
+    return float(72 / ax.figure.dpi * getattr(ax.get_window_extent(), side))
+
+
+def _within(
+    lines: pd.DataFrame, limits: tuple[float, float], length: float
+) -> tuple[pd.DataFrame, NDArray[np.floating]]:
+    """Return the lines within the limits of an axis, ascending, and their places [points]."""
     low, high = limits
-    known = sorted(fault_orders.items(), key=lambda entry: entry[1])
-    inside = [(name, order) for name, order in known if low <= order <= high]
-    length = 72 / ax.figure.dpi * getattr(ax.get_window_extent(), side)
-    places = np.array([order for _, order in inside]) * length / (high - low)
-    return inside, places
+    inside = lines[lines["order"].between(low, high)].sort_values("order")
+    return inside, inside["order"].to_numpy() * length / (high - low)
 
 
-def _point_at(
+def _annotate(
     ax: Any,
     name: str,
     place: tuple[float, float],
@@ -292,12 +341,3 @@ def _point_at(
         style["arrowprops"] = line
     style |= {"textcoords": "offset points", "fontsize": SMALL, "annotation_clip": False}
     ax.annotate(name, place, offset, **style)
-
-
-def _pyplot() -> Any:
-    """Return pyplot; matplotlib is imported only where a figure is made."""
-    try:
-        from matplotlib import pyplot
-    except ImportError as error:
-        raise ImportError("pictures need matplotlib; install emacm[plot].") from error
-    return pyplot

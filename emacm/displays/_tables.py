@@ -1,4 +1,4 @@
-"""What is to be drawn: checked, chosen from tables and fitted pipelines, averaged by label."""
+"""Values to be drawn: checks, channels and means of a table, steps of a fitted pipeline."""
 
 from __future__ import annotations
 
@@ -11,10 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
 
 from emacm._checks import check_number, check_real_array
+from emacm.displays._drawing import squared
+from emacm.machine.fault_orders import named_orders, slip_ranges
 from emacm.orders.columns import BinBlock, OrderBlock
+from emacm.recordings.envelope import EnvelopeSeries
+from emacm.recordings.envelope_detector import EnvelopeDetector
 from emacm.recordings.inputs import check_channel_names
+from emacm.recordings.recording import Recording
 
 Block = TypeVar("Block", OrderBlock, BinBlock)
+
+ENVELOPES = ("amplitude", "squared")
 
 
 def check_values(
@@ -25,13 +32,13 @@ def check_values(
     Raises
     ------
     TypeError
-        If they are no numbers.
+        If they are not numeric.
     ValueError
-        If their shape is another, one is not finite or too low; the message says where.
+        If the shape differs, or a value is not finite or too low; the message gives its index.
     """
     array = check_real_array(values, name)
     if array.ndim != len(shape) or any(
-        expected not in (None, came) for expected, came in zip(shape, array.shape, strict=True)
+        expected not in (None, found) for expected, found in zip(shape, array.shape, strict=True)
     ):
         wanted = ", ".join("n" if length is None else str(length) for length in shape)
         comma = "," if len(shape) == 1 else ""
@@ -55,7 +62,7 @@ def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> 
     Raises
     ------
     ValueError
-        If there are not as many.
+        If the number of labels differs.
     """
     array = np.asarray(labels)
     if array.shape != (n_recordings,):
@@ -66,39 +73,60 @@ def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> 
     return array
 
 
-def check_fault_orders(fault_orders: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the orders to be marked, by name.
+def check_upper_order(max_order: float | None) -> float | None:
+    """Return the highest order to be drawn; None stands for all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a positive number.
+    """
+    return None if max_order is None else check_number(max_order, "max_order", above=0)
+
+
+def predicted_lines(
+    fault_orders: pd.DataFrame | Mapping[str, float] | None, slip: float
+) -> pd.DataFrame:
+    """Return the fault orders to be marked, with their slip ranges.
+
+    Parameters
+    ----------
+    fault_orders : DataFrame of `fault_orders`, mapping of str to float, or None
+        Orders by name. In a mapping every order may slip.
+    slip : float
+        Share of its order by which a line that slips may be lower or higher.
+
+    Returns
+    -------
+    DataFrame of shape (n_lines, 3)
+        Columns "order", "low" and "high" [orders]; index: names.
 
     Raises
     ------
     TypeError
-        If it is no mapping, or an order no number.
+        If `fault_orders` is neither a table of `fault_orders` nor a mapping.
     ValueError
-        If an order is negative or not finite.
+        If an order is not positive, or `slip` is not within [0, 1).
     """
-    if fault_orders is not None and not isinstance(fault_orders, Mapping):
-        raise TypeError(
-            f"fault_orders must map names to orders, as {{'BPFI': 6.123}}, got {fault_orders!r}."
-        )
-    return {
-        str(name): check_number(order, f"fault order {name!r}", at_least=0)
-        for name, order in (fault_orders or {}).items()
-    }
+    check_number(slip, "slip", at_least=0, below=1)
+    if fault_orders is None or not len(fault_orders):
+        return pd.DataFrame({"order": [], "low": [], "high": []}, dtype=float)
+    names, low, high = slip_ranges(fault_orders, slip=slip)
+    _, orders = named_orders(fault_orders)
+    return pd.DataFrame({"order": orders, "low": low, "high": high}, index=names)
 
 
 def channel_blocks(
-    blocks: Sequence[Block] | None, channel: str | Sequence[str] | None, *, remedy: str
+    blocks: Sequence[Block] | None, channel: str | Sequence[str] | None
 ) -> list[Block]:
     """Choose the columns of one channel, of several, or of all.
 
     Parameters
     ----------
     blocks : sequence of OrderBlock or BinBlock, or None
-        What the names of the columns tell; None if they tell nothing.
+        Columns of each channel, read from their names; None if names have another form.
     channel : str, sequence of str or None
         Channels to choose; None for all.
-    remedy : str
-        What is said where `blocks` is None.
 
     Returns
     -------
@@ -107,13 +135,16 @@ def channel_blocks(
     Raises
     ------
     ValueError
-        If there is no axis, or no such channel.
+        If there is no order axis, or no such channel.
     """
     if blocks is None:
-        raise ValueError(f"psd carries no order axis; {remedy}.")
+        raise ValueError(
+            "the table has no order axis; pass the result of OrderPSD (or of BinTransformer under "
+            "set_output(transform='pandas')) with its column names, or use from_estimator."
+        )
     known = {block.channel: block for block in blocks}
     wanted = list(known) if channel is None else channel_list(channel)
-    check_channel_names(list(known), wanted, "psd")
+    check_channel_names(list(known), wanted, "the table")
     return [known[name] for name in wanted]
 
 
@@ -123,7 +154,7 @@ def channel_list(channel: str | Sequence[str]) -> list[str]:
     Raises
     ------
     ValueError
-        If there is none, or one comes twice.
+        If there is none, or a name is repeated.
     """
     names = [channel] if isinstance(channel, str) else list(channel)
     if not names or len(set(names)) < len(names):
@@ -131,26 +162,93 @@ def channel_list(channel: str | Sequence[str]) -> list[str]:
     return names
 
 
-def unit_of(unit: str | Mapping[str, str], channel: str) -> str:
-    """Return the unit of a channel; columns by direction, ``current+``, have that of theirs."""
+def check_envelopes(envelopes: Mapping[str, str] | None) -> dict[str, str]:
+    """Return which channels are envelopes, and whether of amplitude or squared.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a mapping to "amplitude" or "squared".
+    """
+    known = {} if envelopes is None else envelopes
+    if not isinstance(known, Mapping) or any(kind not in ENVELOPES for kind in known.values()):
+        raise ValueError(
+            f"envelopes must map channels to 'amplitude' or 'squared', as "
+            f"{{'vibration': 'amplitude'}}; got {envelopes!r}."
+        )
+    return dict(known)
+
+
+def envelopes_of(steps: Any) -> dict[str, str]:
+    """Return the envelope channels that the steps of a fitted pipeline compute."""
+    return {
+        name + (step.suffix or ""): ENVELOPES[bool(step.squared)]
+        for _, step in getattr(steps, "steps", ())
+        if isinstance(step, EnvelopeDetector)
+        for name in step.bands_
+    }
+
+
+def envelopes_in(recording: Recording) -> dict[str, str]:
+    """Return the channels of a recording that are envelopes."""
+    return {
+        name: ENVELOPES[bool(series.squared)]
+        for name, series in recording.series.items()
+        if isinstance(series, EnvelopeSeries)
+    }
+
+
+def as_envelope(quantity: str, unit: str, kind: str | None) -> tuple[str, str]:
+    """Return the quantity and the unit of an envelope; those given if `kind` is None.
+
+    Examples
+    --------
+    >>> as_envelope("PSD", "m/s²", "amplitude"), as_envelope("", "V", "squared")
+    (('envelope order spectrum', 'm/s²'), ('squared envelope', 'V²'))
+    """
+    if kind is None:
+        return quantity, unit
+    words = f"envelope {'order spectrum' if quantity == 'PSD' else quantity}".rstrip()
+    return (f"squared {words}", squared(unit)) if kind == "squared" else (words, unit)
+
+
+def unit_of(unit: str | Mapping[str, str], channel: str, *, derived: bool = False) -> str:
+    """Return the unit of a channel; columns by direction, ``current+``, have that of the channel.
+
+    Parameters
+    ----------
+    unit : str or mapping of str to str
+        Unit of all channels, or of each.
+    channel : str
+        Name of the channel.
+    derived : bool
+        Whether the channel is an envelope, which may have a suffix: ``vibration_envelope``.
+
+    Returns
+    -------
+    str
+        "unit" if it is not known.
+    """
     if isinstance(unit, str):
         return unit
-    return unit.get(channel, unit.get(channel.rstrip("+-"), "unit"))
+    first = [name for name in unit if derived and channel.startswith(name)]
+    base = max(first, key=len) if first else channel.rstrip("+-")
+    return unit.get(channel, unit.get(base, "unit"))
 
 
 def means_by_label(
     values: ArrayLike, labels: ArrayLike | None, otherwise: str
 ) -> dict[str, NDArray[np.floating]]:
-    """Average the recordings of each label; all of them are called `otherwise` without labels.
+    """Average the recordings of each label; without labels, all under the name `otherwise`.
 
     Raises
     ------
     ValueError
         If there is no recording, a value is not finite, or a label is missing.
     """
-    table = check_values(values, "psd", (None, None))
+    table = check_values(values, "the table", (None, None))
     if not len(table):
-        raise ValueError("psd holds no recording; at least one is needed.")
+        raise ValueError("the table holds no recording; at least one is needed.")
     groups = check_labels(np.full(len(table), otherwise) if labels is None else labels, len(table))
     missing = np.flatnonzero(pd.isna(groups))
     if len(missing):
@@ -168,9 +266,9 @@ def pipeline_until(
     estimator : estimator or Pipeline
         Where to look.
     matches : callable
-        Tells whether a step is the one.
+        Whether a step is the wanted one.
     wanted : str
-        What it is, for the error.
+        Its name, for the message.
 
     Returns
     -------

@@ -1,41 +1,23 @@
-"""Pictures of a principal component analysis: the variance it explains, and by which bins."""
+"""Principal component analysis: explained variance, and weights of the order bins."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_count
-from emacm.displays._bars import (
-    bin_blocks,
-    bin_panels,
-    bin_places,
-    draw_bars,
-    draw_steps,
-    share_an_axis,
-)
-from emacm.displays._drawing import (
-    COLOURS,
-    legend_beside,
-    line_style,
-    name_side,
-    one_axes,
-    tint,
-    wrapped,
-)
-from emacm.displays._tables import (
-    check_values,
-    pipeline_until,
-)
+from emacm.displays import _bars, _drawing, _tables
+from emacm.displays._display import Display, bar_style
 from emacm.orders.columns import BinBlock
 
 
-class ExplainedVarianceDisplay:
+@dataclass(eq=False, repr=False)
+class ExplainedVarianceDisplay(Display):
     """Share of the variance that each principal component explains.
 
     Parameters
@@ -43,21 +25,21 @@ class ExplainedVarianceDisplay:
     shares : array-like of shape (n_components,)
         Share of each component, from 0 to 1.
     n_shown : int
-        How many of them to draw at the most.
+        Highest number of components to draw.
 
     Attributes
     ----------
     ax_, figure_
-        What was drawn on, once `plot` has run.
+        Axes and figure, set by `plot`.
 
     Raises
     ------
     TypeError, ValueError
-        If shares are negative, not finite, or add up to more than 1.
+        If shares are negative, not finite, or their sum exceeds 1.
 
     Notes
     -----
-    Source of such pictures: Chirico, Fig. 3.6.
+    Source of this kind of figure: Chirico, Fig. 3.6.
 
     Examples
     --------
@@ -65,17 +47,17 @@ class ExplainedVarianceDisplay:
     {1: 0.75, 2: 1.0}
     """
 
-    ax_: Any
-    figure_: Any
+    shares: Any
+    n_shown: int = field(default=20, kw_only=True)
 
-    def __init__(self, shares: ArrayLike, *, n_shown: int = 20) -> None:
-        self.shares = check_values(shares, "shares", (None,), least=0)
-        if not len(self.shares) or self.shares.sum() > 1 + 1e-5:  # as float32 may
+    def __post_init__(self) -> None:
+        self.shares = _tables.check_values(self.shares, "shares", (None,), least=0)
+        if not len(self.shares) or self.shares.sum() > 1 + 1e-5:  # rounding of float32
             raise ValueError(
                 f"shares must hold at least one, and add up to at most 1; got "
                 f"{len(self.shares)} that add up to {self.shares.sum():.6g}."
             )
-        self.n_shown = check_count(n_shown, "n_shown")
+        check_count(self.n_shown, "n_shown")
 
     @classmethod
     def from_estimator(
@@ -88,7 +70,7 @@ class ExplainedVarianceDisplay:
         estimator : PCA, or Pipeline with such a step
             Fitted; anything with `explained_variance_ratio_`.
         n_shown : int
-            How many components to draw at the most.
+            Highest number of components to draw.
         ax : matplotlib Axes, optional
             Where to draw.
 
@@ -101,71 +83,52 @@ class ExplainedVarianceDisplay:
         ValueError
             If there is no such step.
         """
-        step, _ = pipeline_until(
+        step, _ = _tables.pipeline_until(
             estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
         )
         return cls(step.explained_variance_ratio_, n_shown=n_shown).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a row a component, its share and the sum up to it."""
+        """Return the shares and their cumulative sum, one row per component."""
         index = pd.RangeIndex(1, len(self.shares) + 1, name="component")
-        return pd.DataFrame(
-            {"share": self.shares, "cumulative": np.cumsum(self.shares)}, index=index
-        )
+        columns = {"share": self.shares, "cumulative": np.cumsum(self.shares)}
+        return pd.DataFrame(columns, index=index)
 
-    def plot(self, *, ax: Any = None) -> ExplainedVarianceDisplay:
-        """Draw the shares as bars, and their sum as a line.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw. Default: a new figure.
-
-        Returns
-        -------
-        ExplainedVarianceDisplay
-            Itself.
-        """
-        ax = one_axes(ax)
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=2.8)
         table = 100 * self.frame().iloc[: self.n_shown]
-        style = {"color": tint(COLOURS[0], 0.6), "edgecolor": "black", "linewidth": 0.5}
-        ax.bar(table.index, table["share"], label="each", **style)
-        ax.plot(
-            table.index, table["cumulative"], "s--", color=COLOURS[1], markersize=4, label="sum"
-        )
-        ax.set(
-            xlabel="principal component",
-            ylabel="share of the variance [%]",
-            xlim=(0.3, len(table) + 0.7),
-            ylim=(0, 105),
-        )
+        ax.bar(table.index, table["share"], label="each component", **bar_style(_drawing.PLAIN))
+        style = {"color": _drawing.COLOURS[1], "markersize": 4, "label": "cumulative sum"}
+        ax.plot(table.index, table["cumulative"], "s--", **style)
+        ax.set(xlabel="principal component", ylabel="share of the variance [%]")
+        ax.set(xlim=(0.3, len(table) + 0.7), ylim=(0, 105))
         ax.xaxis.get_major_locator().set_params(integer=True)
-        legend_beside(ax)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        _drawing.legend_above(ax)
+        return ax
 
 
-class LoadingsDisplay:
+@dataclass(eq=False, repr=False)
+class LoadingsDisplay(Display):
     """Weight of each order bin in the principal components, one panel for each component.
 
-    One channel is drawn as bars, several as a line of steps each.
+    One channel is drawn as bars, several as one stepped line each.
 
     Parameters
     ----------
     columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as `BinTransformer` writes them; or the
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
         edges [orders] of the bins of one channel.
     loadings : array-like of shape (n_components, n_columns)
         Components of the eigenvectors, signed, without unit.
     titles : sequence of str, optional
-        What to call the components. Default: "component 1" and so on.
+        Names of the components. Default: "component 1" and so on.
 
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_components,)
-        What was drawn on, once `plot` has run.
+        Set by `plot`.
     figure_ : Figure
-        The figure of `ax_`.
+        Figure of `ax_`.
 
     Raises
     ------
@@ -174,8 +137,8 @@ class LoadingsDisplay:
 
     Notes
     -----
-    Source of such pictures: Chirico, Fig. 3.7, which shows magnitudes. The sign of a whole
-    component means nothing; signs within it tell which bins rise together.
+    Source of this kind of figure: Chirico, Fig. 3.7, which shows magnitudes. The sign of a whole
+    component is arbitrary; signs within it show which bins increase together.
 
     Examples
     --------
@@ -184,23 +147,18 @@ class LoadingsDisplay:
     {('current', '0-1'): 0.6, ('current', '1-2'): -0.8}
     """
 
-    ax_: Any
-    figure_: Any
+    columns: InitVar[Sequence[Any]]
+    loadings: Any
+    titles: Any = field(default=None, kw_only=True)
 
-    def __init__(
-        self,
-        columns: Sequence[Any],
-        loadings: ArrayLike,
-        *,
-        titles: Sequence[str] | None = None,
-    ) -> None:
-        self.blocks = bin_blocks(columns)
+    def __post_init__(self, columns: Sequence[Any]) -> None:
+        self.blocks = _bars.bin_blocks(columns)
         n_columns = sum(len(block.names) for block in self.blocks)
-        self.loadings = check_values(loadings, "loadings", (None, n_columns))
+        self.loadings = _tables.check_values(self.loadings, "loadings", (None, n_columns))
         if not len(self.loadings):
             raise ValueError("loadings hold no component; at least one is needed.")
-        numbered = [f"component {i + 1}" for i in range(len(self.loadings))]
-        self.titles = numbered if titles is None else [str(title) for title in titles]
+        if self.titles is None:
+            self.titles = [f"component {i + 1}" for i in range(len(self.loadings))]
         if len(self.titles) != len(self.loadings):
             raise ValueError(
                 f"titles must name {len(self.loadings)} components, got {len(self.titles)}."
@@ -222,11 +180,11 @@ class LoadingsDisplay:
         estimator : PCA, or Pipeline with such a step
             Fitted; anything with `components_`.
         columns : sequence of str or of (low, high), optional
-            What goes into it. Default: what the steps before it call their columns.
+            Its input. Default: the column names of the steps before it.
         n_components : int
-            How many components to draw, from the first.
+            Number of components to draw, from the first.
         ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each component.
+            Where to draw: one Axes for each component.
 
         Returns
         -------
@@ -237,7 +195,7 @@ class LoadingsDisplay:
         ValueError
             If there is no such step, it has fewer components, or names are not known.
         """
-        step, before = pipeline_until(
+        step, before = _tables.pipeline_until(
             estimator, lambda s: hasattr(s, "components_"), "a fitted PCA"
         )
         check_count(n_components, "n_components")
@@ -253,47 +211,32 @@ class LoadingsDisplay:
         return cls(names, step.components_[:n_components], titles=titles).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a row a channel and bin, a column a component."""
-        rows = [(block.channel, name) for block in self.blocks for name in block.names]
-        places = np.concatenate([block.columns for block in self.blocks])
-        index = pd.MultiIndex.from_tuples(rows, names=["channel", "bin"])
-        return pd.DataFrame(self.loadings[:, places].T, index=index, columns=self.titles)
+        """Return the weights: one row per channel and bin, one column per component."""
+        return _bars.bin_frame(self.blocks, dict(zip(self.titles, self.loadings, strict=True)))
 
-    def plot(self, *, ax: Any = None) -> LoadingsDisplay:
-        """Draw the weight of each bin against the order.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each component. Default: a new figure.
-
-        Returns
-        -------
-        LoadingsDisplay
-            Itself.
-        """
-        blocks = self.blocks if share_an_axis(self.blocks) else [_joined(self.blocks)]
-        axes = bin_panels(ax, blocks[:1], n_rows=len(self.loadings))
+    def _draw(self, ax: Any) -> Any:
+        blocks = self.blocks if _bars.share_an_axis(self.blocks) else [_joined(self.blocks)]
+        axes = _bars.bin_panels(ax, blocks[:1], n_rows=len(self.loadings))
         for panel, weights, title in zip(axes, self.loadings, self.titles, strict=True):
             panel.axhline(0, color="0.3", linewidth=0.6)
             _draw_weights(panel, blocks, weights)
-            whole = title.replace(" ", "\u00a0")  # a line does not break within
-            name_side(panel, f"weight in {whole}", "1")
-        legend_beside(axes[0])
-        self.ax_, self.figure_ = axes, axes[0].figure
-        return self
+            unbroken = title.replace(" ", "\u00a0")
+            _drawing.label_y(panel, f"weight in {unbroken}", "1")
+        _drawing.legend_above(axes[0])
+        return axes
 
 
 def _draw_weights(panel: Any, blocks: Sequence[BinBlock], weights: Any) -> None:
     if len(blocks) == 1:
         (block,) = blocks
-        draw_bars(panel, bin_places(block), weights[block.columns], color=tint(COLOURS[0], 0.6))
+        style = bar_style(_drawing.PLAIN)
+        _bars.draw_bars(panel, _bars.bin_places(block), weights[block.columns], **style)
         return
-    for number, block in enumerate(blocks):
-        style = {**line_style(number), "label": wrapped(block.channel)}
-        draw_steps(panel, bin_places(block), weights[block.columns], **style)
-    edges = np.concatenate([bin_places(block) for block in blocks])
-    if blocks[0].bands is not None:
+    for number, block in enumerate(blocks, 1):
+        style = {**_drawing.line_style(number), "label": _drawing.wrapped(block.channel)}
+        _bars.draw_steps(panel, _bars.bin_places(block), weights[block.columns], **style)
+    if _bars.has_order_axis(blocks[0]):
+        edges = np.concatenate([_bars.bin_places(block) for block in blocks])
         panel.set_xlim(edges.min(), edges.max())
 
 
@@ -313,6 +256,6 @@ def _names_into(step: Any, before: Any) -> Sequence[str]:
         return list(before.get_feature_names_out())
     except (AttributeError, ValueError) as error:
         raise ValueError(
-            "the steps before the PCA do not tell the names of its columns; pass columns, or give "
+            "the steps before the PCA do not give the names of its columns; pass columns, or give "
             "FunctionTransformer feature_names_out='one-to-one'."
         ) from error

@@ -1,60 +1,54 @@
-"""Pictures of which orders carried a decision, beside the orders that faults are expected at."""
+"""Contributions of order bins to a decision, beside the predicted fault orders."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
 
-from emacm.displays._bars import bin_blocks, bin_panels, bin_places, draw_bars, mark_panels
-from emacm.displays._drawing import (
-    COLOURS,
-    legend_beside,
-    name_side,
-    tint,
-    wrapped,
-)
-from emacm.displays._tables import (
-    check_fault_orders,
-    check_values,
-)
+from emacm.displays import _bars, _drawing, _tables
+from emacm.displays._display import OrderDisplay, bar_style
 from emacm.orders.columns import number_name
 
 _COLUMNS = ("channel", "low", "high", "contribution")
 
 
-class ContributionsDisplay:
+@dataclass(eq=False, repr=False)
+class ContributionsDisplay(OrderDisplay):
     """Contribution of each order bin to a decision, one panel for each channel.
 
     Parameters
     ----------
     columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as `BinTransformer` writes them; or the
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
         edges [orders] of the bins of one channel.
     contributions : array-like of shape (n_columns,)
-        Contribution of each, signed: what speaks for the decision is positive.
-    fault_orders : mapping of str to float, optional
-        Orders at which faults are expected, by name. Those beyond the bins are passed over.
+        Contribution of each bin, signed: positive values are evidence for the decision.
+    fault_orders : DataFrame of `fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are marked. Those outside of the bins are not drawn.
+    slip : float
+        Share of its order by which a line that slips may be lower or higher: this range is shaded.
+        In a mapping every order may slip.
     decision : str
-        What the contributions speak for or against.
+        The decision that is explained.
     unit : str
-        Their unit, such as "nats" for logarithms of odds.
+        Unit of the contributions, such as "nats" for log odds.
 
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_channels,)
-        What was drawn on, once `plot` has run.
+        Set by `plot`.
     figure_ : Figure
-        The figure of `ax_`.
+        Figure of `ax_`.
 
     Raises
     ------
     TypeError, ValueError
-        If columns are neither names nor bands, or contributions do not fit them or are not
-        finite.
+        If columns are neither names nor bands, contributions do not fit them or are not finite,
+        or an option is invalid.
 
     Examples
     --------
@@ -63,45 +57,33 @@ class ContributionsDisplay:
     [['signal', '0-1', -0.5, ''], ['signal', '3-4', 2.0, 'screw']]
     """
 
-    ax_: Any
-    figure_: Any
+    columns: InitVar[Sequence[Any]]
+    contributions: Any
+    decision: str = field(default="the decision", kw_only=True)
+    unit: str = field(default="nats", kw_only=True)
 
-    def __init__(
-        self,
-        columns: Sequence[Any],
-        contributions: ArrayLike,
-        *,
-        fault_orders: Mapping[str, float] | None = None,
-        decision: str = "the decision",
-        unit: str = "nats",
-    ) -> None:
-        self.blocks = bin_blocks(columns)
-        n_columns = sum(len(block.names) for block in self.blocks)
-        self.contributions = check_values(contributions, "contributions", (n_columns,))
-        self.fault_orders = check_fault_orders(fault_orders)
-        self.decision = decision
-        self.unit = unit
+    def __post_init__(self, columns: Sequence[Any]) -> None:
+        super().__post_init__()
+        self.blocks = _bars.bin_blocks(columns)
+        shape = (sum(len(block.names) for block in self.blocks),)
+        self.contributions = _tables.check_values(self.contributions, "contributions", shape)
 
     @classmethod
     def from_table(
-        cls,
-        table: pd.DataFrame,
-        *,
-        fault_orders: Mapping[str, float] | None = None,
-        decision: str = "the decision",
-        unit: str = "nats",
-        ax: Any = None,
+        cls, table: pd.DataFrame, *, ax: Any = None, **options: Any
     ) -> ContributionsDisplay:
         """Draw a table of contributions.
 
         Parameters
         ----------
         table : DataFrame
-            A row a bin, with columns "channel", "low", "high" [orders] and "contribution".
-        fault_orders, decision, unit
-            As for the class.
+            Result of `explain_decision` or `explain_model`: one row per bin, with columns
+            "channel", "low" and "high" [orders], and "contribution". Bins without edges (NaN)
+            are drawn under their name, "column".
         ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each channel.
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class: fault_orders, slip, decision, unit.
 
         Returns
         -------
@@ -110,28 +92,16 @@ class ContributionsDisplay:
         Raises
         ------
         TypeError, ValueError
-            If a column is not there, or holds what it should not.
+            If a column is missing or has invalid values, or an option is invalid.
         """
         missing = [name for name in _COLUMNS if name not in getattr(table, "columns", ())]
         if missing:
-            raise ValueError(f"table must have the columns {list(_COLUMNS)}; it lacks {missing}.")
-        edges = check_values(table[["low", "high"]], "low and high", (None, 2), least=0)
-        falling = np.flatnonzero(edges[:, 0] >= edges[:, 1])
-        if len(falling):
-            raise ValueError(
-                f"low must be below high, got {edges[falling[0]].tolist()} in row {falling[0]}."
-            )
-        names = [
-            f"{channel}@{number_name(low)}-{number_name(high)}"
-            for channel, (low, high) in zip(table["channel"], edges, strict=True)
-        ]
-        display = cls(
-            names, table["contribution"], fault_orders=fault_orders, decision=decision, unit=unit
-        )
-        return display.plot(ax=ax)
+            raise ValueError(f"table must have the columns {list(_COLUMNS)}; it has no {missing}.")
+        names = [_bin_name(row, table.iloc[row]) for row in range(len(table))]
+        return cls(names, table["contribution"], **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a row a bin, and the names of the fault orders within it."""
+        """Return the contributions, one row per bin, and the names of the fault orders in it."""
         rows = [
             (block.channel, name, self.contributions[column], self._faults_within(band))
             for block in self.blocks
@@ -141,45 +111,44 @@ class ContributionsDisplay:
         ]
         return pd.DataFrame(rows, columns=["channel", "bin", "contribution", "fault_orders"])
 
-    def plot(self, *, ax: Any = None) -> ContributionsDisplay:
-        """Draw a bar for each bin: up what speaks for the decision, down what speaks against it.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each channel. Default: a new figure.
-
-        Returns
-        -------
-        ContributionsDisplay
-            Itself.
-        """
-        axes = bin_panels(ax, self.blocks)
-        limits = 1.08 * np.abs(self.contributions).max() or 1.0
+    def _draw(self, ax: Any) -> Any:
+        axes = _bars.bin_panels(ax, self.blocks)
+        limit = 1.08 * np.abs(self.contributions).max() or 1.0
         for panel, block in zip(axes, self.blocks, strict=True):
             values = self.contributions[block.columns]
             for colour, hatch, word, chosen in (
-                (COLOURS[1], "", "for", values >= 0),
-                (tint(COLOURS[5], 0.6), "////", "against", values < 0),
+                (_drawing.COLOURS[2], "", "for", values >= 0),
+                (_drawing.COLOURS[4], "////", "against", values < 0),
             ):
-                label = wrapped(f"speaks {word} {self.decision}")
-                places = bin_places(block)[chosen]
-                bars = values[chosen]
-                draw_bars(panel, places, bars, color=colour, hatch=hatch, label=label)
+                places, style = _bars.bin_places(block)[chosen], bar_style(colour)
+                _bars.draw_bars(panel, places, values[chosen], hatch=hatch, **style)
+                anywhere = np.any((self.contributions < 0) == (word == "against"))
+                if panel is axes[0] and anywhere:
+                    label = _drawing.wrapped(f"evidence {word} {self.decision}")
+                    panel.fill_between([], [], hatch=hatch, label=label, **style)
             panel.axhline(0, color="black", linewidth=0.6)
-            panel.set_ylim(-limits, limits)  # alike in all channels, to be compared
-            name_side(panel, f"contribution of {block.channel}", self.unit)
-        mark_panels(axes, self.blocks, self.fault_orders)
-        legend_beside(axes[0])
-        self.ax_, self.figure_ = axes, axes[0].figure
-        return self
+            panel.set_ylim(-limit, limit)  # equal in all channels, for comparison
+            _drawing.label_y(panel, f"contribution of {block.channel}", self.unit)
+        _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
+        return axes
 
     def _faults_within(self, band: Any) -> str:
         if band is None:
             return ""
-        low, high = band
-        return ", ".join(name for name, order in self.fault_orders.items() if low <= order < high)
+        orders = self.fault_orders["order"]
+        return ", ".join(orders.index[(orders >= band[0]) & (orders < band[1])])
 
 
 def _bands(block: Any) -> Sequence[Any]:
     return [None] * len(block.names) if block.bands is None else list(block.bands)
+
+
+def _bin_name(number: int, row: pd.Series) -> str:
+    """Return the column name of one row of an explanation."""
+    low, high = row["low"], row["high"]
+    if pd.isna(low) and "column" in row:
+        return str(row["column"])
+    low, high = _tables.check_values([low, high], f"low and high of row {number}", (2,), least=0)
+    if low >= high:
+        raise ValueError(f"low must be below high, got {low} and {high} in row {number}.")
+    return f"{row['channel']}@{number_name(low)}-{number_name(high)}"

@@ -1,8 +1,9 @@
-"""Pictures of the feature plane: recordings, and the Gaussian density of each class."""
+"""Recordings in a plane of two features, and the Gaussian density of each class."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,63 +11,53 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
-from emacm.displays._drawing import (
-    MARKERS,
-    colour_of,
-    legend_beside,
-    line_style,
-    one_axes,
-    one_of,
-    wrapped,
-)
-from emacm.displays._tables import (
-    check_labels,
-    check_values,
-)
+from emacm.displays import _drawing, _tables
+from emacm.displays._plane import FEATURES, PlaneDisplay, plane_points
 
-_MARGIN = 0.08  # of the range of the recordings, left free around them
-_CORNERS = 181  # of the polygon that stands for an ellipse
+_CORNERS = 181  # of the polygon that approximates an ellipse
 
 
-class FeatureDensityDisplay:
+@dataclass(eq=False, repr=False)
+class FeatureDensityDisplay(PlaneDisplay):
     """Recordings in a plane of two features, and the Gaussian density of each class.
 
-    Each density is drawn by the ellipses that hold a stated share of its
-    probability: lines of equal density, the higher the share the lower.
+    Each density is drawn as the ellipses of equal density that contain a given share of its
+    probability.
 
     Parameters
     ----------
     classes : sequence
         The classes.
-    means : ndarray of shape (n_classes, 2)
-        Mean of each.
-    covariances : ndarray of shape (n_classes, 2, 2)
-        Covariance of each.
-    points : ndarray of shape (n_recordings, 2)
-        Recordings to be shown; may be none.
-    labels : ndarray of shape (n_recordings,)
-        Their true classes.
+    means : array-like of shape (n_classes, 2)
+        Mean of each class.
+    covariances : array-like of shape (n_classes, 2, 2)
+        Covariance of each class.
+    points : array-like of shape (n_recordings, 2)
+        Recordings to draw; may be empty.
+    labels : array-like of shape (n_recordings,)
+        Their true classes. One that is not among `classes` is drawn in grey.
     shares : sequence of float
-        Probability within each ellipse, between 0 and 1. Without any, recordings alone
-        are drawn.
+        Probability within each ellipse, between 0 and 1. Without any, only recordings are drawn.
     names : tuple of two str
         Names of the features, with units.
+    healthy : str
+        The healthy class: it is first in the legend and always has the same colour.
 
     Attributes
     ----------
     ax_, figure_
-        What was drawn on, once `plot` has run.
+        Axes and figure, set by `plot`.
 
     Raises
     ------
     TypeError, ValueError
-        If shapes do not fit, a number is not finite, or a share not between 0 and 1.
+        If shapes do not fit, a value is not finite, or a share is not between 0 and 1.
 
     Notes
     -----
-    Two Gaussian features lie within Mahalanobis distance r of their mean with
-    probability 1 - exp(-r²/2), as r² has a chi-squared distribution of two degrees of
-    freedom. Source of such pictures: Chirico, Figs. 3.8 and 3.9.
+    Two Gaussian features are within Mahalanobis distance r of their mean with
+    probability 1 - exp(-r²/2), since r² has a chi-_drawing.squared distribution with two degrees of
+    freedom. Source of this kind of figure: Chirico, Figs. 3.8 and 3.9.
 
     Examples
     --------
@@ -78,54 +69,40 @@ class FeatureDensityDisplay:
     1.177
     """
 
-    ax_: Any
-    figure_: Any
+    classes: Any
+    means: Any
+    covariances: Any
+    points: Any
+    labels: Any
+    shares: Sequence[float] = field(default=(0.5, 0.9), kw_only=True)
+    names: tuple[str, str] = field(default=FEATURES, kw_only=True)
+    healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
-    def __init__(
-        self,
-        classes: Sequence[Any],
-        means: ArrayLike,
-        covariances: ArrayLike,
-        points: ArrayLike,
-        labels: ArrayLike,
-        *,
-        shares: Sequence[float] = (0.5, 0.9),
-        names: tuple[str, str] = ("feature 1", "feature 2"),
-    ) -> None:
-        self.classes = list(classes)
+    def __post_init__(self) -> None:
         n_classes = len(self.classes)
-        self.means = check_values(means, "means", (n_classes, 2))
-        self.covariances = check_values(covariances, "covariances", (n_classes, 2, 2))
-        self.points = check_values(points, "points", (None, 2))
-        self.labels = check_labels(labels, len(self.points))
-        self.shares = tuple(check_number(p, "a share", above=0, below=1) for p in shares)
-        self.names = names
+        self.means = _tables.check_values(self.means, "means", (n_classes, 2))
+        self.covariances = _tables.check_values(self.covariances, "covariances", (n_classes, 2, 2))
+        self.shares = [check_number(p, "a share", above=0, below=1) for p in self.shares]
+        self._check_points(self.classes)
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        X: ArrayLike,
-        y: ArrayLike,
-        *,
-        shares: Sequence[float] = (0.5, 0.9),
-        names: tuple[str, str] = ("feature 1", "feature 2"),
-        ax: Any = None,
+        cls, estimator: Any, X: ArrayLike, y: ArrayLike, *, ax: Any = None, **options: Any
     ) -> FeatureDensityDisplay:
-        """Take the densities of a fitted classifier of two features, and draw.
+        """Draw the densities of a fitted classifier of two features.
 
         Parameters
         ----------
         estimator : CostSensitiveGaussianBayes
             Fitted on two features.
         X : array-like of shape (n_recordings, 2)
-            Features of the recordings to be shown.
+            Features of the recordings to draw.
         y : array-like of shape (n_recordings,)
             Their true classes.
-        shares, names
-            As for the class.
         ax : matplotlib Axes, optional
             Where to draw.
+        **options
+            As for the class: shares, names, healthy.
 
         Returns
         -------
@@ -134,7 +111,7 @@ class FeatureDensityDisplay:
         Raises
         ------
         TypeError, ValueError
-            If there are not two features, or a number is not finite.
+            If there are not two features, a value is not finite, or an option is invalid.
         """
         points = plane_points(X, "class densities are")
         means = np.asarray(estimator.means_)
@@ -147,13 +124,11 @@ class FeatureDensityDisplay:
         if estimator.covariance == "diag":
             covariances = covariances[:, np.newaxis] * np.eye(2)
         covariances = np.broadcast_to(covariances, (len(means), 2, 2))
-        display = cls(
-            list(estimator.classes_), means, covariances, points, y, shares=shares, names=names
-        )
-        return display.plot(ax=ax)
+        classes = list(estimator.classes_)
+        return cls(classes, means, covariances, points, y, **options).plot(ax=ax)
 
     def ellipse(self, number: int, share: float) -> NDArray[np.floating]:
-        """Return the line that holds a share of the probability of a class.
+        """Return the ellipse that contains a share of the probability of a class.
 
         Parameters
         ----------
@@ -169,14 +144,14 @@ class FeatureDensityDisplay:
         """
         radius = np.sqrt(-2 * np.log1p(-share))
         turn = np.linspace(0, 2 * np.pi, _CORNERS)
-        # By eigenvectors and not Cholesky: a class may have no width in some direction.
+        # Eigenvectors, not Cholesky: the covariance of a class may be singular.
         powers, axes = np.linalg.eigh(self.covariances[number])
         widths = np.sqrt(np.maximum(powers, 0))
         circle = radius * np.stack([np.cos(turn), np.sin(turn)])
         return self.means[number][:, np.newaxis] + axes @ (widths[:, np.newaxis] * circle)
 
     def frame(self) -> pd.DataFrame:
-        """Return mean, standard deviation and correlation of the features, a row a class."""
+        """Return mean, standard deviation and correlation of the features, one row per class."""
         deviations = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         with np.errstate(divide="ignore", invalid="ignore"):
             correlation = self.covariances[:, 0, 1] / deviations.prod(axis=1)
@@ -186,94 +161,14 @@ class FeatureDensityDisplay:
             {**table, "correlation": correlation}, index=pd.Index(self.classes, name="class")
         )
 
-    def plot(self, *, ax: Any = None) -> FeatureDensityDisplay:
-        """Draw ellipses as lines and recordings as marks.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw. Default: a new figure.
-
-        Returns
-        -------
-        FeatureDensityDisplay
-            Itself.
-        """
-        ax = one_axes(ax)
-        places = {str(name): i for i, name in enumerate(self.classes)}
-        draw_recordings(ax, self.points, self.labels, "", places=places)
-        for number in range(len(self.classes)):
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=3.8)
+        markers, lines = self._draw_points(ax), {}
+        for number, name in enumerate(map(str, self.classes)):
             for share in self.shares:
-                ax.plot(*self.ellipse(number, share), linewidth=1.2, **line_style(number))
-        ax.set(xlabel=self.names[0], ylabel=self.names[1])
-        legend_beside(ax, **self._legend(ax))
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
-
-    def _legend(self, ax: Any) -> dict[str, Any]:
-        """Join mark and line of a class, and say what the lines hold."""
-        if not self.shares:
-            return {}
-        marks = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-        for number, name in enumerate(map(wrapped, self.classes)):
-            (line,) = ax.plot([], [], linewidth=1.2, **line_style(number))
-            marks[name] = (line, marks[name]) if name in marks else line
+                style = {"linewidth": 1.2, **_drawing.line_style(self._numbers[name])}
+                (lines[name],) = ax.plot(*self.ellipse(number, share), **style)
         held = " and ".join(f"{100 * share:.3g}" for share in self.shares)
-        title = f"ellipses: {held} % of a class"
-        return {"handles": [*marks.values()], "labels": [*marks], "title": title}
-
-
-def draw_recordings(
-    ax: Any,
-    points: NDArray[np.floating],
-    labels: NDArray[Any],
-    prefix: str,
-    *,
-    places: Mapping[str, int],
-) -> None:
-    """Draw recordings as marks, one kind a class; `places` numbers the classes known."""
-    strangers = len(places)
-    for label in np.unique(labels):
-        number = places.get(str(label))
-        if number is None:
-            number, strangers = strangers, strangers + 1
-        ax.scatter(
-            *points[labels == label].T,
-            s=20,
-            marker=one_of(MARKERS, number),
-            color=colour_of(number) if str(label) in places else "0.3",
-            edgecolor="white",
-            linewidth=0.4,
-            label=wrapped(f"{prefix}{label}"),
-            zorder=2,
-        )
-
-
-def plane_points(X: ArrayLike, what: str) -> NDArray[np.floating]:
-    """Return the recordings to be drawn, shape (n_recordings, 2).
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there are not two features, no recording, or a number is not finite.
-    """
-    shape = np.shape(X)
-    if len(shape) != 2 or shape[1] != 2:
-        raise ValueError(
-            f"{what} drawn over two features, got X of shape {shape}. "
-            f"Fit the classifier on two of them."
-        )
-    if not shape[0]:
-        raise ValueError("X contains no recording; at least one is needed to place the picture.")
-    return check_values(X, "X", (None, 2))
-
-
-def plane_limits(
-    points: NDArray[np.floating],
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the lower and upper limits of a picture of these points, shape (2,) each."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    width = high - low
-    # Points on one line still get a plane around them.
-    width = np.where(width > 0, width, np.maximum(1e-9, np.abs(high)))
-    return low - _MARGIN * width, high + _MARGIN * width
+        title = f"ellipses: {held} % of a class" if self.shares else ""
+        self._name_states(ax, markers, lines, title)
+        return ax

@@ -1,76 +1,75 @@
-"""Pictures of how the order spectrum changes while one recording runs."""
+"""Order map: the order spectrum of one recording over time or shaft speed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
-from emacm.displays._drawing import (
-    MISSING,
-    ORDER_LABEL,
-    decibels,
-    mark_orders_beside,
-    one_axes,
-    squared,
-)
-from emacm.displays._tables import (
-    check_fault_orders,
-    check_values,
-)
-from emacm.orders.welch import SegmentPlan, samples_per_revolution, segment_plan
+from emacm._checks import check_choice, check_count
+from emacm.displays import _drawing, _tables
+from emacm.displays._display import OrderDisplay
+from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.shaft.strokes import ShaftPath
+from emacm.shaft.paths import ShaftPath
 
 OVERS = ("time", "speed")
-_MAP = "magma"  # as even in grey as in colour
-_FAINTEST = 40.0  # per cent of the cells, noise mostly, lie below where the colours begin
-_NO_TURN = 1e-12  # of the speed; narrower ranges of it are widened to be seen
+_MAP = "magma"  # of even lightness, in grey too
+_FAINTEST = 40.0  # per cent of the cells, mostly noise, are below the lowest colour
+_NO_TURN = 1e-12  # of the speed; a smaller range of speeds is widened
+
+Segments = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 
 
-class OrderMapDisplay:
+@dataclass(eq=False, repr=False)
+class OrderMapDisplay(OrderDisplay):
     """Order spectra of the segments of one recording, over time or over shaft speed.
 
     Parameters
     ----------
-    orders : ndarray of shape (n_orders,)
-        Orders of the lines, evenly spaced.
-    psd : ndarray of shape (n_segments, n_orders)
+    orders : array-like of shape (n_orders,)
+        Orders of the spectral lines, evenly spaced.
+    psd : array-like of shape (n_segments, n_orders)
         Power spectral density of each segment [unit²/order].
-    intervals : ndarray of shape (n_segments, 2)
-        When each segment begins and ends [s], in order of time. They may overlap: each is
-        then drawn up to the middle of what it has in common with the next.
-    speeds : ndarray of shape (n_segments,)
+    intervals : array-like of shape (n_segments, 2)
+        Start and end of each segment [s], in order of time. Where segments overlap, each is
+        drawn up to the middle of the overlap.
+    speeds : array-like of shape (n_segments,)
         Mean shaft speed in each segment [rad/s], signed.
     over : {"time", "speed"}
-        What runs along x. Over speed, segments of nearly the same speed are averaged.
+        Quantity of the x axis. Over speed, segments of nearly the same speed are averaged.
     n_speeds : int
-        Classes of speed, equally wide from the lowest to the highest.
+        Number of speed classes, of equal width from the lowest to the highest speed.
     channel, unit : str
         Name and unit of the channel.
+    envelope : {"amplitude", "squared"}, optional
+        The channel is an envelope of this kind, and `unit` that of the measured channel.
     max_order : float, optional
         Highest order to draw.
-    fault_orders : mapping of str to float, optional
-        Orders to be marked, by name. Those beyond `max_order` are passed over.
+    fault_orders : DataFrame of `fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are named. Those above `max_order` are not drawn.
+    slip : float
+        Share of its order by which a line that slips may be lower or higher: a bar beside the map
+        marks this range. In a mapping every order may slip.
 
     Attributes
     ----------
     ax_, figure_
-        What was drawn on, once `plot` has run.
+        Axes and figure, set by `plot`.
     colorbar_ : Colorbar
-        The scale of colours.
+        The colour scale.
 
     Raises
     ------
     TypeError, ValueError
-        If shapes do not fit, a number is not finite, or a power negative.
+        If shapes do not fit, a value is not finite, a power is negative, or an option is invalid.
 
     Examples
     --------
@@ -82,42 +81,33 @@ class OrderMapDisplay:
     [10.0, 20.0]
     """
 
-    ax_: Any
-    figure_: Any
-    colorbar_: Any
+    orders: Any
+    psd: Any
+    intervals: Any
+    speeds: Any
+    over: str = field(default="time", kw_only=True)
+    n_speeds: int = field(default=24, kw_only=True)
+    channel: str = field(default="signal", kw_only=True)
+    unit: str = field(default="unit", kw_only=True)
+    envelope: str | None = field(default=None, kw_only=True)
+    max_order: float | None = field(default=None, kw_only=True)
 
-    def __init__(
-        self,
-        orders: Any,
-        psd: Any,
-        intervals: Any,
-        speeds: Any,
-        *,
-        over: str = "time",
-        n_speeds: int = 24,
-        channel: str = "signal",
-        unit: str = "unit",
-        max_order: float | None = None,
-        fault_orders: Mapping[str, float] | None = None,
-    ) -> None:
-        self.psd = check_values(psd, "psd", (None, None), least=0)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.psd = _tables.check_values(self.psd, "psd", (None, None), least=0)
         n_segments, n_orders = self.psd.shape
-        self.orders = check_values(orders, "orders", (n_orders,), least=0)
-        self.intervals = check_values(intervals, "intervals", (n_segments, 2))
-        self.speeds = check_values(speeds, "speeds", (n_segments,))
+        self.orders = _tables.check_values(self.orders, "orders", (n_orders,), least=0)
+        self.intervals = _tables.check_values(self.intervals, "intervals", (n_segments, 2))
+        self.speeds = _tables.check_values(self.speeds, "speeds", (n_segments,))
         if not n_segments or n_orders < 2:
             raise ValueError(f"a map needs segments and two orders, got psd {self.psd.shape}.")
         starts, stops = self.intervals.T
         if np.any(stops <= starts) or np.any(np.diff(starts) <= 0):
-            raise ValueError("intervals must run from a start to a later end, in order of time.")
-        self.over = check_choice(over, "over", OVERS)
-        self.n_speeds = check_count(n_speeds, "n_speeds")
-        self.channel = channel
-        self.unit = unit
-        if max_order is not None:
-            max_order = check_number(max_order, "max_order", above=0, unit="orders")
-        self.max_order = max_order
-        self.fault_orders = check_fault_orders(fault_orders)
+            raise ValueError("intervals must be from a start to a later end, in order of time.")
+        check_choice(self.over, "over", OVERS)
+        check_count(self.n_speeds, "n_speeds")
+        check_choice(self.envelope, "envelope", (None, *_tables.ENVELOPES))
+        _tables.check_upper_order(self.max_order)
 
     @classmethod
     def from_recording(
@@ -131,29 +121,28 @@ class OrderMapDisplay:
         window: Any = "hann",
         direction: str = "strokes",
         min_speed: float = 0.0,
-        over: str = "time",
-        n_speeds: int = 24,
-        unit: str = "unit",
         max_order: float | None = None,
-        fault_orders: Mapping[str, float] | None = None,
         ax: Any = None,
+        **options: Any,
     ) -> OrderMapDisplay:
-        """Resample a recording, estimate the spectrum of each segment, and draw.
+        """Resample a recording, estimate the spectrum of each segment, and draw them.
 
         Parameters
         ----------
         recording : Recording
             One run.
         channel : str, optional
-            Which channel. Default: the first.
+            Channel to draw. Default: the first.
         theta_s, direction, min_speed
             As for `OrderResampler`.
         revolutions, overlap, window
-            As for `OrderPSD`. Long segments tell orders apart, short ones tell times apart.
-        over, n_speeds, unit, max_order, fault_orders
-            As for the class.
+            As for `OrderPSD`. Long segments resolve orders, short ones resolve time.
+        max_order : float, optional
+            Highest order to draw.
         ax : matplotlib Axes, optional
             Where to draw.
+        **options
+            As for the class: over, n_speeds, unit, fault_orders, slip.
 
         Returns
         -------
@@ -162,8 +151,8 @@ class OrderMapDisplay:
         Raises
         ------
         TypeError, ValueError
-            If a setting is not what it should be, there is no such channel, or no stroke
-            holds a segment.
+            If an option is invalid, there is no such channel, or no stroke is as long as one
+            segment.
         """
         if not isinstance(recording, Recording):
             raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
@@ -173,76 +162,52 @@ class OrderMapDisplay:
             theta_s, channels=[chosen], direction=direction, min_speed=min_speed
         )
         strokes = resampler.fit_transform([recording])[0].strokes
-        plan = segment_plan(
-            samples_per_revolution(theta_s),
-            revolutions=revolutions,
-            overlap=overlap,
-            window=window,
-            max_order=max_order,
-        )
-        segments = [segment for stroke in strokes for segment in _segments(stroke, plan)]
+        welch = {"revolutions": revolutions, "window": window, "max_order": max_order}
+        plan = segment_plan(samples_per_revolution(theta_s), overlap=overlap, **welch)
+        segments = [
+            _segments(stroke, plan.step, plan.n_per_segment, welch)
+            for stroke in strokes
+            if stroke.n_angles >= plan.n_per_segment
+        ]
         if not segments:
             longest = max((stroke.revolutions for stroke in strokes), default=0)
             raise ValueError(
                 f"no stroke holds a segment of {plan.revolutions:g} revolutions; the longest has "
                 f"{longest:.4g}. Lower revolutions."
             )
-        psd, intervals, speeds = (np.array(values) for values in zip(*segments, strict=True))
-        display = cls(
-            plan.orders,
-            psd,
-            intervals,
-            speeds,
-            over=over,
-            n_speeds=n_speeds,
-            channel=chosen,
-            unit=unit,
-            max_order=max_order,
-            fault_orders=fault_orders,
-        )
-        return display.plot(ax=ax)
+        parts = (np.concatenate(values) for values in zip(*segments, strict=True))
+        known = {"channel": chosen, "envelope": _tables.envelopes_in(recording).get(chosen)}
+        return cls(plan.orders, *parts, max_order=max_order, **(known | options)).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a row a segment (start, stop, speed), a column an order."""
+        """Return the PSD: one row per segment (start, stop, speed), one column per order."""
         keys = [*self.intervals.T, self.speeds]
         index = pd.MultiIndex.from_arrays(keys, names=["start", "stop", "speed"])
         return pd.DataFrame(self.psd, index=index, columns=pd.Index(self.orders, name="order"))
 
-    def plot(self, *, ax: Any = None) -> OrderMapDisplay:
-        """Draw the map: order upwards, PSD in dB as colour, hatched where there is none.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw. Default: a new figure.
-
-        Returns
-        -------
-        OrderMapDisplay
-            Itself.
-        """
-        ax = one_axes(ax)
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=3.8)
         edges, psd = self._over_time() if self.over == "time" else self._over_speed()
         top = self.orders[-1] if self.max_order is None else self.max_order
-        # The first line is bent by detrending, and is no fault's order.
+        # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
         half = (self.orders[1] - self.orders[0]) / 2
         heights = np.append(self.orders[drawn] - half, self.orders[drawn][-1] + half)
-        power = np.ma.masked_invalid(decibels(psd[:, drawn]).T)
+        power = np.ma.masked_invalid(_drawing.decibels(psd[:, drawn]).T)
         faintest = np.percentile(power.compressed(), _FAINTEST) if power.count() else None
         mesh = ax.pcolormesh(edges, heights, power, vmin=faintest, cmap=_MAP, rasterized=True)
-        ax.patch.set(facecolor="white", edgecolor=MISSING, hatch="////")
+        ax.patch.set(facecolor="white", edgecolor=_drawing.MISSING, hatch="////")
         name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
-        ax.set(xlabel=name, ylabel=ORDER_LABEL, ylim=(heights[0], top))
-        mark_orders_beside(ax, self.fault_orders)
+        ax.set(xlabel=name, ylabel=_drawing.ORDER_LABEL, ylim=(heights[0], top))
+        _drawing.mark_orders_beside(ax, self.fault_orders)
         self.colorbar_ = ax.figure.colorbar(mesh, ax=ax, extend="min")
-        label = f"PSD of {self.channel} [dB re 1 {squared(self.unit)}/order]"
+        quantity, unit = _tables.as_envelope("PSD", self.unit, self.envelope)
+        label = f"{quantity} of {self.channel} [dB re 1 {_drawing.squared(unit)}/order]"
         self.colorbar_.set_label(label)
-        self.ax_, self.figure_ = ax, ax.figure
-        return self
+        return ax
 
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Return edges along time and the spectra between; NaN where no segment lies."""
+        """Return edges over time and the spectra between them; NaN where there is no segment."""
         starts, stops = self.intervals.T
         edges, rows = [starts[0]], []
         for i, spectrum in enumerate(self.psd):
@@ -258,7 +223,7 @@ class OrderMapDisplay:
         return np.array(edges), np.array(rows)
 
     def _over_speed(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-        """Return edges along speed and the mean spectra between; NaN where no segment lies."""
+        """Return edges over speed and the mean spectra between them; NaN without a segment."""
         low, high = self.speeds.min(), self.speeds.max()
         if high - low <= _NO_TURN * max(abs(low), abs(high)):
             low, high = low - 0.5, high + 0.5
@@ -270,21 +235,20 @@ class OrderMapDisplay:
         return edges, rows
 
 
-def _segments(stroke: AngleStroke, plan: SegmentPlan) -> Iterator[tuple[Any, Any, float]]:
-    """Yield the spectrum, the interval [s] and the mean speed [rad/s] of each segment."""
-    length = plan.n_per_segment
-    if stroke.n_angles < length:
-        return
-    signals, theta_s = stroke.signals, stroke.parent.theta_s
-    for start in range(0, stroke.n_angles - length + 1, plan.step):
-        spectrum = plan.average_of([signals[:, start : start + length]])[0]
-        interval = _times_at(stroke.path, theta_s * np.array([start, start + length - 1]))
-        turned = (length - 1) * theta_s * (stroke.direction or 1)
-        yield spectrum, interval, turned / (interval[1] - interval[0])
+def _segments(stroke: AngleStroke, step: int, length: int, welch: Mapping[str, Any]) -> Segments:
+    """Return spectra, intervals [s] and mean speeds [rad/s] of the segments of a stroke."""
+    signal, theta_s = stroke.signals[0], stroke.parent.theta_s
+    segments = np.lib.stride_tricks.sliding_window_view(signal, length)[::step]
+    _, psd = order_psd(segments, samples_per_revolution(theta_s), **welch)
+    starts = step * np.arange(len(segments))
+    travel = theta_s * np.stack([starts, starts + length - 1], axis=1)
+    intervals = _times_at(stroke.path, travel)
+    turned = np.diff(travel)[:, 0] * (stroke.direction or 1)
+    return psd, intervals, turned / np.diff(intervals)[:, 0]
 
 
 def _times_at(path: ShaftPath, travel: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return when the shaft has run these angles [s]."""
-    # Below min_speed it may turn back a little, and interpolation needs a rising angle.
+    """Return the times at which the shaft has travelled these angles [s]."""
+    # Below min_speed the shaft may reverse slightly; interpolation needs an increasing angle.
     run = np.maximum.accumulate(np.asarray(path.travel))
     return path.start_time + np.interp(travel, run, np.arange(len(run))) / path.fs

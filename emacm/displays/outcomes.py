@@ -1,8 +1,9 @@
-"""Pictures of how often decisions were right, and in which way they were wrong."""
+"""Outcomes of decisions: correct, false alarm, inspection, wrong fault, missed detection."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,77 +13,71 @@ from numpy.typing import ArrayLike
 from emacm.decisions.families import family_mapping
 from emacm.decisions.labels import label_list
 from emacm.decisions.metrics import are_correct, correct_families, label_of
-from emacm.displays._drawing import (
-    COLOURS,
-    SMALL,
-    legend_beside,
-    name_panels_below,
-    panel_axes,
-    tint,
-    wrapped,
-)
-from emacm.displays._tables import (
-    check_labels,
-    check_values,
-)
+from emacm.displays import _drawing, _tables
+from emacm.displays._display import Display
 
-# Outcome: colour and hatch; the darker in print, the worse.
+# Colour and hatch of each outcome; the darker in print, the more serious.
 OUTCOMES = {
-    "correct": (tint(COLOURS[0], 0.25), ""),
-    "false positive": (tint(COLOURS[4], 0.75), "////"),
-    "wrong fault": (tint(COLOURS[3], 0.9), "...."),
-    "false negative": (COLOURS[1], "xxxx"),
+    "correct": (_drawing.tint(_drawing.COLOURS[2], 0.25), ""),
+    "inspection": ("#ffffff", "...."),
+    "false alarm": (_drawing.tint(_drawing.COLOURS[4], 0.75), "////"),
+    "wrong fault": (_drawing.tint(_drawing.COLOURS[3], 0.9), "----"),
+    "missed detection": (_drawing.COLOURS[1], "xxxx"),
 }
 _ROW = 0.34  # inches for each bar
+_ALL = "all recordings"
 
 
-class OutcomesDisplay:
-    """Correct and wrong decisions in per cent, by condition, one panel for each signal.
+@dataclass(eq=False, repr=False)
+class OutcomesDisplay(Display):
+    """Outcomes of decisions in per cent, by operating condition, one panel for each signal.
 
     Parameters
     ----------
     counts : DataFrame
-        How many recordings had each outcome, or their shares: columns among "correct", "false
-        positive" (healthy, and decided otherwise), "wrong fault" (neither healthy nor
-        decided healthy, and another decision than the truth) and "false negative" (decided
-        healthy, and not so). The index names conditions, or signals and conditions.
+        Number of recordings with each outcome, or their shares. Columns are among "correct",
+        "inspection" (the decision is neither healthy nor a fault), "false alarm" (healthy, decided
+        to be faulty), "wrong fault" (faulty, decided to be another fault) and "missed detection"
+        (faulty, decided to be healthy). The index names conditions, or signals and conditions.
     show_n : bool
-        Whether to write the sum of each row beside its bar: how many recordings it stands for.
+        Whether to write the sum of each row beside its bar: the number of recordings.
 
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_signals,)
-        What was drawn on, once `plot` has run.
+        Set by `plot`.
     figure_ : Figure
-        The figure of `ax_`.
+        Figure of `ax_`.
 
     Raises
     ------
     TypeError, ValueError
-        If a column is no outcome, a row holds nothing or comes twice, or a count is negative or
+        If a column is not an outcome, a row has no count or is repeated, or a count is negative or
         not finite.
 
     Notes
     -----
-    The three outcomes are those of Chirico, section 4.4 (Figs. 4.65 to 4.72); a "wrong fault"
-    needs more than two classes.
+    Source of this kind of figure: Chirico, section 4.4 (Figs. 4.65 to 4.72), where a false alarm
+    is called false positive and a missed detection false negative. A "wrong fault" needs more than
+    two classes, an "inspection" a decision that is not a class.
 
     Examples
     --------
     >>> import pandas as pd
     >>> counts = pd.DataFrame(
-    ...     {"correct": [17, 20], "false negative": [3, 0]}, index=["condition 1", "condition 2"]
+    ...     {"correct": [17, 20], "missed detection": [3, 0]}, index=["condition 1", "condition 2"]
     ... )
-    >>> OutcomesDisplay(counts).frame()[["correct", "false negative", "n"]]
-                 correct  false negative     n
-    condition 1     85.0            15.0  20.0
-    condition 2    100.0             0.0  20.0
+    >>> OutcomesDisplay(counts).frame()[["correct", "missed detection", "n"]]
+                 correct  missed detection     n
+    condition 1     85.0              15.0  20.0
+    condition 2    100.0               0.0  20.0
     """
 
-    ax_: Any
-    figure_: Any
+    counts: pd.DataFrame
+    show_n: bool = field(default=True, kw_only=True)
 
-    def __init__(self, counts: pd.DataFrame, *, show_n: bool = True) -> None:
+    def __post_init__(self) -> None:
+        counts = self.counts
         if not isinstance(counts, pd.DataFrame):
             raise TypeError(f"counts must be a DataFrame, got {type(counts).__name__}.")
         unknown = [column for column in counts.columns if column not in OUTCOMES]
@@ -94,13 +89,12 @@ class OutcomesDisplay:
             )
         if not counts.index.is_unique:
             double = counts.index[counts.index.duplicated()][0]
-            raise ValueError(f"counts must name each row once, but {double!r} comes again.")
-        check_values(counts, "counts", (None, None), least=0)
+            raise ValueError(f"counts must name each row once, but {double!r} is repeated.")
+        _tables.check_values(counts, "counts", (None, None), least=0)
         self.counts = counts.reindex(columns=list(OUTCOMES), fill_value=0).astype(float)
         sums = self.counts.sum(axis=1)
         if (sums == 0).any():
             raise ValueError(f"counts of {sums.index[sums == 0][0]!r} are all 0. Leave it out.")
-        self.show_n = show_n
 
     @classmethod
     def from_predictions(
@@ -110,32 +104,35 @@ class OutcomesDisplay:
         *,
         healthy: Any,
         families: Mapping[Any, Any] | None = None,
+        classes: Sequence[Any] | None = None,
         conditions: ArrayLike | None = None,
         signals: ArrayLike | None = None,
         ax: Any = None,
     ) -> OutcomesDisplay:
-        """Count the outcomes of decisions, and draw.
+        """Count the outcomes of decisions, and draw them.
 
         Parameters
         ----------
         y_true : array-like of shape (n_recordings,)
             True classes.
         y_pred : array-like of shape (n_recordings,)
-            Decisions. One that is no class, such as "inspect", is a false positive of a healthy
-            unit and a wrong fault of another.
+            Decisions. One that is neither a class nor a family, such as "inspect", is an
+            inspection.
         healthy : str
-            Which class is the healthy one (or which family, if there are families).
+            The healthy class (or family, if there are families).
         families : mapping, optional
-            {class: family} or {family: [classes]}. A decision for the right family is right, and so
-            is one for another class of it. Without them labels are compared as they are, and a
-            family decided for a sub-state is a wrong fault: state them wherever decisions are
-            families.
+            {class: family} or {family: [classes]}. A decision for the family of the true class, or
+            for another class of this family, is correct. Without families, labels are compared as
+            they are.
+        classes : sequence, optional
+            Classes that can be decided, such as ``model.classes_``. Default: those of `y_true`
+            and `families`.
         conditions : array-like of shape (n_recordings,), optional
-            Operating condition of each. Default: all in one.
+            Operating condition of each recording. Default: a single row.
         signals : array-like of shape (n_recordings,), optional
-            Signal that each decision was taken from. Default: a single panel.
+            Signal that each decision is based on. Default: a single panel.
         ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each signal.
+            Where to draw: one Axes for each signal.
 
         Returns
         -------
@@ -144,85 +141,84 @@ class OutcomesDisplay:
         Raises
         ------
         ValueError
-            If lengths differ, nobody and nothing is healthy, or a class has no family.
+            If lengths differ, `healthy` is not among the labels, a class has no family, or no
+            fault is known (all recordings are healthy, and neither `families` nor `classes` is
+            given), so that false alarms and inspections cannot be distinguished.
         """
         truths, decided = label_list(y_true, "y_true"), label_list(y_pred, "y_pred")
-        check_labels(decided, len(truths), "y_pred")
-        correct = {}
+        _tables.check_labels(decided, len(truths), "y_pred")
+        states = list(dict.fromkeys([*truths, *label_list(() if classes is None else classes)]))
+        correct = {state: (state,) for state in states}
         if families is not None:
-            correct = correct_families(family_mapping(families, list(dict.fromkeys(truths))))
-        right = are_correct(truths, decided, correct)
+            correct = correct_families(family_mapping(families, states))
+        is_correct = are_correct(truths, decided, correct)
+        inspected = np.array([decision not in (*correct, healthy) for decision in decided])
         truths, decided = ([label_of(v, correct) for v in side] for side in (truths, decided))
-        sound, passed = (np.array([v == healthy for v in a], bool) for a in (truths, decided))
-        if not (sound.any() or passed.any()):
+        is_healthy, called_healthy = (
+            np.array([v == healthy for v in side]) for side in (truths, decided)
+        )
+        if not (is_healthy.any() or called_healthy.any()):
             raise ValueError(
                 f"healthy = {healthy!r} is neither in y_true nor in y_pred, which hold "
                 f"{sorted(set(map(str, truths)))} and {sorted(set(map(str, decided)))}."
             )
+        if set(correct) == {healthy} and not called_healthy.all():
+            raise ValueError(
+                f"all recordings are {healthy!r}, so it is not known which decisions among "
+                f"{sorted(set(map(str, decided)))} are faults. Give classes, such as "
+                f"model.classes_."
+            )
         outcome = np.select(
-            [right, sound, passed], ["correct", "false positive", "false negative"], "wrong fault"
+            [is_correct, inspected, is_healthy, called_healthy],
+            ["correct", "inspection", "false alarm", "missed detection"],
+            "wrong fault",
         )
         keys = {"signal": signals, "condition": conditions}
         index = [
-            pd.Index(check_labels(values, len(truths), f"{name}s"), name=name)
+            pd.Index(_tables.check_labels(values, len(truths), f"{name}s"), name=name)
             for name, values in keys.items()
             if values is not None
-        ] or [pd.Index(np.full(len(truths), "all recordings"))]
+        ] or [pd.Index(np.full(len(truths), _ALL))]
         rows = pd.DataFrame({name: outcome == name for name in OUTCOMES}).astype(int)
         counts = rows.groupby(index, sort=False).sum()
         if signals is not None and conditions is None:
-            counts.index = pd.MultiIndex.from_product([counts.index, ["all recordings"]])
+            counts.index = pd.MultiIndex.from_product([counts.index, [_ALL]])
         return cls(counts).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a row a bar, its outcomes in per cent and the sum ``n`` of counts."""
+        """Return the outcomes in per cent, one row per bar, and the sum ``n`` of its counts."""
         sums = self.counts.sum(axis=1)
         return self.counts.mul(100).div(sums, axis=0).assign(n=sums)
 
-    def plot(self, *, ax: Any = None) -> OutcomesDisplay:
-        """Draw a bar for each condition, cut by outcome.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one for each signal. Default: a new figure.
-
-        Returns
-        -------
-        OutcomesDisplay
-            Itself.
-        """
+    def _draw(self, ax: Any) -> Any:
         table = self.frame()
-        if table.index.nlevels == 1:
-            panels = {"": table}
-        else:
-            signals = table.index.get_level_values(0)
-            panels = {str(name): table.loc[name] for name in signals.unique()}
+        panels = {"": table}
+        if table.index.nlevels == 2:
+            names = table.index.get_level_values(0).unique()
+            panels = {str(name): table.loc[name] for name in names}
         longest = max(map(len, panels.values()))
-        axes = panel_axes(ax, len(panels), height=0.5 + _ROW * longest, shared="x")
+        axes = _drawing.panel_axes(ax, len(panels), height=0.5 + _ROW * longest)
         for panel, (title, part) in zip(axes, panels.items(), strict=True):
             self._draw_panel(panel, part)
-            panel.set_title(title, fontsize=SMALL + 2, loc="left")
-        name_panels_below(axes, "share of the recordings [%]")
-        legend_beside(axes[0])
-        self.ax_, self.figure_ = axes, axes[0].figure
-        return self
+            panel.set_title(title, fontsize=_drawing.SMALL + 2, loc="left")
+        _drawing.label_x(axes, "share of the recordings [%]")
+        _drawing.legend_above(axes[0])
+        return axes
 
     def _draw_panel(self, panel: Any, part: pd.DataFrame) -> None:
         from matplotlib import rc_context
 
         heights, left = np.arange(len(part)), np.zeros(len(part))
-        drawn = [name for name in OUTCOMES if self.counts[name].any()]
-        for name in drawn:
+        for name in (name for name in OUTCOMES if self.counts[name].any()):
             colour, hatch = OUTCOMES[name]
             style = {"color": colour, "edgecolor": "black", "hatch": hatch, "linewidth": 0.6}
             shares = part[name].to_numpy()
             with rc_context({"hatch.linewidth": 0.7}):
                 panel.barh(heights, shares, 0.72, left=left, label=name, **style)
             left = left + shares
-        names = [wrapped(name) for name in part.index]
+        names = [_drawing.wrapped(name) for name in part.index]
         if self.show_n:
             names = [f"{name}  (n = {n:g})" for name, n in zip(names, part["n"], strict=True)]
-        panel.set_yticks(heights, names, fontsize=SMALL)
+        panel.set_yticks(heights, names, fontsize=_drawing.SMALL)
         panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
         panel.set_xlim(0, 100)

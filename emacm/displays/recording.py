@@ -1,35 +1,31 @@
-"""Pictures of a recording as it was measured: signals and shaft speed over time."""
+"""A recording as it was measured: signals and shaft speed over time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm._checks import check_number
-from emacm.displays._drawing import (
-    COLOURS,
-    legend_beside,
-    name_panels_below,
-    name_side,
-    panel_axes,
-)
-from emacm.displays._tables import (
-    check_values,
-)
+from emacm.displays import _drawing, _tables
+from emacm.displays._display import Display
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.shaft.strokes import find_strokes
 
-# Direction of a stroke: grey and hatch behind it.
+# Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}
-_MOST_POINTS = 20_000  # of a line; of longer signals the extremes of short stretches are drawn
+_MOST_POINTS = 20_000  # of a line; of longer signals, the extremes of short intervals are drawn
+
+Line = tuple[NDArray[np.floating], NDArray[np.floating]]  # times and values, equally long
 
 
-class RecordingDisplay:
+@dataclass(eq=False, repr=False)
+class RecordingDisplay(Display):
     """Signals of one recording and its shaft speed over time, one panel for each.
 
     Parameters
@@ -39,25 +35,29 @@ class RecordingDisplay:
     signals : mapping of str to array-like of shape (n_times,)
         The channels, by name.
     shaft_times : array-like of shape (n_shaft_times,)
-        Time of each sample of the shaft's speed [s].
+        Time of each sample of the shaft speed [s].
     speed : array-like of shape (n_shaft_times,)
         Shaft speed [rad/s], signed.
     units : mapping of str to str, optional
         Unit of each channel.
+    envelopes : mapping of str to {"amplitude", "squared"}, optional
+        Channels that are envelopes, see `EnvelopeDetector`. `units` holds the unit of the measured
+        channel.
     strokes : sequence of (start, stop, direction)
         Strokes to be shaded: times [s], and 1 (forward) or -1 (reverse).
 
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_channels + 1,)
-        What was drawn on, once `plot` has run; the last is the shaft's.
+        Set by `plot`; the last is that of the shaft speed.
     figure_ : Figure
-        The figure of `ax_`.
+        Figure of `ax_`.
 
     Raises
     ------
     TypeError, ValueError
-        If a channel lacks times or is not as long, or a number is not finite.
+        If a channel has no times or another length, a value is not finite, or an option is
+        invalid.
 
     Examples
     --------
@@ -66,36 +66,34 @@ class RecordingDisplay:
     [5.0, 6.0]
     """
 
-    ax_: Any
-    figure_: Any
+    times: Any
+    signals: Any
+    shaft_times: Any
+    speed: Any
+    units: Any = field(default=None, kw_only=True)
+    envelopes: Any = field(default=None, kw_only=True)
+    strokes: Sequence[tuple[float, float, int]] = field(default=(), kw_only=True)
 
-    def __init__(
-        self,
-        times: Mapping[str, ArrayLike],
-        signals: Mapping[str, ArrayLike],
-        shaft_times: ArrayLike,
-        speed: ArrayLike,
-        *,
-        units: Mapping[str, str] | None = None,
-        strokes: Sequence[tuple[float, float, int]] = (),
-    ) -> None:
-        if list(times) != list(signals) or not signals:
+    def __post_init__(self) -> None:
+        if list(self.times) != list(self.signals) or not self.signals:
             raise ValueError(
-                f"times and signals must name the same channels, and one at least; got "
-                f"{list(times)} and {list(signals)}."
+                f"times and signals must name the same channels, and at least one; got "
+                f"{list(self.times)} and {list(self.signals)}."
             )
-        self.signals = {
-            name: check_values(values, f"channel {name!r}", (None,))
-            for name, values in signals.items()
-        }
+        check = _tables.check_values
+        self.signals = {k: check(v, f"channel {k!r}", (None,)) for k, v in self.signals.items()}
         self.times = {
-            name: check_values(values, f"times of channel {name!r}", self.signals[name].shape)
-            for name, values in times.items()
+            name: check(values, f"times of channel {name!r}", self.signals[name].shape)
+            for name, values in self.times.items()
         }
-        self.speed = check_values(speed, "speed", (None,))
-        self.shaft_times = check_values(shaft_times, "shaft_times", self.speed.shape)
-        self.units = _checked_units(units, list(signals))
-        self.strokes = list(strokes)
+        self.speed = check(self.speed, "speed", (None,))
+        self.shaft_times = check(self.shaft_times, "shaft_times", self.speed.shape)
+        self.units = {} if self.units is None else self.units
+        if not isinstance(self.units, Mapping):
+            raise TypeError(
+                f"units must map channels to units, as {{'current': 'A'}}, got {self.units!r}."
+            )
+        self.envelopes = _tables.check_envelopes(self.envelopes)
         for stroke in self.strokes:
             if len(stroke) != 3 or stroke[2] not in _STROKES:
                 raise ValueError(f"a stroke must be (start, stop, 1 or -1), got {stroke!r}.")
@@ -119,17 +117,18 @@ class RecordingDisplay:
         recording : Recording
             One run.
         channels : sequence of str, optional
-            Which channels, from top to bottom. Default: all.
+            Channels to draw, from top to bottom. Default: all.
         units : mapping of str to str, optional
             Unit of each channel.
         between : tuple of two float, optional
-            Start and end [s] of what is drawn. Default: all.
+            Start and end of the interval to draw [s]. Default: the whole recording.
         shade_strokes : bool
-            Whether to shade the strokes: a stretch in which the shaft turns one way.
+            Whether to shade the strokes, the sections of motion in one direction.
         min_speed : float
-            Speed up to which the shaft counts as standing [rad/s], as for `OrderResampler`.
+            Speed up to which the shaft is considered to be at standstill [rad/s], as for
+            `OrderResampler`.
         ax : sequence of matplotlib Axes, optional
-            Where to draw: one for each channel, and one for the shaft.
+            Where to draw: one Axes for each channel, and one for the shaft speed.
 
         Returns
         -------
@@ -138,7 +137,7 @@ class RecordingDisplay:
         Raises
         ------
         TypeError, ValueError
-            If it is no recording, has no such channel, or nothing lies in between.
+            If it is not a recording, has no such channel, or has no two samples in the interval.
         """
         if not isinstance(recording, Recording):
             raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
@@ -157,18 +156,20 @@ class RecordingDisplay:
             for s in found
             if s.start / fs < stop and (s.stop - 1) / fs > start
         ]
+        known = _tables.envelopes_in(recording)
         display = cls(
             {name: times for name, (times, _) in cut.items()},
             {name: signal for name, (_, signal) in cut.items()},
             shaft_times,
             speed,
             units=units,
+            envelopes={name: kind for name, kind in known.items() if name in cut},
             strokes=strokes,
         )
         return display.plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
-        """Return the numbers: a column ``value``, indexed by channel (or shaft speed) and time."""
+        """Return a column ``value``, indexed by channel (or "shaft speed") and time [s]."""
         series = [(name, self.times[name], values) for name, values in self.signals.items()]
         series.append(("shaft speed", self.shaft_times, self.speed))
         tables = [
@@ -177,53 +178,37 @@ class RecordingDisplay:
         ]
         return pd.concat(tables, keys=[name for name, _, _ in series], names=["quantity"])
 
-    def plot(self, *, ax: Any = None) -> RecordingDisplay:
-        """Draw one panel below the other. Of a long signal, the extremes are drawn.
-
-        Parameters
-        ----------
-        ax : sequence of matplotlib Axes, optional
-            Where to draw: one for each channel, and one for the shaft. Default: a new figure.
-
-        Returns
-        -------
-        RecordingDisplay
-            Itself.
-        """
-        axes = panel_axes(ax, len(self.signals) + 1, height=1.3)
+    def _draw(self, ax: Any) -> Any:
+        axes = _drawing.panel_axes(ax, len(self.signals) + 1, height=1.3)
         for panel, (name, values) in zip(axes[:-1], self.signals.items(), strict=True):
             self._draw_line(panel, self.times[name], values)
-            name_side(panel, name, self.units.get(name, "unit"))
+            kind = self.envelopes.get(name)
+            unit = _tables.unit_of(self.units, name, derived=kind is not None)
+            quantity, unit = _tables.as_envelope("", unit, kind)
+            _drawing.label_y(panel, f"{quantity} of {name}" if quantity else name, unit)
         self._draw_line(axes[-1], self.shaft_times, self.speed)
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
-        name_side(axes[-1], "shaft speed", "rad/s")
+        _drawing.label_y(axes[-1], "shaft speed", "rad/s")
+        last = max(float(times[-1]) for times in (self.shaft_times, *self.times.values()))
         for panel in axes:
-            panel.set_xlim(self.shaft_times[0], max(self.shaft_times[-1], self._last()))
-        name_panels_below(axes, "time [s]")
-        if self.strokes:
-            legend_beside(axes[0])
-        self.ax_, self.figure_ = axes, axes[0].figure
-        return self
-
-    def _last(self) -> float:
-        return max(float(times[-1]) for times in self.times.values())
+            panel.set_xlim(self.shaft_times[0], last)
+        _drawing.label_x(axes, "time [s]")
+        _drawing.legend_above(axes[0])
+        return axes
 
     def _draw_line(
         self, panel: Any, times: NDArray[np.floating], values: NDArray[np.floating]
     ) -> None:
-        named = set()
         for start, stop, direction in self.strokes:
             label, grey, hatch = _STROKES[direction]
+            named = label in panel.get_legend_handles_labels()[1]
             style = {"facecolor": grey, "edgecolor": "0.7", "hatch": hatch, "linewidth": 0}
-            panel.axvspan(start, stop, zorder=0, label=None if label in named else label, **style)
-            named.add(label)
-        panel.plot(*_extremes(times, values), color=COLOURS[0], linewidth=0.8)
+            panel.axvspan(start, stop, zorder=0, label=None if named else label, **style)
+        panel.plot(*_extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
 
 
-def _extremes(
-    times: NDArray[np.floating], values: NDArray[np.floating]
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the lowest and the highest sample of each short stretch of a long signal."""
+def _extremes(times: NDArray[np.floating], values: NDArray[np.floating]) -> Line:
+    """Return the lowest and the highest sample of each short interval of a long signal."""
     if len(values) <= _MOST_POINTS:
         return times, values
     length = -(-2 * len(values) // _MOST_POINTS)
@@ -235,9 +220,7 @@ def _extremes(
     return times[kept], values[kept]
 
 
-def _between(
-    signal: NDArray[np.floating], fs: float, start: float, stop: float
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _between(signal: NDArray[np.floating], fs: float, start: float, stop: float) -> Line:
     """Return times and samples from start to stop."""
     first, last = int(np.ceil(start * fs - 1e-9)), int(np.floor(stop * fs + 1e-9)) + 1
     part = signal[first:last]
@@ -257,15 +240,6 @@ def _checked_window(between: Any, duration: float) -> tuple[float, float]:
     start, stop = (check_number(edge, "an edge of between", unit="s") for edge in between)
     if not 0 <= start < stop or start >= duration:
         raise ValueError(
-            f"between must run from an earlier to a later time within {duration:g} s, "
-            f"got {between!r}."
+            f"between must be an earlier and a later time within {duration:g} s, got {between!r}."
         )
     return start, stop
-
-
-def _checked_units(units: Any, channels: list[str]) -> dict[str, str]:
-    if units is None:
-        return {}
-    if not isinstance(units, Mapping):
-        raise TypeError(f"units must map channels to units, as {{'current': 'A'}}, got {units!r}.")
-    return dict(units)

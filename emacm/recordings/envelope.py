@@ -172,7 +172,7 @@ class EnvelopeSeries(LazySeries):
         single = self.dtype == np.float32
         self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
         self._signal = signal
-        self._squared = squared
+        self.squared = squared
         self.reach = len(taps) // 2
 
     def __getitem__(self, key: Any) -> Any:
@@ -217,7 +217,7 @@ class EnvelopeSeries(LazySeries):
         return self._signal[np.abs((np.arange(start, stop) + last) % (2 * last) - last)]
 
     def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
-        return analytic.real**2 + analytic.imag**2 if self._squared else np.abs(analytic)
+        return analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
 
 
 def envelope(

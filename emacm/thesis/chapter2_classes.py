@@ -12,7 +12,7 @@ from sklearn.decomposition import PCA
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay, FeatureDensityDisplay
-from emacm.displays._drawing import label_axes, legend_beside, line_style, offscreen_panels
+from emacm.displays._drawing import label_axes, legend_above, line_style, offscreen_panels
 from emacm.thesis.findings import Chapter
 
 _HEALTHY = ([1, 10, 5, 4], [0.01, 0.01, 0.01, 0.01])  # Eq. (2.33): means and variances
@@ -114,7 +114,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
             ax.plot(grid, density, label=name, **style)
         ax.set_ylim(bottom=0)
         label_axes(ax, f"y{k + 1}", f"density of y{k + 1}")
-    legend_beside(axes[0, 1])
+    legend_above(axes[0, 1])
     chapter.draw(
         "Fig. 2.10", figure, "Densities of Eqs. (2.33) and (2.34): the classes part in y3 alone."
     )

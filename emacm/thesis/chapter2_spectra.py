@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.displays import OrderSpectrumDisplay, RecordingDisplay
-from emacm.displays._drawing import COLOURS, label_axes, legend_beside, offscreen_panels
+from emacm.displays._drawing import COLOURS, PLAIN, label_axes, legend_above, offscreen_panels
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.welch import order_psd
 from emacm.recordings.recording import Recording
@@ -45,7 +45,7 @@ def compare_resampling(chapter: Chapter) -> None:
     figure, axes = offscreen_panels(3, size=(7.2, 5.6))
     axes = axes[:, 0]
     RecordingDisplay.from_recording(ramp, units={"x1": "1"}, ax=axes[:2])
-    axes[2].plot(angle, ramp.signals["x1"], color=COLOURS[0], linewidth=0.8)
+    axes[2].plot(angle, ramp.signals["x1"], color=PLAIN, linewidth=0.8)
     label_axes(axes[2], "cumulative motor angle [rad]", "x1 [1]")
     chapter.draw(
         "Fig. 2.3", figure, "sin(6θ) on a ramp of 100t rad/s: not periodic in time, but in angle."
@@ -58,7 +58,7 @@ def compare_resampling(chapter: Chapter) -> None:
     ax.plot(
         stroke.angles, stroke.signals[0], "o", markersize=3, color=COLOURS[1], label="resampled"
     )
-    legend_beside(ax)
+    legend_above(ax)
     label_axes(ax, "cumulative motor angle [rad]", "x1 [1]")
     chapter.draw(
         "Fig. 2.4", figure, "The ramp at 60 samples per revolution, by Eq. (2.13) from x(k-1)."
@@ -91,7 +91,7 @@ def compare_sine(chapter: Chapter) -> None:
         chapter.compare(f"Fig. 2.5, {where}", published, round(ours, 12), note)
     figure, axes = offscreen_panels(2, 2, size=(9.6, 5.2))
     fine = np.linspace(0, (length - 1) / fs, 1000)
-    axes[0, 0].plot(fine, np.sin(TURN * frequency * fine), color=COLOURS[0], linewidth=0.9)
+    axes[0, 0].plot(fine, np.sin(TURN * frequency * fine), color=PLAIN, linewidth=0.9)
     label_axes(axes[0, 0], "time [s]", "x2(t) [1]")
     axes[0, 1].stem(np.arange(length), signal, basefmt="0.5")
     label_axes(axes[0, 1], "sample n", "x2(n) [1]")
@@ -162,15 +162,15 @@ def _draw_smearing(
     (stroke,) = turned.strokes
     figure, axes = offscreen_panels(2, size=(7.2, 4.6))
     time = np.arange(len(ramp.signals["x1"])) / _FS
-    axes[0, 0].plot(time, ramp.signals["x1"], color=COLOURS[0], linewidth=0.8)
+    axes[0, 0].plot(time, ramp.signals["x1"], color=PLAIN, linewidth=0.8)
     label_axes(axes[0, 0], "time [s]", "x1 [1]")
-    axes[1, 0].plot(*over_hertz, color=COLOURS[0], linewidth=1.2)
+    axes[1, 0].plot(*over_hertz, color=PLAIN, linewidth=1.2)
     axes[1, 0].set(xlim=(0, 150), ylim=(0, None))
     label_axes(axes[1, 0], "frequency [Hz]", "PSD of x1 [1/Hz]")
     chapter.draw("Fig. 2.6", figure, "Over time the ramp smears: its power is spread over 50 Hz.")
     figure, axes = offscreen_panels(2, size=(7.2, 4.6))
     axes[0, 0].plot(
-        stroke.angles, stroke.signals[0], ".-", color=COLOURS[0], linewidth=0.6, markersize=3
+        stroke.angles, stroke.signals[0], ".-", color=PLAIN, linewidth=0.6, markersize=3
     )
     label_axes(axes[0, 0], "cumulative motor angle [rad]", "x1 [1]")
     display = OrderSpectrumDisplay(

@@ -20,7 +20,13 @@ from emacm.displays import (
     OrderSpectrumDisplay,
     RecordingDisplay,
 )
-from emacm.displays._drawing import COLOURS, legend_beside, line_style, offscreen_panels
+from emacm.displays._drawing import (
+    colour_of,
+    legend_above,
+    line_style,
+    offscreen_panels,
+    state_numbers,
+)
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recording, chapter3_recordings
@@ -97,12 +103,13 @@ def _draw_spectra(
     psd = chain[:2].transform(recordings)
     figure, axes = offscreen_panels(2, size=(8.4, 6.0))
     by_label = dict(zip(labels, spectra, strict=True))
-    for number, (label, spectrum) in enumerate(sorted(by_label.items())):
+    for label, number in state_numbers(by_label, "healthy").items():
+        spectrum = by_label[label]
         drawn = (hertz.orders_ > 0) & (hertz.orders_ <= 250)
         level = 10 * np.log10(spectrum[drawn])
         axes[0, 0].plot(hertz.orders_[drawn], level, label=label, linewidth=1, **line_style(number))
     axes[0, 0].set(xlabel="frequency [Hz]", ylabel="PSD of current\n[dB re 1 A²/Hz]", xlim=(0, 250))
-    legend_beside(axes[0, 0])
+    legend_above(axes[0, 0])
     options: dict[str, Any] = {"labels": labels, "unit": "A", "max_order": 15}
     OrderSpectrumDisplay.from_table(psd, "current", ax=axes[1, 0], **options)
     chapter.draw(
@@ -130,12 +137,12 @@ def draw_ablation(chapter: Chapter, ablation: pd.DataFrame) -> None:
     ax = axes[0, 0]
     for place, name in enumerate(names):
         values = ablation[name]
-        ax.plot([values.min(), values.max()], [place] * 2, color=COLOURS[place], linewidth=3)
-        ax.plot(values.median(), place, "D", color=COLOURS[place], markeredgecolor="black")
+        ax.plot([values.min(), values.max()], [place] * 2, color=colour_of(place + 1), linewidth=3)
+        ax.plot(values.median(), place, "D", color=colour_of(place + 1), markeredgecolor="black")
     ax.axvline(100 / len(CHAPTER3_ORDERS), color="0.4", linestyle=":", label="guessing")
     ax.set_yticks(range(len(names)), [name.partition(", ")[0] for name in names])
     ax.set(xlabel="new runs decided rightly [%]", xlim=(0, 103), ylim=(-0.6, len(names) - 0.4))
-    legend_beside(ax)
+    legend_above(ax)
     chapter.draw(
         "Hertz against orders",
         figure,

@@ -21,7 +21,7 @@ from emacm.thesis.chapter4_tables import (
 )
 from emacm.thesis.findings import Chapter
 
-# Tables 4.5 and 4.6: correct, false positive, false negative [%].
+# Tables 4.5 and 4.6: correct, false positive (false alarm), false negative (missed detection) [%].
 PUBLISHED = {
     "per condition": {
         "lvdt": (100, 0, 0),

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.decomposition import PCA
 
-from emacm.displays._drawing import COLOURS, offscreen_panels
+from emacm.displays._drawing import PLAIN, offscreen_panels
 from emacm.displays.bins import OrderBinsDisplay
 from emacm.displays.components import ExplainedVarianceDisplay
 from emacm.displays.contributions import ContributionsDisplay
@@ -119,7 +119,7 @@ def _draw_commands(chapter: Chapter, campaign: Campaign, condition: int, first: 
                 recording.signals[name][: round(stop * rate) : step] for name in (command, feedback)
             )
             times = np.arange(len(commanded)) * step / rate
-            ax.plot(times, measured, color=COLOURS[0], linewidth=0.9, label="feedback")
+            ax.plot(times, measured, color=PLAIN, linewidth=0.9, label="feedback")
             ax.plot(times, commanded, color="black", linewidth=0.9, linestyle="--", label="command")
             ax.set_ylabel(quantity)
             ax.set_xlim(0, stop)
@@ -146,7 +146,9 @@ def _draw_signals(chapter: Chapter, campaign: Campaign, condition: int, first: i
 def _draw_spectra(chapter: Chapter, models: list[Model], rows: Any, title: str, first: int) -> None:
     table = pd.concat([model.signal.spectra for model in models], axis=1)[rows]
     health = models[0].signal.frame["health"][rows]
-    display = OrderSpectrumDisplay.from_table(table, labels=health, unit=UNITS, fault_orders=MARKED)
+    display = OrderSpectrumDisplay.from_table(
+        table, labels=health, unit=UNITS, fault_orders=MARKED, slip=0
+    )
     caption = (
         f"{title}, order PSD of run 1 of both units, before the filter. Marked are orders "
         "12 and 36 of section 4.5, and multiples of the order of the inner ring."
@@ -160,6 +162,7 @@ def _draw_bins(chapter: Chapter, models: list[Model], rows: Any, title: str, fir
         labels=models[0].signal.frame["health"][rows],
         unit=UNITS,
         fault_orders=MARKED,
+        slip=0,
     )
     caption = f"{title}, binned PSD of run 1 of both units, after the filter."
     _keep(chapter, _range(first), display.figure_, caption)
@@ -213,6 +216,7 @@ def _draw_shares(chapter: Chapter, study: Study, conditions: tuple[int, ...], wh
     display = ContributionsDisplay.from_table(
         pd.concat([table.assign(contribution=100 * table["share"]) for table in bins]),
         fault_orders=MARKED,
+        slip=0,
         decision="the truth",
         unit="% of its signal",
     )

@@ -22,7 +22,7 @@ from emacm.thesis.chapter4_spectra import READINGS, REVOLUTIONS, SIGNALS, Campai
 SCHEMES = {"per condition": "Table 4.5", "single": "Table 4.6"}
 GROUPS = ("inner ring", "electrical noise", "shaft")  # kinds of predicted orders
 LINE_WIDTH = 4 / REVOLUTIONS  # orders: main lobe of a Hann window
-OUTCOMES = ("correct", "false positive", "false negative")
+OUTCOMES = ("correct", "false alarm", "missed detection")
 _NOISE = (2, 6)  # multiples of the supply: orders 12 and 36 of section 4.5
 _SHAFT = 3  # highest multiple of the shaft order
 
@@ -127,7 +127,7 @@ def decide(models: Sequence[Model]) -> pd.DataFrame:
         table.insert(0, "scheme", model.scheme)
         tables.append(table)
     table = pd.concat(tables, ignore_index=True)
-    wrong = np.where(table["health"] == "healthy", "false positive", "false negative")
+    wrong = np.where(table["health"] == "healthy", "false alarm", "missed detection")
     right = table["health"] == table["decision"]
     return table.assign(outcome=np.where(right, "correct", wrong))
 

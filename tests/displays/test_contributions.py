@@ -28,14 +28,14 @@ def test_each_channel_has_bars_between_the_edges_of_its_bins():
     assert label == "contribution of current [nats]"
 
 
-def test_what_speaks_against_is_hatched():
+def test_evidence_against_is_hatched():
     (ax,) = axes()
     ContributionsDisplay([(0, 1), (1, 2)], [1.0, -1.0], decision="worn screw").plot(ax=ax)
     up, down = sorted(ax.patches, key=lambda bar: -bar.get_height())
     assert not up.get_hatch()
     assert down.get_hatch()
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["speaks for worn screw", "speaks against worn screw"]
+    assert legend == ["evidence for worn screw", "evidence against worn screw"]
 
 
 def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
@@ -84,10 +84,10 @@ def test_contributions_that_do_not_fit_are_refused():
         ContributionsDisplay(NAMES, [1, 2, 3])
     with pytest.raises(ValueError, match="contributions must be finite, got nan at index 0"):
         ContributionsDisplay([(0, 1)], [np.nan])
-    with pytest.raises(ValueError, match=r"it lacks \['low', 'high'\]"):
+    with pytest.raises(ValueError, match=r"it has no \['low', 'high'\]"):
         ContributionsDisplay.from_table(pd.DataFrame({"channel": ["a"], "contribution": [1.0]}))
     row = {"channel": ["a"], "low": [4.0], "high": [3.0], "contribution": [1.0]}
-    with pytest.raises(ValueError, match=r"low must be below high, got \[4\.0, 3\.0\] in row 0"):
+    with pytest.raises(ValueError, match=r"low must be below high, got 4\.0 and 3\.0 in row 0"):
         ContributionsDisplay.from_table(pd.DataFrame(row))
-    with pytest.raises(TypeError, match="fault_orders must map names to orders"):
+    with pytest.raises(TypeError, match=r"mapping of names to orders, got \[3\.0\]"):
         ContributionsDisplay([(0, 1)], [1.0], fault_orders=[3.0])

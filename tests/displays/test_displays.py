@@ -29,19 +29,19 @@ from emacm.displays._drawing import (
     COLOURS,
     HATCHES,
     MARKERS,
+    PLAIN,
     STYLES,
+    colour_of,
     decibels,
+    label_y,
     line_style,
     mark_orders,
-    name_side,
-    one_axes,
     panel_axes,
     spread,
+    state_numbers,
+    style_of,
 )
-from emacm.displays._tables import (
-    check_fault_orders,
-    check_values,
-)
+from emacm.displays._tables import check_values, predicted_lines
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = [(0, 1), (1, 2)]
@@ -97,14 +97,15 @@ def test_a_picture_can_be_written_to_a_file(display, tmp_path):
 
 
 @each
-def test_a_legend_stands_beside_or_above_the_axes(display):
+def test_a_legend_stands_above_the_axes_and_is_no_wider(display):
     axes = axes_for(display)
     display.plot(ax=axes[0] if len(axes) == 1 else axes)
     display.figure_.draw_without_rendering()
     legend = axes[0].get_legend()
     if legend is not None:
         inside, outside = axes[0].get_window_extent(), legend.get_window_extent()
-        assert outside.x0 > inside.x1 or outside.y0 > inside.y1
+        assert outside.y0 > inside.y1
+        assert outside.x1 <= inside.x1
 
 
 @each
@@ -132,8 +133,20 @@ def test_eight_classes_differ_by_colour_and_by_more_than_colour():
         assert len(set(kinds)) == len(kinds) == 8
 
 
-def test_of_sixty_four_classes_no_two_look_alike():
-    assert len({str(line_style(number)) for number in range(64)}) == 64
+def test_of_fifty_seven_states_no_two_look_alike():
+    assert len({str(line_style(number)) for number in range(57)}) == 57
+
+
+def test_the_colour_of_the_healthy_state_is_that_of_no_other():
+    assert colour_of(0) not in {colour_of(number) for number in range(1, 57)}
+    assert {style_of(kinds, 0) for kinds in (STYLES, MARKERS, HATCHES)} == {"-", "o", ""}
+
+
+def test_healthy_is_the_first_state_and_the_others_keep_their_order():
+    numbers = state_numbers(["worn", "broken", "new"], "new")
+    assert list(numbers.items()) == [("new", 0), ("worn", 1), ("broken", 2)]
+    assert state_numbers(["worn", "broken"], "new") == {"worn": 1, "broken": 2}
+    assert COLOURS[state_numbers(["all recordings"], "new")["all recordings"]] == PLAIN
 
 
 def test_a_new_figure_is_made_where_no_axes_are_given():
@@ -148,9 +161,9 @@ def test_a_new_figure_is_made_where_no_axes_are_given():
     pyplot.close(axes[0].figure)
 
 
-def test_a_picture_of_one_panel_refuses_several_axes():
-    with pytest.raises(TypeError, match="needs one Axes, got 2"):
-        one_axes(Figure().subplots(2))
+def test_a_display_of_one_panel_refuses_several_axes():
+    with pytest.raises(ValueError, match=r"1 panels and needs as many Axes, got 2. Leave ax out"):
+        ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2))
 
 
 def test_as_many_axes_as_panels_are_asked_for():
@@ -162,7 +175,7 @@ def test_as_many_axes_as_panels_are_asked_for():
 def test_fault_orders_beyond_the_axis_are_passed_over():
     ax = Figure().subplots()
     ax.set_xlim(0, 10)
-    mark_orders(ax, {"inside": 5.0, "outside": 11.0})
+    mark_orders(ax, predicted_lines({"inside": 5.0, "outside": 11.0}, 0))
     assert [text.get_text() for text in ax.texts] == ["inside"]
     assert len(ax.lines) == 1
 
@@ -170,7 +183,7 @@ def test_fault_orders_beyond_the_axis_are_passed_over():
 def test_names_of_fault_orders_do_not_cover_each_other():
     ax = Figure(figsize=(6, 3)).subplots()
     ax.set_xlim(0, 50)
-    mark_orders(ax, {f"a long name {i}": 6 + 0.1 * i for i in range(5)})
+    mark_orders(ax, predicted_lines({f"a long name {i}": 6 + 0.1 * i for i in range(5)}, 0.02))
     ax.figure.draw_without_rendering()
     # The extent of an annotation holds its pointer too; that of a text does not.
     boxes = sorted((Text.get_window_extent(text) for text in ax.texts), key=lambda box: box.x0)
@@ -180,9 +193,9 @@ def test_names_of_fault_orders_do_not_cover_each_other():
 
 def test_a_name_too_long_for_its_axis_is_written_in_lines():
     ax = Figure(figsize=(6, 1)).subplots()
-    name_side(ax, "vibration of the motor housing", "m/s²")
+    label_y(ax, "vibration of the motor housing", "m/s²")
     assert ax.get_ylabel().endswith("\n[m/s²]")
-    name_side(ax, "speed", "V")
+    label_y(ax, "speed", "V")
     assert ax.get_ylabel() == "speed [V]"
 
 
@@ -212,7 +225,9 @@ def test_values_that_do_not_fit_say_where():
 
 
 def test_fault_orders_are_a_mapping_to_numbers():
-    with pytest.raises(TypeError, match="fault_orders must map names to orders"):
-        check_fault_orders([3.1])
-    with pytest.raises(ValueError, match="fault order 'screw' must be a number at least 0"):
-        check_fault_orders({"screw": -1.0})
+    with pytest.raises(TypeError, match=r"fault_orders or a mapping .*, got \[3\.1\]"):
+        predicted_lines([3.1], 0.02)
+    with pytest.raises(ValueError, match=r"order of 'screw' must be a number .*above 0 .*, got -1"):
+        predicted_lines({"screw": -1.0}, 0.02)
+    with pytest.raises(ValueError, match="slip must be a number at least 0 and below 1, got 1"):
+        predicted_lines({"screw": 3.125}, 1)

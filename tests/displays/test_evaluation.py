@@ -134,13 +134,15 @@ def test_without_probabilities_there_are_two_panels():
     assert len(display.ax_) == 2
 
 
-def test_a_new_figure_has_its_panels_beside_each_other():
+def test_a_new_figure_has_the_rates_above_the_confusion_and_the_reliability():
     from matplotlib import pyplot
 
     display = EvaluationDisplay.from_evaluation(found())
     display.figure_.draw_without_rendering()
     boxes = [panel.get_window_extent() for panel in display.ax_]
-    assert boxes[0].x1 < boxes[1].x0 < boxes[1].x1 < boxes[2].x0
+    assert boxes[0].y0 > max(boxes[1].y1, boxes[2].y1)
+    assert boxes[1].x1 < boxes[2].x0
+    assert display.figure_.get_figwidth() == 6.3
     pyplot.close(display.figure_)
 
 
@@ -155,7 +157,7 @@ def test_what_cannot_be_drawn_is_refused():
         EvaluationDisplay(TABLE, CONFUSION.iloc[:0])
     with pytest.raises(ValueError, match=r"figures must be among .*got \['log_loss'\]"):
         EvaluationDisplay(TABLE, CONFUSION, figures=["log_loss"])
-    with pytest.raises(ValueError, match=r"the table lacks \['accuracy', 'accuracy_low'"):
+    with pytest.raises(ValueError, match=r"the table has no \['accuracy', 'accuracy_low'"):
         EvaluationDisplay(TABLE, CONFUSION, figures=["accuracy"])
     with pytest.raises(ValueError, match="table must hold shares from 0 to 1"):
         EvaluationDisplay(
@@ -165,7 +167,7 @@ def test_what_cannot_be_drawn_is_refused():
         )
     with pytest.raises(ValueError, match="confusion must be at least 0"):
         EvaluationDisplay(TABLE, -CONFUSION)
-    with pytest.raises(ValueError, match=r"calibration must have the columns .*lacks \['count'\]"):
+    with pytest.raises(ValueError, match=r"calibration must have the columns .*has no \['count'\]"):
         EvaluationDisplay(TABLE, CONFUSION, CURVE.drop(columns="count"))
-    with pytest.raises(ValueError, match="this picture has 2 panels and needs as many Axes, got 3"):
+    with pytest.raises(ValueError, match="this display has 2 panels and needs as many Axes, got 3"):
         EvaluationDisplay(TABLE, CONFUSION).plot(ax=axes(3))

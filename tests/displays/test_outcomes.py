@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from emacm.displays import OutcomesDisplay
 
-SOUND, WORN, SPALLED = "healthy", "worn", "spalled"
+HEALTHY, WORN, SPALLED = "healthy", "worn", "spalled"
 
 
 def axes(n_panels=1):
@@ -17,41 +17,76 @@ def axes(n_panels=1):
 
 
 def counted(y_true, y_pred, **options):
-    return OutcomesDisplay.from_predictions(y_true, y_pred, healthy=SOUND, **options)
+    return OutcomesDisplay.from_predictions(y_true, y_pred, healthy=HEALTHY, **options)
 
 
-def test_a_needless_alarm_is_positive_and_a_missed_fault_negative():
-    truths = [SOUND, SOUND, WORN, WORN, WORN]
-    frame = counted(truths, [SOUND, WORN, WORN, SOUND, SPALLED], ax=axes()).frame()
+def test_false_alarms_wrong_faults_and_missed_detections_are_told_apart():
+    truths = [HEALTHY, HEALTHY, WORN, WORN, WORN]
+    frame = counted(
+        truths, [HEALTHY, WORN, WORN, HEALTHY, SPALLED], classes=[SPALLED], ax=axes()
+    ).frame()
     assert frame.to_dict("records") == [
         {
             "correct": 40.0,
-            "false positive": 20.0,
+            "inspection": 0.0,
+            "false alarm": 20.0,
             "wrong fault": 20.0,
-            "false negative": 20.0,
+            "missed detection": 20.0,
             "n": 5.0,
         }
     ]
 
 
-def test_inspecting_is_a_false_positive_of_the_healthy_and_no_miss_of_the_others():
-    counts = counted([SOUND, WORN], ["inspect", "inspect"], ax=axes()).counts
-    assert counts.loc["all recordings", ["false positive", "wrong fault"]].tolist() == [1, 1]
+def test_a_decision_that_is_no_class_is_an_inspection_of_healthy_and_faulty_units():
+    truths = [HEALTHY, HEALTHY, WORN, WORN, WORN]
+    chosen = ["inspect", HEALTHY, "ask", "inspect", HEALTHY]
+    counts = counted(truths, chosen, ax=axes()).counts
+    assert counts.loc["all recordings"].to_dict() == {
+        "correct": 1,
+        "inspection": 3,
+        "false alarm": 0,
+        "wrong fault": 0,
+        "missed detection": 1,
+    }
 
 
-SUB_STATES = [SOUND, "worn1", "worn2", "spalled1", "worn1"]
-FAMILIES = {SOUND: SOUND, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
+def test_a_fault_that_no_recording_has_is_a_false_alarm_if_it_is_a_class():
+    truths = [HEALTHY, HEALTHY, WORN]
+    chosen = [SPALLED, "inspect", WORN]
+    counts = counted(truths, chosen, classes=[HEALTHY, SPALLED, WORN], ax=axes()).counts
+    assert counts.loc["all recordings", ["false alarm", "inspection"]].tolist() == [1, 1]
+
+
+def test_without_any_fault_the_classes_are_asked_for():
+    with pytest.raises(
+        ValueError,
+        match=r"all recordings are 'healthy'.*'inspect', 'worn'\] are faults. Give classes",
+    ):
+        counted([HEALTHY] * 3, [HEALTHY, WORN, "inspect"])
+    counts = counted([HEALTHY] * 3, [HEALTHY, WORN, "inspect"], classes=[WORN], ax=axes()).counts
+    assert (
+        counts.loc["all recordings", ["correct", "inspection", "false alarm"]].tolist() == [1] * 3
+    )
+    assert counted([HEALTHY], [HEALTHY], ax=axes()).frame()["correct"].tolist() == [100]
+
+
+SUB_STATES = [HEALTHY, "worn1", "worn2", "spalled1", "worn1"]
+FAMILIES = {HEALTHY: HEALTHY, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
 
 
 def test_a_decision_for_the_family_of_a_sub_state_is_right():
-    decisions = [SOUND, WORN, "worn1", WORN, "inspect"]
+    decisions = [HEALTHY, WORN, "worn1", WORN, "inspect"]
     counts = counted(SUB_STATES, decisions, families=FAMILIES, ax=axes()).counts
-    assert counts.loc["all recordings", ["correct", "wrong fault"]].tolist() == [3, 2]
+    assert counts.loc["all recordings", ["correct", "wrong fault", "inspection"]].tolist() == [
+        3,
+        1,
+        1,
+    ]
 
 
 def test_families_may_be_told_class_by_class():
-    of_class = {SOUND: SOUND, "worn1": WORN, "worn2": WORN, "spalled1": SPALLED}
-    decisions = [WORN, SOUND, SPALLED, SPALLED, WORN]
+    of_class = {HEALTHY: HEALTHY, "worn1": WORN, "worn2": WORN, "spalled1": SPALLED}
+    decisions = [WORN, HEALTHY, SPALLED, SPALLED, WORN]
     one, other = (
         counted(SUB_STATES, decisions, families=families, ax=axes()).counts
         for families in (FAMILIES, of_class)
@@ -61,13 +96,13 @@ def test_families_may_be_told_class_by_class():
 
 def test_a_class_without_a_family_is_named():
     with pytest.raises(ValueError, match=r"families must name a family .* missing: \['spalled1'\]"):
-        counted(SUB_STATES, SUB_STATES, families={SOUND: SOUND, WORN: ["worn1", "worn2"]})
+        counted(SUB_STATES, SUB_STATES, families={HEALTHY: HEALTHY, WORN: ["worn1", "worn2"]})
 
 
 def test_bars_are_the_shares_of_each_condition_in_per_cent():
     (ax,) = axes()
-    truths = [SOUND] * 4 + [WORN] * 4
-    display = counted(truths, [SOUND] * 6 + [WORN] * 2, conditions=["a", "b"] * 4, ax=ax)
+    truths = [HEALTHY] * 4 + [WORN] * 4
+    display = counted(truths, [HEALTHY] * 6 + [WORN] * 2, conditions=["a", "b"] * 4, ax=ax)
     correct, missed = ax.containers
     assert [bar.get_width() for bar in correct] == [75.0, 75.0]
     assert [bar.get_x() for bar in missed] == [75.0, 75.0]
@@ -75,24 +110,24 @@ def test_bars_are_the_shares_of_each_condition_in_per_cent():
     assert [label.get_text() for label in ax.get_yticklabels()] == ["a  (n = 4)", "b  (n = 4)"]
     assert ax.get_xlabel() == "share of the recordings [%]"
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["correct", "false negative"]
+    assert legend == ["correct", "missed detection"]
     assert len({bars[0].get_hatch() for bars in ax.containers}) == 2
 
 
 def test_each_signal_has_a_panel_with_its_own_conditions():
     panels = axes(2)
-    truths, chosen = [SOUND, WORN] * 2, [SOUND, WORN, WORN, WORN]
+    truths, chosen = [HEALTHY, WORN] * 2, [HEALTHY, WORN, WORN, WORN]
     display = counted(
         truths, chosen, signals=["LVDT"] * 2 + ["current"] * 2, conditions=[1, 1, 1, 2], ax=panels
     )
     assert [panel.get_title(loc="left") for panel in panels] == ["LVDT", "current"]
     assert [len(panel.get_yticks()) for panel in panels] == [1, 2]
-    assert display.frame().loc[("current", 1), "false positive"] == 100
+    assert display.frame().loc[("current", 1), "false alarm"] == 100
 
 
 def test_signals_alone_have_a_bar_each():
     panels = axes(2)
-    counted([SOUND, WORN], [SOUND, SOUND], signals=["a", "b"], ax=panels)
+    counted([HEALTHY, WORN], [HEALTHY, HEALTHY], signals=["a", "b"], ax=panels)
     assert [len(panel.get_yticks()) for panel in panels] == [1, 1]
 
 
@@ -101,8 +136,8 @@ def test_a_published_table_of_per_cent_is_drawn_as_it_is():
     table = pd.DataFrame(
         {
             "correct": [100, 99, 85, 99],
-            "false positive": [0, 1, 5, 1],
-            "false negative": [0, 0, 10, 0],
+            "false alarm": [0, 1, 5, 1],
+            "missed detection": [0, 0, 10, 0],
         },
         index=["LVDT", "motor velocity", "phase current", "accelerometer"],
     )
@@ -117,11 +152,14 @@ def test_a_published_table_of_per_cent_is_drawn_as_it_is():
 @given(st.lists(st.tuples(st.sampled_from("hab"), st.sampled_from("habi")), min_size=1))
 def test_every_recording_has_one_outcome(pairs):
     truths, chosen = zip(*(("h", "h"), *pairs), strict=True)
-    display = OutcomesDisplay.from_predictions(truths, chosen, healthy="h", ax=axes())
+    display = OutcomesDisplay.from_predictions(
+        truths, chosen, healthy="h", classes=["h", "a", "b"], ax=axes()
+    )
     assert display.counts.sum().sum() == len(truths)
     assert display.counts["correct"].sum() == sum(
         t == d for t, d in zip(truths, chosen, strict=True)
     )
+    assert display.counts["inspection"].sum() == chosen.count("i")
     assert np.isclose(display.frame().drop(columns="n").sum(axis=1), 100).all()
 
 
@@ -132,7 +170,7 @@ def test_tables_that_count_nothing_are_refused():
         OutcomesDisplay(pd.DataFrame({"right": [1]}))
     with pytest.raises(ValueError, match="counts of 'b' are all 0"):
         OutcomesDisplay(pd.DataFrame({"correct": [1, 0]}, index=["a", "b"]))
-    with pytest.raises(ValueError, match="each row once, but 'a' comes again"):
+    with pytest.raises(ValueError, match="each row once, but 'a' is repeated"):
         OutcomesDisplay(pd.DataFrame({"correct": [1, 1]}, index=["a", "a"]))
     with pytest.raises(ValueError, match="counts must be at least 0"):
         OutcomesDisplay(pd.DataFrame({"correct": [-1]}))
@@ -142,8 +180,8 @@ def test_tables_that_count_nothing_are_refused():
 
 def test_decisions_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="y_pred must hold one label for each of 2 recordings"):
-        counted([SOUND, WORN], [SOUND])
+        counted([HEALTHY, WORN], [HEALTHY])
     with pytest.raises(ValueError, match="conditions must hold one label for each of 2"):
-        counted([SOUND, WORN], [SOUND, WORN], conditions=["a"])
+        counted([HEALTHY, WORN], [HEALTHY, WORN], conditions=["a"])
     with pytest.raises(ValueError, match=r"'healthy' is neither in y_true nor in y_pred"):
         counted([WORN], [SPALLED])

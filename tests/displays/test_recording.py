@@ -89,7 +89,7 @@ def test_what_is_no_part_of_a_recording_is_refused():
         RecordingDisplay.from_recording([recording()])
     with pytest.raises(ValueError, match=r"no channel 'speed'; .* are \['current', 'force'\]"):
         RecordingDisplay.from_recording(recording(), channels=["speed"])
-    with pytest.raises(ValueError, match=r"earlier to a later time within 4 s, got \(2, 1\)"):
+    with pytest.raises(ValueError, match=r"an earlier and a later time within 4 s, got \(2, 1\)"):
         RecordingDisplay.from_recording(recording(), between=(2, 1))
     with pytest.raises(TypeError, match="between must be a pair"):
         RecordingDisplay.from_recording(recording(), between=3.0)

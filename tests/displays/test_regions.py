@@ -26,8 +26,8 @@ def test_regions_are_what_the_classifier_decides(ax):
     assert set(display.regions.ravel()) == {0, 1, 2}
     assert (display.frame()["true"] == truths).all()
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert "decided: inspect" in labels
-    assert "true: worn" in labels
+    assert labels == ["healthy", "worn", "inspect"]
+    assert ax.get_legend().get_title().get_text() == "area: decision, marker: true state"
 
 
 def test_regions_need_two_features():

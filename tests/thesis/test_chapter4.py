@@ -225,7 +225,7 @@ def test_outcomes_are_named_by_the_truth():
     decisions = pd.DataFrame(
         {
             "scheme": "single",
-            "outcome": ["correct", "false positive", "false negative", "correct"],
+            "outcome": ["correct", "false alarm", "missed detection", "correct"],
         }
     )
     (row,) = outcome_shares(decisions, ["scheme"]).to_numpy()
