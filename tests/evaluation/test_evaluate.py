@@ -321,7 +321,25 @@ def test_folds_of_several_groups_never_leave_a_label_of_two_groups_out():
         assert found.table.loc["by run", "recordings"] == 48
 
 
-def test_a_condition_is_left_out_at_a_time():
+def test_a_class_with_fewer_recordings_than_folds_gives_no_warning():
+    runs = np.repeat(np.arange(9), 2)
+    y = np.where(np.isin(np.arange(18), [1, 17]), "rare", np.where(runs % 3, "worn", "new"))
+    X = np.random.default_rng(0).normal(size=(18, 2))
+    found = evaluate(KNeighborsClassifier(1), X, y, runs=runs, n_splits=5)
+    assert found.table.loc["by run", ["recordings", "folds"]].tolist() == [18, 5]
+
+
+def test_the_confusion_matrix_has_decisions_in_rows_and_named_axes():
+    y = ["worn"] * 3 + ["new"] * 4
+    answers = ["new", "worn", "new", "new", "new", "new", "worn"]
+    matrix = echoed(y, answers, n_splits=2).confusions["random split"]
+    assert (matrix.index.name, matrix.columns.name) == ("decided", "true")
+    assert matrix.loc["new", "worn"] == 2
+    assert matrix.loc["worn", "new"] == 1
+    assert matrix.to_numpy().sum() == 7
+
+
+def test_one_condition_is_left_out_at_a_time():
     X, y, runs = sub_states()
     loads = pd.Series(np.tile([-40, 20, 40], len(y) // 3), name="load")
     found = evaluate(GaussianNB(), X, y, runs=runs, conditions=loads, n_splits=2)
@@ -421,14 +439,22 @@ def test_a_single_group_cannot_be_held_out():
     assert "'by load' cannot be scored. There is only one load, 20" in found.caveats[0]
 
 
-def test_the_same_seed_gives_the_same_result_with_any_number_of_processes():
+def assert_equal_results(one, other):
+    for name in ("table", "predictions", "calibration"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
+
+
+def test_the_same_seed_gives_the_same_result():
     X, y, runs = sub_states(width=2.0)
-    one, two = (evaluate(GaussianNB(), X, y, runs=runs, n_jobs=n) for n in (None, 2))
-    pd.testing.assert_frame_equal(one.table, two.table)
-    pd.testing.assert_frame_equal(one.predictions, two.predictions)
-    pd.testing.assert_frame_equal(one.calibration, two.calibration)
-    other = evaluate(GaussianNB(), X, y, runs=runs, random_state=1)
+    one, two, other = (evaluate(GaussianNB(), X, y, runs=runs, random_state=n) for n in (0, 0, 1))
+    assert_equal_results(one, two)
     assert not one.predictions["recording"].equals(other.predictions["recording"])
+
+
+@pytest.mark.slow
+def test_processes_change_no_result():
+    X, y, runs = sub_states(width=2.0)
+    assert_equal_results(*(evaluate(GaussianNB(), X, y, runs=runs, n_jobs=n) for n in (None, 2)))
 
 
 def test_the_estimator_and_the_data_are_unchanged():
@@ -497,6 +523,12 @@ def test_an_unknown_decision_is_refused():
             cost=cost,
             families={"a": "a", "b": "b"},
         )
+
+
+@pytest.mark.parametrize("key", ["ab", ("a",), ("a", "b", "c")])
+def test_a_cost_whose_keys_are_not_pairs_is_refused(key):
+    with pytest.raises((TypeError, ValueError), match=re.escape(repr(key))):
+        echoed(["a", "a", "b", "b"], ["a", "b", "b", "b"], n_splits=2, cost={key: 5})
 
 
 def test_several_costs_that_differ_are_refused():
