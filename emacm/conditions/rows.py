@@ -1,33 +1,34 @@
-"""Answers of several estimators, put back into the order of the recordings."""
+"""Rows of the recordings of one condition, and results in the order of all recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.orders.columns import OrderTable, column_names
+from emacm._checks import located
+from emacm.decisions.labels import check_classes
+from emacm.recordings.meta import chosen_rows
 
 Rows = NDArray[np.intp]
 
 
 def joined_rows(parts: Sequence[Any], places: Sequence[Rows]) -> NDArray[Any]:
-    """Put arrays together, row by row.
+    """Join arrays row by row.
 
     Parameters
     ----------
     parts : sequence of array-like of shape (n_rows, ...)
-        The answers.
+        Results for some recordings each.
     places : sequence of ndarray of shape (n_rows,)
-        Where each row belongs.
+        Numbers of the rows in the result.
 
     Returns
     -------
     ndarray of shape (n_recordings, ...)
-        Text and numbers together stay what they are, as objects.
+        Text and numbers together are kept as objects.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def joined_rows(parts: Sequence[Any], places: Sequence[Rows]) -> NDArray[Any]:
     shapes = {array.shape[1:] for array in arrays}
     if len(shapes) > 1:
         raise ValueError(
-            f"estimators of different conditions answer with rows of different shapes: "
+            f"classifiers of different conditions return rows of different shapes: "
             f"{sorted(shapes)}. Give them parameters that do not depend on the condition."
         )
     joined = np.empty((sum(map(len, places)), *shapes.pop()), _common_type(arrays))
@@ -55,23 +56,23 @@ def joined_rows(parts: Sequence[Any], places: Sequence[Rows]) -> NDArray[Any]:
 def aligned_columns(
     parts: Sequence[Any], known: Sequence[NDArray[Any]], labels: NDArray[Any], *, absent: float
 ) -> list[NDArray[np.floating]]:
-    """Give each part a column for each label.
+    """Return each part with one column for each label.
 
     Parameters
     ----------
-    parts : sequence of array-like of shape (n_rows, n_known), or (n_rows,) for two labels
-        A single column favours the second of two labels, as scikit-learn has it.
+    parts : sequence of array-like of shape (n_rows, n_known)
+        Results for some recordings each.
     known : sequence of ndarray of shape (n_known,)
         Labels of the columns of each part.
     labels : ndarray of shape (n_labels,)
-        The labels wanted.
+        Labels of the result.
     absent : float
-        What stands for a label that a part does not know.
+        Value of a label that a part has no column for.
 
     Returns
     -------
-    list of ndarray
-        The parts as they are, if all of them know all labels in this order.
+    list of ndarray of shape (n_rows, n_labels)
+        The parts unchanged, if all have these labels in this order.
 
     Raises
     ------
@@ -89,12 +90,10 @@ def aligned_columns(
         return arrays
     aligned = []
     for array, own in zip(arrays, known, strict=True):
-        if array.ndim == 1 and len(own) == 2:
-            array = np.stack([-array, array], axis=1)
         if array.shape != (len(array), len(own)):
             raise ValueError(
-                f"answers of shape {array.shape} cannot be set beside those of other conditions: "
-                f"expected was a column for each of {own.tolist()}."
+                f"results of shape {array.shape} cannot be joined with those of other conditions: "
+                f"expected one column for each of {own.tolist()}."
             )
         table = np.full((len(array), len(wanted)), float(absent))
         table[:, [wanted.index(label) for label in own.tolist()]] = array
@@ -102,56 +101,47 @@ def aligned_columns(
     return aligned
 
 
-def joined_tables(
-    parts: Sequence[Any], places: Sequence[Rows], *, known: Sequence[Any] | None = None
+def fit_on_rows(
+    model: Any,
+    X: Any,
+    y: Any,
+    rows: NDArray[np.intp],
+    fit_params: Mapping[str, Any],
+    name: str,
 ) -> Any:
-    """Put tables, or lists of recordings, together row by row.
+    """Fit on some recordings, with their rows of all other arguments."""
+    cut = {
+        key: chosen_rows(value, rows) if _per_recording(value, len(y)) else value
+        for key, value in fit_params.items()
+    }
+    with located(f"among the recordings {name}"):
+        return model.fit(chosen_rows(X, rows), chosen_rows(y, rows), **cut)
 
-    Parameters
-    ----------
-    parts : sequence of list, array, OrderTable or DataFrame
-        What the transformers returned.
-    places : sequence of ndarray of shape (n_rows,)
-        Where each row belongs.
 
-    Returns
-    -------
-    list, array, OrderTable or DataFrame
-        Of the kind of the parts.
+def check_labels(y: Any, n_recordings: int) -> None:
+    """Raise if y does not hold one valid class for each recording."""
+    if y is None:
+        raise ValueError("a classifier needs y, the class of each recording; call fit(X, y).")
+    if isinstance(y, str | Mapping) or getattr(y, "ndim", 1) == 0 or not hasattr(y, "__len__"):
+        raise TypeError(
+            f"y must be a list or an array with one class for each of {n_recordings} recordings, "
+            f"got {type(y).__name__}."
+        )
+    if len(y) != n_recordings:
+        raise ValueError(f"y has {len(y)} entries for {n_recordings} recordings.")
+    check_classes(y)
 
-    Raises
-    ------
-    ValueError
-        If their columns differ.
 
-    Examples
-    --------
-    >>> joined_tables([["b"], ["a", "c"]], [np.array([1]), np.array([0, 2])])
-    ['a', 'b', 'c']
-    """
-    order = np.argsort(np.concatenate(places), kind="stable")
-    if isinstance(parts[0], list):
-        together = [entry for part in parts for entry in part]
-        return [together[place] for place in order]
-    names = {column_names(part) for part in parts}
-    for different in (names, set(known or ())):
-        if len(different) > 1:
+def check_two_classes(y: Any, groups: Sequence[Rows], names: Sequence[str]) -> None:
+    """Raise a ValueError if the recordings of a condition are all of one class."""
+    for rows, name in zip(groups, names, strict=True):
+        classes = np.unique(np.asarray(chosen_rows(y, rows))).tolist()
+        if len(classes) < 2:
             raise ValueError(
-                "transformers of different conditions return different columns: "
-                + " and ".join(_spanned(columns) for columns in different)
-                + ". Give them parameters that do not depend on the condition."
+                f"all {len(rows)} recordings {name} are of class {classes[0]!r}; a classifier "
+                f"needs two classes in each condition. Add recordings of another class there, or "
+                f"leave this condition out."
             )
-    if isinstance(parts[0], pd.DataFrame):
-        return pd.concat(parts).iloc[order]
-    joined = joined_rows(parts, places)
-    columns = names.pop()
-    return joined if columns is None else _named_like(parts[0], joined, columns)
-
-
-def _named_like(part: Any, joined: NDArray[Any], columns: Sequence[Any]) -> Any:
-    if isinstance(part, OrderTable):
-        return OrderTable(joined, columns)
-    return type(part)(joined, schema=list(columns))  # polars
 
 
 def _common_type(arrays: Sequence[NDArray[Any]]) -> Any:
@@ -161,7 +151,8 @@ def _common_type(arrays: Sequence[NDArray[Any]]) -> Any:
     return np.dtype(object)
 
 
-def _spanned(columns: Sequence[Any] | None) -> str:
-    if columns is None:
-        return "columns without names"
-    return f"{len(columns)} ({columns[0]!r} to {columns[-1]!r})"
+def _per_recording(value: Any, n_recordings: int) -> bool:
+    if isinstance(value, str | Mapping) or not hasattr(value, "__len__"):
+        return False
+    shape = getattr(value, "shape", None)
+    return (len(value) if shape is None else shape[0] if shape else -1) == n_recordings
