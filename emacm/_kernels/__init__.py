@@ -1,7 +1,8 @@
-"""Which inner loops are used: numba's where it is installed, NumPy's otherwise.
+"""The inner loops, in two implementations: numba's where it is installed, NumPy's otherwise.
 
-`numpy` is the reference; `numba` does the same in fewer passes over memory.
-The environment variable ``EMACM_KERNELS`` ("numpy" or "numba") settles it beforehand.
+`numpy` is the reference; `numba` gives the same results in fewer passes over memory. Both have
+three modules: `motion`, `resampling` and `spectra`. The environment variable ``EMACM_KERNELS``
+("numpy" or "numba") selects one of them.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ _chosen: ModuleType | None = None
 
 
 def kernels() -> ModuleType:
-    """Return the module of the inner loops; numba is imported at the first call."""
+    """Return the package of the inner loops; numba is imported at the first call."""
     global _chosen
     if _chosen is None:
         name = os.environ.get("EMACM_KERNELS") or ("numba" if find_spec("numba") else "numpy")
-        _chosen = _module(check_choice(name, "the environment variable EMACM_KERNELS", NAMES))
+        _chosen = _imported(check_choice(name, "the environment variable EMACM_KERNELS", NAMES))
     return _chosen
 
 
@@ -33,14 +34,14 @@ def kernels() -> ModuleType:
 def using(name: str) -> Iterator[None]:
     """Use the named kernels inside a with statement, in all threads."""
     global _chosen
-    before, _chosen = _chosen, _module(check_choice(name, "kernels", NAMES))
+    before, _chosen = _chosen, _imported(check_choice(name, "kernels", NAMES))
     try:
         yield
     finally:
         _chosen = before
 
 
-def _module(name: str) -> ModuleType:
+def _imported(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"emacm._kernels.{name}")
     except ImportError as error:

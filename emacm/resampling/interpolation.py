@@ -78,13 +78,13 @@ def _read_off(
     interpolation: str,
 ) -> NDArray[np.floating]:
     """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
-    values = np.empty((len(rows), n_angles), np.result_type(*(row.dtype for row in rows)))
+    values = np.empty((len(rows), n_angles))
     if interpolation == "linear":
-        kernels().read_off(travel, first, theta_s, [row[start:stop] for row in rows], values)
+        kernels().interpolate_linear(travel, first, theta_s, [row[start:stop] for row in rows], values)
         return values
-    left, shares = kernels().places(travel, first, n_angles, theta_s, np.float64)
+    left, weights = kernels().interpolation_weights(travel, first, n_angles, theta_s)
     for value, row in zip(values, rows, strict=True):
-        value[:] = _spline(row, start, stop, left + shares)
+        value[:] = _spline(row, start, stop, left + weights)
     return values
 
 

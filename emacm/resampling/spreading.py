@@ -70,13 +70,12 @@ def spread_rows(
     """
     n_angles = path.count(theta_s)
     first, last = path.sample_range(fs, len(rows[0]))
-    dtype = np.result_type(*(row.dtype for row in rows))
     # Set aside, so that a large offset comes out exact whatever the ripple of the filter.
     means = _means(rows, first, last)
     if path.length < theta_s / 2:  # too short to hold more than its mean
-        yield np.repeat(means.astype(dtype), n_angles).reshape(len(rows), n_angles)
+        yield np.repeat(means, n_angles).reshape(len(rows), n_angles)
         return
-    grid = _FineGrid(path, means, n_angles, theta_s, dtype)
+    grid = _FineGrid(path, means, n_angles, theta_s)
     for block in _dense_blocks(rows, fs, path, theta_s):
         resampled = [grid.resample(block)]
         del block  # what is not needed any more is gone before the next is made
@@ -225,7 +224,6 @@ class _FineGrid:
         means: NDArray[np.floating],
         n_angles: int,
         theta_s: float,
-        dtype: np.dtype,
     ) -> None:
         self._means = means
         self._step = theta_s / 2
@@ -239,7 +237,7 @@ class _FineGrid:
         self._n_angles = n_angles
         self._done = 0  # outputs
         self._used = 0  # points held, from point 2 * self._done upwards
-        self._grid = np.zeros((len(means), 0), dtype)
+        self._grid = np.zeros((len(means), 0))
 
     def resample(self, block: _Block) -> NDArray[np.floating]:
         """Spread a block of samples, and return the outputs that the grid allows."""
@@ -254,7 +252,7 @@ class _FineGrid:
         if not block.last:
             complete = high / self._step + offset - self._lag
             ready = max(0, min(ready, int(complete // 2)))
-        outputs = np.empty((len(block.values), ready), self._grid.dtype)
+        outputs = np.empty((len(block.values), ready))
         self._grid, self._used, done = kernels().resample(
             block.travel,
             block.ends,

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._kernels import kernels
-from emacm._kernels import numpy as _kernels_numpy
 
 BLOCK = 1 << 17  # samples read in one go
 _STRIDE = 256  # samples from one remembered angle to the next
@@ -96,7 +95,7 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
-        self._known, self._lowest, self._highest = kernels().survey(
+        self._known, self._lowest, self._highest = kernels().cumulative_angle_checkpoints(
             velocity, self._half_step, _STRIDE
         )
 
@@ -112,9 +111,7 @@ class IntegratedAngle(LazySeries):
     def _read(self, start: int, stop: int) -> NDArray[np.floating]:
         first = start // _STRIDE
         velocity = self.velocity[first * _STRIDE : stop]
-        few = len(velocity) <= _STRIDE  # then it is not worth to let other threads run
-        integrate = (_kernels_numpy if few else kernels()).integrate
-        angle = integrate(velocity, self._half_step, self._known[first:], _STRIDE)
+        angle = kernels().integrate(velocity, self._half_step, self._known[first:], _STRIDE)
         return angle[start - first * _STRIDE :]
 
 

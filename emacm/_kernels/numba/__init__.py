@@ -1,0 +1,37 @@
+"""The inner loops compiled by numba; `emacm._kernels.numpy` documents each of them.
+
+The loops release Python's lock where they take time, so threads process recordings in parallel.
+They have no branch and no variable offset inside, so that the compiler can vectorise them.
+"""
+
+from emacm._kernels.numba.motion import cumulative_angle_checkpoints, integrate
+from emacm._kernels.numba.resampling import (
+    BLOCK,
+    READ_BLOCK,
+    decimate,
+    interpolate_linear,
+    interpolation_weights,
+    reach,
+    resample,
+    spread,
+    upsample,
+)
+from emacm._kernels.numba.spectra import SEGMENT_BYTES, powers, segment_powers, windowed
+
+__all__ = [
+    "BLOCK",
+    "READ_BLOCK",
+    "SEGMENT_BYTES",
+    "cumulative_angle_checkpoints",
+    "decimate",
+    "integrate",
+    "interpolate_linear",
+    "interpolation_weights",
+    "powers",
+    "reach",
+    "resample",
+    "segment_powers",
+    "spread",
+    "upsample",
+    "windowed",
+]

@@ -1,0 +1,41 @@
+"""How the loops are compiled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_ANY_ORDER = {"reassoc", "contract", "nsz", "arcp"}  # of sums, which changes results by 1e-15
+
+
+def compiled(function: Any) -> Any:
+    """Compile at the first call, without Python's lock; sums may be reordered."""
+    return _compile(function, fastmath=_ANY_ORDER)
+
+
+def compiled_exactly(function: Any) -> Any:
+    """Compile at the first call, without Python's lock; every sum keeps its order."""
+    return _compile(function)
+
+
+def compiled_briefly(function: Any) -> Any:
+    """Compile what is called for few samples only: it ends before the lock could be had back."""
+    return _compile(function, nogil=False, fastmath=_ANY_ORDER)
+
+
+def read_only(signal: NDArray[Any]) -> NDArray[Any]:
+    """Return a contiguous read-only view, so that one kind of array is compiled for."""
+    view = np.ascontiguousarray(signal)[:]
+    view.flags.writeable = False
+    return view
+
+
+def _compile(function: Any, *, nogil: bool = True, **options: Any) -> Any:
+    """Cache the compiled code on disk where that is possible."""
+    try:
+        return njit(cache=True, nogil=nogil, **options)(function)
+    except RuntimeError:  # neither the folder of the package nor that of the user can be written to
+        return njit(nogil=nogil, **options)(function)

@@ -1,0 +1,380 @@
+"""Loops that resample from time to shaft angle, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._kernels.numba.compilation import compiled, compiled_briefly, read_only
+from emacm._kernels.numpy.resampling import reach
+
+# Large blocks: with small ones, threads wait for one another more often.
+BLOCK = 1 << 18  # time samples that are spread
+READ_BLOCK = 3 << 16  # time samples that are interpolated
+
+_AT_ONCE = 8  # signals that are spread in one pass
+_PART = 8192  # samples that are spread before the complete points are decimated
+_WEIGHTS = 1024  # of them, whose weights are held at a time
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.int32]
+
+
+def spread(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    n_points: int,
+) -> None:
+    """Add each sample, less the mean of its signal, to the grid points around it."""
+    travel = read_only(travel)
+    for start in range(0, len(signals), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        rows = _eight(signals[some])
+        _spread(travel, ends, scale, offset, kernel, rows, means[some], grid[some], n_points)
+
+
+def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+    """Raise the sampling rate of a signal over time."""
+    phases = np.zeros((factor, 33))
+    for phase, row in enumerate(phases):
+        part = taps[phase::factor]
+        row[: len(part)] = part
+    outputs = np.empty(n_outputs)
+    _upsample(_double(signal), phases[:, ::-1].copy(), first, outputs)
+    return outputs
+
+
+def decimate(
+    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
+) -> None:
+    """Filter a grid and keep every other point; move what is still needed to its start."""
+    _check_taps(taps)
+    _decimate(grid, used, first, taps, means, outputs, done, outputs.shape[1] - done)
+
+
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    used: int,
+    first: int,
+    taps: Array,
+    lag: float,
+    outputs: Array,
+) -> tuple[Array, int, int]:
+    """Spread samples over a grid, and filter and decimate the part of it that is complete."""
+    _check_taps(taps)
+    travel, grids = read_only(travel), []
+    for start in range(0, len(signals), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        held, n_points, n_done = _resample(
+            travel,
+            ends,
+            scale,
+            offset,
+            kernel,
+            _eight(signals[some]),
+            means[some],
+            grid[some],
+            used,
+            first,
+            taps,
+            lag,
+            outputs[some],
+        )
+        grids.append(held)
+    return grids[0] if len(grids) == 1 else np.concatenate(grids), n_points, n_done
+
+
+def interpolation_weights(
+    reached: Array, first: int, n_angles: int, theta_s: float
+) -> tuple[Indices, Array]:
+    """Find the samples between which the shaft passes each angle of a uniform grid."""
+    left: Indices = np.empty(n_angles, np.int32)
+    weights = np.empty(n_angles)
+    _interpolation_weights(read_only(reached), 0, first, theta_s, left, weights)
+    return left, weights
+
+
+def interpolate_linear(
+    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
+) -> None:
+    """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
+    reached = read_only(reached)
+    for start in range(0, len(signals), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        _interpolate_linear(reached, first, theta_s, _eight(signals[some]), values[some])
+
+
+def _double(signal: Array) -> Array:
+    return read_only(signal.astype(np.float64, copy=False))
+
+
+def _eight(signals: list[Array]) -> tuple[Array, ...]:
+    """Return as many rows as are compiled for; the last ones are not read."""
+    rows = [_double(signal) for signal in signals]
+    return tuple(rows + rows[:1] * (_AT_ONCE - len(rows)))
+
+
+def _check_taps(taps: Array) -> None:
+    if len(taps) != 41:
+        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
+
+
+@compiled
+def _copy_with_neighbours(travel, start, ends, near):
+    stop = start + len(near) - 2
+    near[0] = travel[start - 1] if start else ends[0]
+    near[len(near) - 1] = travel[stop] if stop < len(travel) else ends[1]
+    farthest = travel[start]
+    for i in range(start, stop):
+        near[i - start + 1] = travel[i]
+        farthest = max(farthest, travel[i])
+    return farthest
+
+
+@compiled
+def _set_weights(near, scale, offset, kernel, n_points, weights, cells):
+    a0, a1, a2, a3, a4, a5 = kernel[0]
+    b0, b1, b2, b3, b4, b5 = kernel[1]
+    half_scale = 0.5 * abs(scale)
+    w0, w1, w2, w3 = weights
+    for i in range(len(cells)):
+        position = near[i + 1] * scale + offset
+        width = (near[i + 2] - near[i]) * half_scale
+        inside = (position >= 1.0) & (position < n_points - 2)
+        position = position if inside else 1.0
+        width = width if inside else 0.0
+        cell = np.int32(position)
+        place = position - cell - 0.5
+        square = place * place
+        outer_even = ((a4 * square + a2) * square + a0) * width
+        outer_odd = ((a5 * square + a3) * square + a1) * place * width
+        inner_even = ((b4 * square + b2) * square + b0) * width
+        inner_odd = ((b5 * square + b3) * square + b1) * place * width
+        cells[i] = cell - 1
+        w0[i] = outer_even + outer_odd
+        w1[i] = inner_even + inner_odd
+        w2[i] = inner_even - inner_odd
+        w3[i] = outer_even - outer_odd
+
+
+@compiled
+def _spread_one(signal, mean, weights, cells, row):
+    w0, w1, w2, w3 = weights
+    s0 = s1 = s2 = s3 = 0.0
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:  # what is complete leaves the registers
+            row[cell] += s0
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, 0.0
+            else:
+                row[cell + 1] += s1
+                row[cell + 2] += s2
+                row[cell + 3] += s3
+                s0 = s1 = s2 = s3 = 0.0
+            cell = cells[i]
+        value = signal[i] - mean
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+    row[cell] += s0
+    row[cell + 1] += s1
+    row[cell + 2] += s2
+    row[cell + 3] += s3
+
+
+@compiled
+def _spread_two(first, second, first_mean, second_mean, weights, cells, first_row, second_row):
+    w0, w1, w2, w3 = weights
+    s0 = s1 = s2 = s3 = 0.0
+    t0 = t1 = t2 = t3 = 0.0
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:
+            first_row[cell] += s0
+            second_row[cell] += t0
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, 0.0
+                t0, t1, t2, t3 = t1, t2, t3, 0.0
+            else:
+                first_row[cell + 1] += s1
+                first_row[cell + 2] += s2
+                first_row[cell + 3] += s3
+                second_row[cell + 1] += t1
+                second_row[cell + 2] += t2
+                second_row[cell + 3] += t3
+                s0 = s1 = s2 = s3 = 0.0
+                t0 = t1 = t2 = t3 = 0.0
+            cell = cells[i]
+        one = first[i] - first_mean
+        two = second[i] - second_mean
+        s0 += one * w0[i]
+        s1 += one * w1[i]
+        s2 += one * w2[i]
+        s3 += one * w3[i]
+        t0 += two * w0[i]
+        t1 += two * w1[i]
+        t2 += two * w2[i]
+        t3 += two * w3[i]
+    first_row[cell] += s0
+    first_row[cell + 1] += s1
+    first_row[cell + 2] += s2
+    first_row[cell + 3] += s3
+    second_row[cell] += t0
+    second_row[cell + 1] += t1
+    second_row[cell + 2] += t2
+    second_row[cell + 3] += t3
+
+
+@compiled
+def _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points):
+    n_times = len(near) - 2
+    at_once = min(_WEIGHTS, n_times)
+    weights, cells = np.empty((4, at_once)), np.empty(at_once, np.uint32)
+    for low in range(0, n_times, at_once):
+        count = min(at_once, n_times - low)
+        begin, end = start + low, start + low + count
+        w = weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]
+        c = cells[:count]
+        _set_weights(near[low : low + count + 2], scale, offset, kernel, n_points, w, c)
+        for k in range(0, len(grid) - 1, 2):
+            one, two = signals[k][begin:end], signals[k + 1][begin:end]
+            _spread_two(one, two, means[k], means[k + 1], w, c, grid[k], grid[k + 1])
+        if len(grid) % 2:
+            k = len(grid) - 1
+            _spread_one(signals[k][begin:end], means[k], w, c, grid[k])
+
+
+@compiled
+def _resample(
+    travel, ends, scale, offset, kernel, signals, means, grid, used, first, taps, lag, outputs
+):
+    n_times, done, top = len(travel), 0, offset
+    at_once = min(_PART, n_times)
+    span = abs(travel[n_times - 1] - travel[0]) * scale
+    if span > n_times:  # their points should stay in the processor's cache
+        at_once = max(1, int(at_once * (n_times / span)))
+    near = np.empty(at_once + 2)
+    for start in range(0, n_times, at_once):
+        count = min(at_once, n_times - start)
+        farthest = _copy_with_neighbours(travel, start, ends, near[: count + 2])
+        top = max(top, farthest * scale + offset)
+        grid, used = _reach(grid, used, int(top) - 2 * done + 3)
+        _spread_part(
+            near[: count + 2],
+            start,
+            scale,
+            offset - 2 * done,
+            kernel,
+            signals,
+            means,
+            grid,
+            used,
+        )
+        ready = min(int((top - lag) // 2), outputs.shape[1]) - done
+        if ready > 0:
+            _decimate(grid, used, first, taps, means, outputs, done, ready)
+            done, used = done + ready, used - 2 * ready
+    return grid, used, done
+
+
+@compiled_briefly
+def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
+    for start in range(0, len(travel), _PART):
+        near = np.empty(min(_PART, len(travel) - start) + 2)
+        _copy_with_neighbours(travel, start, ends, near)
+        _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points)
+
+
+@compiled
+def _upsample(signal, phases, first, outputs):
+    factor = len(phases)
+    line = np.empty(len(outputs) // factor + 1)
+    for start in range(min(factor, len(outputs))):
+        phase = (first + start) % factor
+        taps = phases[phase]
+        count = (len(outputs) - start - 1) // factor + 1
+        part = signal[(first + start) // factor - 16 :]
+        for i in range(count):
+            total = taps[1] * part[i + 1]
+            for k in range(2, 33):  # of constant length, so that the loop over i is vectorised
+                total += taps[k] * part[i + k]
+            line[i] = total
+        if phase == 0:  # where new samples meet old ones, a tap more
+            for i in range(count):
+                line[i] += taps[0] * part[i]
+        for i in range(count):
+            outputs[start + i * factor] = line[i]
+
+
+@compiled_briefly
+def _decimate(grid, used, first, taps, means, outputs, done, n_outputs):
+    even = np.empty(n_outputs + 20)
+    odd = np.empty(n_outputs + 20)
+    for r in range(len(grid)):
+        row, output = grid[r], outputs[r][done : done + n_outputs]
+        for j in range(n_outputs + 19):
+            even[j] = row[first + 2 * j]
+            odd[j] = row[first + 2 * j + 1]
+        even[n_outputs + 19] = row[first + 2 * (n_outputs + 19)]
+        for j in range(n_outputs):
+            total = means[r] + taps[20] * even[j + 10]
+            for k in range(10):  # of constant length, so that the loop over j is vectorised
+                total += taps[2 * k] * (even[j + k] + even[j + 20 - k])
+            for k in range(10):
+                total += taps[2 * k + 1] * (odd[j + k] + odd[j + 19 - k])
+            output[j] = total
+        kept = used - 2 * n_outputs
+        for j in range(kept):
+            row[j] = row[2 * n_outputs + j]
+        row[kept:used] = 0
+
+
+@compiled
+def _interpolation_weights(reached, before, first, theta_s, left, weights):
+    i, last = before, len(reached) - 2
+    low, high = reached[i], reached[i + 1]
+    for j in range(len(left)):
+        angle = theta_s * (first + j)
+        while i < last and high <= angle:
+            i += 1
+            low, high = high, reached[i + 1]
+        left[j] = i
+        weights[j] = 1.0 if angle >= high else max(0.0, (angle - low) / (high - low))
+    return i
+
+
+@compiled
+def _blend(signal, left, weights, values):
+    following = signal[1:]
+    for j in range(len(left)):
+        place = np.uint32(left[j])
+        low = signal[place]
+        values[j] = low + weights[j] * (following[place] - low)
+
+
+@compiled
+def _interpolate_linear(reached, first, theta_s, signals, values):
+    n_signals, n_angles = values.shape
+    left = np.empty(_PART, np.int32)
+    weights = np.empty(_PART, np.float64)
+    before = 0
+    for start in range(0, n_angles, _PART):
+        count = min(_PART, n_angles - start)
+        before = _interpolation_weights(reached, before, first + start, theta_s, left[:count], weights[:count])
+        for k in range(n_signals):
+            _blend(signals[k], left[:count], weights[:count], values[k, start : start + count])

@@ -1,0 +1,170 @@
+"""Loops over the segments of Welch's method, compiled.
+
+Two real segments are transformed by one complex FFT, as its real and its imaginary part. The sum of
+their powers at a line is half of that of the complex transform at this line and at its mirror
+image, and nothing else is wanted.
+
+Where only the lowest lines are wanted, a segment is decimated first: it is filtered by a circular
+low pass, and every fourth value is transformed,
+
+    y_m = sum_n h_(n - 4 m) z_(n mod L),    |Y_k| = |H_k Z_k + H_(k + L/4) Z_(k + L/4) + ...| / 4.
+
+H is the transform of the taps themselves, so that dividing by it is exact, and less than 2e-14 of a
+line aliases onto those wanted. To convolve by a Kaiser-Bessel kernel, to transform fewer points and
+to divide by the kernel's transform is the gridding of magnetic resonance imaging (Jackson, Meyer,
+Nishimura and Macovski, IEEE Trans. Med. Imaging 10(3), 473-478, 1991), here of uniform points.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from emacm._kernels.numba.compilation import compiled, read_only
+from emacm._kernels.numpy.spectra import batches, powers, windowed
+
+SEGMENT_BYTES = 2 << 20  # of the segments transformed at a time
+# Of the low pass; the tests measure what it lets alias onto the lines wanted.
+_DECIMATION = 4  # samples for each one that is kept
+_HIGHEST = 1 / 16  # of the sampling rate: highest line wanted, half of what is left can represent
+_WIDTH = 16  # of the kernel, in samples kept: what aliases is 1e-14
+_SHAPE = 0.98  # of the Kaiser-Bessel kernel whose stop band begins where the first line aliases
+_SHORTEST = 64  # samples; the low pass must not be longer
+
+Array = NDArray[np.floating]
+
+
+def segment_powers(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    n_lines: int,
+    remove_mean: bool,
+) -> Array:
+    """Sum the squared magnitude of the lowest spectral lines over segments, in float64."""
+    length = len(window)
+    low_pass = _low_pass(length, n_lines)
+    if n_segments == 1 and low_pass is None:  # nothing to pair it with
+        lines = fft.rfft(windowed(signals, first, step, window, 1, remove_mean), overwrite_x=True)
+        return powers(lines[..., :n_lines])
+    taps, gains = low_pass or (None, 0.5)
+    n_kept = length if taps is None else length // _DECIMATION
+    total, window = np.zeros((len(signals), n_lines)), read_only(window)
+    signals = read_only(signals.astype(np.float64, copy=False))
+    n_pairs = -(-n_segments // 2)
+    for rows, start, stop in batches(len(signals), n_pairs, 16 * n_kept, SEGMENT_BYTES):
+        begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start
+        cut = signals[rows], begin, step, window, count, remove_mean
+        pairs = np.empty((len(signals[rows]), stop - start, n_kept, 2))
+        if taps is None:
+            _pair(*cut, pairs)
+        else:
+            _pair_decimated(*cut, taps, pairs)
+        _add_powers(fft.fft(pairs.view(np.complex128)[..., 0], overwrite_x=True), total[rows])
+    return total * gains
+
+
+@lru_cache(maxsize=64)
+def _low_pass(length: int, n_lines: int) -> tuple[Array, Array] | None:
+    """Return taps, and the factors of the powers; None where plain transforms are faster.
+
+    Shapes (n_taps,) and (n_lines,).
+    """
+    if length % _DECIMATION or length < _SHORTEST or n_lines > length * _HIGHEST:
+        return None
+    # sinh(sqrt(shape² - w²)) / sqrt(shape² - w²), the transform (Jackson et al.), is small beyond
+    # w = shape; w is the angle within half a width, here that of the first line that aliases.
+    shape = _SHAPE * np.pi * _WIDTH * (1 - (n_lines - 1) * _DECIMATION / length)
+    n_taps = _DECIMATION * _WIDTH
+    place = (2 * np.arange(n_taps) + 1) / n_taps - 1
+    taps = np.i0(shape * np.sqrt(1 - place**2)) / np.i0(shape)
+    response = fft.rfft(taps, length)[:n_lines]
+    return read_only(taps), _DECIMATION**2 / 2 / (response.real**2 + response.imag**2)
+
+
+@compiled
+def _mean(part, wanted):
+    total = 0.0
+    if wanted:
+        for i in range(len(part)):
+            total += part[i]
+    return total / len(part)
+
+
+@compiled
+def _pair(signals, first, step, window, n_segments, remove_mean, pairs):
+    length = len(window)
+    for c in range(len(signals)):
+        for s in range(0, n_segments, 2):
+            one = signals[c, first + s * step :][:length]
+            mean, pair = _mean(one, remove_mean), pairs[c, s // 2]
+            if s + 1 == n_segments:
+                for i in range(length):
+                    pair[i, 0] = (one[i] - mean) * window[i]
+                    pair[i, 1] = 0.0
+            else:
+                other = signals[c, first + (s + 1) * step :][:length]
+                other_mean = _mean(other, remove_mean)
+                for i in range(length):
+                    pair[i, 0] = (one[i] - mean) * window[i]
+                    pair[i, 1] = (other[i] - other_mean) * window[i]
+
+
+@compiled
+def _pair_decimated(signals, first, step, window, n_segments, remove_mean, taps, pairs):
+    length, overhang = len(window), len(taps) - 4
+    segment = np.empty(length + overhang)
+    if n_segments % 2:
+        pairs[:, -1, :, 1] = 0.0
+    for c in range(len(signals)):
+        for s in range(n_segments):
+            part = signals[c, first + s * step :][:length]
+            mean = _mean(part, remove_mean)
+            for i in range(length):
+                segment[i] = (part[i] - mean) * window[i]
+            segment[length:] = segment[:overhang]
+            _keep_every_fourth(segment, taps, pairs[c, s // 2, :, s % 2])
+
+
+@compiled
+def _keep_every_fourth(segment, taps, output):
+    for j in range(0, len(output), 8):
+        j = min(j, len(output) - 8)
+        part, kept = segment[4 * j : 4 * j + len(taps) + 28], output[j : j + 8]
+        s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+        for k in range(len(taps)):  # eight sums, so that a tap and a sample are loaded once for all
+            tap = taps[k]
+            s0 += tap * part[k]
+            s1 += tap * part[k + 4]
+            s2 += tap * part[k + 8]
+            s3 += tap * part[k + 12]
+            s4 += tap * part[k + 16]
+            s5 += tap * part[k + 20]
+            s6 += tap * part[k + 24]
+            s7 += tap * part[k + 28]
+        kept[0], kept[1], kept[2], kept[3] = s0, s1, s2, s3
+        kept[4], kept[5], kept[6], kept[7] = s4, s5, s6, s7
+
+
+@compiled
+def _add_powers(transforms, total):
+    n_signals, n_pairs, length = transforms.shape
+    n_lines = total.shape[1]
+    for c in range(n_signals):
+        row = total[c]
+        for s in range(n_pairs):
+            line = transforms[c, s]
+            near, far = line[:n_lines], line[length - n_lines + 1 :]
+            row[0] += 2 * _power(near[0])
+            for k in range(1, n_lines):
+                row[k] += _power(near[k]) + _power(far[n_lines - 1 - k])
+
+
+@compiled
+def _power(line):
+    return line.real * line.real + line.imag * line.imag

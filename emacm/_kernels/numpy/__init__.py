@@ -1,0 +1,36 @@
+"""The inner loops in NumPy and SciPy: the reference, used where numba is not installed.
+
+Each function has a twin in `emacm._kernels.numba`, with the same arguments and results.
+"""
+
+from emacm._kernels.numpy.motion import cumulative_angle_checkpoints, integrate
+from emacm._kernels.numpy.resampling import (
+    BLOCK,
+    READ_BLOCK,
+    decimate,
+    interpolate_linear,
+    interpolation_weights,
+    reach,
+    resample,
+    spread,
+    upsample,
+)
+from emacm._kernels.numpy.spectra import SEGMENT_BYTES, powers, segment_powers, windowed
+
+__all__ = [
+    "BLOCK",
+    "READ_BLOCK",
+    "SEGMENT_BYTES",
+    "cumulative_angle_checkpoints",
+    "decimate",
+    "integrate",
+    "interpolate_linear",
+    "interpolation_weights",
+    "powers",
+    "reach",
+    "resample",
+    "segment_powers",
+    "spread",
+    "upsample",
+    "windowed",
+]

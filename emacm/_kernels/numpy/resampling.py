@@ -1,0 +1,268 @@
+"""Loops that resample from time to shaft angle, in NumPy and SciPy; all in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
+from numpy.typing import NDArray
+from scipy import sparse
+
+BLOCK = READ_BLOCK = 1 << 15  # time samples processed at a time, for which several arrays are held
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.int32]
+
+
+def spread(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    n_points: int,
+) -> None:
+    """Add each sample, less the mean of its signal, to the grid points around it.
+
+    Parameters
+    ----------
+    travel : ndarray of shape (n_times,)
+        Angle travelled [rad]; a sample is weighted by half the distance between its neighbours.
+    ends : (float, float)
+        Angle travelled at the neighbours of the first and the last sample [rad].
+    scale, offset : float
+        A sample lies at ``scale * travel + offset`` on the grid; where `scale` is negative it is a
+        mirror image.
+    kernel : ndarray of shape (2, 6)
+        Weights of the outer and the inner grid point below the sample, as polynomials in its
+        position within the cell, -1/2..1/2; those of the points above are their mirror images.
+    signals : list of ndarray of shape (n_times,)
+        One for each row of the grid.
+    means : ndarray of shape (n_signals,)
+        Subtracted first.
+    grid : ndarray of shape (n_signals, n_held)
+        Changed in place, in its first `n_points` columns. Samples any of whose points would lie
+        outside are skipped.
+    """
+    weights, cells = _weights(travel, ends, scale, offset, kernel, n_points)
+    rows = cells + np.arange(4)[:, np.newaxis]
+    low, high = int(cells.min()), int(cells.max()) + 4
+    operator = sparse.csc_array(
+        (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, 4)),
+        shape=(high - low, len(cells)),
+    )
+    values = np.stack([row - mean for row, mean in zip(signals, means, strict=True)], axis=1)
+    grid[:, low:high] += (operator @ values).T
+
+
+def _weights(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    n_points: int,
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the weights of four grid points, shape (4, n_times), and the lowest of the points."""
+    position = scale * travel + offset
+    padded = np.concatenate([ends[:1], travel, ends[1:]])
+    width = (padded[2:] - padded[:-2]) * (0.5 * abs(scale))
+    cell = np.floor(position)
+    outside = (cell < 1) | (cell >= n_points - 2)
+    if outside.any():
+        width[outside] = 0.0
+        cell[outside] = position[outside] = 1.0
+    place = position - cell - 0.5
+    square = place * place
+    weights = np.empty((4, len(place)))
+    for k, part in enumerate(kernel):
+        even = ((part[4] * square + part[2]) * square + part[0]) * width
+        odd = ((part[5] * square + part[3]) * square + part[1]) * place * width
+        weights[k], weights[3 - k] = even + odd, even - odd
+    return weights, cell.astype(np.intp) - 1
+
+
+def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+    """Raise the sampling rate of a signal over time.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,)
+        With 16 more samples on either side of what is wanted.
+    taps : ndarray of shape (32 * factor + 1,)
+        A symmetric filter.
+    factor : int
+        New samples for each old one.
+    first : int
+        First new sample wanted, counted from sample 0 of `signal`.
+    n_outputs : int
+        Number of new samples wanted.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+    """
+    made = scipy.signal.upfirdn(taps, signal.astype(np.float64, copy=False), up=factor)
+    offset = first + len(taps) // 2
+    return made[offset : offset + n_outputs]
+
+
+def decimate(
+    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
+) -> None:
+    """Filter a grid and keep every other point; move what is still needed to its start.
+
+    Parameters
+    ----------
+    grid : ndarray of shape (n_signals, n_held)
+        Its first `used` points are in use. Changed in place: the points from ``2 * n_outputs``
+        upwards are moved to its start, followed by zeros.
+    used : int
+        At least ``first + 2 * (n_outputs - 1) + len(taps)``.
+    first : int
+        First point that the first output depends on; that of the next output is two points on.
+    taps : ndarray of shape (41,)
+        A symmetric filter.
+    means : ndarray of shape (n_signals,)
+        Added to the outputs.
+    outputs : ndarray of shape (n_signals, done + n_outputs)
+        Filled with the points that are kept.
+    done : int
+        Outputs that are left unchanged.
+    """
+    n_outputs = outputs.shape[1] - done
+    part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
+    filtered = scipy.signal.upfirdn(taps, part, down=2)
+    half = len(taps) // 2
+    kept_points = filtered[:, half : half + n_outputs]
+    np.add(kept_points, means[:, np.newaxis], out=outputs[:, done:])
+    kept = used - 2 * n_outputs
+    grid[:, :kept] = grid[:, 2 * n_outputs : used].copy()
+    grid[:, kept:used] = 0
+
+
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    used: int,
+    first: int,
+    taps: Array,
+    lag: float,
+    outputs: Array,
+) -> tuple[Array, int, int]:
+    """Spread samples over a grid, and filter and decimate the part of it that is complete.
+
+    Parameters
+    ----------
+    travel, ends, scale, offset, kernel, signals, means
+        As for `spread`; `scale` is positive, and no sample lies below the grid.
+    grid, used, first, taps
+        As for `decimate`. Where the samples reach beyond the grid, it is extended.
+    lag : float
+        Points between the farthest sample so far and the complete part: later samples and mirror
+        images do not reach the points that an output at this distance depends on.
+    outputs : ndarray of shape (n_signals, n_outputs)
+        Filled from its start, at most to its end.
+
+    Returns
+    -------
+    grid : ndarray of shape (n_signals, n_held)
+        The rest of the grid: the same array, or a longer one.
+    used : int
+        Points in use.
+    n_done : int
+        Outputs that were filled; the grid begins twice as many points later.
+    """
+    top = scale * float(travel.max()) + offset
+    grid, used = reach(grid, used, int(top) + 3)
+    spread(travel, ends, scale, offset, kernel, signals, means, grid, used)
+    n_done = max(0, min(int((top - lag) // 2), outputs.shape[1]))
+    if n_done:
+        decimate(grid, used, first, taps, means, outputs[:, :n_done], 0)
+    return grid, used - 2 * n_done, n_done
+
+
+def reach(grid: Array, used: int, n_points: int) -> tuple[Array, int]:
+    """Return the grid, extended where needed, and its points in use: `n_points` or more.
+
+    Parameters
+    ----------
+    grid : ndarray of shape (n_signals, n_held)
+        Its first `used` points are in use.
+    used : int
+    n_points : int
+        Points that are needed.
+
+    Returns
+    -------
+    grid : ndarray of shape (n_signals, n_held)
+    used : int
+    """
+    if n_points > grid.shape[1]:
+        longer = np.zeros((len(grid), n_points + n_points // 4))
+        longer[:, :used] = grid[:, :used]
+        grid = longer
+    return grid, max(used, n_points)
+
+
+def interpolation_weights(
+    reached: Array, first: int, n_angles: int, theta_s: float
+) -> tuple[Indices, Array]:
+    """Find the samples between which the shaft passes each angle of a uniform grid.
+
+    Parameters
+    ----------
+    reached : ndarray of shape (n_times,)
+        Largest angle travelled so far, never falling [rad].
+    first : int
+        Index of the first grid angle wanted.
+    n_angles : int
+        Number of grid angles wanted; all are passed within `reached`.
+    theta_s : float
+        Angle between grid angles [rad].
+
+    Returns
+    -------
+    left : ndarray of int32, shape (n_angles,)
+        The last sample before, up to ``n_times - 2``; of a plateau, its end.
+    weights : ndarray of shape (n_angles,)
+        Fraction of the distance to the next sample, 0..1.
+    """
+    angles = theta_s * np.arange(first, first + n_angles)
+    indices = np.interp(angles, reached, np.arange(len(reached)))
+    left = np.minimum(indices.astype(np.int32), np.int32(len(reached) - 2))
+    low = reached[left]
+    # From the angles again: the index has lost the digits taken by its integer part.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weights = (angles - low) / (reached[left + 1] - low)
+    return left, np.where(weights > 0, np.minimum(weights, 1), 0)
+
+
+def interpolate_linear(
+    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
+) -> None:
+    """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico.
+
+    Parameters
+    ----------
+    reached, first, theta_s
+        As for `interpolation_weights`.
+    signals : list of ndarray of shape (n_times,)
+    values : ndarray of shape (n_signals, n_angles)
+        The result.
+    """
+    left, weights = interpolation_weights(reached, first, values.shape[1], theta_s)
+    index = left.astype(np.intp)  # once, not for each signal
+    for signal, value in zip(signals, values, strict=True):
+        low = signal[index].astype(np.float64, copy=False)
+        np.subtract(signal[1:][index], low, out=value)
+        value *= weights
+        value += low

@@ -1,0 +1,115 @@
+"""Loops over the segments of Welch's method, in NumPy and SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+SEGMENT_BYTES = 1 << 19  # of the segments transformed at a time: they should stay in cache
+
+Array = NDArray[np.floating]
+
+
+def windowed(
+    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
+) -> Array:
+    """Cut signals into segments and multiply them by a window, in float64.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_angles)
+    first : int
+        Start of the first segment.
+    step : int
+        Samples from one segment to the next.
+    window : ndarray of shape (n_per_segment,)
+    n_segments : int
+        Number of segments; the last one ends within the signals.
+    remove_mean : bool
+        Subtract the mean of each segment first.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_segments, n_per_segment)
+    """
+    views = np.lib.stride_tricks.sliding_window_view(signals, len(window), axis=-1)
+    segments = views[:, first : first + (n_segments - 1) * step + 1 : step]
+    if remove_mean:
+        segments = segments - segments.mean(axis=-1, keepdims=True, dtype=np.float64)
+        segments *= window
+        return segments
+    return segments * window
+
+
+def powers(lines: NDArray[np.complexfloating]) -> Array:
+    """Sum the squared magnitude of spectral lines over segments.
+
+    Parameters
+    ----------
+    lines : ndarray of shape (n_signals, n_segments, n_lines)
+        Fourier transforms.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_lines)
+    """
+    return (lines.real**2 + lines.imag**2).sum(axis=1)
+
+
+def segment_powers(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    n_segments: int,
+    n_lines: int,
+    remove_mean: bool,
+) -> Array:
+    """Sum the squared magnitude of the lowest spectral lines over segments, in float64.
+
+    Parameters
+    ----------
+    signals, first, step, window, n_segments, remove_mean
+        As for `windowed`.
+    n_lines : int
+        Lines wanted, at most ``n_per_segment // 2 + 1``.
+
+    Returns
+    -------
+    ndarray of shape (n_signals, n_lines)
+    """
+    total = np.zeros((len(signals), n_lines))
+    for rows, start, stop in batches(len(signals), n_segments, 8 * len(window), SEGMENT_BYTES):
+        cut = signals[rows], first + start * step, step, window, stop - start, remove_mean
+        total[rows] += powers(fft.rfft(windowed(*cut), overwrite_x=True)[..., :n_lines])
+    return total
+
+
+def batches(
+    n_signals: int, n_segments: int, n_bytes: int, at_most: int
+) -> Iterator[tuple[slice, int, int]]:
+    """Yield rows and segments, first and last + 1, that are processed together.
+
+    Parameters
+    ----------
+    n_signals, n_segments : int
+    n_bytes : int
+        Size of a segment.
+    at_most : int
+        Bytes processed together, or a single segment if that is larger.
+
+    Examples
+    --------
+    >>> list(batches(3, 5, 100, 700))
+    [(slice(0, 3, None), 0, 2), (slice(0, 3, None), 2, 4), (slice(0, 3, None), 4, 5)]
+    >>> list(batches(3, 1, 100, 200))
+    [(slice(0, 2, None), 0, 1), (slice(2, 4, None), 0, 1)]
+    """
+    n_rows = min(n_signals, max(1, at_most // n_bytes))
+    at_once = max(1, at_most // n_bytes // n_rows)
+    for row in range(0, n_signals, n_rows):
+        for start in range(0, n_segments, at_once):
+            yield slice(row, row + n_rows), start, min(start + at_once, n_segments)
