@@ -33,9 +33,9 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
-    order_psd,
-    spectrum_store,
 )
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.store import clear_memory
 
 FS = 48_000.0
 TOP = 20.0  # highest order of a bin
@@ -89,17 +89,17 @@ def searched(steps: Pipeline, grid: dict[str, Any], X: Any, y: Any, **options: A
 @contextmanager
 def counted() -> Iterator[list[int]]:
     """Count the calls of the function that resamples a recording and estimates its spectra."""
-    original, calls = order_psd._spectra, []
+    original, calls = SegmentPlan.spectra_of, []
 
     def counting(*args: Any, **kwargs: Any) -> Any:
         calls.append(1)
         return original(*args, **kwargs)
 
-    order_psd._spectra = counting
+    SegmentPlan.spectra_of = counting
     try:
         yield calls
     finally:
-        order_psd._spectra = original
+        SegmentPlan.spectra_of = original
 
 
 def timed(run: Callable[[], Any]) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
         found = add("search, OrderPSD(memory=folder)", lambda: searched(steps, grid, X, y))
         assert found.best_score_ == best
         add("the same in this process again", lambda: searched(steps, grid, X, y))
-        spectrum_store.forget()
+        clear_memory()
         add("the same, from the files", lambda: searched(steps, grid, X, y))
         kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
         rows[-1]["MB kept"] = kept / 1e6

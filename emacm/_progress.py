@@ -1,39 +1,38 @@
-"""Work on many recordings, and how far it is."""
+"""Parallel execution over recordings, and its progress."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
 from typing import Any
 
-from joblib import Parallel
+from joblib import Parallel, delayed
 from joblib.parallel import SequentialBackend, ThreadingBackend, get_active_backend
 
 
 def run(
-    tasks: Iterable[Any],
-    total: int,
-    *,
+    function: Callable[..., Any],
+    *arguments: Sequence[Any],
     n_jobs: int | None = None,
     verbose: bool | int = False,
     done: int = 0,
 ) -> list[Any]:
-    """Do tasks under joblib's active backend; by default, in threads.
+    """Call a function for each recording, under joblib's active backend; by default, in threads.
 
     Parameters
     ----------
-    tasks : iterable of joblib.delayed
-        What is to be done.
-    total : int
-        How many there are.
+    function : callable
+        Called with one element of each of `arguments`, as by `map`.
+    *arguments : sequence
+        Sequences of equal length.
     n_jobs : int, optional
-        As many at the same time.
+        Number of recordings processed in parallel.
     verbose : bool or int
-        Whether to report to stderr what is done, the rate and the time left: by
-        tqdm, if it is installed, or else by joblib.
+        Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
+        installed, otherwise by joblib.
     done : int
-        How many were done before; reported with the others.
+        Recordings done before; reported with the others.
 
     Returns
     -------
@@ -43,30 +42,32 @@ def run(
     Raises
     ------
     TypeError, ValueError
-        If `n_jobs` is no whole number, or 0.
+        If `n_jobs` is not a whole number, or is 0.
 
     Notes
     -----
-    Threads are those of `concurrent.futures`: joblib looks every 10 ms whether its own are done,
-    which is as long as a recording takes.
+    Threads are those of `concurrent.futures`: joblib polls its own every 10 ms, which is as long as
+    a recording takes.
 
     Examples
     --------
-    >>> from joblib import delayed
-    >>> run((delayed(abs)(n) for n in (-1, -2)), 2)
-    [1, 2]
+    >>> run(pow, [2, 3], [3, 2])
+    [8, 9]
     """
+    total = len(arguments[0])
     if not total:
         return []
     backend, jobs_of_context = get_active_backend(prefer="threads")
     n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else _whole(n_jobs))
     bar = _bar() if verbose else None
+    tasks = (delayed(function)(*values) for values in zip(*arguments, strict=True))
     if bar is None and verbose:
         return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
-    if isinstance(backend, SequentialBackend | ThreadingBackend):
-        results = _here(tasks) if min(n_workers, total) == 1 else _in_threads(tasks, n_workers)
-    elif total == 1 and not verbose:
-        results = _here(tasks)
+    results: Iterable[Any]
+    if min(n_workers, total) == 1:
+        results = map(function, *arguments)
+    elif isinstance(backend, SequentialBackend | ThreadingBackend):
+        results = _in_threads(function, arguments, n_workers)
     else:
         try:
             results = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
@@ -78,22 +79,19 @@ def run(
 
 
 def _whole(n_jobs: Any) -> int:
-    told = "as many recordings are in work at the same time, and -1 means one for each core."
+    meaning = "it is the number of recordings processed in parallel, -1 for one on each core."
     if isinstance(n_jobs, bool) or not isinstance(n_jobs, Integral):
-        raise TypeError(f"n_jobs must be None or a whole number, got {n_jobs!r}: {told}")
+        raise TypeError(f"n_jobs must be None or a whole number, got {n_jobs!r}: {meaning}")
     if n_jobs == 0:
-        raise ValueError(f"n_jobs == 0 would do nothing: {told}")
+        raise ValueError(f"n_jobs must not be 0: {meaning}")
     return int(n_jobs)
 
 
-def _here(tasks: Iterable[Any]) -> Iterator[Any]:
-    for function, args, kwargs in tasks:
-        yield function(*args, **kwargs)
-
-
-def _in_threads(tasks: Iterable[Any], n_workers: int) -> Iterator[Any]:
+def _in_threads(
+    function: Callable[..., Any], arguments: Sequence[Sequence[Any]], n_workers: int
+) -> Iterable[Any]:
     with ThreadPoolExecutor(n_workers) as workers:
-        yield from workers.map(lambda task: task[0](*task[1], **task[2]), tasks)
+        yield from workers.map(function, *arguments)
 
 
 def _bar() -> Any:

@@ -1,35 +1,44 @@
-"""What two channels have in common at each order: cross spectra, coherence and response.
+"""Cross spectra, coherence and frequency response of two channels over orders.
 
-All are ratios or sums of products of two channels in the same segments, so an angle by which
-the origin is shifted cancels: the phase *between* two channels at an order tells nothing of the
-absolute shaft angle (of how a unit was put together, say), as the phase of either one does.
+All are sums or ratios of products of two channels in the same segments, so a shift of the angle's
+origin cancels: the phase *between* two channels at an order does not depend on the absolute shaft
+angle (and so on how a unit was assembled), in contrast to the phase of either channel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_finite, check_real_array
 from emacm._kernels import kernels
-from emacm.orders.welch import SegmentPlan, WeightedLines, segment_plan
+from emacm.orders.segment_plan import SegmentPlan, WeightedLines, segment_plan
+from emacm.orders.welch import check_holds_segment
 
 Pair = tuple[int, int]
 Complex = NDArray[np.complexfloating]
 
-_ROUNDING = 1e-28  # of the strongest power; less is what rounding leaves of nothing
+_ROUNDING = 1e-28  # of the strongest power; less is due to rounding errors
+
+KINDS = ("response", "coherence", "cross")
+Part = tuple[str, Callable[[Any], NDArray[np.floating]]]
+# The real columns of a complex quantity.
+FORMS: dict[str, tuple[Part, ...]] = {
+    "rectangular": (("real", np.real), ("imag", np.imag)),
+    "polar": (("magnitude", np.abs), ("phase", np.angle)),
+    "log": (("log", lambda values: np.log(np.abs(values))), ("phase", np.angle)),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class CrossAverages:
-    """Welch's averages of channels and of pairs of them.
+    """Averages over segments of channels and of pairs of channels, by Welch's method.
 
-    `cross_averages` makes them. Coherence and response are ratios of averages, so whatever is
-    to be joined (lines within a bin) is joined before, by `gathered`.
+    `cross_averages` makes them. Coherence and response are ratios of averages, so lines within a
+    bin are summed before, by `gathered`.
 
     Attributes
     ----------
@@ -42,7 +51,7 @@ class CrossAverages:
     n_segments : int
         Segments that were averaged.
     channels : sequence of str
-        What to call the channels in a message.
+        Names of the channels, for messages.
     """
 
     power: NDArray[np.floating]
@@ -62,7 +71,7 @@ class CrossAverages:
         Returns
         -------
         CrossAverages
-            With bins in the place of orders.
+            With bins in place of orders.
         """
         power, cross = self.power @ operator.T, self.cross @ operator.T
         return replace(self, power=power, cross=cross)
@@ -82,10 +91,10 @@ class CrossAverages:
         """
         if self.n_segments < 2:
             raise ValueError(
-                "coherence of a single segment is 1 whatever the signals; at least two segments "
-                "are needed, better ten. Lower revolutions (or n_per_segment), or raise overlap."
+                "coherence of a single segment is 1 for any signals; at least two segments are "
+                "needed, better ten. Lower revolutions (or n_per_segment), or raise overlap."
             )
-        of_x, of_y = (self._shares(side) for side in (0, 1))
+        of_x, of_y = (self._ratios(side) for side in (0, 1))
         # Divided one by one, as the product of small powers may be 0.
         return np.minimum(np.abs(of_x) * np.abs(of_y), 1.0)
 
@@ -102,10 +111,33 @@ class CrossAverages:
         ValueError
             If an input has no power at all.
         """
-        return self._shares(0)
+        return self._ratios(0)
 
-    def _shares(self, side: int) -> Complex:
-        """Cross spectra over the powers of the inputs (0) or the outputs (1)."""
+    def columns(self, kinds: Sequence[str], form: str) -> NDArray[np.floating]:
+        """Return quantities of the pairs as real numbers.
+
+        Parameters
+        ----------
+        kinds : sequence of {"response", "coherence", "cross"}
+            Quantities.
+        form : {"rectangular", "polar", "log"}
+            The columns of complex quantities.
+
+        Returns
+        -------
+        ndarray of shape (n_pairs, n_quantities, n_orders)
+        """
+        found: list[NDArray[np.floating]] = []
+        for kind in kinds:
+            if kind == "coherence":
+                found.append(self.coherence())
+            else:
+                values = self.response() if kind == "response" else self.cross
+                found += [part(values) for _, part in FORMS[form]]
+        return np.stack(found, axis=1)
+
+    def _ratios(self, side: int) -> Complex:
+        """Cross spectra divided by the powers of the inputs (0) or the outputs (1)."""
         channels = [pair[side] for pair in self.pairs]
         power = self.power[channels]
         strongest = power.max(axis=1, keepdims=True)
@@ -113,10 +145,10 @@ class CrossAverages:
             dead = self.channels[channels[int(np.argmin(strongest))]]
             raise ValueError(
                 f"channel {dead!r} has no power at any order, so neither response nor coherence "
-                f"exist. Is its sensor dead or stuck? Leave the channel out."
+                f"exists. Check its sensor, or leave the channel out."
             )
-        heard = power > _ROUNDING * strongest
-        return np.divide(self.cross, power, out=np.zeros_like(self.cross), where=heard)
+        present = power > _ROUNDING * strongest
+        return np.divide(self.cross, power, out=np.zeros_like(self.cross), where=present)
 
 
 def cross_averages(
@@ -130,14 +162,14 @@ def cross_averages(
     Parameters
     ----------
     plan : SegmentPlan
-        How signals are cut; its `average` has no say, it is the mean.
+        How signals are cut; its `average` has no effect, the mean is used.
     segments : iterable of (lines, weight)
-        What its `lines_of` or `padded_lines` yield of signals, such as the strokes of a
-        recording; looked at one after the other.
+        What its `lines_of` or `padded_lines` yield for signals, such as the strokes of a recording;
+        read one at a time.
     pairs : sequence of (int, int)
         Input and output channel of each pair.
     channels : sequence of str
-        What to call the channels in a message.
+        Names of the channels, for messages.
 
     Returns
     -------
@@ -148,13 +180,13 @@ def cross_averages(
     ValueError
         If there is no segment.
     """
+    powers = kernels().powers
     power: Any = 0.0
     cross: Any = 0.0
     total, n_segments = 0.0, 0
     for lines, weight in segments:
-        lines = lines.astype(np.complex128, copy=False)
-        power = power + kernels().powers(lines)
-        # The input is the one that is conjugated, as in scipy.signal.csd.
+        power = power + powers(lines)
+        # The input is conjugated, as in scipy.signal.csd.
         cross = cross + np.stack(
             [np.einsum("so,so->o", lines[x].conj(), lines[y]) for x, y in pairs]
         )
@@ -178,7 +210,7 @@ def cross_spectrum(
         Samples per shaft revolution, 2π/theta_s.
     **options
         `revolutions`, `n_per_segment`, `window`, `overlap`, `detrend`, `scaling` and
-        `max_order`, as for `emacm.orders.welch.order_psd`.
+        `max_order`, as for `emacm.orders.segment_plan.segment_plan`.
 
     Returns
     -------
@@ -190,7 +222,7 @@ def cross_spectrum(
     Raises
     ------
     TypeError, ValueError
-        If an option is not what it should be, the shapes differ, or there is no segment.
+        If an option is invalid, the shapes differ, or there is no segment.
 
     References
     ----------
@@ -214,9 +246,9 @@ def coherence(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Estimate the magnitude-squared coherence of two signals over orders [1]_.
 
-    It is the share of the power of either that a linear relation to the other
-    explains. Of n independent segments of unrelated noise it is 1/n on average, not 0; of a
-    single one it is 1 whatever the signals, and refused.
+    It is the fraction of the power of either signal that a linear relation to the other explains.
+    For n independent segments of uncorrelated noise it is 1/n on average, not 0; for a single
+    segment it is 1 for any signals, which is refused.
 
     Parameters
     ----------
@@ -242,7 +274,7 @@ def coherence(
     References
     ----------
     .. [1] G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust.
-       21(4), 337-344, 1973, where its bias is.
+       21(4), 337-344, 1973, also for its bias.
 
     Examples
     --------
@@ -261,8 +293,8 @@ def frequency_response(
 ) -> tuple[NDArray[np.floating], Complex]:
     """Estimate the frequency response from `x` to `y` over orders, H1 [1]_.
 
-    Noise in `y` leaves it unbiased; noise in `x` makes it too small, by the share that it has in
-    the power of `x`.
+    Noise in `y` causes no bias; noise in `x` makes it too small, by the fraction of the power of
+    `x` that is noise.
 
     Parameters
     ----------
@@ -304,23 +336,16 @@ def frequency_response(
 def _averages_of_two(
     x: ArrayLike, y: ArrayLike, samples_per_rev: float, options: dict[str, Any]
 ) -> tuple[NDArray[np.floating], CrossAverages, tuple[int, ...]]:
-    """Return orders, averages of each pair of rows, and the shape that results have."""
+    """Return orders, averages of each pair of rows, and the shape of the results."""
     plan = segment_plan(samples_per_rev, **options)
     if plan.average != "mean":
         raise ValueError(f"average must be 'mean' for two signals, got {plan.average!r}.")
-    both = [check_real_array(values, name) for values, name in ((x, "x"), (y, "y"))]
+    both = [check_holds_segment(values, name, plan) for values, name in ((x, "x"), (y, "y"))]
     if both[0].shape != both[1].shape:
         raise ValueError(
             f"x and y must have the same shape, got {both[0].shape} and {both[1].shape}."
         )
-    for values, name in zip(both, "xy", strict=True):
-        check_finite(values.reshape(-1), name)
     shape = both[0].shape
-    if not shape or not both[0].size or shape[-1] < plan.n_per_segment:
-        raise ValueError(
-            f"signals of shape {shape} hold no segment of {plan.n_per_segment} samples "
-            f"({plan.revolutions:g} revolutions). Lower revolutions or n_per_segment."
-        )
     rows = np.concatenate([values.reshape(-1, shape[-1]) for values in both])
     n_pairs = len(rows) // 2
     pairs = [(k, k + n_pairs) for k in range(n_pairs)]

@@ -1,79 +1,80 @@
-"""What pairs of channels have in common over orders, as a step of a pipeline."""
+"""Cross spectra, coherence and response of channels over orders, as a step of a pipeline."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from joblib import delayed
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice
+from emacm._checks import check_choice, located
 from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
-from emacm.orders.columns import OrderTable, check_input_names, order_columns
-from emacm.orders.pair_columns import FORMS, PairColumns, check_kinds
-from emacm.orders.welch import SHORTS, samples_per_revolution, segment_plan
-from emacm.recordings.inputs import check_channels
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import (
-    as_angle_recordings,
-    check_theta_s,
-    check_ways_apart,
-)
+from emacm.orders.columns import OrderTable, order_columns
+from emacm.orders.cross_spectrum import FORMS, KINDS, CrossAverages, cross_averages
+from emacm.orders.segments import samples_per_revolution, too_short
+from emacm.orders.welch import WelchEstimator
+from emacm.recordings.inputs import check_channels, described
+from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.inputs import as_angle_recordings, strokes_by_kind
+
+# Largest variation of a constant that was resampled and rounded, relative to its value; assumed.
+_RESAMPLED, _ROUNDED = 1e-8, 4
 
 
-class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
+class OrderCrossSpectrum(WelchEstimator):
     """Estimate cross spectra, coherence or frequency response of channels over orders.
 
-    By Welch's averages, as `OrderPSD`. The phase between two channels does not depend on the
-    absolute shaft angle: the same fault, put together otherwise, reads the same.
+    By Welch's method, as `OrderPSD`. The phase between two channels does not depend on the absolute
+    shaft angle: the same fault gives the same features after another assembly.
 
     Parameters
     ----------
     revolutions : float
-        Length of a segment, so lines lie 1/revolutions orders apart.
+        Length of a segment; the distance between spectral lines is 1/revolutions orders.
     pairs : sequence of (str, str), optional
         Input and output channels. Default: all pairs, the input being the channel that comes first.
         Channels in no pair are not resampled.
     kind : {"response", "coherence", "cross"} or sequence of these
         "response" is H1 = S_xy / S_xx [U_y/U_x], "coherence" the magnitude-squared one, "cross" the
-        cross-spectral density S_xy [U_x U_y/order]. Several are made at the price of one.
+        cross-spectral density S_xy [U_x U_y/order]. Several take no more time than one.
     form : {"rectangular", "polar", "log"}
-        What complex kinds give: real and imaginary part, magnitude and phase [rad], or
-        natural logarithm of the magnitude and phase. Phases jump at ±π, and a mean over recordings
-        goes wrong there; "rectangular" has no such place.
+        Columns of complex kinds: real and imaginary part, magnitude and phase [rad], or natural
+        logarithm of the magnitude and phase. Phase wraps at ±π, so averages over recordings are
+        biased there; "rectangular" has no such discontinuity.
     bin_size : float, optional
-        Width of bins [orders], up to `max_order`. Ratios are formed after power and cross spectra
-        were integrated over the bins.
+        Width of bins [orders], up to `max_order`. Power and cross spectra are integrated over the
+        bins before ratios are formed.
     edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
-        Bins of one's own, as for `BinTransformer`.
+        User-defined bins, as for `BinTransformer`.
     stop_bands : sequence of (low, high)
-        Bands that are taken out of the bins [orders].
+        Bands that are removed from the bins [orders].
     n_per_segment : int, optional
         Length of a segment in samples, in place of `revolutions`.
     window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`.
     overlap : float
-        Share that adjoining segments have in common, in [0, 1).
+        Fraction of a segment that the next one has in common with it, in [0, 1).
     detrend : {"constant", "linear", None, False}
-        What is taken out of each segment. It leaves nothing but leakage in the first two lines.
+        What is removed from each segment. Only leakage is left in the first two lines.
     by_direction : bool
-        Give forward and reverse strokes columns of their own, ``…+@…`` and ``…-@…``.
+        Separate columns for forward and reverse strokes, ``…+@…`` and ``…-@…``.
     short : {"raise", "pad"}
-        What becomes of a recording without a stroke as long as a segment: an error, or an
-        estimate in which each stroke, padded with zeros, is one segment and counts by its length.
+        What is done with a recording none of whose strokes is as long as a segment: an error, or an
+        estimate in which each stroke, padded with zeros, is one segment weighted by its length.
     max_order : float, optional
-        Highest order of interest: where bins end, or above which lines are cut.
+        Highest order of interest: where bins end, or above which lines are omitted.
     verbose : bool or int
         Report to stderr how many recordings are done, as `OrderPSD` does.
     n_jobs : int, optional
-        Recordings in work at the same time, under joblib's active backend (by default, threads).
+        Number of recordings processed in parallel, under joblib's active backend (by default,
+        threads).
 
     Attributes
     ----------
@@ -92,24 +93,25 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
 
     Notes
     -----
-    `X` is what `OrderResampler` returns. Recordings are resampled when their turn comes, in blocks.
+    `X` is what `OrderResampler` returns. Recordings are resampled one at a time, in blocks.
 
-    Columns are named ``input*output:quantity@order``, or ``@low-high`` in bins: pair by pair, of
-    each the kinds as given, such as ``current*error:response.real@1`` or
+    Columns are named ``input*output:quantity@order``, or ``@low-high`` in bins: pair by pair, and
+    for each pair the kinds in the given order, such as ``current*error:response.real@1`` or
     ``current*error:coherence@1``; with `by_direction` ``current*error:coherence+@1``.
 
-    Lines go through `BinTransformer` if they are ``kind="cross", form="rectangular"``, whose
-    integrals mean something. An integral of coherence or response over lines weighs all
-    lines alike, also those without power; set `bin_size` here in their place.
+    `BinTransformer` may follow ``kind="cross", form="rectangular"``, which can be integrated. An
+    integral of coherence or response over lines gives all lines the same weight, also those without
+    power; set `bin_size` here instead.
 
-    Of n independent segments of unrelated noise, coherence is 1/n on average, of a single one
-    always 1, which is refused. Recordings with more segments have less of that bias: compare
+    For n independent segments of uncorrelated noise, coherence is 1/n on average; for a single one
+    it is always 1, which is refused. Recordings with more segments have less of this bias: compare
     recordings of about equal length. Noise of the input makes the response too small.
 
-    Bins want to be narrow against 1/delay: where one channel lags by a revolution, the phase goes
-    round once in an order, and the cross spectrum of a bin of that width cancels.
+    Bins should be narrow compared with 1/delay: where one channel lags by a revolution, the phase
+    changes by 2π within one order, and the cross spectrum of a bin of that width cancels.
 
-    The phase of a reverse stroke is along its own motion: what comes later in time lags there too.
+    The phase of a reverse stroke is taken along its own motion: a channel that is later in time
+    lags there too.
 
     Source: Bendat and Piersol, Random Data, 4th ed., Wiley, 2010, ch. 6 and 11.
 
@@ -165,130 +167,160 @@ class OrderCrossSpectrum(TransformerMixin, BaseEstimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: Any, y: Any = None) -> OrderCrossSpectrum:
-        """Learn pairs and axis; no spectrum is estimated.
+        """Set pairs and order axis; no spectrum is estimated.
 
         Parameters
         ----------
         X : list of AngleRecording
-            Recordings over the shaft angle.
+            Recordings over shaft angle.
         y : ignored
 
         Returns
         -------
         OrderCrossSpectrum
-            Itself.
+            The estimator itself.
 
         Raises
         ------
         TypeError, ValueError
-            If a parameter or X is not what it should be.
+            If a parameter or X is invalid.
         """
-        check_choice(self.by_direction, "by_direction", (True, False))
-        check_choice(self.short, "short", SHORTS)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self.theta_s_ = rows[0].theta_s
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
-        self._channels_in = rows[0].channels
+        self._names_in, self._n_in = rows[0].channels, len(rows[0].channels)
+        self._kinds = _checked_kinds(self.kind)
+        self._form = check_choice(self.form, "form", tuple(FORMS))
+        self._set_plan(samples_per_revolution(self.theta_s_))
         self._check_rows(rows)
-        plan = segment_plan(
-            samples_per_revolution(self.theta_s_),
-            revolutions=self.revolutions,
-            n_per_segment=self.n_per_segment,
-            window=self.window,
-            overlap=self.overlap,
-            detrend=self.detrend,
-            max_order=self.max_order,
-        )
-        self.orders_ = plan.orders
-        self.n_per_segment_ = plan.n_per_segment
         bins = self._bins()
-        self.bins_ = None if bins is None else tuple(bins.values())
-        places = [self.channels_.index(name) for pair in self.pairs_ for name in pair]
-        self._columns = PairColumns(
-            plan,
-            self.channels_,
-            tuple(zip(places[::2], places[1::2], strict=True)),
-            check_kinds(self.kind),
-            check_choice(self.form, "form", tuple(FORMS)),
-            None if bins is None else self._operator(list(bins.values())),
-            self.by_direction,
-            self.short,
-        )
-        self._columns_out = (
-            order_columns(self._columns.names, self.orders_)
-            if bins is None
-            else tuple(f"{name}@{band}" for name in self._columns.names for band in bins)
-        )
+        self.bins_, self._operator = None, None
+        if bins is None:
+            self._columns_out = order_columns(self._quantities(), self.orders_)
+        else:
+            self.bins_ = tuple(bins.values())
+            operator = bin_operator(self.orders_, self.bins_, stop_bands=self.stop_bands)
+            self._operator = sparse.csr_array(operator)
+            self._columns_out = tuple(
+                f"{name}@{bin_}" for name in self._quantities() for bin_ in bins
+            )
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
-        """Estimate what the pairs have in common, one recording at a time.
+        """Estimate the quantities of the pairs, one recording at a time.
 
         Parameters
         ----------
         X : list of AngleRecording
-            Recordings at the theta_s seen in `fit` that have its channels.
+            Recordings at the theta_s of `fit` that have its channels.
 
         Returns
         -------
         ndarray of shape (n_recordings, n_columns)
-            An OrderTable, whose ``columns`` name the orders, where there are no bins.
+            Without bins an OrderTable, whose ``columns`` name the orders.
 
         Raises
         ------
         TypeError, ValueError
             If a recording lacks a channel, has another theta_s, holds no segment (for coherence:
-            two), or if a channel has no power at all. The message names it.
+            two), or if a channel has no power at all. The message gives its number.
         """
         check_is_fitted(self)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        tasks = (delayed(self._columns.of)(row, index) for index, row in enumerate(rows))
-        features = run(tasks, len(rows), n_jobs=self.n_jobs, verbose=self.verbose)
+        numbers = range(len(rows))
+        features = run(self._estimate, rows, numbers, n_jobs=self.n_jobs, verbose=self.verbose)
         table = np.stack(features).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
 
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the columns, ``input*output:quantity@order``.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the channels; if given, they must be those of the first recording in `fit`.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            check_input_names(input_features, self._channels_in, len(self._channels_in))
-        return np.array(self._columns_out, dtype=object)
-
     def __sklearn_tags__(self) -> Any:
-        """Tell scikit-learn that X is no 2-D table."""
+        """Declare that X is not a 2-D table."""
         tags = super().__sklearn_tags__()
         tags.input_tags.two_d_array = False
         return tags
 
     def _check_rows(self, rows: list[AngleRecording]) -> None:
         check_channels(rows, self.channels_)
-        check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum")
-        if self.by_direction:
-            check_ways_apart(rows)
+        self._check_over_angle(rows)
+
+    def _estimate(self, row: AngleRecording, index: int) -> NDArray[np.floating]:
+        """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
+        with located(partial(described, row, index)):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                kinds = strokes_by_kind(row.strokes, self._plan.by_direction)
+                averages = [self._averages(row, strokes, kind) for kind, strokes in kinds]
+                columns = np.stack([a.columns(self._kinds, self._form) for a in averages], axis=2)
+            if not np.all(np.isfinite(columns)):
+                raise ValueError(
+                    "some value exceeds the range of float64, or is the logarithm of 0. State the "
+                    "channels in other units, or use form='rectangular'."
+                )
+            return columns
+
+    def _averages(
+        self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
+    ) -> CrossAverages:
+        """Average over the strokes that hold a segment, resampling them one block at a time."""
+        plan, peaks = self._plan, np.zeros(len(self.channels_))
+        rows = [row.channels.index(name) for name in self.channels_]
+        lengths = [stroke.n_angles for stroke in strokes]
+        whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= plan.n_per_segment]
+        if whole:
+            segments = plan.lines_of(_with_peaks(s.joint_blocks(rows), peaks) for s in whole)
+        elif plan.short == "pad" and any(n > 1 for n in lengths):
+            segments = plan.padded_lines(
+                np.concatenate(list(_with_peaks(s.joint_blocks(rows), peaks)), axis=1)
+                for s in strokes
+            )
+        else:
+            raise too_short(lengths, plan, kind, "OrderCrossSpectrum")
+        places = {name: place for place, name in enumerate(self.channels_)}
+        pairs = [(places[x], places[y]) for x, y in self.pairs_]
+        averages = cross_averages(plan, segments, pairs, self.channels_)
+        # Once its mean is removed, only such errors are left of a constant: it counts as no power.
+        errors = max(_RESAMPLED, _ROUNDED * float(np.finfo(row.dtype).eps)) * peaks
+        stuck = averages.power.max(axis=1) <= errors**2
+        averages = replace(averages, power=np.where(stuck[:, np.newaxis], 0.0, averages.power))
+        return averages if self._operator is None else averages.gathered(self._operator)
+
+    def _quantities(self) -> list[str]:
+        """Return the names of the columns up to the @, in order."""
+        parts = [name for name, _ in FORMS[self._form]]
+        names = [
+            name
+            for kind in self._kinds
+            for name in ([kind] if kind == "coherence" else [f"{kind}.{part}" for part in parts])
+        ]
+        signs = "+-" if self.by_direction else ("",)
+        return [f"{x}*{y}:{name}{sign}" for x, y in self.pairs_ for name in names for sign in signs]
 
     def _bins(self) -> dict[str, Band] | None:
         if self.bin_size is None and self.edges is None:
             if len(self.stop_bands):
-                raise ValueError("stop_bands are taken out of bins; set bin_size or edges too.")
+                raise ValueError("stop_bands are removed from bins; set bin_size or edges too.")
             return None
         size = 1.0 if self.bin_size is None else self.bin_size  # edges are given then
         top = self.orders_[-1] if self.max_order is None else self.max_order
         return named_bins(size, top, self.edges, self.stop_bands)
 
-    def _operator(self, bins: list[Band]) -> sparse.csr_array:
-        return sparse.csr_array(bin_operator(self.orders_, bins, stop_bands=self.stop_bands))
+
+def _with_peaks(
+    blocks: Iterable[NDArray[np.floating]], peaks: NDArray[np.floating]
+) -> Iterator[NDArray[np.floating]]:
+    """Yield the blocks, and keep the largest magnitude of each channel in `peaks`."""
+    for block in blocks:
+        np.maximum(peaks, np.abs(block).max(axis=1, initial=0.0), out=peaks)
+        yield block
+
+
+def _checked_kinds(kind: Any) -> tuple[str, ...]:
+    kinds = (kind,) if isinstance(kind, str) else tuple(kind) if np.iterable(kind) else (kind,)
+    for one in kinds:
+        check_choice(one, "kind", KINDS)
+    if not kinds or len(set(kinds)) < len(kinds):
+        raise ValueError(f"kind must name one or more of {KINDS}, each once; got {kind!r}.")
+    return kinds
 
 
 def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str], ...]:

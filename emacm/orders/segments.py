@@ -1,4 +1,4 @@
-"""Segments of signals over shaft angle: their length, and where they begin in blocks of a signal."""
+"""Segments of signals over shaft angle: their length, and where they begin in a signal."""
 
 from __future__ import annotations
 
@@ -139,19 +139,15 @@ def _at_least(
         yield np.concatenate(held, axis=1)
 
 
-def too_short(
-    strokes: Sequence[Any], length: int, samples_per_rev: float, kind: str, who: str
-) -> ValueError:
+def too_short(lengths: Sequence[int], plan: Any, kind: str, who: str) -> ValueError:
     """Return the error for strokes none of which is as long as a segment.
 
     Parameters
     ----------
-    strokes : sequence of AngleStroke
-        May be empty.
-    length : int
-        Samples of a segment.
-    samples_per_rev : float
-        Samples per shaft revolution.
+    lengths : sequence of int
+        Samples of each stroke; may be empty.
+    plan : SegmentPlan
+        Its segments.
     kind : str
         What to call a stroke.
     who : str
@@ -162,14 +158,13 @@ def too_short(
     ValueError
         To be raised.
     """
-    if not strokes:
+    if not lengths:
         remedy = "Leave it out"
         if kind != "stroke":
             remedy += ", or do not separate directions (by_direction=False)"
         return ValueError(f"it has no {kind} of two samples. {remedy}.")
-    longest = max(stroke.n_angles for stroke in strokes)
     return ValueError(
-        f"no {kind} holds a segment of {length / samples_per_rev:g} revolutions ({length} "
-        f"samples): its longest {kind} holds {longest / samples_per_rev:.4g} revolutions. Lower "
+        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
+        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
         f"revolutions (or n_per_segment) of {who}, set short='pad', or leave it out."
     )

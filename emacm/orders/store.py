@@ -1,29 +1,27 @@
-"""Spectra that are kept: in this process, and in files that processes share.
+"""Spectra that are kept between calls: in memory, and in files that processes share.
 
-A spectrum is found again by the content of its recording and by all settings. In
-front is a dictionary that serves the whole process; behind it lies a folder with a
-file for each spectrum. A file is written under another name and then renamed, and it
-carries a digest of itself, so that what a killed process or a full disk leaves behind
-is never taken for a spectrum. Files hold numbers alone, no pickled code.
+A spectrum is found by the content of its recording and by all settings. Files contain numbers only,
+no pickled code. Each is written under a temporary name and then renamed, and ends with a checksum;
+whatever cannot be read, or is not a spectrum of the expected shape, is estimated again.
 
-`joblib.Memory` is not used for the files: it goes by the time of the last access, which
-most systems do not keep, deletes what others keep in the same folder, and serves a
-damaged file that still reads. (It also took five times as long, 0.4 ms to read and
-0.9 ms to write a spectrum.)
+`joblib.Memory` is not used: it took five times as long to read a spectrum, it deletes files of
+others in the same folder, and it accepts a damaged file that can still be read.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import time
+import re
 import uuid
 import warnings
-from collections import OrderedDict
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, fields
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from stat import S_ISREG
 from threading import Lock
 from typing import Any
 
@@ -33,72 +31,69 @@ from numpy.typing import NDArray
 from sklearn.utils.validation import check_memory
 
 from emacm._checks import check_count
+from emacm._progress import run
+from emacm._version import __version__
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.recordings.digests import content_digest
+from emacm.resampling.angle_recording import AngleRecording
 
-try:
-    import fcntl
-except ImportError:  # no such locks: two processes may then estimate the same spectrum
-    fcntl = None  # type: ignore[assignment]
-
+NUMERICS = 2  # incremented whenever the numbers of a spectrum change; part of every key
 BYTES_ON_DISK = 1 << 30
 BYTES_IN_MEMORY = 1 << 28
 
 _FOLDER = "emacm_spectra"
-_HEAD = b"emacm spectrum 1\n"
-_KEPT = 0.9  # share of the limit that is left when something must go
-_LOOK = 0.05  # share of the limit that is written between two looks at the folder
-_ABANDONED = 3600.0  # s; after which a file that was not finished never will be
-_PAUSE = 0.002  # s
+_KEY = re.compile("[0-9a-f]{64}")
+_KEPT = 0.9  # fraction of the limit that is kept when files are deleted
+_CHECKED = 0.05  # fraction of the limit that is written between two checks of the folder
+
+Spectrum = NDArray[np.floating]
 
 
 class _Recent:
-    """The spectra last used in this process, up to a number of bytes."""
+    """Spectra used in this process, up to a number of bytes; the oldest is dropped first."""
 
     def __init__(self, bytes_limit: int) -> None:
         self._limit = bytes_limit
         self.clear()
 
-    def get(self, key: Any) -> NDArray[np.floating] | None:
-        with self._lock:
-            if key in self._held:
-                self._held.move_to_end(key)
-            return self._held.get(key)
+    def get(self, key: Any) -> Spectrum | None:
+        return self._held.get(key)
 
-    def put(self, key: Any, spectrum: NDArray[np.floating]) -> None:
+    def put(self, key: Any, spectrum: Spectrum) -> None:
         with self._lock:
             old = self._held.pop(key, None)
-            self._bytes -= 0 if old is None else old.nbytes
             self._held[key] = spectrum
-            self._bytes += spectrum.nbytes
+            self._bytes += spectrum.nbytes - (0 if old is None else old.nbytes)
             while self._bytes > self._limit:
-                self._bytes -= self._held.popitem(last=False)[1].nbytes
+                self._bytes -= self._held.pop(next(iter(self._held))).nbytes
 
     def clear(self) -> None:
-        self._lock = Lock()  # a forked child may have inherited it locked
-        self._held: OrderedDict[Any, NDArray[np.floating]] = OrderedDict()
+        self._lock = Lock()  # a forked process may have inherited it locked
+        self._held: dict[Any, Spectrum] = {}
         self._bytes = 0
 
 
 _recent = _Recent(BYTES_IN_MEMORY)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_recent.clear)
-_written: dict[str, float] = {}  # bytes this process wrote to a folder since it last looked there
+_written: dict[str, float] = {}  # bytes this process wrote to a folder since it checked its size
 
 
 class SpectrumStore:
-    """A folder of spectra, bounded in size, with those last used at hand in memory.
+    """A folder of spectra of limited size; spectra used in this process are also kept in memory.
 
-    `OrderPSD` takes one as its `memory`, in place of a folder. Several processes and
-    threads may use the same folder at the same time. What was used least lately
-    goes first; processes that write at the same time may pass the limit by 5 % each.
-    To start anew, delete the folder (and call `forget` in processes that go on).
+    `OrderPSD` accepts one as its `memory`, in place of a folder. Several processes and threads may
+    use the same folder at the same time; two of them may estimate the same spectrum. Where the
+    limit is exceeded, the oldest files are deleted. To start again, delete the folder (and call
+    `clear_memory` in processes that continue).
 
     Parameters
     ----------
     folder : str or path
-        Where the files go, in a folder ``emacm_spectra`` of it.
+        The files are written to its subdirectory ``emacm_spectra``.
     bytes_limit : int
-        Size that the files may have together [bytes]. Default: 1 GiB. In memory, all
-        stores of a process hold 256 MiB together.
+        Maximum size of all files [bytes]. Default: 1 GiB. In memory, all stores of a process hold
+        at most 256 MiB together.
 
     Examples
     --------
@@ -107,9 +102,9 @@ class SpectrumStore:
     >>> from emacm.orders.store import SpectrumStore
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     store = SpectrumStore(folder)
-    ...     store.keep("a" * 64, np.ones(3))
-    ...     print(store.find("a" * 64), store.find("b" * 64))
-    [1. 1. 1.] None
+    ...     store.keep("a" * 64, np.ones((1, 3)))
+    ...     print(store.find("a" * 64, (1, 3)), store.find("b" * 64, (1, 3)))
+    [[1. 1. 1.]] None
     """
 
     def __init__(self, folder: str | os.PathLike[str], *, bytes_limit: int = BYTES_ON_DISK) -> None:
@@ -117,149 +112,102 @@ class SpectrumStore:
         self.bytes_limit = check_count(bytes_limit, "bytes_limit")
 
     def made(self) -> SpectrumStore:
-        """Make the folder, where it does not exist, and return the store."""
+        """Make the folder, if it does not exist, and return the store."""
         try:
             os.makedirs(os.path.join(self.folder, _FOLDER), exist_ok=True)
         except OSError as error:
             raise ValueError(
-                f"memory = {self.folder!r} cannot be made a folder of spectra: {error}. "
-                f"Name one that can be written to."
+                f"memory = {self.folder!r} cannot be used as a folder of spectra: {error}. "
+                f"Choose a folder with write permission."
             ) from error
         return self
 
-    def find(self, key: str) -> NDArray[np.floating] | None:
-        """Return the spectrum kept under a key, or None; nobody can write to it."""
+    def find(self, key: str, shape: tuple[int, ...]) -> Spectrum | None:
+        """Return the spectrum of a key, read-only, or None if there is none of this shape."""
         spectrum = _recent.get((self.folder, key))
         if spectrum is None:
             spectrum = self._read(key)
-            if spectrum is None:
-                return None
-            _recent.put((self.folder, key), spectrum)
-        with suppress(OSError):  # gone from the folder, or not ours to touch
-            os.utime(self._file(key))  # used, so it is not the next to go
-        return spectrum
+            if spectrum is not None:
+                _recent.put((self.folder, key), spectrum)
+        return spectrum if spectrum is not None and spectrum.shape == shape else None
 
-    def keep(self, key: str, spectrum: NDArray[np.floating]) -> None:
+    def keep(self, key: str, spectrum: Spectrum) -> None:
         """Keep a spectrum under a key of 64 hexadecimal digits."""
         writer = io.BytesIO()
-        np.save(writer, np.ascontiguousarray(spectrum), allow_pickle=False)
+        np.save(writer, np.ascontiguousarray(spectrum, np.float64), allow_pickle=False)
         body = writer.getvalue()
-        content = _HEAD + _seal(key, body) + body
-        _recent.put((self.folder, key), _readable(body))
-        if len(content) > self.bytes_limit:
+        _recent.put((self.folder, key), _decoded(body))
+        if len(body) > self.bytes_limit:
             return
         try:
-            self._write(key, content)
+            self._write(key, body + _checksum(key, body))
         except OSError as error:
             warnings.warn(
                 f"spectra cannot be kept in {self.folder!r}: {error}. They will be estimated "
-                f"again. Make room there, or set memory of OrderPSD to another folder.",
+                f"again. Free space there, or set memory of OrderPSD to another folder.",
                 RuntimeWarning,
                 stacklevel=2,
             )
 
-    @contextmanager
-    def claimed(self, key: str, patience: float = 0.0) -> Iterator[bool]:
-        """Tell others that a spectrum is in work, and yield False if it is already.
+    def _file(self, key: str) -> Path:
+        return Path(self.folder, _FOLDER, key[:2], key)
 
-        The claim ends with the process that made it, however that ends.
-
-        Parameters
-        ----------
-        key : str
-            The spectrum.
-        patience : float
-            How long to wait for others [s].
-        """
-        handle = self._handle(key)
-        if handle is None:
-            yield True
-            return
-        until = time.monotonic() + patience
+    def _read(self, key: str) -> Spectrum | None:
+        file = self._file(key)
         try:
-            while not (mine := _locked(handle)) and time.monotonic() < until:
-                time.sleep(_PAUSE)
-            yield mine
-        finally:
-            fcntl.flock(handle, fcntl.LOCK_UN)  # a child forked meanwhile has the handle, too
-            os.close(handle)
-
-    def _handle(self, key: str) -> int | None:
-        """Open what a claim locks: the shelf, which stays, while files come and go."""
-        if fcntl is None:
+            content = file.read_bytes() if file.is_file() else b""  # not a pipe, which would block
+            body, checksum = content[:-32], content[-32:]
+            return _decoded(body) if checksum == _checksum(key, body) else None
+        except (OSError, ValueError):
             return None
-        try:
-            return os.open(self._shelf(key), os.O_RDONLY)
-        except OSError:
-            return None  # `keep` will say what is wrong with the folder
-
-    def _shelf(self, key: str) -> Path:
-        shelf = Path(self.folder, _FOLDER, key[:2])
-        shelf.mkdir(parents=True, exist_ok=True)
-        return shelf
-
-    def _file(self, key: str) -> str:
-        return os.path.join(self.folder, _FOLDER, key[:2], key)
-
-    def _read(self, key: str) -> NDArray[np.floating] | None:
-        try:
-            content = Path(self._file(key)).read_bytes()
-        except OSError:
-            return None
-        start = len(_HEAD) + sha256().digest_size
-        body = content[start:]
-        whole = content[:start] == _HEAD + _seal(key, body)
-        return _readable(body) if whole else None
 
     def _write(self, key: str, content: bytes) -> None:
         final = self._file(key)
-        unfinished = self._shelf(key) / f"{key}.{uuid.uuid4().hex}.part"
+        final.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = final.with_name(f"{key}.{uuid.uuid4().hex}.part")
         try:
             unfinished.write_bytes(content)
             os.replace(unfinished, final)
         finally:
             unfinished.unlink(missing_ok=True)
         _written[self.folder] = _written.get(self.folder, np.inf) + len(content)
-        if _written[self.folder] > _LOOK * self.bytes_limit:
+        if _written[self.folder] > _CHECKED * self.bytes_limit:
             _written[self.folder] = 0.0
             self._make_room()
 
     def _make_room(self) -> None:
-        """Delete what was used least lately, and what was never finished."""
+        """Delete the oldest files where the limit is exceeded; files of others are left alone."""
         files = []
-        for entry in _scanned(os.path.join(self.folder, _FOLDER)):
-            try:
-                status = entry.stat()
-                if entry.name.endswith(".part"):
-                    if time.time() - status.st_mtime > _ABANDONED:
-                        os.unlink(entry.path)
-                    continue
-            except OSError:
-                continue  # another process was quicker
-            files.append((status.st_mtime_ns, status.st_size, entry.path))
+        for file in Path(self.folder, _FOLDER).glob("[0-9a-f][0-9a-f]/*"):
+            name, _, ending = file.name.partition(".")
+            own = _KEY.fullmatch(name) and name[:2] == file.parent.name
+            if own and (not ending or ending.endswith("part")) and not file.parent.is_symlink():
+                with suppress(OSError):  # deleted by another process
+                    status = file.lstat()
+                    if S_ISREG(status.st_mode):
+                        files.append((status.st_mtime_ns, status.st_size, file))
         excess = sum(size for _, size, _ in files) - self.bytes_limit
-        if excess <= 0:
-            return
-        excess += round((1 - _KEPT) * self.bytes_limit)
-        for _, size, path in sorted(files):
+        if excess > 0:
+            excess += round((1 - _KEPT) * self.bytes_limit)
+        for _, size, file in sorted(files):
             if excess <= 0:
                 break
-            Path(path).unlink(missing_ok=True)
+            file.unlink(missing_ok=True)
             excess -= size
 
 
-def forget() -> None:
-    """Let go of what this process holds in memory; files stay."""
+def clear_memory() -> None:
+    """Release the spectra that this process holds in memory; files are kept."""
     _recent.clear()
 
 
 def open_store(memory: Any) -> SpectrumStore | None:
-    """Return the store that `memory` of an estimator stands for.
+    """Return the store for the parameter `memory` of an estimator.
 
     Parameters
     ----------
     memory : None, str, path, joblib.Memory or SpectrumStore
-        A folder, however it is named.
+        A folder.
 
     Returns
     -------
@@ -268,9 +216,9 @@ def open_store(memory: Any) -> SpectrumStore | None:
     Raises
     ------
     TypeError
-        If it is none of these, or a memory that is no folder.
+        If it is of another type, or a joblib.Memory without a folder.
     ValueError
-        If it is no memory at all (scikit-learn's answer), or the folder cannot be made.
+        If the folder cannot be made.
     """
     if isinstance(memory, SpectrumStore):
         return memory.made()
@@ -285,35 +233,123 @@ def open_store(memory: Any) -> SpectrumStore | None:
     return None if memory is None else SpectrumStore(memory).made()
 
 
-def _seal(key: str, body: bytes) -> bytes:
-    """Digest of what a file holds, and for which key."""
+def spectrum_key(row: Any, settings: str) -> str:
+    """Return the key of the spectrum of a row.
+
+    Parameters
+    ----------
+    row : AngleRecording or ndarray
+        A recording or a signal over shaft angle. Its content counts, and how it is resampled.
+    settings : str
+        All else that the spectrum depends on, as text.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    if isinstance(row, AngleRecording):
+        content = row.measured.digest
+        settings += repr(
+            [(field.name, getattr(row, field.name)) for field in fields(row) if field.repr]
+        )
+    else:
+        content = content_digest("row", [row])
+    return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def recalled(
+    estimate: Callable[[Any, int], Spectrum],
+    rows: Sequence[Any],
+    store: SpectrumStore,
+    plan: SegmentPlan,
+    shape: tuple[int, ...],
+    *,
+    n_jobs: int | None = None,
+    verbose: bool | int = False,
+) -> list[Spectrum]:
+    """Return the spectrum of each row, and estimate those that are not in the store.
+
+    Parameters
+    ----------
+    estimate : callable
+        Returns the spectrum of a row, given the row and its number.
+    rows : sequence of AngleRecording or ndarray
+        Recordings or signals over shaft angle.
+    store : SpectrumStore
+        Where spectra are kept.
+    plan : SegmentPlan
+        What the spectra depend on besides the rows.
+    shape : tuple of int
+        Shape of a spectrum.
+    n_jobs, verbose : int
+        See `emacm._progress.run`.
+
+    Returns
+    -------
+    list of ndarray
+        Some of them read-only.
+    """
+    key_of = partial(spectrum_key, settings=joblib.hash((asdict(plan), __version__, NUMERICS)))
+    keys = [key_of(row) for row in rows]
+    first: dict[str, int] = {}
+    for index, key in enumerate(keys):
+        first.setdefault(key, index)
+    found: dict[str, Any] = {key: store.find(key, shape) for key in first}
+    # Processes that search together begin at different rows, and use what the others have found.
+    missing = sorted(
+        (key for key, spectrum in found.items() if spectrum is None),
+        key=lambda key: hash((key, os.getpid())),
+    )
+    numbers = [first[key] for key in missing]
+    recall = partial(_recall, estimate=estimate, store=store, key_of=key_of, shape=shape)
+    done = len(found) - len(missing)
+    results = run(
+        recall, [rows[i] for i in numbers], numbers, n_jobs=n_jobs, verbose=verbose, done=done
+    )
+    found.update(zip(missing, results, strict=True))
+    return [found[key] for key in keys]
+
+
+def _recall(
+    row: Any,
+    index: int,
+    *,
+    estimate: Callable[[Any, int], Spectrum],
+    store: SpectrumStore,
+    key_of: Callable[[Any], str],
+    shape: tuple[int, ...],
+) -> Spectrum:
+    """Find or estimate a spectrum."""
+    key = key_of(row)
+    spectrum = store.find(key, shape)  # another process may have estimated it since
+    if spectrum is None:
+        spectrum = estimate(row, index)
+        if key_of(row) == key:  # not if its file was written to in the meantime
+            store.keep(key, spectrum)
+    return spectrum
+
+
+def _checksum(key: str, body: bytes) -> bytes:
+    """Return 32 bytes that depend on the content of a file and on its key."""
     return sha256(key.encode() + body).digest()
 
 
-def _readable(body: bytes) -> NDArray[np.floating]:
-    """Return an array that nobody can make writeable, not even on purpose."""
+def _decoded(body: bytes) -> Spectrum:
+    """Return the array of an npy file; it cannot be made writeable, even on purpose.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or no power spectrum: float64, finite, not negative.
+    """
     reader = io.BytesIO(body)
-    np.lib.format.read_magic(reader)
-    shape, _, dtype = np.lib.format.read_array_header_1_0(reader)
-    return np.frombuffer(body, dtype, offset=reader.tell()).reshape(shape)
-
-
-def _locked(handle: int) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # a file system without locks: go ahead
-    return True
-
-
-def _scanned(folder: str) -> Iterator[os.DirEntry[str]]:
-    """Yield the files on all shelves of a folder."""
-    try:
-        with os.scandir(folder) as shelves:
-            for shelf in shelves:
-                with os.scandir(shelf.path) as files:
-                    yield from files
-    except OSError:
-        return
+    if np.lib.format.read_magic(reader) != (1, 0):
+        raise ValueError("not a version 1 npy file.")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(reader)
+    if fortran or dtype != np.float64:
+        raise ValueError("not a spectrum.")
+    spectrum = np.frombuffer(body, dtype, offset=reader.tell()).reshape(shape)
+    if not (np.isfinite(spectrum).all() and spectrum.min(initial=0.0) >= 0):
+        raise ValueError("not a spectrum.")
+    return spectrum

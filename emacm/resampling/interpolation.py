@@ -80,7 +80,9 @@ def _read_off(
     """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
     values = np.empty((len(rows), n_angles))
     if interpolation == "linear":
-        kernels().interpolate_linear(travel, first, theta_s, [row[start:stop] for row in rows], values)
+        kernels().interpolate_linear(
+            travel, first, theta_s, [row[start:stop] for row in rows], values
+        )
         return values
     left, weights = kernels().interpolation_weights(travel, first, n_angles, theta_s)
     for value, row in zip(values, rows, strict=True):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import delayed
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import (
@@ -213,11 +212,14 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         channels = self._chosen_channels(recordings[0])
         check_channels(recordings, channels, others=self.channels is not None)
-        tasks = (
-            delayed(_quality)(recording, channels, self.theta_s, self.min_speed, self.direction)
-            for recording in recordings
+        quality = partial(
+            _quality,
+            channels=channels,
+            theta_s=self.theta_s,
+            min_speed=self.min_speed,
+            direction=self.direction,
         )
-        return pd.DataFrame(run(tasks, len(recordings), n_jobs=self.n_jobs))
+        return pd.DataFrame(run(quality, recordings, n_jobs=self.n_jobs))
 
     def __sklearn_tags__(self) -> Any:
         """Tell scikit-learn that X may be bare arrays."""

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from joblib import delayed
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
@@ -101,8 +100,8 @@ class StrokeFeatures(TransformerMixin, BaseEstimator):
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
-        tasks = (delayed(self._row)(row, index) for index, row in enumerate(rows))
-        return np.array(run(tasks, len(rows), n_jobs=self.n_jobs), dtype=np.float64)
+        features = run(self._row, rows, range(len(rows)), n_jobs=self.n_jobs)
+        return np.array(features, dtype=np.float64)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.

@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders.welch import order_psd, segment_plan
+from emacm.orders.segment_plan import segment_plan
+from emacm.orders.welch import order_psd
 
 TURN = 2 * np.pi
 WINDOWS = [

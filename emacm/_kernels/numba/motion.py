@@ -48,7 +48,9 @@ def _checkpoints(velocity, half_step, stride, angles, lowest, highest):
 @compiled_exactly
 def _integrate(velocity, half_step, starts, stride, angle):
     in_fours = len(velocity) // stride // 4 * 4
-    for k in range(0, in_fours, 4):  # four sums at a time, as an addition has to wait for the one before it
+    for k in range(
+        0, in_fours, 4
+    ):  # four sums at a time, as an addition has to wait for the one before it
         _integrate_four(
             velocity[k * stride : (k + 4) * stride],
             half_step,

@@ -259,6 +259,9 @@ def _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_poi
             _spread_one(signals[k][begin:end], means[k], w, c, grid[k])
 
 
+_reach = compiled(reach)
+
+
 @compiled
 def _resample(
     travel, ends, scale, offset, kernel, signals, means, grid, used, first, taps, lag, outputs
@@ -375,6 +378,8 @@ def _interpolate_linear(reached, first, theta_s, signals, values):
     before = 0
     for start in range(0, n_angles, _PART):
         count = min(_PART, n_angles - start)
-        before = _interpolation_weights(reached, before, first + start, theta_s, left[:count], weights[:count])
+        before = _interpolation_weights(
+            reached, before, first + start, theta_s, left[:count], weights[:count]
+        )
         for k in range(n_signals):
             _blend(signals[k], left[:count], weights[:count], values[k, start : start + count])

@@ -1,0 +1,419 @@
+"""Plans of Welch's method over shaft angle: which segments are averaged, and how [1]_.
+
+References
+----------
+.. [1] P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 70-73, 1967; Chirico, Eqs. (2.14) to
+   (2.22).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from emacm._checks import check_choice, check_number
+from emacm._kernels import kernels
+from emacm.orders.segments import Signal, sections, segment_length, too_short
+from emacm.orders.windows import detrended, window_values
+from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.inputs import strokes_by_kind
+
+Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
+WeightedLines = tuple[Lines, float]
+
+DETRENDS = ("constant", "linear", None, False)
+SCALINGS = ("density", "spectrum")
+AVERAGES = ("mean", "median")
+SHORTS = ("raise", "pad")
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentPlan:
+    """How signals over shaft angle are cut, windowed, transformed and averaged.
+
+    `segment_plan` makes one from the options of a user.
+
+    Attributes
+    ----------
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    n_per_segment : int
+        Samples of a segment, L in Chirico, Eqs. (2.14) to (2.22).
+    step : int
+        Samples from one segment to the next.
+    window : str, tuple or array
+        As for `scipy.signal.get_window`, or the samples of the window.
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment.
+    scaling : {"density", "spectrum"}
+        Unit² per order, or unit².
+    average : {"mean", "median"}
+        How segments are combined.
+    n_orders : int
+        Lines that are kept, from order 0 upwards.
+    by_direction : bool
+        Whether forward and reverse strokes are averaged separately.
+    short : {"raise", "pad"}
+        What is done with a recording none of whose strokes is as long as a segment.
+    """
+
+    samples_per_rev: float
+    n_per_segment: int
+    step: int
+    window: Any
+    detrend: Any
+    scaling: str
+    average: str
+    n_orders: int
+    by_direction: bool = False
+    short: str = "raise"
+
+    @property
+    def order_step(self) -> float:
+        """Distance between two spectral lines [orders]."""
+        return self.samples_per_rev / self.n_per_segment
+
+    @property
+    def orders(self) -> NDArray[np.floating]:
+        """Orders of the spectral lines, shape (n_orders,)."""
+        # Multiplied first, so that 3 lines of 1/10 order are at 0.3 exactly.
+        return np.arange(self.n_orders) * self.samples_per_rev / self.n_per_segment
+
+    @property
+    def revolutions(self) -> float:
+        """Exact length of a segment [revolutions]."""
+        return self.n_per_segment / self.samples_per_rev
+
+    @property
+    def sides(self) -> NDArray[np.floating]:
+        """Factors of the one-sided spectrum, Eqs. (2.20) and (2.21) of Chirico."""
+        sides = np.full(self.n_orders, 2.0)
+        sides[0] = 1.0
+        if 2 * (self.n_orders - 1) == self.n_per_segment:
+            sides[-1] = 1.0  # the line at half the sampling rate has no mirror image
+        return sides
+
+    def spectra_of(self, row: AngleRecording | NDArray[np.floating]) -> NDArray[np.floating]:
+        """Estimate the power spectra of one recording, resampling it one block at a time.
+
+        Parameters
+        ----------
+        row : AngleRecording or ndarray of shape (n_angles,)
+            A recording, or one signal over shaft angle.
+
+        Returns
+        -------
+        ndarray of shape (n_channels, [n_directions,] n_orders)
+
+        Raises
+        ------
+        ValueError
+            If no stroke (with `by_direction`: no stroke of one direction) is as long as a segment,
+            or a power exceeds the range of float64.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            if isinstance(row, np.ndarray):
+                powers = self._power_of_row(row[np.newaxis])
+            else:
+                kinds = strokes_by_kind(row.strokes, self.by_direction)
+                directions = [self._power_of_strokes(row, some, kind) for kind, some in kinds]
+                powers = np.stack(directions, axis=1) if self.by_direction else directions[0]
+        if not np.isfinite(powers.max()):  # powers are not negative
+            raise ValueError(
+                "its power exceeds the range of float64. State the channels in other units."
+            )
+        return powers
+
+    def _power_of_row(self, signal: NDArray[np.floating]) -> NDArray[np.floating]:
+        if signal.shape[1] >= self.n_per_segment:
+            return self.average_of([signal])
+        if self.short == "pad":
+            return self.padded([signal])
+        raise too_short([signal.shape[1]], self, "row", "OrderPSD")
+
+    def _power_of_strokes(
+        self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
+    ) -> NDArray[np.floating]:
+        lengths = [stroke.n_angles for stroke in strokes]
+        whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= self.n_per_segment]
+        if whole:
+            groups = row.rate_groups
+            if len(groups) == 1:
+                return self.average_of(stroke.blocks(groups[0]) for stroke in whole)
+            powers = np.empty((len(row.channels), self.n_orders))
+            for channels in groups:
+                powers[channels] = self.average_of(stroke.blocks(channels) for stroke in whole)
+            return powers
+        if self.short == "pad" and any(n > 1 for n in lengths):
+            return self.padded(stroke.signals for stroke in strokes)
+        raise too_short(lengths, self, kind, "OrderPSD")
+
+    def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
+        """Average the power spectra of all segments of all signals.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles), or of their blocks
+            Signals at uniform angles, such as the strokes of a recording, each whole or as an
+            iterable of consecutive blocks. No segment spans two signals; signals shorter than a
+            segment are skipped. They are read one at a time.
+
+        Returns
+        -------
+        ndarray of shape (n_channels, n_orders)
+
+        Raises
+        ------
+        ValueError
+            If no signal holds a segment.
+        """
+        loops, window = kernels(), window_values(self.window, self.n_per_segment)
+        collected: list[NDArray[np.floating]] = []
+        count = 0
+        for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
+            count += n_segments
+            powers = self._powers(loops, section, first, n_segments, window)
+            del section  # before the next one is made
+            if collected and self.average == "mean":
+                powers += collected.pop()
+            collected.append(powers)
+        if not collected:
+            raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
+        if self.average == "median":
+            power = np.median(np.concatenate(collected, axis=1), axis=1) / _median_bias(count)
+        else:
+            power = collected[0] / count
+        return power * (self.sides / self._window_factor(window))
+
+    def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
+        """Estimate power spectra from signals that are shorter than a segment.
+
+        Each signal is detrended, windowed over its own length and padded with zeros. Powers and
+        window factors are summed before they are divided, so that a signal is weighted by its
+        length; `average` has no effect, as there is one spectrum for each signal.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles)
+            Signals of at most `n_per_segment` samples.
+
+        Returns
+        -------
+        ndarray of shape (n_channels, n_orders)
+
+        Raises
+        ------
+        ValueError
+            If none has two samples, or the window is an array (which has no shorter form).
+        """
+        power, total = None, 0.0
+        for lines, weight in self.padded_lines(signals):
+            part = np.abs(lines[:, 0]) ** 2
+            power = part if power is None else power + part
+            total += weight
+        if power is None:
+            raise ValueError("no stroke has two samples.")
+        return power * (self.sides / total)
+
+    def lines_of(self, signals: Iterable[Signal]) -> Iterator[WeightedLines]:
+        """Yield the Fourier transforms of all segments, those of all channels together.
+
+        A product of two lines, summed over all segments, divided by the sum of the weights and
+        multiplied by `sides`, is a spectral density (or a spectrum, as `scaling` says).
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles), or of their blocks
+            As for `average_of`.
+
+        Yields
+        ------
+        lines : ndarray of shape (n_channels, n_segments, n_orders)
+            Of a few segments at a time.
+        weight : float
+            Their weight.
+        """
+        loops, window = kernels(), window_values(self.window, self.n_per_segment)
+        factor = self._window_factor(window)
+        for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
+            for lines in self._lines(loops, section, first, n_segments, window):
+                yield lines, factor * lines.shape[1]
+            del section  # before the next one is made
+
+    def padded_lines(self, signals: Iterable[NDArray[np.floating]]) -> Iterator[WeightedLines]:
+        """Yield the Fourier transform of each signal, padded with zeros to a segment.
+
+        Parameters
+        ----------
+        signals : iterable of ndarray of shape (n_channels, n_angles)
+            Signals of at most `n_per_segment` samples; those of a single sample are skipped.
+
+        Yields
+        ------
+        lines : ndarray of shape (n_channels, 1, n_orders)
+        weight : float
+            As in `lines_of`.
+
+        Raises
+        ------
+        ValueError
+            If the window is an array, which has no shorter form.
+        """
+        for signal in signals:
+            n_angles = signal.shape[-1]
+            if n_angles < 2:
+                continue
+            if not isinstance(self.window, str | tuple):
+                raise ValueError(
+                    "short='pad' needs a window by name, as an array cannot be shortened."
+                )
+            window = window_values(self.window, n_angles)
+            lines = fft.rfft(detrended(signal, self.detrend) * window, self.n_per_segment)
+            yield lines[:, np.newaxis, : self.n_orders], self._window_factor(window)
+
+    def _powers(
+        self,
+        loops: ModuleType,
+        section: NDArray[np.floating],
+        first: int,
+        n_segments: int,
+        window: NDArray[np.floating],
+    ) -> NDArray[np.floating]:
+        """Squared lines, summed over segments or, for the median, of each.
+
+        Shape (n_channels, n_orders) or (n_channels, n_segments, n_orders).
+        """
+        if self.average == "mean" and self.detrend != "linear":
+            remove_mean = self.detrend == "constant"
+            return loops.segment_powers(
+                section, first, self.step, window, n_segments, self.n_orders, remove_mean
+            )
+        batches = self._lines(loops, section, first, n_segments, window)
+        if self.average == "mean":
+            return sum(loops.powers(lines) for lines in batches)
+        return np.concatenate([lines.real**2 + lines.imag**2 for lines in batches], axis=1)
+
+    def _lines(
+        self,
+        loops: ModuleType,
+        section: NDArray[np.floating],
+        first: int,
+        n_segments: int,
+        window: NDArray[np.floating],
+    ) -> Iterator[Lines]:
+        """Yield the Fourier transforms of a few segments of all channels at a time."""
+        linear = self.detrend == "linear"
+        at_once = max(1, loops.SEGMENT_BYTES // (8 * self.n_per_segment * len(section)))
+        for start in range(0, n_segments, at_once):
+            segments = loops.windowed(
+                section,
+                first + start * self.step,
+                self.step,
+                np.ones_like(window) if linear else window,
+                min(at_once, n_segments - start),
+                self.detrend == "constant",
+            )
+            if linear:
+                segments = detrended(segments, self.detrend) * window
+            yield fft.rfft(segments, overwrite_x=True)[..., : self.n_orders]
+
+    def _window_factor(self, window: NDArray[np.floating]) -> float:
+        # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.
+        if self.scaling == "density":
+            return float(self.samples_per_rev * (window @ window))
+        return float(np.sum(window) ** 2)
+
+
+def segment_plan(
+    samples_per_rev: float,
+    *,
+    revolutions: float = 16,
+    n_per_segment: int | None = None,
+    window: Any = "hann",
+    overlap: float = 0.5,
+    detrend: Any = "constant",
+    scaling: str = "density",
+    average: str = "mean",
+    max_order: float | None = None,
+    by_direction: bool = False,
+    short: str = "raise",
+) -> SegmentPlan:
+    """Check the options of Welch's method, whose defaults are given here, and plan its segments.
+
+    Parameters
+    ----------
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    revolutions : float
+        Length of a segment; the distance between spectral lines is 1/revolutions (to the nearest
+        whole number of samples).
+    n_per_segment : int, optional
+        Length of a segment in samples, in place of `revolutions`.
+    window : str, tuple or array-like of shape (n_per_segment,)
+        As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
+    overlap : float
+        Fraction of a segment that the next one has in common with it, in [0, 1).
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment. "constant" distorts the first two lines, so bins of
+        interest should begin above them.
+    scaling : {"density", "spectrum"}
+        "density" [U²/order] integrates to the mean square. In "spectrum" [U²] a tone of amplitude A
+        has the value A²/2, and lines must not be summed.
+    average : {"mean", "median"}
+        "median" is less affected by single shocks; it is corrected for its bias on noise, as in
+        `scipy.signal.welch`.
+    max_order : float, optional
+        Highest order of interest: lines above the first one at or above it are omitted.
+    by_direction : bool
+        Average forward and reverse strokes separately.
+    short : {"raise", "pad"}
+        What is done with a recording none of whose strokes is as long as a segment.
+
+    Returns
+    -------
+    SegmentPlan
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is invalid.
+    """
+    samples_per_rev = check_number(samples_per_rev, "samples_per_rev", above=0)
+    length = segment_length(samples_per_rev, revolutions, n_per_segment)
+    overlap = check_number(overlap, "overlap", at_least=0, below=1)
+    check_choice(detrend, "detrend", DETRENDS)
+    check_choice(scaling, "scaling", SCALINGS)
+    check_choice(average, "average", AVERAGES)
+    check_choice(by_direction, "by_direction", (True, False))
+    check_choice(short, "short", SHORTS)
+    n_orders = length // 2 + 1
+    if max_order is not None:
+        top = check_number(max_order, "max_order", at_least=0, unit="orders")
+        # The line at or above the limit is kept, so that bins up to the limit can be integrated.
+        n_orders = min(n_orders, int(np.ceil(top * length / samples_per_rev - 1e-9)) + 1)
+    window_values(window, length)
+    step = length - min(int(overlap * length), length - 1)
+    return SegmentPlan(
+        samples_per_rev,
+        length,
+        step,
+        window,
+        detrend,
+        scaling,
+        average,
+        n_orders,
+        bool(by_direction),
+        short,
+    )
+
+
+def _median_bias(n_segments: int) -> float:
+    """Median over mean of n exponential variables (Allen et al., arXiv gr-qc/0509116, App. B)."""
+    even = 2 * np.arange(1, (n_segments - 1) // 2 + 1)
+    return float(1 + np.sum(1 / (even + 1) - 1 / even))
