@@ -340,11 +340,9 @@ def _averages_of_two(
     plan = segment_plan(samples_per_rev, **options)
     if plan.average != "mean":
         raise ValueError(f"average must be 'mean' for two signals, got {plan.average!r}.")
+    if np.shape(x) != np.shape(y):
+        raise ValueError(f"x and y must have the same shape, got {np.shape(x)} and {np.shape(y)}.")
     both = [check_holds_segment(values, name, plan) for values, name in ((x, "x"), (y, "y"))]
-    if both[0].shape != both[1].shape:
-        raise ValueError(
-            f"x and y must have the same shape, got {both[0].shape} and {both[1].shape}."
-        )
     shape = both[0].shape
     rows = np.concatenate([values.reshape(-1, shape[-1]) for values in both])
     n_pairs = len(rows) // 2

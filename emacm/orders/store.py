@@ -22,11 +22,12 @@ from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from stat import S_ISREG
-from threading import Lock
+from threading import Lock, get_ident
 from typing import Any
 
 import joblib
 import numpy as np
+from joblib.parallel import get_active_backend
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_memory
 
@@ -296,11 +297,11 @@ def recalled(
     for index, key in enumerate(keys):
         first.setdefault(key, index)
     found: dict[str, Any] = {key: store.find(key, shape) for key in first}
-    # Processes that search together begin at different rows, and use what the others have found.
-    missing = sorted(
-        (key for key, spectrum in found.items() if spectrum is None),
-        key=lambda key: hash((key, os.getpid())),
-    )
+    missing = [key for key, spectrum in found.items() if spectrum is None]
+    if get_active_backend()[0].nesting_level:
+        # Workers of one search begin at different rows, and find what the others have estimated.
+        worker = os.getpid(), get_ident()
+        missing.sort(key=lambda key: hash((key, worker)))
     numbers = [first[key] for key in missing]
     recall = partial(_recall, estimate=estimate, store=store, key_of=key_of, shape=shape)
     done = len(found) - len(missing)

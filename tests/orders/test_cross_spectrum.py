@@ -180,14 +180,16 @@ def test_a_bin_is_the_ratio_of_integrals_and_so_never_more_than_coherent():
 
 def test_a_single_segment_has_no_coherence():
     x, y = noise(2, 250)
-    with pytest.raises(ValueError, match=r"single segment is 1 whatever the signals.*Lower rev"):
+    with pytest.raises(ValueError, match=r"single segment is 1.*Lower rev"):
         coherence(x, y, 50, revolutions=5)
 
 
 @pytest.mark.parametrize("estimate", [frequency_response, coherence])
 def test_a_dead_channel_is_named(estimate):
     x = noise(500)
-    with pytest.raises(ValueError, match=r"channel 'x' has no power at any order.*dead"):
+    with pytest.raises(
+        ValueError, match=r"channel 'x' has no power at any order.*Check its sensor"
+    ):
         estimate(0 * x, x, 50, revolutions=4)
 
 
@@ -209,13 +211,15 @@ def test_unequal_shapes_are_refused():
 
 
 def test_too_short_signals_are_refused():
-    with pytest.raises(ValueError, match=r"hold no segment of 800 samples \(16 revolutions\)"):
+    with pytest.raises(
+        ValueError, match=r"x of shape .* holds no segment of 800 samples \(16 revolutions\)"
+    ):
         cross_spectrum(noise(500), noise(500), 50)
 
 
 @pytest.mark.parametrize("x", [1.0, []])
 def test_what_holds_no_sample_is_refused(x):
-    with pytest.raises(ValueError, match="hold no segment"):
+    with pytest.raises(ValueError, match="x of shape .* holds no segment"):
         cross_spectrum(x, x, 50)
 
 

@@ -362,7 +362,9 @@ def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
     motion = {"velocity": np.full(5000, 60.0)}
     channels = {"a": np.full(5000, level, kind), "b": np.sin(np.arange(5000.0)).astype(kind)}
     rows = RESAMPLER.fit_transform([Recording(channels, 500, **motion)])
-    with pytest.raises(ValueError, match=r"channel 'a' has no power at any order.*dead or stuck"):
+    with pytest.raises(
+        ValueError, match=r"channel 'a' has no power at any order.*Check its sensor"
+    ):
         OrderCrossSpectrum(4).fit_transform(rows)
 
 
@@ -441,7 +443,7 @@ def test_the_logarithm_of_nothing_is_refused():
     run = drive()
     signals = {"a": run.signals["torque"], "b": np.zeros(len(run.signals["torque"]))}
     rows = RESAMPLER.fit_transform([Recording(signals, 500, angle=run.angle)])
-    with pytest.raises(ValueError, match=r"recording 0: some value is beyond.*logarithm of 0"):
+    with pytest.raises(ValueError, match=r"recording 0: some value exceeds.*logarithm of 0"):
         OrderCrossSpectrum(4, form="log").fit_transform(rows)
 
 

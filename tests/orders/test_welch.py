@@ -421,7 +421,7 @@ def test_a_mains_hum_smears_in_orders_and_not_in_hertz():
         ({"average": "max"}, ValueError, "average must be one of 'mean', 'median'; got 'max'"),
         ({"max_order": -1}, ValueError, "max_order must be a number of orders, at least 0, got -1"),
         ({"window": np.ones(5)}, ValueError, r"the 512 samples of a segment, got shape \(5,\)"),
-        ({"window": np.zeros(512)}, ValueError, "must not add up to 0"),
+        ({"window": np.zeros(512)}, ValueError, "must not sum to 0"),
         ({"revolutions": 17}, ValueError, r"no segment of 544 samples \(17 rev.*Lower revolutions"),
     ],
 )

@@ -53,7 +53,7 @@ def spread(
         (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, 4)),
         shape=(high - low, len(cells)),
     )
-    values = np.stack([row - mean for row, mean in zip(signals, means, strict=True)], axis=1)
+    values = np.stack(signals, axis=1).astype(np.float64, copy=False) - means
     grid[:, low:high] += (operator @ values).T
 
 

@@ -1,0 +1,150 @@
+"""Facts about the powers of segments, of any length."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import fft
+
+from emacm._kernels.numpy import spectra as by_numpy
+
+spectra = pytest.importorskip(
+    "emacm._kernels.numba.spectra", reason="numba is not installed (extra 'fast')"
+)
+both_kernels = pytest.mark.parametrize("loops", [by_numpy, spectra], ids=["numpy", "numba"])
+
+# Powers of two, primes, their multiples, a square.
+LENGTHS = [2, 8, 60, 63, 64, 100, 101, 131, 393, 524, 526, 997, 4 * 997, 4096, 101 * 101]
+LINES = {"lowest": 1 / 16, "few": 1 / 8, "all": 1 / 2}  # of a segment's samples
+
+
+def by_scipy(signals, first, step, window, n_segments, remove_mean):
+    """Sum powers in the simplest way."""
+    cut = np.stack([signals[:, first + k * step :][:, : len(window)] for k in range(n_segments)])
+    if remove_mean:
+        cut = cut - cut.mean(axis=-1, keepdims=True)
+    return (np.abs(fft.rfft(cut * window)) ** 2).sum(axis=0)
+
+
+@both_kernels
+@pytest.mark.parametrize("n_lines", LINES)
+@pytest.mark.parametrize("length", LENGTHS)
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_powers_are_those_of_scipy_at_any_length(loops, length, dtype, n_lines):
+    signals = np.random.default_rng(length).standard_normal((2, 3 * length + 3)).astype(dtype)
+    cut = signals, 3, max(1, length // 2), np.hanning(length + 2)[1:-1], 4
+    wanted = max(1, int(length * LINES[n_lines])) + (n_lines != "lowest")
+    expected = by_scipy(signals.astype(float), *cut[1:], True)[:, :wanted]
+    found = loops.segment_powers(*cut, wanted, True)
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, expected, atol=1e-13 * expected.max(), rtol=0)
+
+
+@both_kernels
+@pytest.mark.parametrize("length", [524, 600, 4096])
+def test_a_mean_far_above_a_signal_in_float32_changes_nothing(loops, length):
+    tone = np.cos(2 * np.pi * 10 / length * np.arange(4 * length))
+    signals = (1e4 + tone).astype(np.float32)[np.newaxis]
+    cut = 0, length, np.hanning(length), 4
+    found = loops.segment_powers(signals, *cut, length // 16, True)
+    expected = by_scipy(signals.astype(float), *cut, True)[:, : length // 16]
+    np.testing.assert_allclose(found, expected, atol=1e-12 * expected.max())
+
+
+@given(
+    quarter=st.integers(16, 300),
+    share=st.floats(0, 1),
+    step=st.integers(1, 500),
+    window=st.sampled_from([np.ones, np.hanning, np.kaiser]),
+    remove_mean=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_the_lowest_lines_are_those_of_scipy(quarter, share, step, window, remove_mean, seed):
+    length = 4 * quarter
+    weights = window(length, 8.0) if window is np.kaiser else window(length)
+    signals = np.random.default_rng(seed).standard_normal((3, length + 4 * step))
+    n_lines = max(1, int(share * length / 16))
+    cut = signals, 0, step, weights, 5
+    expected = by_scipy(*cut, remove_mean)
+    found = spectra.segment_powers(*cut, n_lines, remove_mean)
+    np.testing.assert_allclose(found, expected[:, :n_lines], atol=1e-13 * expected.max(), rtol=0)
+
+
+@pytest.mark.parametrize("length", [64, 512, 4096])
+def test_no_tone_above_the_lines_wanted_aliases_onto_them(length):
+    n_lines = length // 16
+    orders = np.arange(n_lines, length // 2)
+    if len(orders) > 300:  # those next to where lines alias onto the wanted ones, and some others
+        aliasing = np.abs(orders - length // 4 * np.round(4 * orders / length)) < n_lines
+        orders = np.union1d(orders[aliasing], orders[::7])
+    turns = np.outer(orders, np.arange(length)) % length / length
+    tones = np.sin(2 * np.pi * turns + 1)
+    powers = spectra.segment_powers(tones, 0, length, np.ones(length), 1, n_lines, False)
+    assert np.sqrt(powers.max()) < 2e-14 * length / 2
+
+
+@both_kernels
+def test_each_of_the_lowest_lines_has_the_power_of_its_tone(loops):
+    lines = np.arange(1, 32)
+    tones = np.sin(2 * np.pi / 512 * np.outer(lines, np.arange(512)))
+    powers = loops.segment_powers(tones, 0, 512, np.ones(512), 1, 32, True)
+    np.testing.assert_allclose(powers, 256.0**2 * np.eye(32)[1:], atol=1e-12 * 256**2)
+
+
+@both_kernels
+def test_the_mean_is_kept_unless_it_is_to_be_removed(loops):
+    signals = np.full((1, 524), 2.0)
+    powers = loops.segment_powers(signals, 0, 524, np.ones(524), 1, 10, False)
+    np.testing.assert_allclose(powers[0], [(2 * 524) ** 2] + [0] * 9, atol=1e-18 * 524**4)
+
+
+@both_kernels
+@pytest.mark.parametrize("size", [1, 3000, 100_000])
+def test_batches_of_rows_and_segments_add_up(loops, monkeypatch, size):
+    signals = np.random.default_rng(0).standard_normal((5, 4096))
+    cut = signals, 0, 32, np.ones(64), 127
+    monkeypatch.setattr(loops, "SEGMENT_BYTES", size)
+    found = loops.segment_powers(*cut, 33, False)
+    np.testing.assert_allclose(found, by_scipy(*cut, False), rtol=1e-11)
+
+
+@pytest.mark.parametrize("n_segments", [1, 2])
+def test_a_quarter_is_transformed_for_the_lowest_lines(monkeypatch, n_segments):
+    lengths = []
+
+    def noting(transform):
+        def noted(segments, *args, **kwargs):
+            lengths.append(segments.shape[-1])
+            return transform(segments, *args, **kwargs)
+
+        return noted
+
+    cut = np.ones((1, 8192)), 0, 4096, np.ones(4096), n_segments
+    spectra.segment_powers(*cut, 256, False)  # designs the low pass, by a transform
+    for name in ("fft", "rfft"):
+        monkeypatch.setattr(spectra.fft, name, noting(getattr(spectra.fft, name)))
+    spectra.segment_powers(*cut, 256, False)
+    spectra.segment_powers(*cut, 257, False)
+    assert lengths == [1024, 4096]
+
+
+@both_kernels
+@pytest.mark.parametrize("n_segments", [1, 2, 3, 8])
+@pytest.mark.parametrize("length", [9, 16, 75, 128])
+def test_segments_may_be_odd_in_number_and_in_length(loops, n_segments, length):
+    signals = 3 + np.random.default_rng(0).standard_normal((3, 8 * length))
+    cut = signals, 2, length // 2, np.hanning(length), n_segments
+    found = loops.segment_powers(*cut, length // 2 + 1, True)
+    np.testing.assert_allclose(found, by_scipy(*cut, True), rtol=1e-11, atol=1e-20)
+
+
+@pytest.mark.parametrize("remove_mean", [True, False])
+def test_windowed_segments_are_those_of_the_signal(remove_mean):
+    signals = np.random.default_rng(0).standard_normal((2, 1000)).astype(np.float32) + 5
+    window = np.hanning(128)
+    found = by_numpy.windowed(signals, 7, 50, window, 17, remove_mean)
+    assert found.dtype == np.float64
+    assert found.shape == (2, 17, 128)
+    part = signals[1, 7 + 3 * 50 :][:128].astype(float)
+    expected = window * (part - remove_mean * part.mean())
+    np.testing.assert_allclose(found[1, 3], expected, atol=1e-14)
