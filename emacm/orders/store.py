@@ -251,9 +251,8 @@ def spectrum_key(row: Any, settings: str) -> str:
     """
     if isinstance(row, AngleRecording):
         content = row.measured.digest
-        settings += repr(
-            [(field.name, getattr(row, field.name)) for field in fields(row) if field.repr]
-        )
+        names = [field.name for field in fields(row) if field.compare and field.name != "measured"]
+        settings += repr([(name, getattr(row, name)) for name in names])
     else:
         content = content_digest("row", [row])
     return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()

@@ -215,11 +215,9 @@ def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in module.__all__ if callable(getattr(module, name))}
 
-    assert (
-        offered(compiled)
-        == offered(_kernels_numpy)
-        == set(compiled.__all__) - {"BLOCK", "READ_BLOCK", "SEGMENT_BYTES"}
-    )
+    assert len(offered(compiled)) == 12
+    assert offered(compiled) == offered(_kernels_numpy)
+    assert compiled.__all__ == _kernels_numpy.__all__
 
 
 def test_kernels_can_be_named_for_a_while():

@@ -219,7 +219,7 @@ def test_too_short_signals_are_refused():
 
 @pytest.mark.parametrize("x", [1.0, []])
 def test_what_holds_no_sample_is_refused(x):
-    with pytest.raises(ValueError, match="x of shape .* holds no segment"):
+    with pytest.raises(ValueError, match=r"x of shape .* holds no segment"):
         cross_spectrum(x, x, 50)
 
 
