@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from emacm.decisions.families import (
         family_costs as family_costs,
     )
+    from emacm.decisions.least_risk import (
+        LeastRiskClassifier as LeastRiskClassifier,
+    )
     from emacm.decisions.metrics import (
         expected_cost as expected_cost,
     )
@@ -185,6 +188,9 @@ _PUBLIC = {
     "decisions.families": [
         "as_families",
         "family_costs",
+    ],
+    "decisions.least_risk": [
+        "LeastRiskClassifier",
     ],
     "decisions.metrics": [
         "expected_cost",

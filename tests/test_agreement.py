@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from sklearn.base import clone
 
 from emacm import (
     ConditionRouter,
     CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
     PosteriorProduct,
     as_families,
     evaluate,
@@ -78,7 +80,10 @@ def test_a_wrapped_classifier_is_scored_as_the_classifier_itself(cost):
     table = pd.DataFrame(X, columns=["level", "slope"]).assign(load=20)
     share = routed.fit(table, Y).score(table, Y)
     assert share == model.score(X, Y)
-    for other in (PosteriorProduct([("all", CostSensitiveGaussianBayes())], cost=cost),):
+    for other in (
+        LeastRiskClassifier(CostSensitiveGaussianBayes(), cost),
+        PosteriorProduct([("all", CostSensitiveGaussianBayes())], cost),
+    ):
         assert other.fit(X, Y).score(X, Y) == share
 
 
@@ -95,7 +100,7 @@ def test_the_picture_of_outcomes_and_evaluate_count_the_same_decisions_as_correc
 
 def test_the_cost_of_a_member_is_not_the_cost_of_the_product():
     member = CostSensitiveGaussianBayes({("new", "spall"): 50}, priors="uniform")
-    for outer in (PosteriorProduct([("one", member)]),):
+    for outer in (PosteriorProduct([("one", member)]), LeastRiskClassifier(member)):
         row, _ = answers_of_evaluate(outer)
         model = outer.fit(X, Y)
         assert row["expected_cost"] == pytest.approx(-neg_expected_cost(model, LATER, Y_LATER))
@@ -180,3 +185,28 @@ def test_ambiguous_families_are_refused_alike_by_all(case):
     messages = {(type(error), str(error)) for error in errors}
     assert len(messages) == 1
     assert "famil" in str(errors[0])
+
+
+# What is decided
+
+
+@given(
+    cost_tables,
+    st.sampled_from([None, "uniform", [0.1, 0.2, 0.3, 0.4]]),
+    st.sampled_from(["full", "tied", "diag"]),
+)
+def test_all_classifiers_take_the_same_decisions_of_least_risk(cost, priors, covariance):
+    gaussian = CostSensitiveGaussianBayes(cost, priors=priors, covariance=covariance).fit(X, Y)
+    plain = CostSensitiveGaussianBayes(priors=priors, covariance=covariance)
+    others = [LeastRiskClassifier(plain, cost), PosteriorProduct([("all", plain)], cost)]
+    if priors is not None:
+        trained_otherwise = clone(plain).set_params(priors=[0.4, 0.3, 0.2, 0.1])
+        others += [LeastRiskClassifier(trained_otherwise, cost, priors=priors)]
+    risk = np.sort(gaussian.risk(LATER), axis=1)
+    # Risks that are equal but for rounding may be decided either way once priors are converted.
+    assume(((risk[:, 1] - risk[:, 0] > 1e-9) | (risk[:, 1] == risk[:, 0])).all())
+    for other in others:
+        other.fit(X, Y)
+        np.testing.assert_array_equal(other.decisions_, gaussian.decisions_)
+        np.testing.assert_allclose(other.risk(LATER), gaussian.risk(LATER), atol=1e-9)
+        np.testing.assert_array_equal(other.predict(LATER), gaussian.predict(LATER))

@@ -1,71 +1,81 @@
-"""The Bayes classifier of least risk: Gaussian classes, labelled costs."""
+"""Bayes classifier with Gaussian classes and labelled costs of decisions."""
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_softmax
 from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
 from emacm._checks import check_choice, check_number
 from emacm.decisions.costs import cost_table
-from emacm.decisions.gaussians import FLOOR, fit_gaussians
-from emacm.decisions.labels import check_classes
-from emacm.decisions.metrics import check_weights, fraction_correct
-from emacm.decisions.moments import ClassMoments, class_moments
-from emacm.decisions.posteriors import BayesRule
+from emacm.decisions.density_checks import check_densities, check_seen
+from emacm.decisions.gaussians import GaussianClasses, class_gaussians
+from emacm.decisions.labels import check_classes, label_positions
+from emacm.decisions.least_risk import LeastRiskMixin
+from emacm.decisions.metrics import check_weights
+from emacm.decisions.moments import ClassMoments, check_range, moments_for
 from emacm.decisions.priors import class_priors
-from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient
 
-_REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
-_FEWER = "Use fewer features (by PCA), or more recordings: two of a class at the least."
+Array = NDArray[np.float64]
 
 
-class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
+def _can_add_recordings(classifier: CostSensitiveGaussianBayes) -> bool:
+    if isinstance(classifier.shrinkage, str) and classifier.shrinkage == "auto":
+        raise AttributeError(
+            'partial_fit is not available with shrinkage="auto": Ledoit-Wolf needs fourth '
+            "moments of the recordings, which are not kept. "
+            'Use "oas" or a number, or fit all recordings at once.'
+        )
+    return True
+
+
+class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator):
     """Gaussian Bayes classifier that takes the decision of least conditional risk.
 
-    Each class is a Gaussian density, Eqs. (2.44)-(2.46) of [1]_. The decision minimises
-    the expected cost under the posterior, Eq. (2.43). Rows of the cost are the decision,
-    columns are the truth; scikit-learn's confusion matrix and the cost of MATLAB put the
-    truth in rows.
+    Each class has a Gaussian density, Eqs. (2.44)-(2.46) of [1]_. The decision minimises
+    the expected cost under the posterior, Eq. (2.43). Rows of the cost are decisions,
+    columns are true classes; scikit-learn's confusion matrix and the cost of MATLAB have the
+    true classes in rows.
 
     Parameters
     ----------
     cost : None, array-like, DataFrame or mapping, default=None
-        Cost of each decision under each truth, in any unit. None: 0-1. A square array
+        Cost of each decision under each true class, in any unit. None: 0-1. A square array
         in the order of `classes_`; a DataFrame (index = decisions, columns = classes); or
-        a mapping {(decision, truth): cost} with the rest 0-1. Decisions that are no class
-        ("inspect") must price every class. See `emacm.decisions.costs.cost_table`.
+        a mapping {(decision, true class): cost}, all other entries 0-1. Decisions that are not
+        classes ("inspect") need a cost for every class. See `emacm.decisions.costs.cost_table`.
     priors : None, "uniform", array-like or mapping, default=None
-        Probability of each class in service. None: shares of the classes in training.
+        Probability of each class in service. None: frequencies of the classes in training.
         An array is in the order of `classes_`, a mapping (or Series) names every class.
     covariance : {"full", "tied", "diag"}, default="full"
         One covariance per class (divided by N - 1), one for all classes (N - K), or
-        the variances of each class only (the diagonal of the full one).
+        the variances of each class only (the diagonal of "full").
     shrinkage : None, float in [0, 1], "oas" or "auto", default=None
-        Share of the target "equal variances, no correlation" in each covariance. "oas"
-        finds it from second moments. "auto" is that of scikit-learn's LDA: Ledoit-Wolf on
+        Fraction of the target "equal variances, no correlation" in each covariance. "oas"
+        computes it from second moments. "auto" is that of scikit-learn's LDA: Ledoit-Wolf on
         standardised features (tied: on the deviations from the class means); it needs
         all recordings at once, unweighted. None: no shrinkage, and the eigenvalues of
         a singular covariance are raised to 1e-9 of the largest feature variance, with a
-        warning. With any number, 0 included, a singular covariance is an error.
+        warning. With any number, including 0, a singular covariance is an error.
 
     Attributes
     ----------
     classes_ : ndarray of shape (n_classes,)
-        The possible truths, sorted.
+        The possible true classes, sorted.
     decisions_ : ndarray of shape (n_decisions,)
-        What `predict` can answer; ties go to the first.
+        Possible results of `predict`; of equal risks the first is returned.
     cost_ : ndarray of shape (n_decisions, n_classes)
         Cost of each of `decisions_` under each of `classes_`.
     priors_ : ndarray of shape (n_classes,)
         Prior probabilities.
     class_count_ : ndarray of shape (n_classes,)
-        Recordings of each class, as weighted.
+        Number of recordings of each class, as weighted.
     means_ : ndarray of shape (n_classes, n_features)
         Mean of each class.
     covariances_ : ndarray
@@ -78,10 +88,14 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
 
     Notes
     -----
-    `partial_fit` neither warns nor raises about singular covariances, because the next
-    recordings may cure them; `predict` and the others then do.
-    `CalibratedClassifierCV` decides for the most probable class, whatever the cost;
-    `emacm.decisions.costs.least_risk(probabilities, cost)` decides by its probabilities.
+    `cost` and `priors` take effect when a decision is made: ``set_params(cost=...)`` on a fitted
+    classifier applies to the next `predict`, and equals a refit. `cost_`, `decisions_` and
+    `priors_` contain the values in effect.
+
+    `partial_fit` neither warns nor raises if covariances are singular, since further
+    recordings may change that; `predict` and the other methods then do.
+    `CalibratedClassifierCV` decides for the most probable class, whatever the cost; wrap it in
+    `LeastRiskClassifier`.
 
     References
     ----------
@@ -92,10 +106,11 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
     --------
     >>> X = [[0.0], [1.0], [2.0], [3.0], [4.0], [5.0]]
     >>> y = ["healthy"] * 3 + ["worn"] * 3
-    >>> CostSensitiveGaussianBayes().fit(X, y).predict([[2.2]])
+    >>> model = CostSensitiveGaussianBayes().fit(X, y)
+    >>> model.predict([[2.2]])
     array(['healthy'], dtype='<U7')
     >>> missed = {("healthy", "worn"): 10}
-    >>> CostSensitiveGaussianBayes(missed).fit(X, y).predict([[2.2]])
+    >>> model.set_params(cost=missed).predict([[2.2]])
     array(['worn'], dtype='<U7')
     """
 
@@ -113,7 +128,7 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         self.shrinkage = shrinkage
 
     def fit(self, X, y, sample_weight=None):
-        """Estimate the Gaussian density of each class, forgetting earlier recordings.
+        """Estimate the Gaussian density of each class; earlier recordings are discarded.
 
         Parameters
         ----------
@@ -122,7 +137,8 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         y : array-like of shape (n_recordings,)
             True class of each recording.
         sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts; weight 0 leaves it out.
+            How often each recording counts; a weight of 0 leaves it out. Weights whose sum is 1,
+            as `AdaBoostClassifier` gives, are relative: they are multiplied by n_recordings.
 
         Returns
         -------
@@ -138,11 +154,11 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
             If labels are text and numbers together.
         """
         _check_parameters(self.covariance, self.shrinkage)
-        if isinstance(y, list | tuple):
+        if y is not None:
             check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
-        weight = check_weights(sample_weight, len(X))
+        weight = _as_counts(check_weights(sample_weight, len(X)))
         if self.shrinkage == "auto":
             _check_unweighted(weight)
         classes, codes = np.unique(y, return_inverse=True)
@@ -152,18 +168,16 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
                 f"Every class needs a recording of positive weight; sample_weight is zero for "
                 f"all recordings of class {classes[empty].tolist()}."
             )
-        moments = self._measure(X, codes, weight, classes)
-        if self.shrinkage == "auto":
-            target = ledoit_wolf_coefficients(X, codes, moments.means, pooled=moments.pooled)
-            self._settle(classes, moments, *target)
-        else:
-            self._settle(classes, moments, self._coefficients(moments))
-        self._judge()
-        self._judged = True
+        moments = moments_for(self.covariance, self.shrinkage, X, codes, len(classes), weight)
+        gaussians = class_gaussians(moments, self.covariance, self.shrinkage, (X, codes))
+        self._set_fitted(classes, moments, gaussians)
+        self._check_fitted(stacklevel=3)
+        self._checked = True
         return self
 
+    @available_if(_can_add_recordings)
     def partial_fit(self, X, y, classes=None, sample_weight=None):
-        """Add recordings; any pieces give what one `fit` of all of them gives.
+        """Add recordings; any division into parts gives the result of one `fit` of all of them.
 
         Parameters
         ----------
@@ -172,8 +186,8 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         y : array-like of shape (n_recordings,)
             True class of each recording.
         classes : array-like of shape (n_classes,), default=None
-            All classes that can ever occur; needed in the first call. A class not seen
-            yet has prior 0 (if `priors` is None) and is never decided.
+            All classes that can ever occur; required in the first call. A class without
+            recordings has prior 0 (if `priors` is None) and is never decided.
         sample_weight : array-like of shape (n_recordings,), default=None
             How often each recording counts.
 
@@ -184,32 +198,37 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
 
         Raises
         ------
-        ValueError
-            If `classes` is missing or changes, `y` holds another class, `shrinkage` is
-            "auto", or a parameter or an input is invalid.
+        AttributeError
+            If `shrinkage` is "auto".
+        TypeError, ValueError
+            If `classes` is missing or changes, `y` contains another class, or a parameter or an
+            input is invalid.
         """
         _check_parameters(self.covariance, self.shrinkage)
-        if self.shrinkage == "auto":
-            raise ValueError(
-                'shrinkage="auto" cannot be used with partial_fit: Ledoit-Wolf needs fourth '
-                "moments of the recordings themselves, which are not kept. "
-                'Use "oas" or a number, or fit all recordings at once.'
-            )
         known = getattr(self, "classes_", None)
+        if y is not None:
+            check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
         labels = _agreed_classes(classes, known)
         weight = check_weights(sample_weight, len(X))
-        moments = self._measure(X, _class_numbers(y, labels), weight, labels)
+        codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
+        moments = moments_for(self.covariance, self.shrinkage, X, codes, len(labels), weight)
         if known is not None:
             moments = self._merged(moments)
         if not moments.counts.sum() > 0:
             raise ValueError("sample_weight must not be zero for every recording.")
-        self._settle(labels, moments, self._coefficients(moments))
+        gaussians = class_gaussians(moments, self.covariance, self.shrinkage)
+        self._set_fitted(labels, moments, gaussians)
         return self
 
+    @property
+    def priors_(self) -> Array:
+        """Prior probabilities in effect, shape (n_classes,), for the present `priors`."""
+        return class_priors(self.priors, self.classes_, self.class_count_)
+
     def predict_joint_log_proba(self, X):
-        """Logarithm of prior times density, the terms of Eq. (2.41).
+        """Return the logarithm of prior times density, the terms of Eq. (2.41).
 
         Parameters
         ----------
@@ -225,24 +244,23 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If an input is invalid, or after `partial_fit`, if a class with a prior has no
+            If an input is invalid, features are so far from every class that distances overflow;
+            after `partial_fit`, if a class with a prior has no
             recordings or a covariance is singular and `shrinkage` is not None.
         """
-        X = self._features(X)
-        return self._rule.joint(X)
+        X = self._checked_features(X)
+        with np.errstate(divide="ignore"):
+            joint = self._gaussians.log_densities(X) + np.log(self.priors_)
+        undefined = np.isneginf(joint).all(axis=1)
+        if undefined.any():
+            raise ValueError(
+                f"the features of recording {int(np.argmax(undefined))} are so far from every "
+                f"class that its distances overflow. Check the features and their units."
+            )
+        return joint
 
     def predict_log_proba(self, X):
-        """Logarithm of the posterior, Eq. (2.42), shape (n_recordings, n_classes)."""
-        X = self._features(X)
-        return self._rule.log_posterior(X)
-
-    def predict_proba(self, X):
-        """Posterior probability of each class, Eq. (2.42), shape (n_recordings, n_classes)."""
-        X = self._features(X)
-        return self._rule.posterior(X)
-
-    def risk(self, X):
-        """Conditional risk of each decision, Eq. (2.39), in the unit of the cost.
+        """Return the logarithm of the posterior, Eq. (2.42).
 
         Parameters
         ----------
@@ -251,17 +269,13 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
 
         Returns
         -------
-        risk : ndarray of shape (n_recordings, n_decisions)
-            Posterior times `cost_`, columns in the order of `decisions_`.
+        log_posterior : ndarray of shape (n_recordings, n_classes)
+            -inf where the prior is 0.
         """
-        X = self._features(X)
-        return self._rule.risk(X, self.cost_)
+        return log_softmax(self.predict_joint_log_proba(X), axis=1)
 
-    def predict(self, X):
-        """Take the decision of least risk, Eq. (2.43).
-
-        Scaling all costs, or adding a constant to every decision of one true class,
-        changes no decision. Ties go to the first of `decisions_`.
+    def log_density_gradient(self, X):
+        """Return the gradient of the log density of each class with respect to the features.
 
         Parameters
         ----------
@@ -270,136 +284,45 @@ class CostSensitiveGaussianBayes(ClassifierMixin, BaseEstimator):
 
         Returns
         -------
-        decisions : ndarray of shape (n_recordings,)
-            One of `decisions_` for each recording.
+        gradient : ndarray of shape (n_recordings, n_classes, n_features)
+            -S_k^-1 (z - m_k), per unit of each feature.
         """
-        X = self._features(X)
-        return self.decisions_.take(self._rule.decide(X, self.cost_))
+        return self._gaussians.log_density_gradients(self._checked_features(X))
 
-    def score(self, X, y, sample_weight=None):
-        """Share of recordings that are decided rightly.
-
-        A decision is right if it is the true class ("inspect" never is); for a true class
-        that is no decision, as a sub-state where families are decided for, if it costs
-        least. The metrics of scikit-learn (``scoring="accuracy"``) compare labels: where
-        decisions are no classes, they call every one of them wrong. `neg_expected_cost` does not.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_recordings, n_features)
-            Features.
-        y : array-like of shape (n_recordings,)
-            True classes.
-        sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts.
-
-        Returns
-        -------
-        share : float
-            Accuracy, 0..1.
-
-        Raises
-        ------
-        ValueError
-            If an input is invalid, or what is right is not known: some decisions are no
-            classes, and `y` holds a label that is neither.
-        """
-        table = self.decisions_, self.classes_, self.cost_
-        return fraction_correct(column_or_1d(y), self.predict(X), table, sample_weight)
-
-    def _features(self, X) -> NDArray[np.float64]:
+    def _checked_features(self, X) -> Array:
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        if not self._judged:
-            self._judge(depth=4)
+        check_range(X)
+        check_seen(self.priors_, self.class_count_, self.classes_)
+        if not self._checked:
+            self._check_fitted(stacklevel=5)
         return X
-
-    def _measure(self, X, codes, weight, classes) -> ClassMoments:
-        return class_moments(
-            X,
-            codes,
-            len(classes),
-            sample_weight=weight,
-            pooled=self.covariance == "tied",
-            variances_only=self.covariance == "diag" and self.shrinkage != "oas",
-        )
 
     def _merged(self, moments: ClassMoments) -> ClassMoments:
         try:
             return self._moments.merge(moments)
         except ValueError as error:
             raise ValueError(
-                "covariance or shrinkage changed since the last fit or partial_fit, and what "
-                "was kept of the recordings does not serve the new choice. Call fit."
+                "covariance or shrinkage has changed since the last fit or partial_fit, and the "
+                "moments kept of earlier recordings do not suffice for the new choice. Call fit."
             ) from error
 
-    def _coefficients(self, moments: ClassMoments) -> ArrayLike:
-        """Return the shrinkage coefficient of each covariance, by the moments alone."""
-        if self.shrinkage == "oas":
-            pairs = zip(moments.scatter, moments.group_counts, strict=True)
-            return [oas_coefficient(scatter, count) for scatter, count in pairs]
-        return 0.0 if self.shrinkage is None else float(self.shrinkage)
-
-    def _settle(self, classes, moments, coefficients, squared_scales=1.0) -> None:
-        """Set everything that follows from the moments; nothing, if a parameter is invalid."""
-        decisions, cost = cost_table(self.cost, classes)
-        priors = class_priors(self.priors, classes, moments.counts)
-        gaussians = fit_gaussians(
-            moments,
-            coefficients,
-            squared_scales,
-            diagonal=self.covariance == "diag",
-            floor=FLOOR * moments.feature_variances.max() if self.shrinkage is None else None,
-        )
-        self.classes_, self.decisions_, self.cost_, self.priors_ = classes, decisions, cost, priors
-        self.class_count_, self.means_ = moments.counts, moments.means
+    def _set_fitted(
+        self, classes: NDArray[Any], moments: ClassMoments, gaussians: GaussianClasses
+    ) -> None:
+        """Set the fitted attributes; none, if the cost or the priors are invalid."""
+        cost_table(self.cost, classes)
+        class_priors(self.priors, classes, moments.counts)
+        self.classes_, self.class_count_, self.means_ = classes, moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances
-        with np.errstate(divide="ignore"):
-            self._rule = BayesRule(gaussians, np.log(priors))
-        self._moments, self._judged = moments, False
+        self._moments, self._gaussians, self._checked = moments, gaussians, False
 
-    def _judge(self, depth: int = 3) -> None:
-        """Raise or warn if the densities are not fit for use; the warning names the caller."""
-        seen = self._moments.counts > 0
-        unknown = (self.priors_ > 0) & ~seen
-        if unknown.any():
-            raise ValueError(
-                f"priors are given, but class {self.classes_[unknown].tolist()} has had no "
-                f"recordings yet. Call partial_fit with some, or leave priors=None, which "
-                f"gives it the prior 0."
-            )
-        if not self._moments.feature_variances.max() > 0:
-            raise ValueError(
-                "The largest variance of the features is 0: every recording has the same "
-                "features, and nothing can be told apart. Check the features."
-            )
-        scattered = self._moments.scatter.reshape(len(self._moments.scatter), -1).any(axis=1)
-        thin = (self._moments.divisors <= 0) & scattered
-        if thin.any():
-            raise ValueError(
-                f"sample_weight counts recordings: a covariance divides by their number less "
-                f"one, but {self._named(thin)} has a total weight of "
-                f"{self._moments.group_counts[thin].tolist()}. Scale the weights up."
-            )
-        singular = self._rule.gaussians.singular & (self._moments.group_counts > 0)
-        if singular.any() and self.shrinkage is not None:
-            raise ValueError(
-                f"The covariance of {self._named(singular)} is singular with "
-                f"shrinkage={self.shrinkage!r}. "
-                f"{_FEWER if self.shrinkage in ('oas', 'auto') else _REMEDY}"
-            )
-        if singular.any():
-            warnings.warn(
-                f"The covariance of {self._named(singular)} is singular; its eigenvalues were "
-                f"raised to {FLOOR:g} of the largest feature variance. {_REMEDY}",
-                UserWarning,
-                stacklevel=depth,
-            )
-
-    def _named(self, groups: NDArray[np.bool_]) -> str:
-        if self._moments.pooled:
-            return "all classes"
-        return "class " + ", ".join(repr(label) for label in self.classes_[groups].tolist())
+    def _check_fitted(self, stacklevel: int) -> None:
+        check_seen(self.priors_, self.class_count_, self.classes_)
+        singular = self._gaussians.singular
+        check_densities(
+            self._moments, singular, self.classes_, self.shrinkage, stacklevel=stacklevel
+        )
 
 
 def _check_parameters(covariance: Any, shrinkage: Any) -> None:
@@ -411,17 +334,22 @@ def _check_parameters(covariance: Any, shrinkage: Any) -> None:
         check_number(shrinkage, name, at_least=0, at_most=1)
 
 
-def _check_unweighted(weight: NDArray[np.float64]) -> None:
-    if not (weight == 1).all():
+def _as_counts(weight: Array) -> Array:
+    """Return weights as counts; those whose sum is 1 are relative."""
+    return weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
+
+
+def _check_unweighted(weight: Array) -> None:
+    if not np.allclose(weight, 1, rtol=1e-9):
         raise ValueError(
             'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
-            "needs fourth moments of the recordings themselves, for which weights have no "
-            'meaning. Use "oas" or a number.'
+            "needs fourth moments of the recordings, for which weights have no meaning. "
+            'Use "oas" or a number.'
         )
 
 
 def _agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:
-    """Return the classes of a stream of recordings, or say why they are not clear."""
+    """Return the classes of all calls of `partial_fit`."""
     if classes is None:
         if known is None:
             raise ValueError("classes must be given in the first call of partial_fit.")
@@ -429,18 +357,7 @@ def _agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> ND
     labels = np.unique(column_or_1d(classes))
     if known is not None and not np.array_equal(labels, known):
         raise ValueError(
-            f"classes must stay the same in every call of partial_fit: got {labels.tolist()}, "
-            f"before {known.tolist()}."
+            f"classes must be the same in every call of partial_fit: got {labels.tolist()}, "
+            f"previously {known.tolist()}."
         )
     return labels
-
-
-def _class_numbers(y: NDArray[Any], classes: NDArray[Any]) -> NDArray[np.intp]:
-    place = {label: number for number, label in enumerate(classes.tolist())}
-    for position, label in enumerate(y.tolist()):
-        if label not in place:
-            raise ValueError(
-                f"y holds the class {label!r} at recording {position}, which is none of the "
-                f"classes {list(place)} given to the first partial_fit."
-            )
-    return np.array([place[label] for label in y.tolist()], dtype=np.intp)

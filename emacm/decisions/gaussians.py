@@ -1,7 +1,7 @@
-"""Gaussian classes: moments that merge exactly, covariances, log densities.
+"""Gaussian densities of the classes: covariances, log densities and their gradients.
 
-`ClassMoments` holds what the recordings of each class have in common; `fit_gaussians`
-makes densities of it; `GaussianClasses.log_densities` evaluates them, Eq. (2.44) of [1]_.
+`class_gaussians` computes densities from the moments of the classes
+(`emacm.decisions.moments`); `GaussianClasses.log_densities` evaluates them, Eq. (2.44) of [1]_.
 
 References
 ----------
@@ -11,29 +11,15 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
-from emacm.decisions.blocks import in_blocks
-from emacm.decisions.discriminants import LinearDiscriminants, linear_discriminants
-from emacm.decisions.distances import ClassDistances, class_distances
-from emacm.decisions.moments import ClassMoments, class_moments, diagonals
+from emacm.decisions.moments import ClassMoments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
-
-__all__ = [
-    "FLOOR",
-    "ClassMoments",
-    "GaussianClasses",
-    "class_moments",
-    "fit_gaussians",
-    "is_singular",
-    "ledoit_wolf_coefficients",
-    "oas_coefficient",
-    "shrink",
-]
 
 Array = NDArray[np.float64]
 
@@ -42,25 +28,21 @@ FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature v
 
 @dataclass(frozen=True)
 class GaussianClasses:
-    """Gaussian densities, ready to evaluate.
+    """Gaussian densities of the classes.
 
     Attributes
     ----------
     means : ndarray of shape (n_classes, n_features)
         Mean of each class.
     covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
-        Covariance of each class, or the one of all (`n_groups` = 1), or their diagonals.
+        Covariance of each class, or the common one (`n_groups` = 1), or their diagonals.
     factors : ndarray of the shape of `covariances`
-        P with P P' = inverse of the covariance (whitens by a product from the right).
+        P with P P' = inverse of the covariance; ``(z - mean) @ P`` has unit covariance.
     log_determinants : ndarray of shape (n_groups,)
         Logarithm of the determinant of each covariance.
     singular : ndarray of bool, shape (n_groups,)
-        Where the covariance was singular; raised to the floor if there was one, else its
-        factor is zero and means nothing.
-    distances : ClassDistances
-        The same means and factors, prepared for evaluation.
-    discriminants : LinearDiscriminants or None
-        If one covariance serves all classes, and they are accurate.
+        Whether the covariance was singular: raised to the floor if there was one, otherwise its
+        factor is zero and meaningless.
     """
 
     means: Array
@@ -68,38 +50,103 @@ class GaussianClasses:
     factors: Array
     log_determinants: Array
     singular: NDArray[np.bool_]
-    distances: ClassDistances = field(init=False, repr=False)
-    discriminants: LinearDiscriminants | None = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        linear = None
-        if len(self.factors) < len(self.means) and self.factors.ndim == 3:
-            deviations = np.sqrt(np.diagonal(self.covariances[0]))
-            linear = linear_discriminants(self.means, self.factors[0], deviations)
-        object.__setattr__(self, "distances", class_distances(self.means, self.factors))
-        object.__setattr__(self, "discriminants", linear)
+    def squared_distances(self, X: Array) -> Array:
+        """Squared Mahalanobis distances, the exponent of Eq. (2.44).
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_recordings, n_features)
+            Features.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_classes)
+            Squared distances to the mean of each class, in standard deviations; infinite where
+            they overflow.
+        """
+        squares = np.empty((len(X), len(self.means)))
+        common = len(self.factors) == 1 and self.factors.ndim == 3
+        with np.errstate(over="ignore", invalid="ignore"):
+            if common:  # transform once, then subtract the transformed means
+                factor, centre = self.factors[0], self.means.mean(axis=0)
+                rows, means = (X - centre) @ factor, (self.means - centre) @ factor
+            for k, mean in enumerate(self.means):
+                white = rows - means[k] if common else self._whiten(X - mean, k)
+                squares[:, k] = np.einsum("rf,rf->r", white, white)
+        return np.fmin(squares, np.inf)  # where terms overflow, infinity instead of NaN
 
     def log_densities(self, X: Array) -> Array:
         """Logarithm of the density of each class, Eq. (2.44), shape (n_recordings, n_classes)."""
-        n_rows, n_classes = self.distances.n_rows, len(self.means)
-        return in_blocks(lambda rows: self.log_terms(rows).T, X, n_rows, n_classes)
-
-    def log_terms(self, X: Array, log_weights: ArrayLike = 0.0) -> Array:
-        """Logarithm of weight times density for a block, shape (n_classes, n_rows).
-
-        Classes first, as the work arrays of `emacm.decisions.distances` have them.
-        """
         constant = X.shape[1] * np.log(2 * np.pi) + self.log_determinants
-        terms = self.distances.squares(X)
-        terms *= -0.5
-        terms += np.reshape(log_weights - 0.5 * constant, (-1, 1))
-        return terms
+        return -0.5 * (self.squared_distances(X) + constant)
 
-    def log_scores(self, X: Array, log_weights: Array) -> Array:
-        """As `log_terms`, up to one number per recording, which no posterior depends on."""
-        linear = self.discriminants
-        scores = None if linear is None else linear.scores(X, log_weights)
-        return self.log_terms(X, log_weights) if scores is None else scores
+    def log_density_gradients(self, X: Array) -> Array:
+        """Gradients of the log densities, -S^-1 (z - mean).
+
+        Parameters
+        ----------
+        X : ndarray of shape (n_recordings, n_features)
+            Features.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_classes, n_features)
+            Per unit of each feature.
+        """
+        gradients = np.empty((len(X), *self.means.shape))
+        for k, mean in enumerate(self.means):
+            factor = self.factors[k % len(self.factors)]
+            white = self._whiten(X - mean, k)
+            gradients[:, k] = -(white * factor if factor.ndim == 1 else white @ factor.T)
+        return gradients
+
+    def _whiten(self, deviations: Array, k: int) -> Array:
+        factor = self.factors[k % len(self.factors)]
+        return deviations * factor if factor.ndim == 1 else deviations @ factor
+
+
+def class_gaussians(
+    moments: ClassMoments,
+    covariance: str = "full",
+    shrinkage: Any = None,
+    recordings: tuple[Array, NDArray[np.intp]] | None = None,
+) -> GaussianClasses:
+    """Compute the densities of `CostSensitiveGaussianBayes` from moments.
+
+    Parameters
+    ----------
+    moments : ClassMoments
+        Of `emacm.decisions.moments.moments_for` with the same `covariance` and `shrinkage`.
+    covariance, shrinkage : str and None, float or str
+        As for `CostSensitiveGaussianBayes`.
+    recordings : tuple of (X, codes)
+        Features, and the number of the class of each recording; needed for "auto" only.
+
+    Returns
+    -------
+    GaussianClasses
+
+    Examples
+    --------
+    >>> from emacm.decisions.moments import moments_for
+    >>> X, codes = np.array([[0.0], [2.0], [5.0], [7.0]]), np.array([0, 0, 1, 1])
+    >>> gaussians = class_gaussians(moments_for("full", None, X, codes, 2))
+    >>> gaussians.log_densities(np.array([[1.0]])).round(3)
+    array([[-1.266, -7.516]])
+    """
+    coefficients: tuple[ArrayLike, ...]
+    if shrinkage == "auto":
+        if recordings is None:
+            raise ValueError('shrinkage="auto" needs the recordings.')
+        coefficients = ledoit_wolf_coefficients(*recordings, moments.means, pooled=moments.pooled)
+    elif shrinkage == "oas":
+        pairs = zip(moments.scatter, moments.group_counts, strict=True)
+        coefficients = ([oas_coefficient(scatter, count) for scatter, count in pairs],)
+    else:
+        coefficients = (0.0 if shrinkage is None else float(shrinkage),)
+    floor = FLOOR * moments.feature_variances.max() if shrinkage is None else None
+    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
 
 
 def fit_gaussians(
@@ -110,7 +157,7 @@ def fit_gaussians(
     diagonal: bool = False,
     floor: float | None = None,
 ) -> GaussianClasses:
-    """Estimate covariances, Eq. (2.46), shrink them and factorise them.
+    """Compute covariances, Eq. (2.46), shrink and factorise them.
 
     Parameters
     ----------
@@ -131,6 +178,7 @@ def fit_gaussians(
 
     Examples
     --------
+    >>> from emacm.decisions.moments import class_moments
     >>> X = np.array([[0.0], [2.0], [5.0], [7.0]])
     >>> gaussians = fit_gaussians(class_moments(X, np.array([0, 0, 1, 1]), 2))
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
@@ -154,10 +202,10 @@ def fit_gaussians(
 
 
 def is_singular(covariance: Array) -> bool:
-    """Whether a covariance, or a vector of variances, has no inverse.
+    """Return whether a covariance, or a vector of variances, has no inverse.
 
-    Judged on the correlation matrix, so that features of very different units are not
-    called singular.
+    The correlation matrix decides, so that features in very different units do not make a
+    covariance singular.
 
     Examples
     --------

@@ -121,10 +121,10 @@ def check_classes(y: Any) -> None:
     --------
     >>> check_classes(["healthy", "worn"])
     """
-    dtype = getattr(y, "dtype", None)
-    if isinstance(dtype, np.dtype) and dtype.kind in "biuUS":
+    entries = y if isinstance(y, list | tuple) else np.asarray(y)
+    if isinstance(entries, np.ndarray) and (entries.dtype.kind in "biuUS" or entries.ndim != 1):
         return
-    labels = [label for label in y if np.ndim(label) == 0]
+    labels = [label for label in entries if np.ndim(label) == 0]
     missing = np.array([bool(pd.isna(label)) for label in labels], bool)
     if missing.any():
         index = int(np.argmax(missing))

@@ -155,7 +155,7 @@ def fraction_correct(
                     f"unknown. Leave such recordings out, or give their truth as a decision."
                 )
     is_correct = are_correct(truths, chosen, correct)
-    return float(np.average(is_correct, weights=_positive_weights(sample_weight, len(truths))))
+    return float(np.average(is_correct, weights=positive_weights(sample_weight, len(truths))))
 
 
 def expected_cost(
@@ -211,7 +211,7 @@ def expected_cost(
     classes = _metric_classes(cost, truths, chosen) if labels is None else np.asarray(labels)
     decisions, matrix = cost_table(cost, classes)
     costs = decision_costs(truths, chosen, (decisions, classes, matrix))
-    return float(np.average(costs, weights=_positive_weights(sample_weight, len(truths))))
+    return float(np.average(costs, weights=positive_weights(sample_weight, len(truths))))
 
 
 def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
@@ -329,7 +329,8 @@ def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray
     return weight
 
 
-def _positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+    """As `check_weights`; raises a ValueError if all weights are zero."""
     weight = check_weights(sample_weight, n_recordings)
     if not weight.sum() > 0:
         raise ValueError("sample_weight must not be zero for every recording.")

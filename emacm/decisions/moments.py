@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ def class_moments(
     >>> moments.counts, moments.means.ravel(), moments.scatter.ravel()
     (array([2., 1.]), array([1., 5.]), array([2., 0.]))
     """
-    _check_range(X)
+    check_range(X)
     weight = np.ones(len(X)) if sample_weight is None else sample_weight
     n_features = X.shape[1]
     counts, means = np.zeros(n_classes), np.zeros((n_classes, n_features))
@@ -141,6 +142,43 @@ def class_moments(
     return ClassMoments(counts, means, scatter, pooled)
 
 
+def moments_for(
+    covariance: str,
+    shrinkage: Any,
+    X: Array,
+    codes: NDArray[np.intp],
+    n_classes: int,
+    sample_weight: Array | None = None,
+) -> ClassMoments:
+    """Return the moments that a kind of covariance and of shrinkage needs.
+
+    Parameters
+    ----------
+    covariance, shrinkage : str and None, float or str
+        As for `CostSensitiveGaussianBayes`.
+    X, codes, n_classes, sample_weight
+        As for `class_moments`.
+
+    Returns
+    -------
+    ClassMoments
+
+    Examples
+    --------
+    >>> X, codes = np.array([[0.0], [2.0], [5.0], [9.0]]), np.array([0, 0, 1, 1])
+    >>> moments_for("tied", None, X, codes, 2).scatter
+    array([[[10.]]])
+    """
+    return class_moments(
+        X,
+        codes,
+        n_classes,
+        sample_weight=sample_weight,
+        pooled=covariance == "tied",
+        variances_only=covariance == "diag" and shrinkage != "oas",
+    )
+
+
 def diagonals(matrices: Array) -> Array:
     """Return the diagonals of a stack of matrices, or a stack of diagonals as it is.
 
@@ -152,7 +190,8 @@ def diagonals(matrices: Array) -> Array:
     return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
 
 
-def _check_range(X: Array) -> None:
+def check_range(X: Array) -> None:
+    """Raise a ValueError if the variance of a feature may overflow."""
     bad = np.abs(X) > _LARGEST
     if bad.any():
         recording, feature = np.unravel_index(int(np.argmax(bad)), bad.shape)

@@ -1,6 +1,6 @@
 """The conditional risk of each decision, and the decision of least risk.
 
-Rows of a cost matrix are the decision, columns are the truth, as in `emacm.decisions.costs`.
+Rows of a cost matrix are decisions, columns are true classes, as in `emacm.decisions.costs`.
 
 References
 ----------
@@ -13,30 +13,29 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.blocks import product
+from emacm._checks import check_real_array
 
 Array = NDArray[np.float64]
 
-# Risks that differ by less than this share of the least one are a tie: rounding alone.
+# Risks that differ by less than this fraction of the least one are equal: rounding alone.
 _TIE = 1e-12
-_DOUBT = 1e-9  # per class: log posteriors that differ by more have risks that are no tie
 
 
 def canonical_cost(cost: ArrayLike) -> Array:
-    """Reduce a cost matrix to the part that decisions depend on.
+    """Reduce a cost matrix to the part that determines decisions.
 
-    What is added to every decision of one true class, and the scale of the whole, change
+    Constants added to all decisions of one true class, and a scale of the whole matrix, change
     no decision. The least cost of each column becomes 0, the largest of all 1.
 
     Parameters
     ----------
     cost : array-like of shape (n_decisions, n_classes)
-        Rows are the decision, columns the truth.
+        Rows are decisions, columns are true classes.
 
     Returns
     -------
     canonical : ndarray of shape (n_decisions, n_classes)
-        Costs in 0..1; all zero if no decision differs from another.
+        Costs from 0 to 1; all zero if no decision differs from another.
 
     Examples
     --------
@@ -52,77 +51,66 @@ def canonical_cost(cost: ArrayLike) -> Array:
 
 
 def conditional_risk(posterior: ArrayLike, cost: ArrayLike) -> Array:
-    """Weigh the costs of each decision by the probability of each truth, Eq. (2.39).
+    """Return the expected cost of each decision, Eq. (2.39) of [1]_.
 
     Parameters
     ----------
     posterior : array-like of shape (n_recordings, n_classes)
         Probability of each class for each recording.
     cost : array-like of shape (n_decisions, n_classes)
-        Rows are the decision, columns the truth.
+        Rows are decisions, columns are true classes.
 
     Returns
     -------
     risk : ndarray of shape (n_recordings, n_decisions)
         Expected cost of each decision, in the unit of `cost`.
 
+    Raises
+    ------
+    TypeError, ValueError
+        If a probability is negative or not finite, a cost is not finite, or the shapes do not fit.
+
+    References
+    ----------
+    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+       Condition Monitoring, section 2.2.
+
     Examples
     --------
     >>> conditional_risk([[0.7, 0.3]], [[0, 1], [10, 0]])
     array([[0.3, 7. ]])
     """
-    probability = np.asarray(posterior, dtype=np.float64)
-    matrix = np.asarray(cost, dtype=np.float64)
-    first, place = distinct_rows(matrix)
-    risk = product(matrix[first], probability.T).T
-    return risk if len(first) == len(place) else risk[:, place]
-
-
-def distinct_rows(cost: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Find the rows that differ from those before, and each row among them.
-
-    Products of matrices may add up one column in another order than the next. Multiplied
-    by distinct rows only, equal decisions have equal risks, to the last bit.
-
-    Parameters
-    ----------
-    cost : ndarray of shape (n_decisions, n_classes)
-        Rows are the decision.
-
-    Returns
-    -------
-    first : ndarray of shape (n_distinct,)
-        Numbers of the rows that differ from those before.
-    place : ndarray of shape (n_decisions,)
-        For each row, the number in `first` of the one it equals.
-
-    Examples
-    --------
-    >>> distinct_rows(np.array([[2.0, 0.0], [1.0, 0.0], [2.0, 0.0]]))
-    (array([0, 1]), array([0, 1, 0]))
-    """
-    rows = [tuple(row) for row in cost.tolist()]
-    number = {row: at for at, row in enumerate(dict.fromkeys(rows))}
-    return np.array([rows.index(row) for row in number]), np.array([number[row] for row in rows])
+    return _risks(*_checked(posterior, cost))
 
 
 def least_risk(posterior: ArrayLike, cost: ArrayLike) -> NDArray[np.intp]:
-    """Find the decision of least conditional risk, Eq. (2.43).
+    """Return the decision of least conditional risk, Eq. (2.43) of [1]_.
 
-    Scaling all the costs, or adding a constant to every decision of one true class,
-    changes no decision. Ties (risks equal but for rounding) go to the first decision.
+    Scaling all costs, or adding a constant to all decisions of one true class, changes no
+    decision. Of equal risks (but for rounding) the first decision is returned.
 
     Parameters
     ----------
     posterior : array-like of shape (n_recordings, n_classes)
         Probability of each class for each recording.
     cost : array-like of shape (n_decisions, n_classes)
-        Rows are the decision, columns the truth.
+        Rows are decisions, columns are true classes.
 
     Returns
     -------
     rows : ndarray of shape (n_recordings,)
-        Row of `cost` to decide for.
+        Row of `cost` of each decision.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a probability is negative or not finite, all probabilities of a recording are 0, a cost
+        is not finite, or the shapes do not fit.
+
+    References
+    ----------
+    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+       Condition Monitoring, section 2.2.
 
     Examples
     --------
@@ -131,89 +119,52 @@ def least_risk(posterior: ArrayLike, cost: ArrayLike) -> NDArray[np.intp]:
     >>> least_risk([[0.7, 0.3]], [[0, 10], [1, 0]])
     array([1])
     """
-    return LeastRisk(cost).decide(np.asarray(posterior, dtype=np.float64).T)
+    probability, matrix = _checked(posterior, cost)
+    empty = ~(probability.sum(axis=1) > 0)
+    if empty.any():
+        raise ValueError(
+            f"posterior must have a positive probability for every recording, but all "
+            f"probabilities of recording {int(np.argmax(empty))} are 0."
+        )
+    risk = _risks(probability, canonical_cost(matrix))
+    # Canonical costs are not negative: no risk is a small difference of large terms.
+    least = risk.min(axis=1, keepdims=True)
+    return (risk <= least + _TIE * least).argmax(axis=1)
 
 
-class LeastRisk:
-    """The rule of least conditional risk for one cost matrix, Eq. (2.43).
+def _risks(probability: Array, matrix: Array) -> Array:
+    """Multiply by distinct rows only, so that equal decisions have equal risks to the last bit.
 
-    Parameters
-    ----------
-    cost : array-like of shape (n_decisions, n_classes)
-        Rows are the decision, columns the truth.
-
-    Examples
-    --------
-    >>> LeastRisk([[0, 1], [1, 0]]).decide_by_scores(np.log([[0.7, 0.5], [0.3, 0.5]]))
-    array([0, 0])
+    A matrix product may add the terms of one column in another order than those of the next.
     """
-
-    def __init__(self, cost: ArrayLike):
-        canonical = canonical_cost(cost)
-        self._rows, _ = distinct_rows(canonical)  # of equal rows the first wins
-        self._cost = canonical[self._rows]
-        self._zero_one = np.array_equal(canonical, 1.0 - np.eye(len(canonical)))
-
-    def decide(self, weights: Array) -> NDArray[np.intp]:
-        """Decide by posteriors, or by anything proportional to them.
-
-        Parameters
-        ----------
-        weights : ndarray of shape (n_classes, n_recordings)
-            Not negative; in every column a multiple of the posterior.
-
-        Returns
-        -------
-        rows : ndarray of shape (n_recordings,)
-            Row of the cost to decide for.
-        """
-        risk = product(self._cost, weights)
-        # Canonical costs are not negative: no risk is a small difference of large terms.
-        least = risk.min(axis=0)
-        return self._rows[_first(~(risk > least + _TIE * np.abs(least)))]
-
-    def decide_by_scores(self, scores: Array) -> NDArray[np.intp]:
-        """Decide by logarithms of the posteriors, each column up to a constant.
-
-        Parameters
-        ----------
-        scores : ndarray of shape (n_classes, n_recordings)
-            Logarithms; used as work space.
-
-        Returns
-        -------
-        rows : ndarray of shape (n_recordings,)
-            Row of the cost to decide for.
-        """
-        if self._zero_one:
-            return self._most_probable(scores)
-        scores -= scores.max(axis=0)
-        return self.decide(np.exp(scores, out=scores))
-
-    def _most_probable(self, scores: Array) -> NDArray[np.intp]:
-        """Decide by 0-1 costs, whose least risk is that of the most probable class.
-
-        Exponentials are needed only where two classes are so close that their risks may
-        be a tie.
-        """
-        doubt = _DOUBT * len(scores)
-        if len(scores) == 2:
-            gap = scores[1] - scores[0]
-            if np.abs(gap).min(initial=np.inf) > doubt:
-                return (gap > 0).astype(np.intp)
-        least = scores.max(axis=0) - doubt
-        close = scores >= least
-        chosen = _first(close)
-        if np.count_nonzero(close) > len(least):
-            doubtful = np.flatnonzero(np.count_nonzero(close, axis=0) > 1)
-            chosen[doubtful] = self.decide(np.exp(scores[:, doubtful] - least[doubtful]))
-        return chosen
+    distinct, place = np.unique(matrix, axis=0, return_inverse=True)
+    return (probability @ distinct.T)[:, place.ravel()]
 
 
-def _first(true: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Row of the first True in every column; there is at least one."""
-    if np.count_nonzero(true) > true.shape[1] or len(true) > 256:
-        return true.argmax(axis=0)
-    # One in every column: the sum of their row numbers, much faster.
-    numbers = np.arange(len(true), dtype=np.uint8)
-    return np.einsum("k,kr->r", numbers, true.view(np.uint8)).astype(np.intp)
+def _checked(posterior: ArrayLike, cost: ArrayLike) -> tuple[Array, Array]:
+    """Return probabilities and costs as arrays of float64."""
+    probability = check_real_array(posterior, "posterior").astype(np.float64, copy=False)
+    matrix = check_real_array(cost, "cost").astype(np.float64, copy=False)
+    for array, name, rows in (
+        (probability, "posterior", "recording"),
+        (matrix, "cost", "decision"),
+    ):
+        if array.ndim != 2 or not array.shape[1]:
+            raise ValueError(
+                f"{name} must have one row per {rows} and one column per class, "
+                f"got shape {array.shape}."
+            )
+        bad = ~np.isfinite(array) | (array < 0 if array is probability else False)
+        if bad.any():
+            row, column = np.argwhere(bad)[0].tolist()
+            limit = "finite and at least 0" if array is probability else "finite"
+            raise ValueError(
+                f"{name} must be {limit}, got {array[row, column]} for {rows} {row}, "
+                f"class number {column}."
+            )
+    if probability.shape[1] != matrix.shape[1] or not len(matrix):
+        raise ValueError(
+            f"posterior and cost must have the same number of columns (classes), and cost at "
+            f"least one row; got shapes {probability.shape} and {matrix.shape}."
+        )
+    return probability, matrix

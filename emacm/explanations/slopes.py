@@ -66,7 +66,8 @@ def mean_slope_of_log_odds(
     >>> bool(np.isclose(total[0, 0], change[0]))
     True
     """
-    slopes = _slopes(classifier, (start + end) / 2)  # the gradient is linear along the line
+    middle = (start + end) / 2  # the gradient is linear along the line
+    slopes = classifier.log_density_gradient(with_names(classifier, middle))
     return slopes[:, code] - slopes[:, other]
 
 
@@ -104,23 +105,12 @@ def mean_slope_of_cost(
         point = start + fraction * step
         posterior = softmax(joint_log_proba(classifier, point)[0])
         weights = posterior * (costs - posterior @ costs)
-        return weights @ _slopes(classifier, point)[0]
+        return weights @ classifier.log_density_gradient(with_names(classifier, point))[0]
 
     accuracy = 1e-12 * np.abs(costs).max() / max(np.abs(step).sum(), np.finfo(float).tiny)
     points = _crossings(classifier, start, end)
     mean, _ = quad_vec(slope, 0.0, 1.0, epsabs=accuracy, epsrel=1e-12, norm="max", points=points)
     return mean[np.newaxis]
-
-
-def _slopes(classifier: CostSensitiveGaussianBayes, features: Array) -> Array:
-    """Return the gradient of each log density, shape (n_recordings, n_classes, n_features)."""
-    # Eq. (2.44): -S^-1 (z - mean), by the factors of the densities, so that contributions add up.
-    factors = classifier._rule.gaussians.factors
-    gradients = []
-    for code, mean in enumerate(classifier.means_):
-        factor, centred = factors[code % len(factors)], features - mean
-        gradients.append(centred * factor**2 if factor.ndim == 1 else centred @ factor @ factor.T)
-    return -np.stack(gradients, axis=1)
 
 
 def _crossings(classifier: CostSensitiveGaussianBayes, start: Array, end: Array) -> list[float]:

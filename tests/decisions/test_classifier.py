@@ -19,6 +19,7 @@ from sklearn.discriminant_analysis import (
     LinearDiscriminantAnalysis,
     QuadraticDiscriminantAnalysis,
 )
+from sklearn.ensemble import AdaBoostClassifier
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import (
     GridSearchCV,
@@ -434,13 +435,22 @@ def test_accuracy_counts_other_decisions_as_wrong_whatever_the_labels():
 def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
     X, y = draw(13)
     model = CostSensitiveGaussianBayes(INSPECT, covariance=covariance).fit(X, y)
-    far = np.array([[1.0, -1.0, 1.0]]) * np.array([[5e4], [-5e4], [1e100], [-1e200], [1e308]])
+    far = np.array([[1.0, -1.0, 1.0]]) * np.array([[5e4], [-5e4], [1e100], [-1e149]])
     assert model.predict_joint_log_proba(far[:1]).max() < -1e8
     for values in (model.predict_proba(far), model.risk(far), model.predict_joint_log_proba(far)):
         assert np.isfinite(values).all()
     assert not np.isnan(model.predict_log_proba(far)).any()
     np.testing.assert_allclose(model.predict_proba(far).sum(axis=1), 1, rtol=1e-12)
     assert set(model.predict(far)) <= set(model.decisions_)
+    with pytest.raises(ValueError, match=r"at most 1e\+150.*1e\+160 at recording 1, feature 2"):
+        model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e160]])
+
+
+def test_features_whose_distances_to_every_class_overflow_are_refused():
+    X, y = draw(13)
+    model = CostSensitiveGaussianBayes().fit(X * 1e-100, y)
+    with pytest.raises(ValueError, match="features of recording 1 are so far from every class"):
+        model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e140]])
 
 
 # Priors
@@ -573,14 +583,14 @@ def test_partial_fit_refuses_what_it_cannot_merge():
         model.partial_fit(X, y)
     with pytest.raises(ValueError, match="zero for every recording"):
         model.partial_fit(X, y, NAMES, np.zeros(90))
-    with pytest.raises(ValueError, match="holds the class 'screw' at recording"):
+    with pytest.raises(ValueError, match="y contains 'screw' at position"):
         model.partial_fit(X, y, NAMES[:2])
     model.partial_fit(X, y, NAMES)
-    with pytest.raises(ValueError, match=r"classes must stay the same.*\['ball', 'healthy'\]"):
+    with pytest.raises(ValueError, match=r"classes must be the same.*\['ball', 'healthy'\]"):
         model.partial_fit(X, y, NAMES[:2])
-    with pytest.raises(ValueError, match="'nut' at recording 0, which is none of the classes"):
+    with pytest.raises(ValueError, match="'nut' at position 0, which is no known class"):
         model.partial_fit(X[:1], ["nut"])
-    with pytest.raises(ValueError, match=r"covariance or shrinkage changed since.*Call fit"):
+    with pytest.raises(ValueError, match=r"covariance or shrinkage has changed since.*Call fit"):
         model.set_params(covariance="tied").partial_fit(X, y)
 
 
@@ -596,8 +606,11 @@ def test_a_refused_piece_is_not_counted():
 def test_automatic_shrinkage_refuses_pieces_and_weights_and_says_why():
     X, y = draw()
     model = CostSensitiveGaussianBayes(shrinkage="auto")
-    with pytest.raises(ValueError, match=r'partial_fit: Ledoit-Wolf needs fourth moments.*"oas"'):
+    assert not hasattr(model, "partial_fit")
+    with pytest.raises(AttributeError, match="has no attribute 'partial_fit'") as caught:
         model.partial_fit(X, y, NAMES)
+    assert 'Use "oas" or a number' in str(caught.value.__cause__)
+    assert hasattr(clone(model).set_params(shrinkage="oas"), "partial_fit")
     with pytest.raises(ValueError, match=r'other than 1: Ledoit-Wolf needs fourth moments.*"oas"'):
         model.fit(X, y, sample_weight=np.full(90, 2.0))
     np.testing.assert_array_equal(
@@ -612,10 +625,23 @@ def test_a_class_without_weight_is_refused():
 
 
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-def test_weights_that_do_not_count_recordings_are_refused(covariance):
+def test_weights_that_count_less_than_two_recordings_are_refused(covariance):
     X, y = draw()
-    with pytest.raises(ValueError, match=r"counts recordings.*Scale the weights up"):
-        CostSensitiveGaussianBayes(covariance=covariance).fit(X, y, np.full(90, 1 / 90))
+    with pytest.raises(ValueError, match=r"total weight of \[.*Multiply the weights"):
+        CostSensitiveGaussianBayes(covariance=covariance).fit(X, y, np.full(90, 1 / 45))
+
+
+@pytest.mark.parametrize("shrinkage", [None, 0.2, "oas", "auto"])
+def test_weights_whose_sum_is_one_are_relative(shrinkage):
+    X, y = draw()
+    model = CostSensitiveGaussianBayes(shrinkage=shrinkage).fit(X, y, np.full(90, 1 / 90))
+    assert_same_model(model, clone(model).fit(X, y), X)
+
+
+def test_it_can_be_boosted():
+    X, y = draw(13)
+    boosted = AdaBoostClassifier(CostSensitiveGaussianBayes(), n_estimators=5).fit(X, y)
+    assert boosted.score(X, y) > 0.6
 
 
 # Singular covariances

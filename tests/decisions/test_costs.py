@@ -9,8 +9,9 @@ from hypothesis.extra.numpy import arrays
 from sklearn.dummy import DummyClassifier
 from sklearn.metrics import confusion_matrix, make_scorer
 
-from emacm.decisions import canonical_cost, conditional_risk, cost_table, least_risk
+from emacm.decisions.costs import cost_table
 from emacm.decisions.metrics import check_weights, expected_cost
+from emacm.decisions.risks import canonical_cost, conditional_risk, least_risk
 
 CLASSES = ["ball", "healthy", "screw"]
 MATRIX = np.array([[0.0, 10.0, 2.0], [5.0, 0.0, 7.0], [1.0, 3.0, 0.0]])

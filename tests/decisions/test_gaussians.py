@@ -8,15 +8,9 @@ from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
 from sklearn.preprocessing import StandardScaler
 
-from emacm.decisions.gaussians import (
-    FLOOR,
-    class_moments,
-    fit_gaussians,
-    is_singular,
-    ledoit_wolf_coefficients,
-    oas_coefficient,
-    shrink,
-)
+from emacm.decisions.gaussians import FLOOR, fit_gaussians, is_singular
+from emacm.decisions.moments import class_moments
+from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
 
 KINDS = [{}, {"pooled": True}, {"variances_only": True}, {"pooled": True, "variances_only": True}]
 
@@ -206,8 +200,78 @@ def test_log_densities_are_those_of_scipy(options, diagonal):
         np.testing.assert_allclose(densities[:, k], expected, rtol=1e-8)
 
 
-def test_no_distance_makes_a_density_undefined():
+def test_no_density_is_nan():
     X, codes = draw(14)
     gaussians = fit_gaussians(class_moments(X, codes, 3))
     far = np.array([[1e5] * 4, [1e160] * 4, [1.7e308, -1.7e308, 1.7e308, -1.7e308]])
-    assert np.isfinite(gaussians.log_densities(far)).all()
+    densities = gaussians.log_densities(far)
+    assert np.isfinite(densities[0]).all()
+    np.testing.assert_array_equal(densities[1:], -np.inf)
+
+
+def extreme(n_features, *, condition=1.0, shift=0.0, apart=1.0, scales=False, n=600):
+    """Recordings of three classes with covariances of a condition number.
+
+    `shift` from the origin and `apart` from one another in standard deviations.
+    """
+    rng = np.random.default_rng(n_features)
+    codes = np.arange(n) % 3
+    X = rng.normal(size=(n, n_features))
+    spread = np.logspace(0, np.log10(condition) / 2, n_features)
+    for k in range(3):
+        turn = np.linalg.qr(rng.normal(size=(n_features, n_features)))[0]
+        X[codes == k] = X[codes == k] * spread @ turn
+    deviation = X.std(axis=0).max()
+    X += deviation * (shift + apart * rng.normal(size=(3, n_features))[codes])
+    return (X * np.logspace(-8, 8, n_features) if scales else X), codes
+
+
+def plain_log_densities(gaussians, X):
+    """Log densities, one class at a time as Eq. (2.44) reads."""
+    found = np.empty((len(X), len(gaussians.means)))
+    for k, mean in enumerate(gaussians.means):
+        group = k % len(gaussians.factors)
+        factor = gaussians.factors[group]
+        white = (X - mean) * factor if factor.ndim == 1 else (X - mean) @ factor
+        constant = X.shape[1] * np.log(2 * np.pi) + gaussians.log_determinants[group]
+        found[:, k] = -0.5 * (np.sum(white**2, axis=1) + constant)
+    return found
+
+
+@pytest.mark.parametrize("options", [{}, {"pooled": True}, {"variances_only": True}])
+@pytest.mark.parametrize("n_features", [2, 8, 40])
+@pytest.mark.parametrize("condition", [1.0, 1e8])
+@pytest.mark.parametrize("shift", [0.0, 1e6])
+@pytest.mark.parametrize("apart", [1.0, 1e6])
+@pytest.mark.parametrize("scales", [False, True])
+def test_densities_are_accurate_for_extreme_conditions_offsets_and_units(
+    options, n_features, condition, shift, apart, scales
+):
+    X, codes = extreme(n_features, condition=condition, shift=shift, apart=apart, scales=scales)
+    diagonal = "variances_only" in options
+    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
+    expected = plain_log_densities(gaussians, X)
+    found = gaussians.log_densities(X)
+    assert (np.abs(found - expected) <= 1e-9 * np.maximum(np.abs(expected), 1)).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"pooled": True}, {"variances_only": True}])
+def test_the_gradient_is_the_slope_of_the_log_density(options):
+    X, codes = draw(15)
+    diagonal = "variances_only" in options
+    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
+    gradients = gaussians.log_density_gradients(X)
+    assert gradients.shape == (60, 3, 4)
+    for feature in range(4):
+        step = np.zeros(4)
+        step[feature] = 1e-4
+        rise = gaussians.log_densities(X + step) - gaussians.log_densities(X - step)
+        np.testing.assert_allclose(gradients[:, :, feature], rise / 2e-4, rtol=1e-6, atol=1e-6)
+
+
+def test_distances_are_in_standard_deviations_of_the_class():
+    X = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 2.0], [4.0, 2.0], [10.0, 5.0], [11.0, 6.0]])
+    moments = class_moments(X, np.array([0, 0, 0, 0, 1, 1]), 2, variances_only=True)
+    squares = fit_gaussians(moments, diagonal=True).squared_distances(np.array([[4.0, 1.0]]))
+    # Class 0: mean (2, 1), variances 16/3 and 4/3; class 1: mean (10.5, 5.5), variances 1/2.
+    np.testing.assert_allclose(squares, [[4 / (16 / 3), (6.5**2 + 4.5**2) * 2]])

@@ -52,28 +52,10 @@ def test_one_member_of_the_shared_prior_stays_as_it_is():
     np.testing.assert_allclose(pooled_log_posterior([logs], [prior], prior), logs, rtol=1e-12)
 
 
-@given(st.integers(2, 9), st.integers(0, 99))
-@settings(max_examples=30)
-def test_copies_of_one_member_sharing_one_weight_are_that_member(copies, seed):
-    logs = normal(np.random.default_rng(seed), 5, 3)
-    prior = np.random.default_rng(seed + 1).dirichlet(np.ones(3))
-    pooled = pooled_log_posterior(
-        [logs] * copies, [prior] * copies, prior, np.full(copies, 1 / copies)
-    )
-    np.testing.assert_allclose(pooled, logs, atol=1e-12)
-
-
 def test_two_copies_of_one_member_square_the_odds_of_its_evidence():
     one = np.log([[0.2, 0.8]])
     np.testing.assert_allclose(
         np.exp(np.diff(pooled_log_posterior([one, one], [HALF, HALF], HALF))), 16.0, rtol=1e-13
-    )
-
-
-def test_a_member_of_weight_zero_is_not_heard():
-    first, second = normal(np.random.default_rng(2), 2, 6, 2)
-    np.testing.assert_allclose(
-        pooled_log_posterior([first, second], [HALF, [0.1, 0.9]], HALF, [1, 0]), first, rtol=1e-12
     )
 
 

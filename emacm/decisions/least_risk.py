@@ -1,0 +1,376 @@
+"""The decision of least conditional risk, for any classifier with posterior probabilities."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn import get_config
+from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
+from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import check_is_fitted, column_or_1d
+
+from emacm.decisions.costs import cost_table
+from emacm.decisions.labels import check_classes
+from emacm.decisions.metrics import fraction_correct, positive_weights
+from emacm.decisions.opinion_pools import pooled_log_posterior
+from emacm.decisions.pipelines import final_estimator, weight_parameter
+from emacm.decisions.priors import class_priors
+from emacm.decisions.risks import conditional_risk, least_risk
+
+Array = NDArray[np.float64]
+
+
+class LeastRiskMixin:
+    """Decisions of least conditional risk, Eq. (2.43), from `predict_log_proba`.
+
+    For classifiers with the parameter `cost` and the fitted attribute `classes_`. The cost takes
+    effect when a decision is made: a cost that is set after `fit` applies to the next `predict`.
+    """
+
+    cost: Any
+    classes_: NDArray[Any]
+
+    @property
+    def decisions_(self) -> NDArray[Any]:
+        """Possible results of `predict`, shape (n_decisions,), for the present `cost`."""
+        return self._cost_table()[0]
+
+    @property
+    def cost_(self) -> Array:
+        """Cost of each of `decisions_` under each of `classes_`, for the present `cost`."""
+        return self._cost_table()[1]
+
+    def predict_log_proba(self, X: Any) -> Array:
+        """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
+        raise NotImplementedError
+
+    def predict_proba(self, X):
+        """Return the posterior probability of each class, Eq. (2.42).
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        posterior : ndarray of shape (n_recordings, n_classes)
+            Columns in the order of `classes_`.
+        """
+        return np.exp(self.predict_log_proba(X))
+
+    def risk(self, X):
+        """Return the expected cost of each decision (conditional risk), Eq. (2.39).
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        risk : ndarray of shape (n_recordings, n_decisions)
+            In the unit of the cost, columns in the order of `decisions_`.
+        """
+        posterior = self.predict_proba(X)
+        return conditional_risk(posterior, self.cost_)
+
+    def predict(self, X):
+        """Return the decision of least conditional risk, Eq. (2.43).
+
+        Scaling all costs, or adding a constant to all decisions of one true class, changes no
+        decision. Of equal risks, the first of `decisions_` is returned.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        decisions : ndarray of shape (n_recordings,)
+            One of `decisions_` for each recording.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an input, or the present cost or priors, are invalid.
+        """
+        posterior = self.predict_proba(X)
+        decisions, cost = self._cost_table()
+        return decisions.take(least_risk(posterior, cost))
+
+    def score(self, X, y, sample_weight=None):
+        """Return the fraction of correct decisions.
+
+        A decision is correct if it is the true class ("inspect" never is); for a true class
+        that is not a decision, such as a state whose family is decided on, if it has the least
+        cost (`emacm.decisions.metrics.correct_decisions`). scikit-learn's ``scoring="accuracy"``
+        compares labels: it counts every decision that is not a class as wrong.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        y : array-like of shape (n_recordings,)
+            True classes.
+        sample_weight : array-like of shape (n_recordings,), default=None
+            How often each recording counts.
+
+        Returns
+        -------
+        float
+            Accuracy, 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or the correct decision is unknown: some decisions are not
+            classes, and `y` contains a label that is neither.
+        """
+        decided = self.predict(X)
+        decisions, cost = self._cost_table()
+        table = decisions, self.classes_, cost
+        return fraction_correct(column_or_1d(y), decided, table, sample_weight)
+
+    def _cost_table(self) -> tuple[NDArray[Any], Array]:
+        return cost_table(self.cost, self.classes_)
+
+
+class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator):
+    """Decide by least conditional risk, given the posterior probabilities of any classifier.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Classifier or pipeline with `predict_proba`. Its own costs have no effect.
+    cost : None, array-like, DataFrame or mapping, default=None
+        Cost of each decision under each true class; rows are decisions. None: 0-1. See
+        `emacm.decisions.costs.cost_table`.
+    priors : None, "uniform", array-like or mapping, default=None
+        Probability of each class in service, as for `CostSensitiveGaussianBayes`. None: those
+        within the posterior probabilities of the estimator.
+
+    Attributes
+    ----------
+    classes_ : ndarray of shape (n_classes,)
+        The possible true classes, sorted.
+    decisions_ : ndarray of shape (n_decisions,)
+        Possible results of `predict`; of equal risks the first is returned.
+    cost_ : ndarray of shape (n_decisions, n_classes)
+        Cost of each of `decisions_` under each of `classes_`.
+    priors_ : ndarray of shape (n_classes,)
+        Prior probabilities in effect.
+    estimator_ : estimator
+        The fitted classifier.
+    n_features_in_ : int
+        Number of features, if the estimator has it.
+    feature_names_in_ : ndarray of shape (n_features,)
+        Names of the features, if the estimator has them.
+
+    Notes
+    -----
+    `cost` and `priors` take effect when a decision is made: ``set_params(cost=...)`` on a
+    fitted classifier applies to the next `predict`, as if it had been fitted anew.
+
+    Other priors are applied by Bayes' rule: the posterior is multiplied by ``priors / own`` and
+    normalised, where `own` is the prior within the posterior: `priors_` or
+    `class_prior_` of the estimator (the last step of a pipeline, the best estimator of a search),
+    otherwise the frequencies of the classes in training. A classifier that balances classes by
+    other means (``class_weight="balanced"``) does not reveal its prior; the result is then wrong
+    by a constant factor for each class.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import LogisticRegression
+    >>> X, y = [[0.0], [1.0], [2.0], [1.5], [3.0], [4.0]], ["new"] * 3 + ["worn"] * 3
+    >>> model = LeastRiskClassifier(LogisticRegression()).fit(X, y)
+    >>> model.predict([[1.4]])
+    array(['new'], dtype='<U4')
+    >>> model.set_params(cost={("new", "worn"): 10}).predict([[1.4]])
+    array(['worn'], dtype='<U4')
+    """
+
+    def __init__(self, estimator: Any, cost: Any = None, *, priors: Any = None):
+        self.estimator = estimator
+        self.cost = cost
+        self.priors = priors
+
+    def fit(self, X, y, sample_weight=None, **fit_params):
+        """Fit a clone of the estimator.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            Input of the estimator; it is passed on unchanged.
+        y : array-like of shape (n_recordings,)
+            True class of each recording.
+        sample_weight : array-like of shape (n_recordings,), default=None
+            How often each recording counts; in a pipeline, passed to the last step.
+        **fit_params : dict
+            Further arguments of the estimator's `fit`; with metadata routing enabled, what
+            it requests.
+
+        Returns
+        -------
+        self : LeastRiskClassifier
+            The fitted classifier.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or an input is invalid, the estimator has no `predict_proba`, does not
+            accept an argument, or was trained on other classes.
+        """
+        if isinstance(self.estimator, type) or not hasattr(self.estimator, "fit"):
+            raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
+        if y is None:
+            raise ValueError("fit requires y to be passed, but the target y is None.")
+        if isinstance(y, list | tuple):
+            check_classes(y)
+        assert_all_finite(y, input_name="y")
+        check_classification_targets(y)
+        y = column_or_1d(y, warn=True)
+        check_consistent_length(X, y)
+        classes, codes = np.unique(y, return_inverse=True)
+        cost_table(self.cost, classes)
+        fit_params = self._fit_params(sample_weight, fit_params)
+        weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
+        weight = positive_weights(weights[0] if weights else None, len(y))
+        counts = np.bincount(codes, weight).astype(np.float64)
+        class_priors(self.priors, classes, counts)
+        fitted = clone(self.estimator).fit(X, y, **fit_params)
+        if not hasattr(fitted, "predict_proba"):
+            raise TypeError(
+                f"{type(fitted).__name__} has no predict_proba, and so no posterior. "
+                f"Put it into a CalibratedClassifierCV."
+            )
+        known = np.asarray(fitted.classes_)
+        if not np.array_equal(known, classes):
+            raise ValueError(
+                f"the estimator was trained on the classes {known.tolist()}, but y contains "
+                f"{classes.tolist()}. Fit it on all of them."
+            )
+        self.classes_, self.estimator_ = classes, fitted
+        self._training_frequencies = counts / counts.sum()
+        check_possible(self.priors_, self.estimator_priors_, classes)
+        return self
+
+    @property
+    def estimator_priors_(self) -> Array:
+        """The prior within the posterior probabilities of the estimator, shape (n_classes,)."""
+        final = final_estimator(self.estimator_)
+        for attribute in ("priors_", "class_prior_"):
+            if hasattr(final, attribute):
+                return np.asarray(getattr(final, attribute), dtype=np.float64)
+        return self._training_frequencies
+
+    @property
+    def priors_(self) -> Array:
+        """Prior probabilities in effect, shape (n_classes,)."""
+        if self.priors is None:
+            return self.estimator_priors_
+        return class_priors(self.priors, self.classes_, self._training_frequencies)
+
+    def predict_log_proba(self, X):
+        """Return the logarithm of the posterior under `priors_`.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            Input of the estimator.
+
+        Returns
+        -------
+        log_posterior : ndarray of shape (n_recordings, n_classes)
+            -inf where the prior is 0.
+        """
+        check_is_fitted(self)
+        logs = self.estimator_log_posterior(X)
+        if self.priors is None:
+            return logs
+        check_possible(self.priors_, self.estimator_priors_, self.classes_)
+        return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
+
+    def estimator_log_posterior(self, X: Any) -> Array:
+        """Return the logarithm of the estimator's own posterior.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            Input of the estimator.
+
+        Returns
+        -------
+        log_posterior : ndarray of shape (n_recordings, n_classes)
+
+        Raises
+        ------
+        ValueError
+            If the posterior of a recording is NaN.
+        """
+        with np.errstate(divide="ignore"):
+            if hasattr(self.estimator_, "predict_log_proba"):
+                logs = np.asarray(self.estimator_.predict_log_proba(X), dtype=np.float64)
+            else:
+                logs = np.log(np.asarray(self.estimator_.predict_proba(X), dtype=np.float64))
+        undefined = np.isnan(logs).any(axis=1)
+        if undefined.any():
+            raise ValueError(
+                f"the posterior of recording {int(np.argmax(undefined))} is NaN. Check the "
+                f"features of that recording."
+            )
+        return logs
+
+    @property
+    def n_features_in_(self):
+        """Number of features, as the estimator counts them."""
+        return self._of_the_estimator("n_features_in_")
+
+    @property
+    def feature_names_in_(self):
+        """Names of the features, as the estimator knows them."""
+        return self._of_the_estimator("feature_names_in_")
+
+    def get_metadata_routing(self):
+        """Return the routing of arguments: those of `fit` are the estimator's."""
+        mapping = MethodMapping().add(caller="fit", callee="fit")
+        router = MetadataRouter(owner=type(self).__name__)
+        return router.add(estimator=self.estimator, method_mapping=mapping)
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
+        tags.input_tags = inner.input_tags
+        tags.classifier_tags.multi_class = inner.classifier_tags is None or (
+            inner.classifier_tags.multi_class
+        )
+        return tags
+
+    def _of_the_estimator(self, name: str) -> Any:
+        if "estimator_" not in vars(self):
+            raise AttributeError(f"{type(self).__name__} has no {name} before it is fitted.")
+        return getattr(self.estimator_, name)
+
+    def _fit_params(self, sample_weight: Any, fit_params: dict[str, Any]) -> dict[str, Any]:
+        given = {} if sample_weight is None else {"sample_weight": sample_weight}
+        if get_config()["enable_metadata_routing"]:
+            return dict(process_routing(self, "fit", **fit_params, **given).estimator.fit)
+        if given:
+            return {**fit_params, weight_parameter(self.estimator): sample_weight}
+        return fit_params
+
+
+def check_possible(priors: Array, own: Array, classes: ArrayLike, name: str = "estimator") -> None:
+    """Raise a ValueError if a class has a prior, but none within the posterior of an estimator."""
+    impossible = (priors > 0) & ~(own > 0)
+    if impossible.any():
+        code = int(np.argmax(impossible))
+        raise ValueError(
+            f"{name} has the prior 0 of class {np.asarray(classes).tolist()[code]!r}, so that "
+            f"its posterior carries no information about it, but priors give it "
+            f"{priors[code]:g}. Give {name} another prior."
+        )

@@ -1,0 +1,322 @@
+"""Facts about decisions of least risk: costs and priors take effect when a decision is made."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+import sklearn
+from sklearn.base import clone
+from sklearn.calibration import CalibratedClassifierCV
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.frozen import FrozenEstimator
+from sklearn.linear_model import LogisticRegression, RidgeClassifier
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.naive_bayes import GaussianNB
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.tree import DecisionTreeClassifier
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm import (
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
+    PosteriorProduct,
+    evaluate,
+    neg_expected_cost,
+)
+
+STATES = ["spall", "dry", "new"]
+COSTS = {
+    "None": None,
+    "array": [[0, 2, 1], [8, 0, 3], [4, 1, 0]],  # dry, new, spall
+    "mapping": {("new", "spall"): 30, ("new", "dry"): 4},
+    "negative": pd.DataFrame(
+        [[1, -1, 9], [0.5, 0, -2]], index=["fly", "ground"], columns=["dry", "new", "spall"]
+    ),
+    "inspect": {("inspect", state): 0.15 for state in STATES},
+}
+PRIORS = [None, "uniform", [0.2, 0.7, 0.1], {"spall": 0.3, "dry": 0.6, "new": 0.1}]
+KINDS = [
+    (covariance, shrinkage)
+    for covariance in ("full", "tied", "diag")
+    for shrinkage in (None, 0.3, "oas", "auto")
+]
+
+
+def recordings(seed=0, counts=(14, 9, 20)):
+    rng = np.random.default_rng(seed)
+    y = rng.permutation(np.repeat(STATES, counts))
+    centres = dict(zip(STATES, [(2.0, 0.5, 1.0), (-1.0, 1.0, 0.0), (0.0, 0.0, 0.3)], strict=True))
+    return np.array([rng.normal(centres[label], (1.0, 1.4, 0.6)) for label in y]), y
+
+
+X, Y = recordings()
+LATER, Y_LATER = recordings(1, counts=(6, 5, 8))
+
+
+def assert_same(model, refitted):
+    """All results are equal, bit for bit."""
+    for name in ("classes_", "decisions_", "cost_", "priors_"):
+        np.testing.assert_array_equal(getattr(model, name), getattr(refitted, name))
+    for method in ("predict", "risk", "predict_proba", "predict_log_proba"):
+        found, expected = getattr(model, method)(LATER), getattr(refitted, method)(LATER)
+        np.testing.assert_array_equal(found, expected)
+    truths = np.where(Y_LATER == "dry", "dry", Y_LATER)
+    assert model.score(LATER, truths) == refitted.score(LATER, truths)
+    assert neg_expected_cost(model, LATER, Y_LATER) == neg_expected_cost(refitted, LATER, Y_LATER)
+
+
+def product(classifier):
+    return PosteriorProduct([("first", classifier), ("second", GaussianNB())], priors="uniform")
+
+
+MODELS = {
+    f"{covariance}, {shrinkage}": CostSensitiveGaussianBayes(
+        covariance=covariance, shrinkage=shrinkage
+    )
+    for covariance, shrinkage in KINDS
+} | {
+    "wrapped logistic regression": LeastRiskClassifier(LogisticRegression()),
+    "wrapped pipeline": LeastRiskClassifier(make_pipeline(StandardScaler(), GaussianNB())),
+    "product": product(CostSensitiveGaussianBayes()),
+}
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_costs_and_priors_set_after_fit_equal_those_of_a_refit(kind):
+    model = clone(MODELS[kind]).fit(X, Y)
+    for cost, priors in zip(COSTS.values(), itertools.cycle(PRIORS[1:])):
+        model.set_params(cost=cost, priors=priors)
+        assert_same(model, clone(model).fit(X, Y))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in MODELS if kind != "product"])
+def test_back_to_the_defaults_is_as_if_nothing_had_been_set(kind):
+    model = clone(MODELS[kind]).set_params(cost=COSTS["inspect"], priors="uniform").fit(X, Y)
+    assert_same(model.set_params(cost=None, priors=None), clone(MODELS[kind]).fit(X, Y))
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), [k for k in KINDS if k[1] != "auto"])
+def test_after_partial_fit_they_take_effect_as_well(covariance, shrinkage):
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
+    parts = np.array_split(np.arange(len(X)), 3)
+    for part in parts:
+        model.partial_fit(X[part], Y[part], sorted(STATES))
+    model.set_params(cost=COSTS["mapping"], priors=PRIORS[2])
+    other = clone(model)
+    for part in parts:
+        other.partial_fit(X[part], Y[part], sorted(STATES))
+    assert_same(model, other)
+
+
+def test_they_are_set_in_a_fitted_pipeline():
+    pipe = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes()).fit(X, Y)
+    before = pipe.predict(LATER)
+    names = {
+        "costsensitivegaussianbayes__cost": COSTS["mapping"],
+        "costsensitivegaussianbayes__priors": "uniform",
+    }
+    after = pipe.set_params(**names).predict(LATER)
+    np.testing.assert_array_equal(after, clone(pipe).fit(X, Y).predict(LATER))
+    assert (after != before).any()
+    assert pipe[-1].cost_[1].tolist() == [4, 0, 30]
+    assert neg_expected_cost(pipe, LATER, Y_LATER) < 0
+
+
+def test_a_decision_that_a_later_cost_adds_or_removes():
+    model = CostSensitiveGaussianBayes().fit(X, Y).set_params(cost=COSTS["inspect"])
+    assert model.decisions_.tolist() == ["dry", "new", "spall", "inspect"]
+    assert "inspect" in model.predict(LATER)
+    assert model.risk(LATER).shape == (19, 4)
+    model.set_params(cost=COSTS["negative"])
+    assert set(model.predict(LATER)) == {"fly", "ground"}
+
+
+@pytest.mark.parametrize("kind", ["full, None", "wrapped logistic regression", "product"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"cost": {("new", "wear"): 3}}, "class 'wear' as a truth, which is unknown"),
+        ({"cost": [[0, 1], [1, 0]]}, r"square array of shape \(3, 3\).*got shape \(2, 2\)"),
+        ({"priors": [0.5, 0.5]}, "each of the 3 classes"),
+        ({"priors": {"new": 1.0}}, r"missing: \['dry', 'spall'\]"),
+    ],
+)
+def test_an_invalid_later_cost_or_prior_is_an_error_in_predict(kind, options, message):
+    model = clone(MODELS[kind]).fit(X, Y).set_params(**options)
+    with pytest.raises(ValueError, match=message):
+        model.predict(LATER)
+    with pytest.raises(ValueError, match=message):
+        model.score(LATER, Y_LATER)
+    with pytest.raises(ValueError, match=message):
+        clone(model).fit(X, Y)
+
+
+def test_decisions_with_equal_costs_each_have_their_risk():
+    # Rows 0 and 2 are equal; row 1 differs: risks have one column for each decision.
+    cost = pd.DataFrame(
+        [[3, 0, 7], [0, 1, 2], [3, 0, 7]],
+        index=["fly", "ground", "fly on"],
+        columns=["dry", "new", "spall"],
+    )
+    model = CostSensitiveGaussianBayes(cost).fit(X, Y)
+    risk = model.risk(LATER)
+    np.testing.assert_allclose(risk, model.predict_proba(LATER) @ cost.to_numpy().T)
+    np.testing.assert_array_equal(risk[:, 0], risk[:, 2])
+    assert set(model.predict(LATER)) == {"fly", "ground"}
+
+
+def test_before_fit_there_is_nothing_in_effect():
+    for model in (CostSensitiveGaussianBayes(), *MODELS.values()):
+        assert not any(hasattr(model, name) for name in ("cost_", "decisions_", "priors_"))
+
+
+def test_a_class_without_recordings_cannot_be_given_a_prior_later():
+    model = CostSensitiveGaussianBayes().partial_fit(X, Y, [*STATES, "worn"])
+    assert model.priors_[3] == 0
+    with pytest.raises(ValueError, match=r"class \['worn'\] has had no recordings"):
+        model.set_params(priors="uniform").predict(LATER)
+
+
+# Any classifier
+
+
+WRAPPED = LeastRiskClassifier(LogisticRegression())
+
+
+@parametrize_with_checks(
+    [
+        WRAPPED,
+        LeastRiskClassifier(CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1)),
+    ]
+)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+def test_the_posterior_of_the_estimator_is_left_alone():
+    for estimator in (LogisticRegression(), GaussianNB(), DecisionTreeClassifier(random_state=0)):
+        model = LeastRiskClassifier(estimator).fit(X, Y)
+        expected = clone(estimator).fit(X, Y).predict_proba(LATER)
+        np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-13)
+        np.testing.assert_allclose(model.risk(LATER), 1 - expected, atol=1e-12)
+
+
+def test_other_priors_follow_from_bayes_rule():
+    model = LeastRiskClassifier(LogisticRegression(), priors=[0.2, 0.7, 0.1]).fit(X, Y)
+    own = model.estimator_.predict_proba(LATER)
+    frequencies = np.array([9, 20, 14]) / 43
+    np.testing.assert_allclose(model.estimator_priors_, frequencies)
+    expected = own * [0.2, 0.7, 0.1] / frequencies
+    expected /= expected.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)
+
+
+def test_a_calibrated_classifier_decides_by_cost():
+    calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(), cv=3)
+    model = LeastRiskClassifier(calibrated, COSTS["inspect"]).fit(X, Y)
+    assert "inspect" in model.predict(LATER)
+
+
+def test_a_classifier_that_is_fitted_already_is_given_a_cost():
+    fitted = LogisticRegression().fit(X, Y)
+    model = LeastRiskClassifier(FrozenEstimator(fitted), COSTS["mapping"]).fit(X[:20], Y[:20])
+    np.testing.assert_allclose(model.predict_proba(LATER), fitted.predict_proba(LATER))
+
+
+def test_weights_reach_the_estimator_and_its_prior():
+    weight = np.arange(len(Y)) % 3
+    for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
+        model = LeastRiskClassifier(estimator, priors="uniform").fit(X, Y, weight)
+        repeated = LeastRiskClassifier(estimator, priors="uniform")
+        repeated.fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
+        np.testing.assert_allclose(model.estimator_priors_, repeated.estimator_priors_)
+    np.testing.assert_allclose(
+        LeastRiskClassifier(GaussianNB()).fit(X, Y, weight).predict_proba(LATER),
+        LeastRiskClassifier(GaussianNB())
+        .fit(np.repeat(X, weight, axis=0), np.repeat(Y, weight))
+        .predict_proba(LATER),
+        rtol=1e-6,
+    )
+
+
+def test_arguments_of_fit_reach_a_step_and_are_routed():
+    pipe = make_pipeline(StandardScaler(), GaussianNB())
+    weight = np.arange(len(Y)) % 4
+    direct = LeastRiskClassifier(pipe).fit(X, Y, gaussiannb__sample_weight=weight)
+    np.testing.assert_allclose(direct.estimator_priors_.sum(), 1)
+    with sklearn.config_context(enable_metadata_routing=True):
+        scaler = StandardScaler().set_fit_request(sample_weight=False)
+        asking = make_pipeline(scaler, GaussianNB().set_fit_request(sample_weight=True))
+        routed = LeastRiskClassifier(asking).fit(X, Y, sample_weight=weight)
+    np.testing.assert_allclose(routed.predict_proba(LATER), direct.predict_proba(LATER))
+
+
+def test_a_search_inside_and_outside():
+    grid = {"var_smoothing": [1e-9, 0.3]}
+    inside = LeastRiskClassifier(GridSearchCV(GaussianNB(), grid), COSTS["mapping"]).fit(X, Y)
+    assert inside.estimator_priors_ == pytest.approx([9 / 43, 20 / 43, 14 / 43])
+    outside = GridSearchCV(
+        LeastRiskClassifier(GaussianNB(), COSTS["mapping"]),
+        {"estimator__var_smoothing": [1e-9, 0.3]},
+        scoring=neg_expected_cost,
+        cv=GroupKFold(3),
+        error_score="raise",
+    )
+    outside.fit(X, Y, groups=np.arange(len(Y)) % 7)
+    assert outside.best_score_ < 0
+
+
+def test_the_router_and_evaluate_take_it():
+    table = pd.DataFrame(X, columns=["a", "b", "c"]).assign(load=np.where(X[:, 2] > 0.4, 40, 20))
+    model = LeastRiskClassifier(RandomForestClassifier(5, random_state=0), COSTS["mapping"])
+    router = ConditionRouter(model, "load").fit(table, Y)
+    assert router.cost_[1].tolist() == [4, 0, 30]
+    assert router.risk(table).shape == (43, 3)
+    found = evaluate(model, X, Y, n_splits=3)
+    assert found.table["expected_cost"].iloc[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("estimator", "error", "message"),
+    [
+        (RidgeClassifier(), TypeError, "RidgeClassifier has no predict_proba.*Calibrated"),
+        (GaussianNB, TypeError, "estimator must be a classifier, got <class"),
+        (None, TypeError, "estimator must be a classifier, got None"),
+        (
+            FrozenEstimator(GaussianNB().fit(X[Y != "dry"], Y[Y != "dry"])),
+            ValueError,
+            r"trained on the classes \['new', 'spall'\], but y contains \['dry', 'new', 'spall'\]",
+        ),
+    ],
+)
+def test_estimators_that_cannot_be_used_are_refused(estimator, error, message):
+    with pytest.raises(error, match=message):
+        LeastRiskClassifier(estimator).fit(X, Y)
+
+
+def test_a_class_that_the_estimator_excludes_cannot_be_given_a_prior():
+    plain = CostSensitiveGaussianBayes(priors=[0.5, 0.5, 0.0])
+    model = LeastRiskClassifier(plain).fit(X, Y)
+    with pytest.raises(ValueError, match="estimator has the prior 0 of class 'spall'"):
+        model.set_params(priors="uniform").predict(LATER)
+
+
+def test_a_posterior_that_is_nan_is_refused():
+    class Undefined(GaussianNB):
+        def predict_log_proba(self, X):
+            return np.where(np.arange(len(X))[:, np.newaxis] == 2, np.nan, np.zeros(3))
+
+    with pytest.raises(ValueError, match="posterior of recording 2 is NaN"):
+        LeastRiskClassifier(Undefined()).fit(X, Y).predict(LATER)
+
+
+def test_numbers_and_names_of_features_are_the_estimators():
+    table = pd.DataFrame(X, columns=["a", "b", "c"])
+    model = LeastRiskClassifier(GaussianNB())
+    assert not hasattr(model, "n_features_in_")
+    model.fit(table, Y)
+    assert model.n_features_in_ == 3
+    assert model.feature_names_in_.tolist() == ["a", "b", "c"]
