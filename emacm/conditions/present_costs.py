@@ -117,7 +117,7 @@ def priors_of_some(priors: Any, known: NDArray[Any], classes: NDArray[Any]) -> A
 
     Examples
     --------
-    >>> priors = {"dry": 0.2, "ok": 0.6, "worn": 0.2}
+    >>> priors = {"dry": 0.125, "ok": 0.375, "worn": 0.5}
     >>> priors_of_some(priors, np.array(["dry", "ok"]), np.array(["dry", "ok", "worn"]))
     {'dry': 0.25, 'ok': 0.75}
     """
