@@ -6,11 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.linear_model import LogisticRegression
-from sklearn.naive_bayes import GaussianNB
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
 
-from emacm import ConditionRouter, Recording, evaluate
+from emacm import ConditionRouter, Recording
 from emacm.recordings.meta import read_grouping, read_meta
 
 
@@ -126,28 +123,3 @@ def test_an_array_is_not_split_with_the_recordings():
     router = ConditionRouter(LogisticRegression(), condition=[20, 20, 40, 40])
     with pytest.raises(TypeError, match=r"condition must be a key of meta.*put its values into"):
         router.fit(np.zeros((4, 1)), ["a", "b"] * 2)
-
-
-@pytest.mark.parametrize("role", ["runs", "units", "conditions"])
-def test_evaluate_reads_tuples_and_functions_as_the_router_does(role):
-    rng = np.random.default_rng(3)
-    metas = [
-        {"unit": unit, "load": load}
-        for unit, load in zip("CCAABB" * 6, [20, 40, 40] * 12, strict=True)
-    ]
-    X, y = runs(*metas), rng.choice(["worn", "new"], 36)
-    levels = rng.normal(size=(36, 1)) + (y == "worn")[:, np.newaxis]
-    number = {id(run): level for run, level in zip(X, levels, strict=True)}
-    read = FunctionTransformer(lambda X: np.array([number[id(run)] for run in X]))
-    model = make_pipeline(read, GaussianNB())
-    forms = [
-        ("unit", "load"),
-        lambda run: (run.meta["unit"], run.meta["load"]),
-        [f"{run.meta['unit']} {run.meta['load']}" for run in X],
-    ]
-    tables = [evaluate(model, X, y, n_resamples=100, **{role: form}).table for form in forms]
-    for table in (table.select_dtypes("number") for table in tables):
-        np.testing.assert_array_equal(table, tables[0][table.columns])
-    routers = [ConditionRouter(model, form).fit(X, y) for form in forms[:2]]
-    assert routers[0].conditions_ == routers[1].conditions_
-    assert len(routers[0].conditions_) == len(set(forms[2])) == 5
