@@ -15,6 +15,7 @@ from emacm.displays._drawing import (
     MISSING,
     ORDER_LABEL,
     SMALL,
+    STOP_BAND,
     label_x,
     mark_orders,
     panel_axes,
@@ -103,7 +104,8 @@ def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[
             panel.set_xlim(edges.min(), edges.max())
         else:
             _name_bins(panel, block.names)
-    label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else "order bin")
+    named = "order bin" if any(block.bands is None for block in blocks) else f"bin, {ORDER_LABEL}"
+    label_x(axes, ORDER_LABEL if len(over_order) == len(blocks) else named)
     return axes
 
 
@@ -148,7 +150,7 @@ def draw_steps(
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:
     """Hatch the orders that a filter removed, as far as they are within the limits."""
     left, right = ax.get_xlim()
-    label: str | None = "stop band"
+    label: str | None = STOP_BAND
     for low, high in stop_bands:
         if high > left and low < right:
             style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}

@@ -43,7 +43,9 @@ class Display:
             If the number of Axes differs from the number of panels.
         """
         self.ax_ = self._draw(ax)
-        self.figure_ = np.ravel(self.ax_)[0].figure
+        axes = np.ravel(self.ax_)
+        self.figure_ = axes[0].figure
+        self.figure_.align_ylabels(list(axes))
         return self
 
     def _draw(self, ax: Any) -> Any:
@@ -144,9 +146,10 @@ class PowerDisplay(OrderDisplay):
         kind = self.envelopes.get(channel, self.envelopes.get(channel.rstrip("+-")))
         unit = _tables.unit_of(self.unit, channel, derived=kind is not None)
         quantity, unit = _tables.as_envelope(quantity, unit, kind)
+        base = channel if kind is None else channel.removesuffix("_envelope")
         reference = "dB re 1 " if self.scale == "dB" else ""
         unit = f"{reference}{_drawing.squared(unit)}{per}"
-        _drawing.label_y(panel, f"{quantity} of {channel}", unit)
+        _drawing.label_y(panel, f"{quantity} of {base}", unit)
 
 
 def bar_style(colour: str) -> dict[str, Any]:

@@ -32,12 +32,12 @@ PLAIN = COLOURS[2]  # of what is not a state
 WIDTH = 6.3  # inches: 16 cm, the text width of a page, so that font sizes are those on paper
 SMALL = 8  # points; font size of everything except axis labels
 ORDER_LABEL = "order [cycles per revolution]"
+STOP_BAND = "stop band"
 MISSING = "0.85"  # grey hatch: not measured, or removed by a filter
 LETTER = 0.58 * SMALL  # points; mean width of a letter
 
-_LONGEST = 20  # letters; longer words may be broken
 _WRAP = 34  # letters of a line in a legend
-_HANDLE = 44  # points; line sample of a legend entry, with its margins
+_HANDLE = 42  # points; line sample of a legend entry, with its margins
 
 
 def state_numbers(labels: Iterable[Any], healthy: Any) -> dict[str, int]:
@@ -168,8 +168,7 @@ def label_y(ax: Any, quantity: str, unit: str) -> None:
     room = int(1.2 * _extent(ax, "height") / (LETTER * 10 / SMALL))
     label = f"{quantity} [{unit}]"
     if len(label) > room:
-        longest = max(map(len, quantity.split()), default=1)
-        label = fill(quantity, max(room, min(longest, _LONGEST))) + f"\n[{unit}]"
+        label = fill(quantity, room, break_long_words=False) + f"\n[{unit}]"
     ax.set_ylabel(label)
 
 
@@ -185,15 +184,38 @@ def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
     **options
         As for ``Axes.legend``: handles, labels, title.
     """
-    labels = options.get("labels", ax.get_legend_handles_labels()[1])
-    if not labels:
+    if "labels" not in options:
+        pairs = zip(*ax.get_legend_handles_labels(), strict=True)
+        entries = sorted(pairs, key=lambda entry: entry[1] == STOP_BAND)  # after the states
+        options["handles"], options["labels"] = ([entry[i] for entry in entries] for i in (0, 1))
+    if not options["labels"]:
         return
-    longest = max(len(line) for label in labels for line in label.split("\n"))
-    columns = max(1, min(len(labels), int(_extent(ax, "width") / (LETTER * longest + _HANDLE))))
     place = {"loc": "lower left", "bbox_to_anchor": (0, 1), "bbox_transform": _above(ax, gap)}
     look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3, "frameon": False}
     spaces = {"labelspacing": 0.35, "columnspacing": 1.2, "borderpad": 0.2, "borderaxespad": 0.3}
+    columns = _columns(options["labels"], _extent(ax, "width"))
     ax.legend(ncols=columns, alignment="left", **place, **look, **spaces, **options)
+
+
+def _columns(labels: Sequence[str], width: float) -> int:
+    """Return the largest number of legend columns that fit into a width [points]."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=SMALL)
+    widths = [
+        _HANDLE
+        + max(
+            text_to_path.get_text_width_height_descent(s, font, False)[0] for s in label.split("\n")
+        )
+        for label in labels
+    ]
+    fitting = (
+        n
+        for n in range(len(widths), 1, -1)
+        if sum(part.max() for part in np.array_split(widths, n)) <= width
+    )
+    return next(fitting, 1)
 
 
 def _above(ax: Any, gap: float) -> Any:
@@ -293,14 +315,14 @@ def squared(unit: str) -> str:
 
     Examples
     --------
-    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("1")
-    ('A²', '(m/s²)²', '(m/s²)⁴', '1')
+    >>> squared("A"), squared("m/s²"), squared("(m/s²)²"), squared("V²"), squared("1")
+    ('A²', '(m/s²)²', '(m/s²)⁴', 'V⁴', '1')
     """
-    if unit.endswith(")²"):
+    if unit.endswith("²") and (unit.endswith(")²") or not any(sign in unit for sign in "/ ")):
         return f"{unit[:-1]}⁴"
     if unit == "1":
         return unit
-    return f"({unit})²" if any(sign in unit for sign in "/² ") else f"{unit}²"
+    return f"({unit})²" if any(sign in unit for sign in "/ ") else f"{unit}²"
 
 
 def pyplot() -> Any:

@@ -113,7 +113,9 @@ class ContributionsDisplay(OrderDisplay):
 
     def _draw(self, ax: Any) -> Any:
         axes = _bars.bin_panels(ax, self.blocks)
-        limit = 1.08 * np.abs(self.contributions).max() or 1.0
+        low, high = min(0, self.contributions.min()), max(0, self.contributions.max())
+        margin = 0.08 * (high - low)
+        limits = (low - margin, high + margin) if margin else (-1, 1)
         for panel, block in zip(axes, self.blocks, strict=True):
             values = self.contributions[block.columns]
             for colour, hatch, word, chosen in (
@@ -127,7 +129,7 @@ class ContributionsDisplay(OrderDisplay):
                     label = _drawing.wrapped(f"evidence {word} {self.decision}")
                     panel.fill_between([], [], hatch=hatch, label=label, **style)
             panel.axhline(0, color="black", linewidth=0.6)
-            panel.set_ylim(-limit, limit)  # equal in all channels, for comparison
+            panel.set_ylim(limits)  # equal in all channels, for comparison
             _drawing.label_y(panel, f"contribution of {block.channel}", self.unit)
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes

@@ -239,7 +239,7 @@ class EvaluationDisplay(Display):
         panel.set_xticks(np.arange(counts.shape[1]), columns, fontsize=_drawing.SMALL, **turned)
         panel.set_yticks(np.arange(len(counts)), rows, fontsize=_drawing.SMALL)
         panel.tick_params(length=0)
-        _drawing.label_axes(panel, "true", "decided")
+        _drawing.label_axes(panel, "true class", "decision")
         self._title(panel, "recordings, shaded by\nthe share of each true class")
 
     def _draw_reliability(self, panel: Any) -> None:

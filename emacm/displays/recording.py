@@ -185,7 +185,8 @@ class RecordingDisplay(Display):
             kind = self.envelopes.get(name)
             unit = _tables.unit_of(self.units, name, derived=kind is not None)
             quantity, unit = _tables.as_envelope("", unit, kind)
-            _drawing.label_y(panel, f"{quantity} of {name}" if quantity else name, unit)
+            base = f"{quantity} of {name.removesuffix('_envelope')}" if quantity else name
+            _drawing.label_y(panel, base, unit)
         self._draw_line(axes[-1], self.shaft_times, self.speed)
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
         _drawing.label_y(axes[-1], "shaft speed", "rad/s")

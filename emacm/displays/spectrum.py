@@ -183,4 +183,6 @@ class OrderSpectrumDisplay(PowerDisplay):
         power = self._scaled(values[drawn])
         if not np.all(np.isnan(power)):
             style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
+            if len(self.spectra) == 1:
+                style["linestyle"] = "-"
             panel.plot(self.orders[drawn], power, linewidth=1.2, **style)

@@ -62,6 +62,57 @@ def test_stop_bands_are_hatched_and_named():
     assert "stop band" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
+def test_stop_bands_are_last_in_the_legend_and_only_if_they_are_drawn():
+    for powers in ({"healthy": [1.0, 2.0]}, {"worn": [1.0, 2.0], "healthy": [3.0, 1.0]}):
+        (ax,) = axes()
+        OrderBinsDisplay([(0, 1), (2, 3)], powers, stop_bands=[(1, 2)]).plot(ax=ax)
+        names = [text.get_text() for text in ax.get_legend().get_texts()]
+        assert (names[0], names[-1]) == ("healthy", "stop band")
+    (ax,) = axes()
+    OrderBinsDisplay([(0, 1), (2, 3)], {"a": [1.0, 2.0]}, stop_bands=[(3, 4)]).plot(ax=ax)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
+
+
+def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
+    (ax,) = axes()
+    columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]
+    OrderBinsDisplay(columns, {"all": [1.0, 2.0, 4.0]}, scale="linear").plot(ax=ax)
+    bars = sorted(
+        (bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in ax.patches
+    )
+    assert np.allclose(bars, [(-0.4, 0.4, 1), (0.6, 1.4, 2), (1.6, 2.4, 4)])
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["5.9-6.3", "6.1-6.5", "2-2.5"]
+    assert ax.get_xlabel() == "bin, order [cycles per revolution]"
+    (ax,) = axes()
+    OrderBinsDisplay(columns, {"a": [1, 2, 4], "b": [4, 2, 1]}, scale="linear").plot(ax=ax)
+    _, y = ax.lines[0].get_data()
+    assert np.isnan(y).sum() == 2  # three lines that do not touch
+    assert y[~np.isnan(y)].tolist() == [1, 1, 2, 2, 4, 4]
+
+
+def test_bins_that_touch_and_bins_in_any_order_have_an_order_axis():
+    (ax,) = axes()
+    OrderBinsDisplay(["a@2-3", "a@0-2", "a@3-4"], {"all": [1.0, 2.0, 4.0]}).plot(ax=ax)
+    assert ax.get_xlim() == (0, 4)
+    assert ax.get_xlabel() == "order [cycles per revolution]"
+
+
+def test_bins_of_an_envelope_are_named_as_such():
+    (ax,) = axes()
+    OrderBinsDisplay(
+        ["v@0-1", "v@1-2"], {"a": [1.0, 2.0]}, unit={"v": "g"}, envelopes={"v": "amplitude"}
+    ).plot(ax=ax)
+    assert ax.get_ylabel() == "envelope power of v [dB re 1 g²]"
+
+
+def test_decibel_bars_start_below_the_minimum():
+    (ax,) = axes()
+    OrderBinsDisplay(EDGES, {"all": [1e-7, 1e-5, 1e-3]}).plot(ax=ax)
+    bottoms = {round(bar.get_y(), 9) for bar in ax.patches}
+    assert bottoms == {-73.2}  # 8 % of the range of 40 dB below -70 dB
+    assert ax.get_ylim() == pytest.approx((-73.2, -26.8))
+
+
 def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     runs = [simulate_actuator("screw", seed=seed) for seed in (1, 2)]
     bins = BinTransformer(max_order=10, stop_bands=((5.5, 6.5),))

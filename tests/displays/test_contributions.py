@@ -38,6 +38,37 @@ def test_evidence_against_is_hatched():
     assert legend == ["evidence for worn screw", "evidence against worn screw"]
 
 
+def test_only_what_is_drawn_is_in_the_legend_and_the_scale_is_that_of_all_channels():
+    panels = axes(2)
+    ContributionsDisplay(["a@0-1", "b@0-1"], [2.0, 0.5]).plot(ax=panels)
+    names = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert names == ["evidence for the decision"]
+    assert panels[0].get_ylim() == panels[1].get_ylim() == pytest.approx((-0.16, 2.16))
+    panels = axes(2)
+    ContributionsDisplay(["a@0-1", "b@0-1"], [2.0, -3.0]).plot(ax=panels)
+    names = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert names == ["evidence for the decision", "evidence against the decision"]
+    assert panels[0].get_ylim() == pytest.approx((-3.4, 2.4))
+
+
+def test_bins_without_edges_are_drawn_under_their_names():
+    table = pd.DataFrame(
+        {
+            "column": ["v@BPFO", "v@BPFI"],
+            "channel": ["v", "v"],
+            "low": [np.nan, np.nan],
+            "high": [np.nan, np.nan],
+            "contribution": [0.5, 2.0],
+        }
+    )
+    (ax,) = axes()
+    ContributionsDisplay.from_table(table, fault_orders={"BPFI": 6.1}, ax=ax)
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["BPFO", "BPFI"]
+    assert [height for _, _, height in bars(ax)] == [0.5, 2.0]
+    with pytest.raises(ValueError, match="low and high of row 0 must be finite, got nan"):
+        ContributionsDisplay.from_table(table.drop(columns="column"))
+
+
 def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
     panels = axes(2)
     orders = {"screw": 3.125, "BPFI": 6.123, "2 BPFI": 12.246}

@@ -8,10 +8,13 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib import pyplot, rc_context
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from emacm import Recording, displays
+from emacm import Bearing, Recording, displays, fault_orders
 from emacm.displays import (
     ContributionsDisplay,
     DecisionRegionsDisplay,
@@ -40,6 +43,7 @@ from emacm.displays._drawing import (
     spread,
     state_numbers,
     style_of,
+    tint,
 )
 from emacm.displays._tables import check_values, predicted_lines
 
@@ -89,11 +93,104 @@ def test_a_picture_names_both_axes(display):
 
 
 @each
-def test_a_picture_can_be_written_to_a_file(display, tmp_path):
+def test_a_display_is_written_to_a_file_with_its_labels(display, tmp_path):
     axes = axes_for(display)
     display.plot(ax=axes[0] if len(axes) == 1 else axes)
-    display.figure_.savefig(tmp_path / "picture.pdf")
-    assert (tmp_path / "picture.pdf").stat().st_size > 1000
+    with rc_context({"svg.fonttype": "none"}):
+        display.figure_.savefig(tmp_path / "picture.svg")
+    assert axes[-1].get_xlabel() in (tmp_path / "picture.svg").read_text(encoding="utf-8")
+
+
+@each
+def test_a_new_figure_fits_a_page_and_its_text_is_readable(display):
+    display.plot()
+    assert display.figure_.get_figwidth() == 6.3  # 16 cm
+    sizes = [text.get_fontsize() for text in display.figure_.findobj(Text) if text.get_text()]
+    assert min(sizes) >= 8
+    pyplot.close(display.figure_)
+
+
+STATES = ["broken", "new", "aged"]  # the healthy one, "new", is neither first nor last
+
+
+def states_displays():
+    bins = OrderBinsDisplay(BINS, {name: [1.0, 2.0] for name in STATES}, healthy="new")
+    spectrum = OrderSpectrumDisplay(
+        [0, 1, 2], {name: [1.0, 2.0, 3.0] for name in STATES}, healthy="new"
+    )
+    points = [[0, 1], [3, 5], [7, 2]]
+    densities = FeatureDensityDisplay(
+        STATES, points, [np.eye(2)] * 3, points, STATES, healthy="new"
+    )
+    regions = DecisionRegionsDisplay(
+        [0, 3, 7], [1, 5], [[0, 1, 2], [0, 1, 2]], STATES, points, STATES, healthy="new"
+    )
+    return [bins, spectrum, densities, regions]
+
+
+@pytest.mark.parametrize("display", states_displays(), ids=lambda d: type(d).__name__)
+def test_healthy_has_its_colour_and_the_first_place_of_the_legend(display):
+    ax = Figure().subplots()
+    display.plot(ax=ax)
+    legend = ax.get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["new", "broken", "aged"]
+    first = legend.legend_handles[0]
+    colour = first.get_color() if hasattr(first, "get_color") else first.get_facecolor()
+    if isinstance(display, DecisionRegionsDisplay):
+        assert to_hex(colour).upper() == tint(COLOURS[0], 0.22).upper()
+    else:
+        assert to_hex(colour).upper() == COLOURS[0]
+    others = {line.get_color() for line in ax.lines if not isinstance(line.get_color(), tuple)}
+    assert COLOURS[0] in others or isinstance(display, DecisionRegionsDisplay)
+
+
+def test_markers_of_healthy_recordings_have_its_colour():
+    for display in states_displays()[2:]:
+        ax = Figure().subplots()
+        display.plot(ax=ax)
+        colours = {
+            tuple(marks.get_offsets()[0]): to_hex(marks.get_facecolor()[0]).upper()
+            for marks in ax.collections
+            if isinstance(marks, PathCollection)
+        }
+        assert [xy for xy, colour in colours.items() if colour == COLOURS[0]] == [(3, 5)]
+
+
+def test_a_legend_stands_above_a_title_even_if_it_is_set_later():
+    ax = Figure(layout="constrained").subplots()
+    ExplainedVarianceDisplay([0.7, 0.2]).plot(ax=ax)
+    ax.set_title("two lines\nof a title")
+    ax.figure.draw_without_rendering()
+    title, legend = ax.title.get_window_extent(), ax.get_legend().get_window_extent()
+    assert ax.get_window_extent().y1 < title.y0 < title.y1 < legend.y0
+
+
+def test_a_legend_has_as_many_columns_as_fit():
+    def columns(n_classes, width):
+        ax = Figure(figsize=(width, 3)).subplots()
+        spectra = {f"class number {i}": np.ones(3) for i in range(n_classes)}
+        OrderSpectrumDisplay(np.arange(3), spectra).plot(ax=ax)
+        ax.figure.draw_without_rendering()
+        return len({round(text.get_window_extent().x0) for text in ax.get_legend().get_texts()})
+
+    assert columns(3, 6.3) == 3
+    assert columns(13, 6.3) in (3, 4)
+    assert columns(3, 2) == 1
+
+
+def test_slip_ranges_are_shaded_beside_the_lines_that_slip():
+    table = fault_orders(Bearing(8, 7.9, 34.5), {"mesh": 11.0})
+    table.loc["mesh", "slips"] = False
+    ax = Figure().subplots()
+    ax.set_xlim(0, 20)
+    mark_orders(ax, predicted_lines(table.loc[["BPFI", "mesh"]], 0.03))
+    (band,) = ax.patches
+    bpfi = table.loc["BPFI", "order"]
+    edges = [band.get_x(), band.get_x() + band.get_width()]
+    assert np.allclose(edges, [0.97 * bpfi, 1.03 * bpfi])
+    assert sorted(line.get_xdata()[0] for line in ax.lines) == sorted([bpfi, 11.0])
+    mark_orders(ax, predicted_lines({"mesh": 11.0}, 0))
+    assert len(ax.patches) == 1
 
 
 @each

@@ -88,7 +88,7 @@ def test_the_confusion_counts_and_is_shaded_by_columns():
     assert [text.get_text() for text in panels[1].texts] == ["8", "1", "3", "2"]
     assert np.allclose(panels[1].images[0].get_array(), [[0.8, 0.25], [0, 0.75], [0.2, 0]])
     assert [t.get_text() for t in panels[1].get_yticklabels()] == ["a", "b", "inspect"]
-    assert (panels[1].get_xlabel(), panels[1].get_ylabel()) == ("true", "decided")
+    assert (panels[1].get_xlabel(), panels[1].get_ylabel()) == ("true class", "decision")
     assert panels[1].get_title().startswith("by run")
 
 
@@ -104,7 +104,12 @@ def test_reliability_is_drawn_beside_the_diagonal():
     diagonal, curve = panels[2].lines
     assert np.allclose(diagonal.get_xydata(), [[0, 0], [100, 100]])
     assert np.allclose(curve.get_xydata(), [[60, 50], [90, 95]])
-    assert np.allclose(panels[2].collections[0].get_segments()[0][:, 1], [30, 70])
+    limits, points = panels[2].collections
+    assert np.allclose(limits.get_segments()[0], [[60, 30], [60, 70]])
+    assert np.allclose(points.get_offsets(), [[60, 50], [90, 95]])
+    assert np.allclose(points.get_sizes(), [12 + 90 * 10 / 50, 12 + 90 * 40 / 50])
+    assert "confidence" in panels[2].get_xlabel()
+    assert "observed frequency" in panels[2].get_ylabel()
     assert "[%]" in panels[2].get_xlabel()
     assert "[%]" in panels[2].get_ylabel()
 
@@ -171,3 +176,57 @@ def test_what_cannot_be_drawn_is_refused():
         EvaluationDisplay(TABLE, CONFUSION, CURVE.drop(columns="count"))
     with pytest.raises(ValueError, match="this display has 2 panels and needs as many Axes, got 3"):
         EvaluationDisplay(TABLE, CONFUSION).plot(ax=axes(3))
+
+
+def test_the_three_rates_are_drawn_separately():
+    rates = ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
+    table = TABLE.assign(
+        **{
+            f"{name}{end}": [v, v, v]
+            for name, v in zip(rates, (0.3, 0.45, 0.05), strict=True)
+            for end in ("", "_low", "_high")
+        }
+    )
+    panels = axes(2)
+    EvaluationDisplay(table, CONFUSION).plot(ax=panels)
+    points = {line.get_label(): line.get_xdata()[0] for line in panels[0].lines}
+    assert points["false alarms (of healthy)"] == 30
+    assert points["inspections (of healthy)"] == 45
+    assert points["missed detections (of faulty)"] == 5
+
+
+def test_a_rate_without_values_is_not_in_the_legend():
+    panels = axes(2)
+    table = TABLE.assign(
+        inspection_rate=np.nan, inspection_rate_low=np.nan, inspection_rate_high=np.nan
+    )
+    EvaluationDisplay(table, CONFUSION).plot(ax=panels)
+    names = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert names == ["balanced accuracy", "false alarms (of healthy)"]
+
+
+def test_the_healthy_class_is_the_first_row_and_column_of_the_confusion():
+    counts = pd.DataFrame(
+        [[5, 1, 0], [2, 7, 4], [0, 3, 6]],
+        index=["dry", "new", "worn"],
+        columns=["dry", "new", "worn"],
+    )
+    panels = axes(2)
+    display = EvaluationDisplay(TABLE, counts, healthy="new").plot(ax=panels)
+    assert (
+        list(display.confusion.index) == list(display.confusion.columns) == ["new", "dry", "worn"]
+    )
+    assert [text.get_text() for text in panels[1].texts] == ["7", "2", "4", "1", "5", "3", "6"]
+    assert [t.get_text() for t in panels[1].get_xticklabels()] == ["new", "dry", "worn"]
+
+
+def test_many_classes_have_the_reliability_below_the_confusion():
+    from matplotlib import pyplot
+
+    names = [f"spalling {i}" for i in range(7)]
+    counts = pd.DataFrame(np.eye(7), index=names, columns=names)
+    display = EvaluationDisplay(TABLE, counts, CURVE).plot()
+    display.figure_.draw_without_rendering()
+    boxes = [panel.get_window_extent() for panel in display.ax_]
+    assert boxes[0].y0 > boxes[1].y1 > boxes[1].y0 > boxes[2].y1
+    pyplot.close(display.figure_)

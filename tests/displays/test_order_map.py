@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from emacm import OrderPSD, OrderResampler, Recording
+from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderMapDisplay
 from emacm.simulation import simulate_actuator
 
@@ -67,6 +67,28 @@ def test_colours_are_the_segments_in_db_and_gaps_stay_empty(ax):
     assert "order" in ax.get_ylabel()
 
 
+def test_each_order_is_drawn_around_its_height(ax):
+    orders = [0, 0.3, 0.6, 0.9]
+    psd = [[1.0, 10.0, 1000.0, 100.0], [1.0, 100.0, 10.0, 1.0]]
+    OrderMapDisplay(orders, psd, [[0, 2], [2, 5]], [7.0, 9.0]).plot(ax=ax)
+    (mesh,) = ax.collections
+    heights = mesh.get_coordinates()[:, 0, 1]
+    assert np.allclose(heights, [0.15, 0.45, 0.75, 1.05])
+    assert mesh.get_array().tolist() == [[10, 20], [30, 10], [20, 0]]
+    assert ax.get_ylim() == (pytest.approx(0.15), 0.9)
+
+
+def test_a_line_is_drawn_at_its_order(ax):
+    OrderMapDisplay.from_recording(
+        ramp(order=3.7), theta_s=TURN / 51.3, revolutions=7.4, max_order=9, ax=ax
+    )
+    (mesh,) = ax.collections
+    heights = mesh.get_coordinates()[:, 0, 1]
+    highest = int(mesh.get_array().mean(axis=1).argmax())
+    assert heights[highest] <= 3.7 <= heights[highest + 1]
+    assert heights[highest + 1] - heights[highest] < 0.15
+
+
 def test_segments_that_overlap_are_cut_in_the_middle(ax):
     OrderMapDisplay([0, 1], np.ones((3, 2)), [[0, 2], [1, 3], [2, 4]], np.ones(3)).plot(ax=ax)
     assert drawn(ax)[1].tolist() == [0, 1.5, 2.5, 4]
@@ -94,6 +116,20 @@ def test_the_scale_carries_the_unit(ax):
     display = OrderMapDisplay.from_recording(ramp(), unit="m/s²", ax=ax)
     label = display.colorbar_.ax.get_ylabel()
     assert label == "PSD of vibration [dB re 1 (m/s²)²/order]"
+
+
+def test_the_scale_of_an_envelope_carries_its_unit(ax):
+    run = EnvelopeDetector((300, 700), squared=False).fit_transform([ramp(40.0)])[0]
+    display = OrderMapDisplay.from_recording(run, unit="g", ax=ax)
+    label = display.colorbar_.ax.get_ylabel()
+    assert label == "envelope order spectrum of vibration [dB re 1 g²/order]"
+
+
+def test_slip_ranges_are_bars_beside_the_map(ax):
+    OrderMapDisplay.from_recording(ramp(), fault_orders={"BPFI": 5.0}, slip=0.1, ax=ax)
+    (bar,) = ax.lines
+    assert np.allclose(bar.get_ydata(), [4.5, 5.5])
+    assert min(bar.get_xdata()) > 1  # axes coordinates: beyond the right edge
 
 
 def test_fault_orders_are_named_within_the_map(ax):

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
 
-from emacm import BinTransformer, OrderPSD, OrderResampler
+from emacm import BinTransformer, EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderSpectrumDisplay
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.simulation import simulate_actuator
@@ -109,6 +109,59 @@ def test_eight_spectra_differ_by_colour_and_line(ax):
     assert len({line.get_color() for line in ax.lines}) == 7  # the eighth is that of healthy
     assert len({(line.get_color(), line.get_linestyle()) for line in ax.lines}) == 8
     assert {"--", "-.", ":"} <= {line.get_linestyle() for line in ax.lines}
+
+
+def test_an_envelope_is_named_with_its_quantity_and_unit(ax):
+    spectra, units = {"a": np.ones((2, 3))}, {"vibration": "m/s²", "torque": "V"}
+    panels = Figure(figsize=(6, 12)).subplots(2)
+    OrderSpectrumDisplay(
+        np.arange(3),
+        spectra,
+        channel=["torque+", "vibration_envelope"],
+        unit=units,
+        envelopes={"torque": "squared", "vibration_envelope": "amplitude"},
+    ).plot(ax=panels)
+    labels = [panel.get_ylabel().replace("\n", " ") for panel in panels]
+    assert labels == [
+        "squared envelope order spectrum of torque+ [dB re 1 V⁴/order]",
+        "envelope order spectrum of vibration [dB re 1 (m/s²)²/order]",
+    ]
+    with pytest.raises(ValueError, match="envelopes must map channels to 'amplitude' or 'squared'"):
+        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}, envelopes={"signal": "peak"})
+
+
+@pytest.mark.parametrize(("squared", "unit"), [(False, "g²"), (True, "g⁴")])
+def test_a_pipeline_with_an_envelope_detector_draws_envelope_spectra(squared, unit, ax):
+    times = np.arange(8000) / 2000
+    ringing = (1 + np.cos(2.7 * 30 * times)) * np.sin(2 * np.pi * 500 * times)
+    runs = [Recording({"vibration": ringing}, 2000, velocity=np.full(8000, 30.0))]
+    detector = EnvelopeDetector((350, 650), squared=squared)
+    pipeline = make_pipeline(detector, OrderResampler(), OrderPSD(10, max_order=8)).fit(runs)
+    display = OrderSpectrumDisplay.from_estimator(pipeline, runs, unit="g", ax=ax)
+    words = "squared envelope" if squared else "envelope"
+    assert ax.get_ylabel().replace("\n", " ") == (
+        f"{words} order spectrum of vibration [dB re 1 {unit}/order]"
+    )
+    assert display.frame().iloc[10:, 0].idxmax() == pytest.approx(2.7)
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["all recordings"]
+
+
+def test_a_single_spectrum_is_a_solid_line(ax):
+    OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}).plot(ax=ax)
+    assert ax.lines[0].get_linestyle() == "-"
+
+
+def test_a_group_without_power_is_not_in_the_legend(ax):
+    spectra = {"a": np.ones(3), "silent": np.zeros(3)}
+    OrderSpectrumDisplay(np.arange(3), spectra).plot(ax=ax)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
+
+
+def test_lines_are_drawn_at_their_orders(ax):
+    orders = np.array([0, 0.4, 0.8, 1.2])
+    OrderSpectrumDisplay(orders, {"a": [9.0, 1.0, 10.0, 1000.0]}, max_order=1.1).plot(ax=ax)
+    assert np.allclose(ax.lines[0].get_xydata(), [[0.4, 0], [0.8, 10]])
 
 
 def test_a_spectrum_without_axis_or_channel_says_so():
