@@ -19,8 +19,10 @@ from emacm import (
     BinTransformer,
     ConditionRouter,
     CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
     OrderPSD,
     OrderResampler,
+    PosteriorProduct,
     Recording,
     as_families,
     explain_decision,
@@ -624,3 +626,70 @@ def test_priors_of_a_class_that_some_condition_lacks_go_to_the_others(priors):
     np.testing.assert_allclose(router.estimators_[40].priors_, expected)
     assert router.estimator.priors == priors
     router.predict(LOADED)
+
+
+# Costs and priors at the time of decision
+
+PRESENT = [
+    {"cost": FORMS_OF_A_COST["families"]},
+    {"cost": FORMS_OF_A_COST["mapping"], "priors": {"dry": 0.1, "healthy": 0.2, "worn": 0.7}},
+    {"cost": FORMS_OF_A_COST["array"], "priors": [0.5, 0.2, 0.3]},
+    {"priors": "uniform"},
+]
+LEVELS = table([20, 40, 30, 20, 40, 55] * 3, np.linspace(0, 11, 18))
+
+
+@pytest.mark.parametrize("present", PRESENT)
+@pytest.mark.parametrize(
+    "model",
+    [
+        gaussian({("healthy", "dry"): 3}),
+        make_pipeline(StandardScaler(), gaussian(None)),
+        LeastRiskClassifier(LogisticRegression()),
+        PosteriorProduct([("one", gaussian(None))]),
+    ],
+)
+@pytest.mark.parametrize("unseen", ["nearest", "pooled"])
+def test_costs_and_priors_set_after_fit_decide_as_a_refit_does(model, present, unseen):
+    router = ConditionRouter(model, unseen=unseen).fit(LOADED, SUB_STATES)
+    final = "estimator__costsensitivegaussianbayes__" if hasattr(model, "steps") else "estimator__"
+    router.set_params(**{final + name: value for name, value in present.items()})
+    again = clone(router).fit(LOADED, SUB_STATES)
+    for method in ("predict", "predict_proba", "predict_log_proba", "risk"):
+        now, refitted = (getattr(either, method)(LEVELS) for either in (router, again))
+        np.testing.assert_array_equal(now, refitted)
+    np.testing.assert_array_equal(router.decisions_, again.decisions_)
+    np.testing.assert_array_equal(router.cost_, again.cost_)
+    assert router.score(LOADED, SUB_STATES) == again.score(LOADED, SUB_STATES)
+
+
+def test_a_cost_set_after_fit_changes_decisions():
+    router = ConditionRouter(gaussian(None)).fit(LOADED, STATES)
+    before = router.predict(LOADED)
+    router.set_params(estimator__cost={("healthy", "worn"): 1e9})
+    assert set(router.predict(LOADED)) == {"worn"} != set(before)
+    assert router.cost_[0, 1] == 1e9
+    assert router.estimators_[20].cost is None  # the fitted classifiers stay as they are
+
+
+def test_a_cost_of_an_unknown_class_is_refused_when_deciding():
+    router = ConditionRouter(gaussian(None)).fit(LOADED, SUB_STATES)
+    router.set_params(estimator__cost={("healthy", "loose"): 10})
+    with pytest.raises(ValueError, match=r"classifier of load=20: .*'loose'"):
+        router.predict(LOADED)
+
+
+def test_a_cost_that_a_search_selected_stays():
+    costs = [{("worn", "healthy"): 1e9}, {("healthy", "worn"): 5}]
+
+    def called_worn(model, X, y):
+        return np.mean(model.predict(X) == "worn")
+
+    search = GridSearchCV(
+        gaussian(None), {"cost": costs}, scoring=called_worn, cv=[(range(4),) * 2]
+    )
+    router = ConditionRouter(search).fit(LOADED, STATES)
+    assert router.cost_[0, 1] == 5
+    np.testing.assert_array_equal(
+        router.predict(LOADED.iloc[:4]), router.estimators_[20].predict(LOADED[["level"]].iloc[:4])
+    )
