@@ -267,10 +267,10 @@ class OrderCrossSpectrum(WelchEstimator):
         lengths = [stroke.n_angles for stroke in strokes]
         whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= plan.n_per_segment]
         if whole:
-            segments = plan.lines_of(_with_peaks(s.joint_blocks(rows), peaks) for s in whole)
+            segments = plan.lines_of(_with_peaks(s.blocks_of_all_rates(rows), peaks) for s in whole)
         elif plan.short == "pad" and any(n > 1 for n in lengths):
             segments = plan.padded_lines(
-                np.concatenate(list(_with_peaks(s.joint_blocks(rows), peaks)), axis=1)
+                np.concatenate(list(_with_peaks(s.blocks_of_all_rates(rows), peaks)), axis=1)
                 for s in strokes
             )
         else:

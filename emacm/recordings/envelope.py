@@ -8,6 +8,7 @@ still, and before the signal is resampled over the shaft angle, where the rhythm
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -15,7 +16,10 @@ import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_finite, check_number, check_real_array
+from emacm._checks import check_choice, check_finite, check_number, check_real_array, located
+from emacm.recordings.arguments import immutable
+from emacm.recordings.inputs import check_channel_names
+from emacm.recordings.recording import Recording
 from emacm.shaft.motion import BLOCK, LazySeries, Series
 
 Band = tuple[float, float]
@@ -168,12 +172,47 @@ class EnvelopeSeries(LazySeries):
                 f"signal lasts {len(signal) / fs:.3g} s. Make the band wider, and keep its edges "
                 f"away from 0 and {fs / 2:g} Hz."
             )
-        taps = analytic_filter(low, high, fs)
+        self._signal = signal
+        self._fs, self._band, self.squared = fs, (low, high), squared
+        self._set_taps()
+
+    def _set_taps(self) -> None:
+        taps = analytic_filter(*self._band, self._fs)
         single = self.dtype == np.float32
         self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
-        self._signal = signal
-        self.squared = squared
         self.reach = len(taps) // 2
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The measured signal."""
+        return [self._signal] if isinstance(self._signal, np.ndarray) else self._signal.sources
+
+    def __repr__(self) -> str:
+        """Band and kind, of which digests are made."""
+        inner = "" if isinstance(self._signal, np.ndarray) else f", {self._signal!r}"
+        return f"EnvelopeSeries({self._fs!r}, {self._band!r}, {self.squared!r}{inner})"
+
+    def __eq__(self, other: object) -> bool:
+        """Two are equal if signal, rate, band and kind are."""
+        if not isinstance(other, EnvelopeSeries):
+            return NotImplemented
+        if repr(self) != repr(other) or self.dtype != other.dtype:
+            return False
+        pairs = zip(self.sources, other.sources, strict=True)
+        return all(np.array_equal(one, another) for one, another in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the filter, which follows from the rest."""
+        return {name: value for name, value in vars(self).items() if name != "_taps"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the series, with the signal immutable."""
+        vars(self).update(state)
+        if isinstance(self._signal, np.ndarray):
+            self._signal = immutable(self._signal)
+        self._set_taps()
 
     def __getitem__(self, key: Any) -> Any:
         """Return one sample, a slice of any step, or samples at an array of indices."""
@@ -183,7 +222,8 @@ class EnvelopeSeries(LazySeries):
             return self._gathered(np.arange(len(self))[key] if key.dtype == bool else key)
         return super().__getitem__(key)
 
-    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the envelope at samples `start` to `stop` (exclusive)."""
         values = np.empty(stop - start, self.dtype)
         at_once = max(BLOCK, 2 * len(self._taps))
         for first in range(start, stop, at_once):
@@ -200,7 +240,7 @@ class EnvelopeSeries(LazySeries):
         index = np.where(index < 0, index + len(self), index)
         low, high = int(index.min()), int(index.max()) + 1
         if high - low <= len(index) * len(self._taps):
-            return self._read(low, high)[index - low]
+            return self.read(low, high)[index - low]
         values = np.empty(len(index), self.dtype)
         at_once = max(1, _GATHERED // len(self._taps))
         for first in range(0, len(index), at_once):
@@ -275,3 +315,60 @@ def envelope(
     for row, out in zip(array.reshape(-1, array.shape[-1]), flat, strict=True):
         out[:] = EnvelopeSeries(row, fs, band, squared=squared)[:]
     return values
+
+
+def envelope_recording(
+    measured: Recording,
+    bands: Mapping[str, Band],
+    *,
+    squared: bool = True,
+    suffix: str | None = None,
+) -> Recording:
+    """Return a recording with envelopes in place of channels, or in addition to them.
+
+    Its shaft and meta are those of the measured recording. The envelopes are computed when they
+    are read, and are not kept.
+
+    Parameters
+    ----------
+    measured : Recording
+        What was measured.
+    bands : mapping of str to (low, high)
+        Band of each channel whose envelope is taken [Hz].
+    squared : bool
+        Squared envelopes [U²], or envelopes [U].
+    suffix : str, optional
+        Appended to the channel name to name the envelope, which is then added at the end.
+        Default: envelopes replace their channels.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such channel, its sampling rate is too low for its band, or a name exists
+        already. The message names the channel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(10_000) / 10_000
+    >>> run = Recording({"sound": np.sin(6000 * t)}, 10_000, velocity=np.full(10_000, 60.0))
+    >>> with_envelope = envelope_recording(run, {"sound": (500, 1500)}, suffix="_envelope")
+    >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
+    (('sound', 'sound_envelope'), 1.0)
+    """
+    series, fs = dict(measured.series), dict(measured.fs)
+    check_channel_names(measured.channels, list(bands))
+    for channel, band in bands.items():
+        name = channel + (suffix or "")
+        if suffix and name in series:
+            raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
+        fs[name] = measured.fs[channel]
+        with located(f"channel {channel!r}"):
+            series[name] = EnvelopeSeries(
+                measured.series[channel], fs[name], band, squared=squared
+            )
+    return measured.with_series(series, fs)

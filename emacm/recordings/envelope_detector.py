@@ -9,8 +9,7 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.recordings.envelope import Band, check_band
-from emacm.recordings.envelope_recordings import EnvelopeRecording
+from emacm.recordings.envelope import Band, check_band, envelope_recording
 from emacm.recordings.inputs import as_recordings, described
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
@@ -124,7 +123,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
         Returns
         -------
-        list of EnvelopeRecording
+        list of Recording
             One for each recording.
 
         Raises
@@ -154,12 +153,9 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         return bands
 
     def _detected(self, recordings: list[Recording]) -> list[Recording]:
-        detected: list[Recording] = []
+        options: dict[str, Any] = {"squared": bool(self.squared), "suffix": self.suffix}
+        detected = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
-                detected.append(
-                    EnvelopeRecording(
-                        recording, self.bands_, squared=bool(self.squared), suffix=self.suffix
-                    )
-                )
+                detected.append(envelope_recording(recording, self.bands_, **options))
         return detected

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -11,27 +12,32 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_signal, check_unique_columns
-from emacm.recordings.digests import Stamps, content_digest, file_stamps
-from emacm.shaft.angle import angle_from_velocity, angle_from_wrapped, is_wrapped
-from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, Series
+from emacm.recordings.arguments import (
+    check_durations,
+    check_rates,
+    check_shaft,
+    check_shaft_rate,
+    check_signals,
+    immutable,
+)
+from emacm.recordings.digests import content_digest
+from emacm.recordings.remembered import Remembered
+from emacm.shaft.angle import angle_from_velocity
+from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, LazySeries, Series
+from emacm.shaft.paths import ShaftPath
+from emacm.shaft.strokes import Stroke, find_motion, paths_along
 
-_FEW = 10  # samples of an angle in which a single step may be most of the way
-_CONTENT = ("_fs", "_meta", "_shaft", "_signals", "reference", "shaft_fs")
-_DIGESTS = "1"  # goes up when digests are made otherwise, as pickles carry them
-_MOST_VERIFIED = 100_000
-# Contents of files that this process has read, so that a worker reads no file a second time when
-# the next task brings the same recordings.
-_verified: set[tuple[Stamps, str]] = set()
+_MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
+_CONTENT = ("_fs", "_meta", "_series", "_shaft", "reference", "shaft_fs")
 
 
 class Recording:
     """One measured run: channels over time and the shaft's angle or velocity.
 
-    All channels and the shaft reference start at one instant; each may have a
-    rate of its own. A recording is immutable: writeable arrays are copied, and
-    read-only ones (a file opened by ``np.load(..., mmap_mode="r")``, say) are
-    kept as they are, so that a recording larger than memory can be made.
+    All channels and the shaft reference start at one instant; each may have its
+    own sampling rate. A recording is immutable: arrays are copied, except read-only
+    memory maps (``np.load(file, mmap_mode="r")``), which are kept as they are, so
+    that a recording can be larger than memory.
 
     Parameters
     ----------
@@ -45,12 +51,12 @@ class Recording:
         only if its values span at most 2π and some step exceeds π.
     velocity : array-like of shape (n_shaft_times,), optional
         Shaft velocity [rad/s], signed. Exactly one of `angle` and `velocity`
-        must be given; the functions of `emacm.shaft`
-        make one from a resolver, a position, phase currents or tacho pulses.
+        must be given; the functions of `emacm.shaft` compute one from a tachometer,
+        a resolver, a position or phase currents.
     shaft_fs : float, optional
         Sampling rate of the shaft reference [Hz]. Default: that of the channels.
     meta : mapping, optional
-        Whatever else is known: unit, condition, load, run.
+        Further properties of the run: unit, condition, load, run.
 
     Attributes
     ----------
@@ -76,6 +82,12 @@ class Recording:
         durations differ by more than one sample, if a rate is not positive, or
         if the shaft reference is missing or given twice.
 
+    Notes
+    -----
+    A file below a memory map must not be changed or truncated while the recording is in use:
+    values that were read before may be kept, and reading beyond the end of a truncated file ends
+    the process (SIGBUS), which Python cannot prevent.
+
     Examples
     --------
     >>> import numpy as np
@@ -91,14 +103,13 @@ class Recording:
 
     __slots__ = (*_CONTENT, "_remembered")
 
-    _signals: Mapping[str, NDArray[np.floating]]
+    _series: dict[str, Series]
     _fs: dict[str, float]
     _shaft: NDArray[np.floating]
     _meta: dict[Any, Any]
     reference: str
     shaft_fs: float
-    # What was once worked out, each with the state of the files that it was worked out from.
-    _remembered: dict[str, tuple[Stamps, Any]]
+    _remembered: Remembered
 
     def __init__(
         self,
@@ -110,36 +121,56 @@ class Recording:
         shaft_fs: float | None = None,
         meta: Mapping[Any, Any] | None = None,
     ) -> None:
-        channels = _check_signals(signals)
-        rates = _check_rates(fs, tuple(channels))
-        reference, shaft = _check_shaft(angle, velocity)
+        channels = check_signals(signals)
+        rates = check_rates(fs, tuple(channels))
+        reference, shaft = check_shaft(angle, velocity)
         if meta is not None and not isinstance(meta, Mapping):
             raise TypeError(f"meta must be a mapping such as {{'unit': 'A'}}, got {meta!r}.")
         state = {
-            "_signals": channels,
+            "_series": channels,
             "_fs": rates,
             "_shaft": shaft,
             "_meta": copy.deepcopy(dict(meta or {})),
             "reference": reference,
-            "shaft_fs": _check_shaft_rate(shaft_fs, rates),
+            "shaft_fs": check_shaft_rate(shaft_fs, rates),
         }
         self.__setstate__(state)
-        _check_durations(self)
+        check_durations(self._timed())
+
+    def with_series(self, series: Mapping[str, Series], fs: Mapping[str, float]) -> Recording:
+        """Return a recording with the same shaft and meta, and other channels.
+
+        Parameters
+        ----------
+        series : mapping of str to Series
+            Finite channels by name; they may be computed when read.
+        fs : mapping of str to float
+            Their sampling rates [Hz].
+
+        Returns
+        -------
+        Recording
+        """
+        changed = Recording.__new__(Recording)
+        changed.__setstate__(self.__getstate__() | {"_series": dict(series), "_fs": dict(fs)})
+        return changed
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the channels, in the order given."""
-        return tuple(self._signals)
+        return tuple(self._series)
 
     @property
     def signals(self) -> Mapping[str, NDArray[np.floating]]:
-        """The channels by name; read-only."""
-        return MappingProxyType(self._signals)
+        """The channels by name, as read-only arrays; computed ones are computed when read."""
+        if all(isinstance(series, np.ndarray) for series in self._series.values()):
+            return MappingProxyType(self._series)  # type: ignore[arg-type]
+        return _Arrays(self._series)
 
     @property
     def series(self) -> Mapping[str, Series]:
         """The channels by name, to be read slice by slice; of measured ones, `signals`."""
-        return self.signals
+        return MappingProxyType(self._series)
 
     @property
     def fs(self) -> Mapping[str, float]:
@@ -172,23 +203,55 @@ class Recording:
             return self._shaft, DifferentiatedVelocity(self._shaft, self.shaft_fs)
         return IntegratedAngle(self._shaft, self.shaft_fs), self._shaft
 
-    @property
-    def velocity_range(self) -> tuple[float, float]:
-        """Lowest and highest `velocity` [rad/s]; looked up once."""
-        return self._once("velocity_range", self._velocity_range)
+    def strokes(self, min_speed: float = 0.0) -> list[Stroke]:
+        """Return the sections in which the shaft turns in one direction.
+
+        Parameters
+        ----------
+        min_speed : float
+            Speed up to which the shaft counts as standing still [rad/s].
+
+        Returns
+        -------
+        list of Stroke
+            As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
+        """
+        find = partial(find_motion, *self.motion, min_speed)
+        return self._remembered.once(("strokes", min_speed), find, most=_MANY)
+
+    def paths(self, direction: str = "strokes", min_speed: float = 0.0) -> list[ShaftPath]:
+        """Return the travel of the shaft along each of its strokes.
+
+        Parameters
+        ----------
+        direction : {"strokes", "forward", "reverse", "travel"}
+            As for `OrderResampler`.
+        min_speed : float
+            Speed up to which the shaft counts as standing still [rad/s].
+
+        Returns
+        -------
+        list of ShaftPath
+            In order of time.
+        """
+        strokes = self.strokes(min_speed)
+        return paths_along(self.motion[0], self.shaft_fs, strokes, direction, min_speed)
 
     @property
     def digest(self) -> str:
-        """SHA-256 of channels, rates and shaft, without `meta`; worked out once.
+        """SHA-256 of channels, rates and shaft, without `meta`; computed once.
 
         Signals in a file are read again after the file was written.
         """
-        return self._once("digest", self._digest)
+        computed = {name: s for name, s in self._series.items() if isinstance(s, LazySeries)}
+        facts = (self.channels, tuple(self._fs.values()), self.shaft_fs, self.reference)
+        text = repr((*facts, computed) if computed else facts)
+        return self._remembered.once("digest", lambda: content_digest(text, self._arrays()))
 
     @property
     def duration(self) -> float:
         """Time that every channel and the shaft reference cover [s]."""
-        return min(length for _, length, _ in _durations(self))
+        return min(len(series) / rate for series, rate in self._timed().values())
 
     def __repr__(self) -> str:
         """Channels, rates, length, revolutions and meta on one line."""
@@ -232,169 +295,53 @@ class Recording:
         raise AttributeError(f"a Recording cannot be changed (tried to delete {name!r}).")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all that pickle and joblib's hash need.
-
-        The digest is always worked out, so that workers need not do so with each task, and
-        equal recordings look alike to joblib, whatever was asked of them before.
-        """
-        content = {name: getattr(self, name) for name in _CONTENT}
-        return content | {"_digest": (_DIGESTS, self.digest)}
+        """Return the content, for pickle and joblib's hash; nothing that is remembered."""
+        return {name: getattr(self, name) for name in _CONTENT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take over checked content and write-protect it."""
-        # joblib hands large arrays to its workers as memory maps; a recording is the same there.
-        signals = {name: np.asarray(signal) for name, signal in state["_signals"].items()}
-        state = state | {"_shaft": np.asarray(state["_shaft"]), "_signals": signals}
-        for array in (state["_shaft"], *signals.values()):
-            array.flags.writeable = False
+        """Restore checked content, immutable."""
+        # joblib passes large arrays to its workers as memory maps; the recording is the same.
+        series = {
+            name: s if isinstance(s, LazySeries) else immutable(np.asarray(s))
+            for name, s in state["_series"].items()
+        }
+        state = state | {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
         for name in _CONTENT:
             object.__setattr__(self, name, state[name])
-        object.__setattr__(self, "_remembered", {})
-        self._take_digest(*state.get("_digest", ("", "")))
-
-    def _take_digest(self, made_by: str, digest: str) -> None:
-        """Believe a digest that came along, unless a file may have changed on the way."""
-        stamps = file_stamps(self._arrays()) if made_by == _DIGESTS else None
-        if stamps is None:
-            return
-        known = not stamps or (stamps, digest) in _verified
-        self._remembered["digest" if known else "digest to verify"] = (stamps, digest)
+        object.__setattr__(self, "_remembered", Remembered(self._arrays()))
 
     def _arrays(self) -> list[NDArray[np.floating]]:
-        return [self._shaft, *self._signals.values()]
+        """Return all arrays that the content is computed from."""
+        arrays = [self._shaft]
+        for series in self._series.values():
+            arrays += [series] if isinstance(series, np.ndarray) else series.sources
+        return arrays
 
-    def _once(self, name: str, work_out: Callable[[], Any]) -> Any:
-        """Return what is remembered, or work it out, as long as no file is written."""
-        stamps = file_stamps(self._arrays())
-        known = self._remembered.get(name)
-        if known is not None and stamps is not None and known[0] == stamps:
-            return known[1]
-        value = work_out()
-        if stamps is not None and stamps == file_stamps(self._arrays()):
-            self._remembered[name] = (stamps, value)
-            self._verify(stamps, value)
-        return value
-
-    def _verify(self, stamps: Stamps, digest: Any) -> None:
-        """Note that a digest that came along is true for the files as they are."""
-        if self._remembered.get("digest to verify") == (stamps, digest):
-            if len(_verified) >= _MOST_VERIFIED:
-                _verified.clear()
-            _verified.add((stamps, digest))
-
-    def _digest(self) -> str:
-        facts = (self.channels, tuple(self._fs.values()), self.shaft_fs, self.reference)
-        return content_digest(repr(facts), self._arrays())
-
-    def _velocity_range(self) -> tuple[float, float]:
-        velocity = self.velocity
-        return float(velocity.min()), float(velocity.max())
+    def _timed(self) -> dict[str, tuple[Series, float]]:
+        """Return channels and shaft reference, as messages name them, with their rates [Hz]."""
+        channels = {f"channel {n!r}": (s, self._fs[n]) for n, s in self._series.items()}
+        return channels | {f"the shaft's {self.reference}": (self._shaft, self.shaft_fs)}
 
 
-def _frozen(array: NDArray[np.floating], given: Any) -> NDArray[np.floating]:
-    """Copy what its owner could still write to; a DataFrame's read-only views are such."""
-    if isinstance(given, np.ndarray) and not np.may_share_memory(array, given):
-        return array  # converted, so it is ours
-    return array if _unchangeable(array) else array.copy()
+class _Arrays(Mapping[str, NDArray[np.floating]]):
+    """Channels as arrays, each computed as a whole when it is read."""
 
+    def __init__(self, series: Mapping[str, Series]) -> None:
+        self._series = series
 
-def _unchangeable(array: Any) -> bool:
-    """Tell whether neither the array nor what it is a view of can be written to."""
-    while isinstance(array, np.ndarray):
-        if array.flags.writeable:
-            return False
-        array = array.base
-    return True
+    def __getitem__(self, name: str) -> NDArray[np.floating]:
+        series = self._series[name]
+        if isinstance(series, np.ndarray):
+            return series
+        whole = series[:]
+        whole.flags.writeable = False
+        return whole
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._series)
 
-def _check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
-    if isinstance(signals, pd.DataFrame):
-        check_unique_columns(signals, "signals")
-        signals = {name: signals[name] for name in signals.columns}
-    if not isinstance(signals, Mapping):
-        raise TypeError(
-            f"signals must be a mapping of channel name to 1-D array, or a DataFrame; "
-            f"got {type(signals).__name__}."
-        )
-    if not signals:
-        raise ValueError("signals is empty; a recording needs at least one channel.")
-    for name in signals:
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
-    return {
-        name: _frozen(check_signal(values, f"channel {name!r}"), values)
-        for name, values in signals.items()
-    }
-
-
-def _check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
-    if not isinstance(fs, Mapping):
-        rate = check_number(fs, "fs", above=0, unit="Hz")
-        return dict.fromkeys(channels, rate)
-    if set(fs) != set(channels):
-        raise ValueError(
-            f"fs must give a rate for each channel: channels are {list(channels)}, "
-            f"rates are given for {list(fs)}."
-        )
-    return {
-        name: check_number(fs[name], f"fs of channel {name!r}", above=0, unit="Hz")
-        for name in channels
-    }
-
-
-def _check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
-    if (angle is None) == (velocity is None):
-        came = "neither" if angle is None else "both"
-        raise ValueError(
-            f"exactly one of angle and velocity must be given, got {came}. See emacm.shaft for "
-            f"making one from a resolver, a position, currents or tacho pulses."
-        )
-    if angle is None:
-        return "velocity", _frozen(check_signal(velocity, "velocity"), velocity)
-    shaft = check_signal(angle, "angle")
-    if is_wrapped(shaft):
-        return "angle", angle_from_wrapped(shaft)
-    steps = np.abs(np.diff(shaft))
-    if len(shaft) >= _FEW and steps.max() > max(np.ptp(shaft) / 2, np.pi):
-        raise ValueError(
-            f"angle jumps by {steps.max():.4g} after sample {int(steps.argmax())}, which is most "
-            f"of all that it spans ({np.ptp(shaft):.4g}). Is it wrapped, in degrees, in counts or "
-            f"with noise? Pass emacm.angle_from_wrapped(angle, period=...), in rad."
-        )
-    return "angle", _frozen(shaft, angle)
-
-
-def _check_shaft_rate(shaft_fs: Any, rates: dict[str, float]) -> float:
-    if shaft_fs is not None:
-        return check_number(shaft_fs, "shaft_fs", above=0, unit="Hz")
-    if len(set(rates.values())) > 1:
-        raise ValueError(
-            f"shaft_fs must be given where the channels have different rates, got fs={rates}."
-        )
-    return next(iter(rates.values()))
-
-
-def _durations(recording: Recording) -> Iterator[tuple[str, float, float]]:
-    """Yield the name, duration [s] and sampling interval [s] of every series."""
-    for name, signal in recording.series.items():
-        rate = recording._fs[name]
-        yield f"channel {name!r}", len(signal) / rate, 1 / rate
-    shaft, rate = recording._shaft, recording.shaft_fs
-    yield f"the shaft's {recording.reference}", len(shaft) / rate, 1 / rate
-
-
-def _check_durations(recording: Recording) -> None:
-    series = list(_durations(recording))
-    if not all(np.isfinite(duration) for _, duration, _ in series):
-        raise ValueError(f"fs = {recording._fs} makes recordings without end; rates are in Hz.")
-    longest = max(series, key=lambda entry: entry[1])
-    for name, duration, interval in series:
-        allowed = max(interval, longest[2]) * (1 + 1e-9)
-        if longest[1] - duration > allowed:
-            raise ValueError(
-                f"durations must agree within one sample, but {name} lasts {duration:.9g} s and "
-                f"{longest[0]} {longest[1]:.9g} s. Check fs and shaft_fs, or cut the longer one."
-            )
+    def __len__(self) -> int:
+        return len(self._series)
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -1,19 +1,22 @@
-"""A recording seen over the shaft angle, resampled only while somebody looks at it."""
+"""A recording over the shaft angle; it is resampled when its signals are read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from emacm.recordings.recording import Recording
-from emacm.resampling.to_angle import angle_blocks
+from emacm.resampling.interpolation import interpolated
+from emacm.resampling.kept_signals import KeptSignals
+from emacm.resampling.spreading import spread_rows
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import stroke_paths
+
+Self = TypeVar("Self", bound="AngleRecording")
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class AngleRecording:
     """The strokes of one recording at uniform shaft angles.
 
     It holds the recording and how to resample it, not the result: a stroke is
-    resampled when its `signals` are read, and forgotten when the reader lets go.
+    resampled each time its `signals` are read, unless a `SignalCache` keeps them.
 
     Attributes
     ----------
@@ -34,11 +37,11 @@ class AngleRecording:
     interpolation : {"linear", "cubic"}
         Used where `antialias` is False.
     antialias : bool
-        Whether orders above π/theta_s are kept from folding in.
+        Whether orders above π/theta_s are filtered out before they fold.
     direction : {"strokes", "forward", "reverse", "travel"}
         What counts as a stroke.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s].
+        Speed up to which the shaft counts as standing still [rad/s].
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -49,35 +52,55 @@ class AngleRecording:
     direction: str = "strokes"
     min_speed: float = 0.0
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields, for pickle and joblib's hash; no kept signals."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    @property
+    def kept(self) -> KeptSignals | None:
+        """Signals that are kept for the next reader, or None."""
+        return self.__dict__.get("_kept")
+
+    def keeping(self: Self, max_bytes: int) -> Self:
+        """Return the same recording, which keeps resampled signals up to this size."""
+        same = object.__new__(type(self))
+        same.__dict__.update(self.__getstate__(), _kept=KeptSignals(max_bytes))
+        return same
+
     @property
     def meta(self) -> Mapping[Any, Any]:
-        """What else is known of the recording."""
+        """Further properties of the recording."""
         return self.measured.meta
+
+    @property
+    def paths(self) -> list[ShaftPath]:
+        """Travel of the shaft along each stroke, in order of time."""
+        if self.kept is None:
+            return self.measured.paths(self.direction, self.min_speed)
+        if self.kept.paths is None:
+            self.kept.paths = self.measured.paths(self.direction, self.min_speed)
+        return self.kept.paths
 
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes in order of time; their signals are not resampled yet."""
-        paths = stroke_paths(
-            *self.measured.motion,
-            self.measured.shaft_fs,
-            direction=self.direction,
-            min_speed=self.min_speed,
-        )
-        return tuple(AngleStroke(self, path) for path in paths)
+        return tuple(AngleStroke(self, path) for path in self.paths)
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Type of the resampled signals: float32 if all channels are."""
-        return np.result_type(*(self.measured.series[name].dtype for name in self.channels))
+        series = self.measured.series
+        return np.result_type(*(series[name].dtype for name in self.channels))
 
     @property
     def rate_groups(self) -> list[list[int]]:
-        """Numbers of the channels, those of one sampling rate together."""
-        rates = [self.measured.fs[name] for name in self.channels]
+        """Indices of the channels, grouped by sampling rate."""
+        fs = self.measured.fs
+        rates = [fs[name] for name in self.channels]
         return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
 
     def frame(self) -> pd.DataFrame:
-        """Return all strokes as one table: a row an angle, a column a channel.
+        """Return all strokes as one table: one row per angle, one column per channel.
 
         Returns
         -------
@@ -107,7 +130,7 @@ class AngleStroke:
     parent : AngleRecording
         The recording it belongs to.
     path : ShaftPath
-        Way of the shaft.
+        Travel of the shaft.
     """
 
     parent: AngleRecording = field(repr=False)
@@ -115,7 +138,7 @@ class AngleStroke:
 
     @property
     def direction(self) -> int:
-        """Direction of turning: 1 forward, -1 reverse, 0 both ("travel")."""
+        """Direction of rotation: 1 forward, -1 reverse, 0 both ("travel")."""
         return self.path.direction
 
     @property
@@ -135,7 +158,7 @@ class AngleStroke:
 
     @property
     def angles(self) -> NDArray[np.floating]:
-        """Shaft angle of each sample [rad]; for "travel", the angle run since its start."""
+        """Shaft angle of each sample [rad]; for "travel", the angle covered since its start."""
         sign = self.direction or 1
         return self.start_angle + sign * self.parent.theta_s * np.arange(self.n_angles)
 
@@ -151,57 +174,59 @@ class AngleStroke:
         return resampled
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
-        """Resample some channels a block at a time, for strokes of any length.
+        """Resample channels of one sampling rate block by block, for strokes of any length.
 
         Parameters
         ----------
         rows : sequence of int
-            Numbers of channels that were sampled at one rate, such as one of
+            Indices of channels of one sampling rate, such as one of
             `AngleRecording.rate_groups`.
 
         Returns
         -------
         iterator of ndarray of shape (n_rows, n_angles)
-            Blocks that continue one another.
+            Consecutive blocks, of at most some hundred thousand samples. They may be kept for
+            other readers, so they must not be changed.
         """
-        settings, recording = self.parent, self.parent.measured
-        names = [settings.channels[row] for row in rows]
-        channels = [recording.series[name] for name in names]
-        n_times = min(map(len, channels))  # equal to within one sample
-        return angle_blocks(
-            [c if len(c) == n_times else c[:n_times] for c in channels],
-            recording.fs[names[0]],
-            self.path,
-            theta_s=settings.theta_s,
-            antialias=settings.antialias,
-            interpolation=settings.interpolation,
-        )
+        parent, measured = self.parent, self.parent.measured
+        names, series = [parent.channels[row] for row in rows], measured.series
+        signals = [series[name] for name in names]
+        n_times = min(map(len, signals))  # equal to within one sample
+        signals = [s if len(s) == n_times else s[:n_times] for s in signals]
+        fs = measured.fs[names[0]]
+        if parent.antialias:
+            stream = spread_rows(signals, fs, self.path, parent.theta_s)
+        else:
+            stream = interpolated(signals, fs, self.path, parent.theta_s, parent.interpolation)
+        if parent.kept is None:
+            return stream
+        return parent.kept.blocks(self.path, rows, self.path.count(parent.theta_s), stream)
 
-    def joint_blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
-        """Resample channels of any sampling rates a block at a time, side by side.
+    def blocks_of_all_rates(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
+        """Resample channels of any sampling rates block by block.
 
         Parameters
         ----------
         rows : sequence of int
-            Numbers of channels, in any order.
+            Indices of channels, in any order.
 
         Returns
         -------
         iterator of ndarray of shape (n_rows, n_angles)
-            Blocks that continue one another.
+            Consecutive blocks, not to be changed.
         """
         wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
         groups = [group for group in wanted if group]
         if len(groups) == 1:
             return self.blocks(rows)
         places = [[list(rows).index(row) for row in group] for group in groups]
-        return _abreast([self.blocks(group) for group in groups], places)
+        return _align_streams([self.blocks(group) for group in groups], places)
 
 
-def _abreast(
+def _align_streams(
     streams: Sequence[Iterator[NDArray[np.floating]]], places: Sequence[Sequence[int]]
 ) -> Iterator[NDArray[np.floating]]:
-    """Yield streams of blocks of unequal lengths as blocks of all rows, each at its place."""
+    """Join streams of blocks of unequal lengths to blocks of all rows, each at its place."""
     held: list[NDArray[np.floating] | None] = [next(stream, None) for stream in streams]
     while all(block is not None for block in held):
         parts = [block for block in held if block is not None]

@@ -28,10 +28,9 @@ from emacm.recordings.inputs import (
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.to_angle import INTERPOLATIONS, PASS
-from emacm.shaft.strokes import DIRECTIONS, stroke_paths
-
-_MANY = 10  # strokes of less than a revolution that look like noise
+from emacm.resampling.interpolation import INTERPOLATIONS
+from emacm.resampling.quality import recording_quality
+from emacm.shaft.strokes import DIRECTIONS
 
 
 class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -213,7 +212,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         channels = self._chosen_channels(recordings[0])
         check_channels(recordings, channels, others=self.channels is not None)
         quality = partial(
-            _quality,
+            recording_quality,
             channels=channels,
             theta_s=self.theta_s,
             min_speed=self.min_speed,
@@ -293,15 +292,16 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         return chosen
 
     def _check_turning(self, recording: Recording) -> None:
-        lowest, highest = recording.velocity_range
-        ways = {"forward": highest, "reverse": -lowest}
-        if not ways.get(self.direction, max(ways.values())) > self.min_speed:
-            way = f" {self.direction}" if self.direction in ways else ""
-            raise ValueError(
-                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
-                f"its speed lies between {lowest:.4g} and {highest:.4g} rad/s. "
-                f"Leave the recording out, or check its shaft reference and min_speed."
-            )
+        signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
+        if any(stroke.direction in signs for stroke in recording.strokes(float(self.min_speed))):
+            return
+        way = f" {self.direction}" if len(signs) == 1 else ""
+        velocity = recording.velocity
+        raise ValueError(
+            f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
+            f"its speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
+            f"Leave the recording out, or check its shaft reference and min_speed."
+        )
 
 
 def _bare_channels(entry: Any) -> dict[str, Any]:
@@ -318,60 +318,3 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
             f"(n_channels, n_times). Transpose it."
         )
     return {f"x{i}": row for i, row in enumerate(array)}
-
-
-def _quality(
-    recording: Recording,
-    channels: Sequence[str],
-    theta_s: float,
-    min_speed: float,
-    direction: str,
-) -> dict[str, Any]:
-    velocity, fs = recording.velocity, recording.shaft_fs
-    if direction == "travel":
-        direction = "strokes"  # which is what travel joins
-    paths = stroke_paths(recording.angle, velocity, fs, direction=direction, min_speed=min_speed)
-    starts = [round(path.start_time * fs) for path in paths]
-    speeds = [
-        np.abs(velocity[start : start + len(path.travel)])
-        for start, path in zip(starts, paths, strict=True)
-    ]
-    turned = [path.length / (2 * np.pi) for path in paths]
-    fastest = max((float(speed.max()) for speed in speeds), default=0.0)
-    slowest = min(channels, key=lambda name: recording.fs[name])
-    max_order = recording.fs[slowest] / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
-    row: dict[str, Any] = {
-        "revolutions": float(sum(turned)),
-        "strokes": len(paths),
-        "longest_stroke": float(max(turned, default=0.0)),
-        "standing": float(np.mean(np.abs(velocity) <= min_speed)),
-        "slowest": min((float(speed.min()) for speed in speeds), default=0.0),
-        "fastest": fastest,
-        "max_order": max_order,
-    }
-    n_short = sum(length < 1 for length in turned)
-    row["warnings"] = "; ".join(_quality_warnings(row, slowest, n_short, fastest / fs, theta_s))
-    return row
-
-
-def _quality_warnings(
-    row: dict[str, Any], slowest: str, n_short: int, step: float, theta_s: float
-) -> list[str]:
-    words = []
-    if not row["strokes"]:
-        words.append("the shaft never turns")
-    if PASS * np.pi / theta_s > row["max_order"]:
-        words.append(
-            f"orders above {row['max_order']:.4g} do not exist in channel {slowest!r} at the "
-            f"highest speed, though theta_s reaches {np.pi / theta_s:.4g}"
-        )
-    if n_short > _MANY:
-        words.append(
-            f"{n_short} strokes of less than a revolution: raise min_speed above the noise at rest"
-        )
-    if step > np.pi:
-        words.append(
-            "the shaft turns by more than half a revolution between its samples: "
-            "is the angle in rad, and its rate right?"
-        )
-    return words

@@ -1,25 +1,33 @@
-"""Angle and velocity of a shaft, worked out piece by piece from whichever was measured.
+"""Angle, velocity and travel of a shaft, computed slice by slice from what was measured.
 
-An hour at 48 kHz would take 1.4 GB as an array of angles. What stands here looks like such an
-array, but holds only the angle at every 256th sample and computes a slice when it is read.
+One hour at 48 kHz would take 1.4 GB as an array of angles. The classes below behave like such
+arrays, but keep only the angle at every 256th sample and compute a slice when it is read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Protocol
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emacm._kernels import kernels
 
-BLOCK = 1 << 17  # samples read in one go
-_STRIDE = 256  # samples from one remembered angle to the next
+BLOCK = 1 << 17  # samples that are read at once
+_STRIDE = 256  # samples between two kept angles
+
+
+class Stroke(NamedTuple):
+    """Samples `start` to `stop` (exclusive) in which the shaft turns in one direction."""
+
+    start: int
+    stop: int
+    direction: int
 
 
 class Series(Protocol):
-    """What slices like a 1-D array."""
+    """What can be sliced like a 1-D array."""
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -38,7 +46,7 @@ class Series(Protocol):
 class LazySeries:
     """A 1-D array of which slices are computed when they are read.
 
-    Subclasses supply `_read`.
+    Subclasses implement `read`.
 
     Parameters
     ----------
@@ -52,6 +60,11 @@ class LazySeries:
         self._length = length
         self.dtype = np.dtype(dtype)
 
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The arrays that the samples are computed from."""
+        raise NotImplementedError
+
     def __len__(self) -> int:
         """Return the number of samples."""
         return self._length
@@ -62,21 +75,22 @@ class LazySeries:
             start, stop, step = key.indices(self._length)
             if step != 1:
                 return np.asarray(self)[key]
-            return self._read(start, stop) if start < stop else np.empty(0, self.dtype)
+            return self.read(start, stop) if start < stop else np.empty(0, self.dtype)
         index = range(self._length)[key]
-        return self._read(index, index + 1)[0]
+        return self.read(index, index + 1)[0]
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> NDArray[Any]:
         """Return the whole series."""
-        whole = self._read(0, self._length)
+        whole = self.read(0, self._length)
         return whole if dtype is None else whole.astype(dtype)
 
-    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the samples `start` to `stop` (exclusive), which must exist."""
         raise NotImplementedError
 
 
 class IntegratedAngle(LazySeries):
-    """Cumulative angle of a velocity, by the trapezoid rule, from 0 upwards.
+    """Cumulative angle of a velocity, by the trapezoidal rule, starting at 0.
 
     Parameters
     ----------
@@ -87,7 +101,7 @@ class IntegratedAngle(LazySeries):
 
     Notes
     -----
-    Chirico, Eq. (2.9), with the parentheses it lacks; accumulated in float64.
+    Chirico, Eq. (2.9), with the parentheses that are missing there; accumulated in float64.
     """
 
     def __init__(self, velocity: NDArray[np.floating], fs: float) -> None:
@@ -99,16 +113,17 @@ class IntegratedAngle(LazySeries):
             velocity, self._half_step, _STRIDE
         )
 
-    def one_way(self, min_speed: float) -> int:
-        """Return 1 or -1 if the shaft turns that way all the time, faster than `min_speed`."""
+    def constant_direction(self, min_speed: float) -> int:
+        """Return 1 or -1 if the shaft always turns that way, faster than `min_speed`; else 0."""
         return int(self._lowest.min() > min_speed) - int(self._highest.max() < -min_speed)
 
     def speed_limit(self, start: int, stop: int) -> float:
-        """Bound the speed from sample `start` to `stop` [rad/s]: that, or a little more."""
+        """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
         pieces = slice(start // _STRIDE, -(-stop // _STRIDE))
         return max(float(self._highest[pieces].max()), -float(self._lowest[pieces].min()))
 
-    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
         velocity = self.velocity[first * _STRIDE : stop]
         angle = kernels().integrate(velocity, self._half_step, self._known[first:], _STRIDE)
@@ -116,7 +131,7 @@ class IntegratedAngle(LazySeries):
 
 
 class DifferentiatedVelocity(LazySeries):
-    """Velocity of an angle, by central differences, as `numpy.gradient` has it.
+    """Velocity of an angle, by central differences as in `numpy.gradient`.
 
     Parameters
     ----------
@@ -131,27 +146,106 @@ class DifferentiatedVelocity(LazySeries):
         self._angle = angle
         self._fs = fs
 
-    def _read(self, start: int, stop: int) -> NDArray[np.floating]:
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the velocities `start` to `stop` (exclusive) [rad/s]."""
         low, high = max(start - 1, 0), min(stop + 1, self._length)
-        # Two samples beyond an end of the recording, where the difference is one-sided.
+        # At least two samples, at the ends of the recording, where the difference is one-sided.
         low, high = min(low, max(0, self._length - 2)), max(high, min(2, self._length))
         velocity = np.gradient(self._angle[low:high]) * self._fs
         return velocity[start - low : stop - low]
 
 
+class StrokeTravel(LazySeries):
+    """Angle travelled along one stroke.
+
+    Parameters
+    ----------
+    angle : Series
+        Cumulative shaft angle [rad].
+    stroke : Stroke
+        First sample, last sample and direction.
+    monotonic : bool
+        Whether the angle is known never to reverse.
+    """
+
+    def __init__(self, angle: Series, stroke: Stroke, *, monotonic: bool) -> None:
+        super().__init__(stroke.stop - stroke.start)
+        self.angle = angle
+        self.start = stroke.start
+        self.monotonic = monotonic
+        self.start_angle = float(angle[stroke.start])
+        self._sign = stroke.direction
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at samples `start` to `stop` (exclusive) of the stroke [rad]."""
+        angle = _read(self.angle, self.start + start, self.start + stop)
+        travel = np.asarray(angle, np.float64)
+        if self.start_angle:
+            travel = travel - self.start_angle
+        return travel if self._sign > 0 else -travel
+
+    def speed_limit(self) -> float | None:
+        """Return an upper bound of the speed [rad/s]; None where all steps must be compared."""
+        if not isinstance(self.angle, IntegratedAngle):
+            return None
+        return self.angle.speed_limit(self.start, self.start + self._length)
+
+
+class JoinedTravel(LazySeries):
+    """Angle travelled along several strokes of either direction; constant between them.
+
+    Parameters
+    ----------
+    angle : Series
+        Cumulative shaft angle [rad].
+    strokes : sequence of Stroke
+        In order of time, at least one.
+    """
+
+    def __init__(self, angle: Series, strokes: Sequence[Stroke]) -> None:
+        super().__init__(strokes[-1].stop - strokes[0].start)
+        self._angle = angle
+        self._origin = strokes[0].start
+        self._starts = np.array([stroke.start for stroke in strokes]) - self._origin
+        self._stops = np.array([stroke.stop for stroke in strokes]) - self._origin
+        self._signs = np.array([stroke.direction for stroke in strokes])
+        self._from = np.array([angle[stroke.start] for stroke in strokes])
+        ends = np.array([angle[stroke.stop - 1] for stroke in strokes])
+        run = self._signs * (ends - self._from)
+        # Where the shaft reverses between two samples, without rest, that step counts as well.
+        turns = np.where(
+            self._starts[1:] == self._stops[:-1], np.abs(self._from[1:] - ends[:-1]), 0
+        )
+        self._before = np.concatenate([[0.0], np.cumsum(run[:-1] + turns)])
+        self._after = self._before + run
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at samples `start` to `stop` (exclusive) [rad]."""
+        index = np.arange(start, stop)
+        stroke = np.searchsorted(self._starts, index, side="right") - 1
+        angle = _read(self._angle, self._origin + start, self._origin + stop).astype(np.float64)
+        moved = self._before[stroke] + self._signs[stroke] * (angle - self._from[stroke])
+        return np.where(index < self._stops[stroke], moved, self._after[stroke])
+
+
+def _read(series: Series, start: int, stop: int) -> NDArray[np.floating]:
+    return series.read(start, stop) if isinstance(series, LazySeries) else series[start:stop]
+
+
 def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
-    """Yield first and last + 1 of parts of a range: as few as may be, of about equal length.
+    """Divide a range into as few parts as possible, of about equal length.
 
     Parameters
     ----------
     start, stop : int
         The range.
     at_most : int
-        Length that no part goes beyond.
+        Largest length of a part.
 
     Yields
     ------
     first, last : int
+        First index of the part, and last + 1.
 
     Examples
     --------

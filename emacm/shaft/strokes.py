@@ -1,35 +1,43 @@
-"""Cutting the shaft's motion into strokes, and the path that each of them runs."""
+"""Strokes: the sections of a shaft's motion in one direction."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_number, check_signal
-from emacm.shaft.motion import IntegratedAngle, Series, blocks
-from emacm.shaft.paths import JoinedTravel, ShaftPath, Stroke, StrokeTravel
+from emacm.shaft.motion import (
+    IntegratedAngle,
+    JoinedTravel,
+    Series,
+    Stroke,
+    StrokeTravel,
+    blocks,
+)
+from emacm.shaft.paths import ShaftPath
 
-__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_strokes", "stroke_paths"]
+__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_motion", "find_strokes", "paths_along"]
 
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
+_WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
 
 def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]:
-    """Find the stretches in which the shaft turns one way.
+    """Find the sections in which the shaft turns in one direction.
 
     A stroke is cut only where the direction changes. Samples at or below
-    `min_speed` between two stretches of one direction stay in it; at its ends,
+    `min_speed` between two sections of the same direction remain in it; at its ends,
     or between opposite directions, they belong to no stroke. So neither noise
-    at rest nor a pause of one sample makes strokes.
+    at standstill nor a pause of one sample creates strokes.
 
     Parameters
     ----------
     velocity : array-like of shape (n_times,)
         Shaft velocity [rad/s], signed.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s].
+        Speed up to which the shaft counts as standing still [rad/s].
 
     Returns
     -------
@@ -50,27 +58,49 @@ def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]
     return _strokes(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
 
 
-def stroke_paths(
-    angle: Series,
-    velocity: Series,
-    fs: float,
-    *,
-    direction: str = "strokes",
-    min_speed: float = 0.0,
-) -> list[ShaftPath]:
-    """Return the paths along which a signal is to be resampled.
+def find_motion(angle: Series, velocity: Series, min_speed: float) -> list[Stroke]:
+    """Find strokes as `find_strokes` does, block by block.
 
     Parameters
     ----------
-    angle, velocity : ndarray of shape (n_times,), or what slices like one
+    angle, velocity : ndarray of shape (n_times,), or LazySeries
         Cumulative shaft angle [rad] and signed velocity [rad/s].
-    fs : float
-        Their sampling rate [Hz].
-    direction : {"strokes", "forward", "reverse", "travel"}
-        Each stroke by itself, those of one direction, or one path over the
-        integral of the speed, whichever way the shaft turns.
     min_speed : float
-        See `find_strokes`.
+        Speed up to which the shaft counts as standing still [rad/s].
+
+    Returns
+    -------
+    list of Stroke
+    """
+    if isinstance(angle, IntegratedAngle):
+        direction = angle.constant_direction(min_speed)
+        if direction:
+            return [Stroke(0, len(angle), direction)]
+    return _strokes(velocity, min_speed)
+
+
+def paths_along(
+    angle: Series,
+    fs: float,
+    strokes: Sequence[Stroke],
+    direction: str = "strokes",
+    min_speed: float = 0.0,
+) -> list[ShaftPath]:
+    """Return the paths along which signals are resampled.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,), or LazySeries
+        Cumulative shaft angle [rad].
+    fs : float
+        Its sampling rate [Hz].
+    strokes : sequence of Stroke
+        As `find_motion` returns them for `min_speed`.
+    direction : {"strokes", "forward", "reverse", "travel"}
+        Each stroke separately, those of one direction, or one path over the
+        integral of the speed in either direction.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
 
     Returns
     -------
@@ -83,29 +113,25 @@ def stroke_paths(
         If `direction` is none of the four.
     """
     check_choice(direction, "direction", DIRECTIONS)
-    way = angle.one_way(min_speed) if isinstance(angle, IntegratedAngle) else 0
-    strokes = [Stroke(0, len(angle), way)] if way else _strokes(velocity, min_speed)
     if direction == "travel":
-        return _joined_path(angle, fs, strokes)
-    wanted = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}[direction]
-    # The integral of a speed that is nowhere the other way never turns back.
-    monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
-    paths = []
-    for stroke in strokes:
-        if stroke.direction not in wanted or stroke.stop - stroke.start < 2:
-            continue
-        travel = StrokeTravel(angle, stroke, monotonic=monotonic)
-        path = ShaftPath(travel, fs, stroke.start / fs, travel.start_angle, stroke.direction)
-        if path.length > 0:
-            paths.append(path)
-    return paths
+        paths = [_joined_path(angle, fs, strokes)] if strokes else []
+    else:
+        # The integral of a velocity that never changes its sign never reverses.
+        monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
+        paths = []
+        for stroke in strokes:
+            if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1:
+                travel = StrokeTravel(angle, stroke, monotonic=monotonic)
+                start = stroke.start / fs, travel.start_angle
+                paths.append(ShaftPath(travel, fs, *start, stroke.direction))
+    return [path for path in paths if path.length > 0]
 
 
 def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
     """Join what was found block by block."""
     strokes: list[Stroke] = []
     for first, block in blocks(velocity):
-        for start, stop, sign in _stretches(block, min_speed):
+        for start, stop, sign in _sections(block, min_speed):
             if strokes and strokes[-1].direction == sign:
                 strokes[-1] = Stroke(strokes[-1].start, first + stop, sign)
             else:
@@ -113,7 +139,7 @@ def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
     return strokes
 
 
-def _stretches(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:
+def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
     if velocity.min() > min_speed:
         yield 0, len(velocity), 1
@@ -130,10 +156,7 @@ def _stretches(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tup
         yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])
 
 
-def _joined_path(angle: Series, fs: float, strokes: list[Stroke]) -> list[ShaftPath]:
-    if not strokes:
-        return []
-    travel = JoinedTravel(angle, strokes)
+def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> ShaftPath:
     origin = strokes[0].start
-    path = ShaftPath(travel, fs, origin / fs, float(angle[origin]), 0)
-    return [path] if path.length > 0 else []
+    start = origin / fs, float(angle[origin])
+    return ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)

@@ -1,0 +1,45 @@
+"""Values that are computed once from arrays, as long as no file below these is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any
+
+from numpy.typing import NDArray
+
+from emacm.recordings.digests import Stamps, file_stamps
+
+
+class Remembered:
+    """Values that depend on certain arrays only, each computed when it is first needed.
+
+    A value is computed again after the file of a memory-mapped array was written. Two threads
+    that need a value at the same time may both compute it: there is no lock, so a process can be
+    forked at any time.
+
+    Parameters
+    ----------
+    arrays : sequence of ndarray
+        What the values depend on.
+    """
+
+    __slots__ = ("_arrays", "_values")
+
+    def __init__(self, arrays: Sequence[NDArray[Any]]) -> None:
+        self._arrays = arrays
+        self._values: dict[Hashable, tuple[Stamps, Any]] = {}
+
+    def once(self, name: Hashable, compute: Callable[[], Any], *, most: int | None = None) -> Any:
+        """Return the value of this name; compute it if it is unknown or out of date.
+
+        Lists of more than `most` elements are not kept.
+        """
+        stamps = file_stamps(self._arrays)
+        known = self._values.get(name)
+        if known is not None and stamps is not None and known[0] == stamps:
+            return known[1]
+        value = compute()
+        small = most is None or len(value) <= most
+        if small and stamps is not None and stamps == file_stamps(self._arrays):
+            self._values[name] = (stamps, value)
+        return value
