@@ -87,6 +87,9 @@ if TYPE_CHECKING:
     from emacm.resampling.order_resampler import (
         OrderResampler as OrderResampler,
     )
+    from emacm.resampling.signal_cache import (
+        SignalCache as SignalCache,
+    )
     from emacm.shaft.angle import (
         angle_from_currents as angle_from_currents,
     )
@@ -144,6 +147,9 @@ _PUBLIC = {
     ],
     "resampling.order_resampler": [
         "OrderResampler",
+    ],
+    "resampling.signal_cache": [
+        "SignalCache",
     ],
     "orders.order_psd": [
         "OrderPSD",

@@ -15,6 +15,7 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
@@ -120,6 +121,7 @@ def actuator_recipe(
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
         SignalBaseline(**relative) if relative else "passthrough",
+        SignalCache(),
         _over_angle(revolutions, max_order, n_jobs),
     )
     reference = "absolute" if phase else "relative"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from emacm.shaft.strokes import find_motion, paths_along
+
 TURN = 2 * np.pi
 FS = 10_000.0
 TIME = np.arange(int(3 * FS)) / FS
@@ -25,3 +27,8 @@ MOTIONS = {
 
 def turned(motion):
     return MOTIONS[motion][0](TIME)
+
+
+def stroke_paths(angle, velocity, fs, *, min_speed=0.0, **options):
+    strokes = find_motion(angle, velocity, min_speed)
+    return paths_along(angle, fs, strokes, min_speed=min_speed, **options)

@@ -98,13 +98,13 @@ def spectra(over_angle):
 def count(monkeypatch):
     """How often a stroke was resampled."""
     calls = []
-    original = emacm.resampling.angle_recording.angle_blocks
+    original = emacm.resampling.angle_recording.spread_rows
 
     def counted(*args, **kwargs):
         calls.append(args)
         return original(*args, **kwargs)
 
-    monkeypatch.setattr(emacm.resampling.angle_recording, "angle_blocks", counted)
+    monkeypatch.setattr(emacm.resampling.angle_recording, "spread_rows", counted)
     return calls
 
 

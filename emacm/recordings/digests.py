@@ -27,7 +27,9 @@ _MOST_FILES = 100_000
 _file_digests: dict[tuple[Any, ...], bytes] = {}
 
 
-def content_digest(facts: str, arrays: Iterable[NDArray[Any]]) -> str:
+def content_digest(
+    facts: str, arrays: Iterable[NDArray[Any]], *, remember_files: bool = False
+) -> str:
     """Return the digest of arrays and of further facts.
 
     Parameters
@@ -36,6 +38,9 @@ def content_digest(facts: str, arrays: Iterable[NDArray[Any]]) -> str:
         Names, rates and the like.
     arrays : iterable of ndarray
         Their dtypes, shapes and values count; how they lie in memory does not.
+    remember_files : bool
+        Read each file only once in this process, as long as its time stamps stay the same. Only
+        for memory maps that were opened by the name under which the file is still found.
 
     Returns
     -------
@@ -53,11 +58,11 @@ def content_digest(facts: str, arrays: Iterable[NDArray[Any]]) -> str:
     """
     total = sha256(facts.encode("utf-8", "surrogatepass"))
     for array in arrays:
-        total.update(_array_digest(array))
+        total.update(_file_digest(array) if remember_files else _read(array))
     return total.hexdigest()
 
 
-def _array_digest(array: NDArray[Any]) -> bytes:
+def _file_digest(array: NDArray[Any]) -> bytes:
     stamps = file_stamps([array])
     if not stamps:  # in memory, or in a file that may just be written
         return _read(array)

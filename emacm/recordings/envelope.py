@@ -20,7 +20,7 @@ from emacm._checks import check_choice, check_finite, check_number, check_real_a
 from emacm.recordings.arguments import immutable
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
-from emacm.shaft.motion import BLOCK, LazySeries, Series
+from emacm.shaft.motion import BLOCK, LazySeries, Series, sources
 
 Band = tuple[float, float]
 
@@ -185,7 +185,7 @@ class EnvelopeSeries(LazySeries):
     @property
     def sources(self) -> list[NDArray[Any]]:
         """The measured signal."""
-        return [self._signal] if isinstance(self._signal, np.ndarray) else self._signal.sources
+        return sources(self._signal)
 
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
@@ -368,7 +368,5 @@ def envelope_recording(
             raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
         fs[name] = measured.fs[channel]
         with located(f"channel {channel!r}"):
-            series[name] = EnvelopeSeries(
-                measured.series[channel], fs[name], band, squared=squared
-            )
+            series[name] = EnvelopeSeries(measured.series[channel], fs[name], band, squared=squared)
     return measured.with_series(series, fs)

@@ -20,10 +20,15 @@ from emacm.recordings.arguments import (
     check_signals,
     immutable,
 )
-from emacm.recordings.digests import content_digest
 from emacm.recordings.remembered import Remembered
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, LazySeries, Series
+from emacm.shaft.motion import (
+    DifferentiatedVelocity,
+    IntegratedAngle,
+    LazySeries,
+    Series,
+    sources,
+)
 from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import Stroke, find_motion, paths_along
 
@@ -134,7 +139,7 @@ class Recording:
             "reference": reference,
             "shaft_fs": check_shaft_rate(shaft_fs, rates),
         }
-        self.__setstate__(state)
+        self._set(state)
         check_durations(self._timed())
 
     def with_series(self, series: Mapping[str, Series], fs: Mapping[str, float]) -> Recording:
@@ -152,7 +157,7 @@ class Recording:
         Recording
         """
         changed = Recording.__new__(Recording)
-        changed.__setstate__(self.__getstate__() | {"_series": dict(series), "_fs": dict(fs)})
+        changed._set(self.__getstate__() | {"_series": dict(series), "_fs": dict(fs)})
         return changed
 
     @property
@@ -246,7 +251,7 @@ class Recording:
         computed = {name: s for name, s in self._series.items() if isinstance(s, LazySeries)}
         facts = (self.channels, tuple(self._fs.values()), self.shaft_fs, self.reference)
         text = repr((*facts, computed) if computed else facts)
-        return self._remembered.once("digest", lambda: content_digest(text, self._arrays()))
+        return self._remembered.digest(text)
 
     @property
     def duration(self) -> float:
@@ -299,7 +304,11 @@ class Recording:
         return {name: getattr(self, name) for name in _CONTENT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore checked content, immutable."""
+        """Restore checked content."""
+        self._set(state, just_opened=True)
+
+    def _set(self, state: dict[str, Any], *, just_opened: bool = False) -> None:
+        """Set checked content, immutable."""
         # joblib passes large arrays to its workers as memory maps; the recording is the same.
         series = {
             name: s if isinstance(s, LazySeries) else immutable(np.asarray(s))
@@ -308,13 +317,14 @@ class Recording:
         state = state | {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
         for name in _CONTENT:
             object.__setattr__(self, name, state[name])
-        object.__setattr__(self, "_remembered", Remembered(self._arrays()))
+        remembered = Remembered(self._arrays(), just_opened=just_opened)
+        object.__setattr__(self, "_remembered", remembered)
 
     def _arrays(self) -> list[NDArray[np.floating]]:
         """Return all arrays that the content is computed from."""
         arrays = [self._shaft]
         for series in self._series.values():
-            arrays += [series] if isinstance(series, np.ndarray) else series.sources
+            arrays += sources(series)
         return arrays
 
     def _timed(self) -> dict[str, tuple[Series, float]]:

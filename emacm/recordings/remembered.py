@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from emacm.recordings.digests import Stamps, file_stamps
+from emacm.recordings.digests import Stamps, content_digest, file_stamps
 
 
 class Remembered:
@@ -21,12 +21,17 @@ class Remembered:
     ----------
     arrays : sequence of ndarray
         What the values depend on.
+    just_opened : bool
+        Whether memory maps among them have just been opened by name, as after unpickling. Then
+        digests of the files are remembered for the whole process, so that a worker process reads a
+        file once, however often it receives the recording.
     """
 
-    __slots__ = ("_arrays", "_values")
+    __slots__ = ("_arrays", "_opened", "_values")
 
-    def __init__(self, arrays: Sequence[NDArray[Any]]) -> None:
+    def __init__(self, arrays: Sequence[NDArray[Any]], *, just_opened: bool = False) -> None:
         self._arrays = arrays
+        self._opened = file_stamps(arrays) if just_opened else None
         self._values: dict[Hashable, tuple[Stamps, Any]] = {}
 
     def once(self, name: Hashable, compute: Callable[[], Any], *, most: int | None = None) -> Any:
@@ -43,3 +48,11 @@ class Remembered:
         if small and stamps is not None and stamps == file_stamps(self._arrays):
             self._values[name] = (stamps, value)
         return value
+
+    def digest(self, facts: str) -> str:
+        """Return the SHA-256 of the arrays and of other facts; computed once."""
+        return self.once("digest", lambda: self._digest(facts))
+
+    def _digest(self, facts: str) -> str:
+        same = self._opened is not None and self._opened == file_stamps(self._arrays)
+        return content_digest(facts, self._arrays, remember_files=same)

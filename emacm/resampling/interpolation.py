@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,8 @@ def interpolated(
     """
     first, last = path.sample_range(fs, len(rows[0]))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    at_once = kernels().READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
+    loops = kernels()
+    at_once = loops.READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start, stop in parts(first, last - 1, at_once):
@@ -61,13 +63,16 @@ def interpolated(
         end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
         if end <= done:
             continue
-        read = [_read_off(rows, start, stop, travel, done, end - done, theta_s, interpolation)]
+        read = [
+            _read_off(loops, rows, start, stop, travel, done, end - done, theta_s, interpolation)
+        ]
         del travel  # what is not needed any more is gone before the next is made
         yield read.pop()
         done = end
 
 
 def _read_off(
+    loops: ModuleType,
     rows: Sequence[Series],
     start: int,
     stop: int,
@@ -80,11 +85,10 @@ def _read_off(
     """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
     values = np.empty((len(rows), n_angles))
     if interpolation == "linear":
-        kernels().interpolate_linear(
-            travel, first, theta_s, [row[start:stop] for row in rows], values
-        )
+        parts_of_rows = [row[start:stop] for row in rows]
+        loops.interpolate_linear(travel, first, theta_s, parts_of_rows, values)
         return values
-    left, weights = kernels().interpolation_weights(travel, first, n_angles, theta_s)
+    left, weights = loops.interpolation_weights(travel, first, n_angles, theta_s)
     for value, row in zip(values, rows, strict=True):
         value[:] = _spline(row, start, stop, left + weights)
     return values

@@ -47,7 +47,7 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
     >>> run = Recording({"torque": rng.normal(size=4000)}, 1000, velocity=np.full(4000, 50.0))
     >>> union = make_union(OrderPSD(4), RecordingStatistics(by_direction=False))
     >>> make_pipeline(OrderResampler(), SignalCache(), union).fit_transform([run]).shape
-    (1, 264)
+    (1, 263)
     """
 
     def __init__(self, max_bytes: int = 1 << 28) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -75,8 +76,9 @@ def spread_rows(
     if path.length < theta_s / 2:  # too short to hold more than its mean
         yield np.repeat(means, n_angles).reshape(len(rows), n_angles)
         return
-    grid = _FineGrid(path, means, n_angles, theta_s)
-    for block in _dense_blocks(rows, fs, path, theta_s):
+    loops = kernels()
+    grid = _FineGrid(loops, path, means, n_angles, theta_s)
+    for block in _dense_blocks(loops, rows, fs, path, theta_s):
         resampled = [grid.resample(block)]
         del block  # what is not needed any more is gone before the next is made
         if resampled[0].shape[1]:
@@ -118,7 +120,7 @@ class _Block(NamedTuple):
 
 
 def _dense_blocks(
-    rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
+    loops: ModuleType, rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
 ) -> Iterator[_Block]:
     """Yield dense time samples in blocks."""
     factor = _upsampling(fs, path, theta_s)
@@ -128,7 +130,7 @@ def _dense_blocks(
     first, last = path.sample_range(rate, n_times)
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     density = 2 * path.fastest / (rate * theta_s)  # points of the fine grid for each sample
-    at_once = max(1, int(kernels().BLOCK / max(1.0, 2 * density)))
+    at_once = max(1, int(loops.BLOCK / max(1.0, 2 * density)))
     for start, stop in parts(first, last, at_once):
         low, high = max(start - 1, first), min(stop + 1, last)
         travel = path.travel_at(rate, low, high)
@@ -139,7 +141,7 @@ def _dense_blocks(
         if factor == 1:
             values = [row[start:stop] for row in rows]
         else:
-            values = _upsampled(rows, factor, start, stop)
+            values = _upsampled(loops, rows, factor, start, stop)
         travel = travel[start - low : len(travel) - (high - stop)]
         made = [_Block(travel, (float(before), float(after)), values, stop == last)]
         del travel, values
@@ -171,7 +173,7 @@ def _upsampling(fs: float, path: ShaftPath, theta_s: float) -> int:
 
 
 def _upsampled(
-    rows: Sequence[Series], factor: int, start: int, stop: int
+    loops: ModuleType, rows: Sequence[Series], factor: int, start: int, stop: int
 ) -> list[NDArray[np.floating]]:
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
     low = start // factor - _UPSAMPLING_HALF
@@ -184,7 +186,7 @@ def _upsampled(
     else:  # mirrored at the ends of the recording
         index = np.abs((np.arange(low, high) + last) % (2 * last) - last)
         parts = [row[index] for row in rows]
-    return [kernels().upsample(part, taps, factor, first, count) for part in parts]
+    return [loops.upsample(part, taps, factor, first, count) for part in parts]
 
 
 def _range(travel: NDArray[np.floating], *, monotonic: bool) -> tuple[float, float]:
@@ -220,11 +222,13 @@ class _FineGrid:
 
     def __init__(
         self,
+        loops: ModuleType,
         path: ShaftPath,
         means: NDArray[np.floating],
         n_angles: int,
         theta_s: float,
     ) -> None:
+        self._loops = loops
         self._means = means
         self._step = theta_s / 2
         self._length = path.length
@@ -253,7 +257,7 @@ class _FineGrid:
             complete = high / self._step + offset - self._lag
             ready = max(0, min(ready, int(complete // 2)))
         outputs = np.empty((len(block.values), ready))
-        self._grid, self._used, done = kernels().resample(
+        self._grid, self._used, done = self._loops.resample(
             block.travel,
             block.ends,
             1 / self._step,
@@ -275,7 +279,7 @@ class _FineGrid:
         if done < ready:
             self._reach(_FIRST + 2 * (ready - done - 1) + 1 + 2 * _HALF)
             taps = _decimating_filter()
-            kernels().decimate(self._grid, self._used, _FIRST, taps, self._means, outputs, done)
+            self._loops.decimate(self._grid, self._used, _FIRST, taps, self._means, outputs, done)
             self._done, self._used = self._done + ready - done, self._used - 2 * (ready - done)
         return outputs
 
@@ -295,7 +299,7 @@ class _FineGrid:
             return
         top = max(sign * low, sign * high) / self._step + offset
         self._reach(int(min(top + _WIDTH, limits[1])) + 1)
-        kernels().spread(
+        self._loops.spread(
             near.travel,
             near.ends,
             scale,
@@ -309,7 +313,8 @@ class _FineGrid:
 
     def _reach(self, n_points: int) -> None:
         """Hold at least so many points."""
-        self._grid, self._used = kernels().reach(self._grid, self._used, n_points)
+        if n_points > self._used:
+            self._grid, self._used = self._loops.reach(self._grid, self._used, n_points)
 
 
 def _near(

@@ -60,11 +60,6 @@ class LazySeries:
         self._length = length
         self.dtype = np.dtype(dtype)
 
-    @property
-    def sources(self) -> list[NDArray[Any]]:
-        """The arrays that the samples are computed from."""
-        raise NotImplementedError
-
     def __len__(self) -> int:
         """Return the number of samples."""
         return self._length
@@ -86,6 +81,11 @@ class LazySeries:
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the samples `start` to `stop` (exclusive), which must exist."""
+        raise NotImplementedError
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The arrays that the samples are computed from."""
         raise NotImplementedError
 
 
@@ -262,3 +262,8 @@ def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[
     stop = len(series) if stop is None else stop
     for first in range(start, stop, BLOCK):
         yield first, series[first : min(first + BLOCK, stop)]
+
+
+def sources(series: Series) -> list[NDArray[Any]]:
+    """Return the arrays that the samples of a series are computed from; an array itself."""
+    return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]

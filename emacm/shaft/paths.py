@@ -14,7 +14,7 @@ from emacm.shaft.motion import Series, StrokeTravel, blocks
 _MOST_SAMPLES = 1 << 31  # over the angle of one path
 
 
-class _remembered:  # noqa: N801
+class _remembered:
     """A property that is computed once.
 
     It takes no lock, unlike `functools.cached_property` of Python 3.11, on whose lock a process
@@ -70,7 +70,7 @@ class ShaftPath:
 
     @_remembered
     def n_times(self) -> int:
-        """Number of samples of `travel`."""
+        """Return the number of samples of `travel`."""
         return len(self.travel)
 
     @_remembered

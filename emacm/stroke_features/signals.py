@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import stroke_paths
 
 _TURN = 2 * np.pi
 
@@ -79,7 +78,7 @@ def cut_into_strokes(
     Parameters
     ----------
     recording : Recording or AngleRecording
-        A recording over time is cut by `emacm.shaft.strokes.stroke_paths`, without resampling.
+        A recording over time is cut at the ends of its strokes, without resampling.
         One over the shaft angle is resampled in this call.
     channels : sequence of str
         Names of the channels.
@@ -104,7 +103,7 @@ def cut_into_strokes(
         return StrokeSignals(_over_angle(recording, channels, min_revolutions), None)
     paths = [
         path
-        for path in stroke_paths(*recording.motion, recording.shaft_fs, min_speed=min_speed)
+        for path in recording.paths(min_speed=min_speed)
         if path.length >= min_revolutions * _TURN
     ]
     strokes, rest = [], []

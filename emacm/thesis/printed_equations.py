@@ -51,7 +51,7 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
 
     The angle is measured from the sample before. At low orders this is the signal a time
     sample early, and so a line is modulated wherever the speed varies.
-    `emacm.resampling.to_angle.interpolate_to_angle` starts from the sample before, as linear
+    `emacm.resampling.interpolation.interpolated` starts from the sample before, as linear
     interpolation does.
 
     Parameters

@@ -214,10 +214,10 @@ def test_nothing_is_resampled_before_it_is_read(fleet, monkeypatch):
     rows = over_angle(X)
     model = SignalBaseline().fit(rows, y)
     calls = []
-    original = emacm.resampling.angle_recording.angle_blocks
+    original = emacm.resampling.angle_recording.spread_rows
     monkeypatch.setattr(
         emacm.resampling.angle_recording,
-        "angle_blocks",
+        "spread_rows",
         lambda *args, **options: calls.append(1) or original(*args, **options),
     )
     left = model.transform(rows)

@@ -68,13 +68,17 @@ def assert_equal(one, other):
 def count(monkeypatch):
     """How often anything was resampled."""
     calls = []
-    original = emacm.resampling.angle_recording.angle_blocks
 
-    def counted(*args, **kwargs):
-        calls.append(args)
-        return original(*args, **kwargs)
+    def counting(original):
+        def counted(*args):
+            calls.append(args)
+            yield from original(*args)
 
-    monkeypatch.setattr(emacm.resampling.angle_recording, "angle_blocks", counted)
+        return counted
+
+    for name in ("spread_rows", "interpolated"):
+        original = getattr(emacm.resampling.angle_recording, name)
+        monkeypatch.setattr(emacm.resampling.angle_recording, name, counting(original))
     return calls
 
 
@@ -564,8 +568,8 @@ def test_quality_warns_of_a_shaft_that_stands():
 
 def test_quality_warns_of_orders_that_the_rate_does_not_support():
     row = quality(there_and_back(), theta_s=2 * np.pi / 64)
-    assert "orders above 15.71 do not exist in channel 'a' at the" in row["warnings"]
-    assert "theta_s reaches 32" in row["warnings"]
+    assert "channel 'a' has no content above order 15.71" in row["warnings"]
+    assert "theta_s reaches order 32" in row["warnings"]
 
 
 def test_quality_warns_of_noise_that_cuts_the_motion_to_pieces():

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from motions import stroke_paths
 
 from emacm._kernels import using
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.motion import DifferentiatedVelocity, IntegratedAngle, blocks
-from emacm.shaft.paths import JoinedTravel, ShaftPath, Stroke, StrokeTravel
-from emacm.shaft.strokes import stroke_paths
+from emacm.shaft.motion import (
+    DifferentiatedVelocity,
+    IntegratedAngle,
+    JoinedTravel,
+    Stroke,
+    StrokeTravel,
+    blocks,
+)
+from emacm.shaft.paths import ShaftPath
 
 FS = 1000.0
 N_TIMES = 3000
@@ -64,8 +71,8 @@ def test_the_speed_limit_holds_and_is_close():
 @pytest.mark.parametrize(("sign", "way"), [(1, 1), (-1, -1)])
 def test_a_shaft_that_never_turns_back_is_known_as_such(sign, way):
     velocity = sign * (10 + np.sin(np.arange(1000)))
-    assert IntegratedAngle(velocity, FS).one_way(0.0) == way
-    assert IntegratedAngle(velocity, FS).one_way(9.5) == 0
+    assert IntegratedAngle(velocity, FS).constant_direction(0.0) == way
+    assert IntegratedAngle(velocity, FS).constant_direction(9.5) == 0
 
 
 def test_blocks_are_the_whole_in_order(monkeypatch):
@@ -119,7 +126,7 @@ def test_an_integrated_stroke_above_zero_speed_never_turns_back():
 def test_the_largest_step_and_its_place_are_found(monkeypatch):
     travel = np.arange(1000.0)
     travel[700:] += 50
-    monkeypatch.setattr("emacm.shaft.paths.BLOCK", 64)
+    monkeypatch.setattr("emacm.shaft.motion.BLOCK", 64)
     path = ShaftPath(travel, FS, 0.0, 0.0, 1)
     assert path.largest_step() == (51.0, 699)
     assert path.fastest == 51 * FS

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from motions import stroke_paths
 
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.strokes import find_strokes, stroke_paths
+from emacm.shaft.strokes import find_strokes
 
 FS = 1000.0
 TURN = 2 * np.pi
