@@ -221,5 +221,5 @@ def test_only_recordings_over_the_angle_with_the_channels_of_fit_are_taken():
         SignalCache().fit([run(0)])
     cache = SignalCache().fit(OrderResampler().fit_transform([run(0)]))
     assert list(cache.get_feature_names_out()) == ["torque", "current", "force"]
-    with pytest.raises(ValueError, match="recording 0 .* has no channel 'torque'"):
+    with pytest.raises(ValueError, match=r"recording 0 .*has no channel 'torque'"):
         cache.transform(OrderResampler().fit_transform([one_rate(0)]))
