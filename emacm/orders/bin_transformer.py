@@ -22,7 +22,6 @@ from emacm.orders.bins import (
 from emacm.orders.columns import (
     BARE_CHANNEL,
     OrderBlock,
-    OrderTable,
     check_input_names,
     column_names,
     lost_axis,
@@ -118,7 +117,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         names = column_names(X)
         self._refuse_lost_axis(X)
         if names is not None and _names_orders(names):
-            psd = _numbers(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
+            psd = check_array(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
             # validate_data would not see the names of every container.
             self.n_features_in_ = psd.shape[1]
             self.feature_names_in_ = np.array(names, dtype=object)
@@ -159,7 +158,7 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         self._refuse_lost_axis(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
         if self._same_axis(names):
-            psd = _numbers(X, **options)
+            psd = check_array(X, **options)
         else:
             psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
@@ -235,16 +234,6 @@ def _names_orders(names: Sequence[Any]) -> bool:
     return parse_order_columns(names[:1]) is not None
 
 
-def _numbers(X: Any, **options: Any) -> NDArray[np.floating]:
-    """Do as `check_array`, which takes a tenth of the bins' time for what is known of a table."""
-    if isinstance(X, OrderTable) and X.columns is not None and len(X.columns) > 1:
-        # Who names the columns of an array by hand may have changed its type and shape before.
-        floats = X.dtype in (np.float64, np.float32)
-        if floats and X.shape[1:] == (len(X.columns),) and len(X):
-            return np.asarray(X)
-    return check_array(X, **options)
-
-
 @lru_cache(maxsize=64)
 def _operator(
     axes: tuple[bytes, ...], bins: tuple[Band, ...], stops: tuple[Band, ...]
@@ -254,15 +243,4 @@ def _operator(
         orders: sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
         for orders in dict.fromkeys(axes)
     }
-    return _block_diagonal([operators[orders] for orders in axes])
-
-
-def _block_diagonal(blocks: list[sparse.csr_array]) -> sparse.csr_array:
-    """Do as `scipy.sparse.block_diag`, which takes longer than all else in `fit`."""
-    offsets = np.cumsum([0, *(block.shape[1] for block in blocks)])
-    counts = np.concatenate([np.diff(block.indptr) for block in blocks])
-    columns = [block.indices + offset for block, offset in zip(blocks, offsets[:-1], strict=True)]
-    values = np.concatenate([block.data for block in blocks])
-    rows = np.concatenate([[0], np.cumsum(counts)])
-    shape = (len(counts), int(offsets[-1]))
-    return sparse.csr_array((values, np.concatenate(columns), rows), shape=shape)
+    return sparse.block_diag([operators[orders] for orders in axes], format="csr")

@@ -21,11 +21,6 @@ def compiled_exactly(function: Any) -> Any:
     return _compile(function)
 
 
-def compiled_briefly(function: Any) -> Any:
-    """Compile what is called for few samples only: it ends before the lock could be had back."""
-    return _compile(function, nogil=False, fastmath=_ANY_ORDER)
-
-
 def read_only(signal: NDArray[Any]) -> NDArray[Any]:
     """Return a contiguous read-only view, so that one kind of array is compiled for."""
     view = np.ascontiguousarray(signal)[:]
@@ -33,9 +28,9 @@ def read_only(signal: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
-def _compile(function: Any, *, nogil: bool = True, **options: Any) -> Any:
+def _compile(function: Any, **options: Any) -> Any:
     """Cache the compiled code on disk where that is possible."""
     try:
-        return njit(cache=True, nogil=nogil, **options)(function)
+        return njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # neither the folder of the package nor that of the user can be written to
-        return njit(nogil=nogil, **options)(function)
+        return njit(nogil=True, **options)(function)

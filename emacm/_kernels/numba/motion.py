@@ -29,16 +29,16 @@ def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> 
 @compiled_exactly
 def _checkpoints(velocity, half_step, stride, angles, lowest, highest):
     total = 0.0
-    before = np.float64(velocity[0])
     for k in range(len(angles)):
-        section = velocity[k * stride : (k + 1) * stride]
-        low = high = np.float64(section[0])
-        for i in range(len(section)):
-            now = np.float64(section[i])
-            if i or k:
-                total += (before + now) * half_step
-            if not i:
-                angles[k] = total
+        first = k * stride
+        before = np.float64(velocity[first])
+        if k:
+            total += (np.float64(velocity[first - 1]) + before) * half_step
+        angles[k] = total
+        low = high = before
+        for i in range(first + 1, min(first + stride, len(velocity))):
+            now = np.float64(velocity[i])
+            total += (before + now) * half_step
             before = now
             low = now if now < low else low
             high = now if now > high else high
@@ -48,38 +48,19 @@ def _checkpoints(velocity, half_step, stride, angles, lowest, highest):
 @compiled_exactly
 def _integrate(velocity, half_step, starts, stride, angle):
     in_fours = len(velocity) // stride // 4 * 4
-    for k in range(
-        0, in_fours, 4
-    ):  # four sums at a time, as an addition has to wait for the one before it
-        _integrate_four(
-            velocity[k * stride : (k + 4) * stride],
-            half_step,
-            starts[k : k + 4],
-            stride,
-            angle[k * stride : (k + 4) * stride],
-        )
+    for k in range(0, in_fours, 4):  # four sums at a time: an addition waits for the one before it
+        p, q, r, s = k * stride, (k + 1) * stride, (k + 2) * stride, (k + 3) * stride
+        t0, t1, t2, t3 = starts[k], starts[k + 1], starts[k + 2], starts[k + 3]
+        angle[p], angle[q], angle[r], angle[s] = t0, t1, t2, t3
+        for i in range(1, stride):
+            t0 += (np.float64(velocity[p + i - 1]) + np.float64(velocity[p + i])) * half_step
+            t1 += (np.float64(velocity[q + i - 1]) + np.float64(velocity[q + i])) * half_step
+            t2 += (np.float64(velocity[r + i - 1]) + np.float64(velocity[r + i])) * half_step
+            t3 += (np.float64(velocity[s + i - 1]) + np.float64(velocity[s + i])) * half_step
+            angle[p + i], angle[q + i], angle[r + i], angle[s + i] = t0, t1, t2, t3
     for first in range(in_fours * stride, len(velocity), stride):
         total = starts[first // stride]
-        before = np.float64(velocity[first])
         angle[first] = total
         for i in range(first + 1, min(first + stride, len(velocity))):
-            now = np.float64(velocity[i])
-            total += (before + now) * half_step
+            total += (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
             angle[i] = total
-            before = now
-
-
-@compiled_exactly
-def _integrate_four(velocity, half_step, starts, stride, angle):
-    v0, v1 = velocity[:stride], velocity[stride : 2 * stride]
-    v2, v3 = velocity[2 * stride : 3 * stride], velocity[3 * stride :]
-    a0, a1 = angle[:stride], angle[stride : 2 * stride]
-    a2, a3 = angle[2 * stride : 3 * stride], angle[3 * stride :]
-    t0, t1, t2, t3 = starts[0], starts[1], starts[2], starts[3]
-    a0[0], a1[0], a2[0], a3[0] = t0, t1, t2, t3
-    for i in range(1, stride):
-        t0 += (np.float64(v0[i - 1]) + np.float64(v0[i])) * half_step
-        t1 += (np.float64(v1[i - 1]) + np.float64(v1[i])) * half_step
-        t2 += (np.float64(v2[i - 1]) + np.float64(v2[i])) * half_step
-        t3 += (np.float64(v3[i - 1]) + np.float64(v3[i])) * half_step
-        a0[i], a1[i], a2[i], a3[i] = t0, t1, t2, t3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._kernels.numba.compilation import compiled, compiled_briefly, read_only
+from emacm._kernels.numba.compilation import compiled, read_only
 from emacm._kernels.numpy.resampling import reach
 
 # Large blocks: with small ones, threads wait for one another more often.
@@ -13,8 +13,9 @@ BLOCK = 1 << 18  # time samples that are spread
 READ_BLOCK = 3 << 16  # time samples that are interpolated
 
 _AT_ONCE = 8  # signals that are spread in one pass
-_PART = 8192  # samples that are spread before the complete points are decimated
+_PART = 1 << 15  # samples that are spread before the complete points are decimated
 _WEIGHTS = 1024  # of them, whose weights are held at a time
+_RUN = 8192  # angles that are interpolated at a time
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int32]
@@ -32,11 +33,12 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    travel = read_only(travel)
+    near = np.concatenate([ends[:1], travel, ends[1:]])
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        rows = _eight(signals[some])
-        _spread(travel, ends, scale, offset, kernel, rows, means[some], grid[some], n_points)
+        _spread(
+            near, 0, scale, offset, kernel, _eight(signals[some]), means[some], grid[some], n_points
+        )
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -75,26 +77,25 @@ def resample(
 ) -> tuple[Array, int, int]:
     """Spread samples over a grid, and filter and decimate the part of it that is complete."""
     _check_taps(taps)
-    travel, grids = read_only(travel), []
-    for start in range(0, len(signals), _AT_ONCE):
-        some = slice(start, start + _AT_ONCE)
-        held, n_points, n_done = _resample(
-            travel,
-            ends,
-            scale,
-            offset,
-            kernel,
-            _eight(signals[some]),
-            means[some],
-            grid[some],
-            used,
-            first,
-            taps,
-            lag,
-            outputs[some],
-        )
-        grids.append(held)
-    return grids[0] if len(grids) == 1 else np.concatenate(grids), n_points, n_done
+    near = np.concatenate([ends[:1], travel, ends[1:]])
+    groups = [slice(start, start + _AT_ONCE) for start in range(0, len(signals), _AT_ONCE)]
+    rows = [_eight(signals[some]) for some in groups]
+    n_times, n_done, top = len(travel), 0, offset
+    span = abs(float(travel[-1] - travel[0])) * scale
+    # The points of a part should stay in the processor's cache.
+    at_once = max(1, int(_PART * min(1.0, n_times / span))) if span else _PART
+    for start in range(0, n_times, at_once):
+        part = near[start : start + at_once + 2]
+        top = max(top, float(part[1:-1].max()) * scale + offset)
+        grid, used = reach(grid, used, int(top) - 2 * n_done + 3)
+        for some, row in zip(groups, rows, strict=True):
+            place = offset - 2 * n_done
+            _spread(part, start, scale, place, kernel, row, means[some], grid[some], used)
+        ready = min(int((top - lag) // 2), outputs.shape[1]) - n_done
+        if ready > 0:
+            _decimate(grid, used, first, taps, means, outputs, n_done, ready)
+            n_done, used = n_done + ready, used - 2 * ready
+    return grid, used, n_done
 
 
 def interpolation_weights(
@@ -133,23 +134,11 @@ def _check_taps(taps: Array) -> None:
 
 
 @compiled
-def _copy_with_neighbours(travel, start, ends, near):
-    stop = start + len(near) - 2
-    near[0] = travel[start - 1] if start else ends[0]
-    near[len(near) - 1] = travel[stop] if stop < len(travel) else ends[1]
-    farthest = travel[start]
-    for i in range(start, stop):
-        near[i - start + 1] = travel[i]
-        farthest = max(farthest, travel[i])
-    return farthest
-
-
-@compiled
 def _set_weights(near, scale, offset, kernel, n_points, weights, cells):
+    w0, w1, w2, w3 = weights
     a0, a1, a2, a3, a4, a5 = kernel[0]
     b0, b1, b2, b3, b4, b5 = kernel[1]
     half_scale = 0.5 * abs(scale)
-    w0, w1, w2, w3 = weights
     for i in range(len(cells)):
         position = near[i + 1] * scale + offset
         width = (near[i + 2] - near[i]) * half_scale
@@ -241,66 +230,20 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 
 @compiled
-def _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points):
+def _spread(near, start, scale, offset, kernel, signals, means, grid, n_points):
     n_times = len(near) - 2
-    at_once = min(_WEIGHTS, n_times)
-    weights, cells = np.empty((4, at_once)), np.empty(at_once, np.uint32)
-    for low in range(0, n_times, at_once):
-        count = min(at_once, n_times - low)
-        begin, end = start + low, start + low + count
-        w = weights[0, :count], weights[1, :count], weights[2, :count], weights[3, :count]
-        c = cells[:count]
-        _set_weights(near[low : low + count + 2], scale, offset, kernel, n_points, w, c)
+    held, cells = np.empty((4, _WEIGHTS)), np.empty(_WEIGHTS, np.uint32)
+    weights = held[0], held[1], held[2], held[3]
+    for low in range(0, n_times, _WEIGHTS):
+        count = min(_WEIGHTS, n_times - low)
+        begin, end, some = start + low, start + low + count, cells[:count]
+        _set_weights(near[low : low + count + 2], scale, offset, kernel, n_points, weights, some)
         for k in range(0, len(grid) - 1, 2):
             one, two = signals[k][begin:end], signals[k + 1][begin:end]
-            _spread_two(one, two, means[k], means[k + 1], w, c, grid[k], grid[k + 1])
+            _spread_two(one, two, means[k], means[k + 1], weights, some, grid[k], grid[k + 1])
         if len(grid) % 2:
             k = len(grid) - 1
-            _spread_one(signals[k][begin:end], means[k], w, c, grid[k])
-
-
-_reach = compiled(reach)
-
-
-@compiled
-def _resample(
-    travel, ends, scale, offset, kernel, signals, means, grid, used, first, taps, lag, outputs
-):
-    n_times, done, top = len(travel), 0, offset
-    at_once = min(_PART, n_times)
-    span = abs(travel[n_times - 1] - travel[0]) * scale
-    if span > n_times:  # their points should stay in the processor's cache
-        at_once = max(1, int(at_once * (n_times / span)))
-    near = np.empty(at_once + 2)
-    for start in range(0, n_times, at_once):
-        count = min(at_once, n_times - start)
-        farthest = _copy_with_neighbours(travel, start, ends, near[: count + 2])
-        top = max(top, farthest * scale + offset)
-        grid, used = _reach(grid, used, int(top) - 2 * done + 3)
-        _spread_part(
-            near[: count + 2],
-            start,
-            scale,
-            offset - 2 * done,
-            kernel,
-            signals,
-            means,
-            grid,
-            used,
-        )
-        ready = min(int((top - lag) // 2), outputs.shape[1]) - done
-        if ready > 0:
-            _decimate(grid, used, first, taps, means, outputs, done, ready)
-            done, used = done + ready, used - 2 * ready
-    return grid, used, done
-
-
-@compiled_briefly
-def _spread(travel, ends, scale, offset, kernel, signals, means, grid, n_points):
-    for start in range(0, len(travel), _PART):
-        near = np.empty(min(_PART, len(travel) - start) + 2)
-        _copy_with_neighbours(travel, start, ends, near)
-        _spread_part(near, start, scale, offset, kernel, signals, means, grid, n_points)
+            _spread_one(signals[k][begin:end], means[k], weights, some, grid[k])
 
 
 @compiled
@@ -324,7 +267,7 @@ def _upsample(signal, phases, first, outputs):
             outputs[start + i * factor] = line[i]
 
 
-@compiled_briefly
+@compiled
 def _decimate(grid, used, first, taps, means, outputs, done, n_outputs):
     even = np.empty(n_outputs + 20)
     odd = np.empty(n_outputs + 20)
@@ -373,11 +316,11 @@ def _blend(signal, left, weights, values):
 @compiled
 def _interpolate_linear(reached, first, theta_s, signals, values):
     n_signals, n_angles = values.shape
-    left = np.empty(_PART, np.int32)
-    weights = np.empty(_PART, np.float64)
-    before = 0
-    for start in range(0, n_angles, _PART):
-        count = min(_PART, n_angles - start)
+    left = np.empty(_RUN, np.int32)
+    weights = np.empty(_RUN, np.float64)
+    before = np.int64(0)
+    for start in range(0, n_angles, _RUN):
+        count = min(_RUN, n_angles - start)
         before = _interpolation_weights(
             reached, before, first + start, theta_s, left[:count], weights[:count]
         )
