@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 _BLOCK = 1 << 22  # numbers of draws held in memory at a time
 _FEW = 5  # groups; with fewer, draws repeat so often that their percentiles are uninformative
-_FEWEST_DRAWS = 100
+_FEWEST_DRAWS, _MOST_DRAWS = 100, 1_000_000
 _MIN_SHARE = 0.1  # of the draws that must contain every cell, otherwise there is no interval
 
 
@@ -80,7 +80,7 @@ def group_intervals(
     confidence : float, default=0.95
         Confidence level, above 0 and below 1.
     n_resamples : int, default=2000
-        Number of bootstrap draws, at least 100.
+        Number of bootstrap draws, 100 to 1,000,000.
     random_state : int, Generator or None, default=0
         Seed.
 
@@ -139,10 +139,11 @@ def check_bootstrap(confidence: float, n_resamples: int) -> None:
     Raises
     ------
     TypeError, ValueError
-        If `confidence` is not between 0 and 1, or `n_resamples` is not an integer of at least 100.
+        If `confidence` is not between 0 and 1, or `n_resamples` is not an integer from
+        100 to 1,000,000.
     """
     check_number(confidence, "confidence", above=0, below=1)
-    check_count(n_resamples, "n_resamples", at_least=_FEWEST_DRAWS)
+    check_count(n_resamples, "n_resamples", at_least=_FEWEST_DRAWS, at_most=_MOST_DRAWS)
 
 
 def _by_group(

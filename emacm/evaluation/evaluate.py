@@ -95,7 +95,7 @@ def evaluate(
     confidence : float, default=0.95
         Confidence level of the intervals.
     n_resamples : int, default=2000
-        Number of bootstrap draws, at least 100.
+        Number of bootstrap draws, 100 to 1,000,000.
     random_state : int or None, default=0
         Seed of the random split and of the bootstrap.
     n_jobs : int, optional
