@@ -17,6 +17,8 @@ def run(
     n_jobs: int | None = None,
     verbose: bool | int = False,
     done: int = 0,
+    unit: str = "recording",
+    prefer: str = "threads",
 ) -> list[Any]:
     """Call a function for each recording, under joblib's active backend; by default, in threads.
 
@@ -33,6 +35,10 @@ def run(
         installed, otherwise by joblib.
     done : int
         Recordings done before; reported with the others.
+    unit : str
+        Name of one call in the report, if it is not a recording.
+    prefer : {"threads", "processes"}
+        Default backend.
 
     Returns
     -------
@@ -57,12 +63,12 @@ def run(
     total = len(arguments[0])
     if not total:
         return []
-    backend, jobs_of_context = get_active_backend(prefer="threads")
+    backend, jobs_of_context = get_active_backend(prefer=prefer)
     n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else _whole(n_jobs))
     bar = _bar() if verbose else None
     tasks = (delayed(function)(*values) for values in zip(*arguments, strict=True))
     if bar is None and verbose:
-        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer="threads")(tasks)
+        return Parallel(n_jobs=n_jobs, verbose=int(verbose), prefer=prefer)(tasks)
     results: Iterable[Any]
     if min(n_workers, total) == 1:
         results = map(function, *arguments)
@@ -75,7 +81,7 @@ def run(
             return Parallel(n_jobs=n_jobs, verbose=int(verbose))(tasks)
     if bar is None:
         return list(results)
-    return list(bar(results, total=done + total, initial=done, unit="recording"))
+    return list(bar(results, total=done + total, initial=done, unit=unit))
 
 
 def _whole(n_jobs: Any) -> int:

@@ -93,7 +93,7 @@ def group_intervals(
     Raises
     ------
     TypeError, ValueError
-        If `confidence` or `n_resamples` is outside its range.
+        If `confidence` or `n_resamples` is outside its range, or the shapes do not agree.
 
     Notes
     -----
@@ -117,6 +117,11 @@ def group_intervals(
     check_bootstrap(confidence, n_resamples)
     values, cells = np.asarray(values, float), np.asarray(cells)
     codes = np.unique(np.asarray(groups), return_inverse=True)[1]
+    if values.ndim != 2 or values.shape != cells.shape or values.shape[1:] != codes.shape:
+        raise ValueError(
+            f"values and cells must have shape (n_figures, n_recordings), and groups one entry "
+            f"for each recording; got {values.shape}, {cells.shape} and {codes.shape}."
+        )
     tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
     replicates = _replicates(tables, n_resamples, np.random.default_rng(random_state))
     intervals = []

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
@@ -53,6 +52,7 @@ def evaluate(
     n_resamples: int = 2000,
     random_state: int | None = 0,
     n_jobs: int | None = None,
+    verbose: bool | int = False,
 ) -> Evaluation:
     """Evaluate a classifier by several hold-out schemes: at random, by run, unit and condition.
 
@@ -100,6 +100,8 @@ def evaluate(
         Seed of the random split and of the bootstrap.
     n_jobs : int, optional
         Number of folds processed in parallel, by joblib's active backend (default: processes).
+    verbose : bool or int, default=False
+        Report to stderr how many folds are done, and the time left.
 
     Returns
     -------
@@ -150,7 +152,7 @@ def evaluate(
     check_count(n_splits, "n_splits", at_least=2)
     check_bootstrap(confidence, n_resamples)
     if random_state is not None:
-        check_count(random_state, "random_state", at_least=0)
+        check_count(random_state, "random_state", at_least=0, at_most=2**32 - 1)
     cost = stated_cost(estimator) if cost is None else cost
     rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, cost=cost)
     labels = [rule.family_of[label] for label in classes.tolist()]
@@ -164,7 +166,9 @@ def evaluate(
         "n_resamples": n_resamples,
         "random_state": random_state,
     }
-    schemes, decided = decide_held_out(estimator, X, classes, schemes, n_jobs=n_jobs)
+    schemes, decided = decide_held_out(
+        estimator, X, classes, schemes, n_jobs=n_jobs, verbose=verbose
+    )
     scores = {
         scheme.name: score_scheme(scheme, folds, classes, rule, bootstrap)
         for scheme, folds in zip(schemes, decided, strict=True)
@@ -213,7 +217,7 @@ def _schemes(
 
 
 def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
-    if not (hasattr(X, "shape") or hasattr(X, "__len__")):
+    if isinstance(X, str | Mapping) or not (hasattr(X, "shape") or hasattr(X, "__len__")):
         raise TypeError(
             f"X must be a list of recordings or a table, got {type(X).__name__}.{once_hint(X)}"
         )
@@ -224,11 +228,8 @@ def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
             f"y must hold one class for each of {n_recordings} recordings in X, got shape "
             f"{classes.shape}."
         )
-    missing = np.flatnonzero(pd.isna(classes))
-    if len(missing):
-        raise ValueError(f"y must name a class for every recording; {missing[0]} has none.")
     check_classes(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:
-        raise ValueError(f"y must hold at least two classes, got {np.unique(classes)} only.")
+        raise ValueError(f"y must hold at least two classes, got {np.unique(classes)}.")
     return classes

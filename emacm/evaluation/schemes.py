@@ -5,16 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
 
 from emacm._checks import located
+from emacm._progress import run
 from emacm.decisions.costs import narrow_costs
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label
 
@@ -178,7 +179,13 @@ def given_scheme(
 
 
 def decide_held_out(
-    estimator: Any, X: Any, y: NDArray[Any], schemes: Sequence[Scheme], *, n_jobs: int | None = None
+    estimator: Any,
+    X: Any,
+    y: NDArray[Any],
+    schemes: Sequence[Scheme],
+    *,
+    n_jobs: int | None = None,
+    verbose: bool | int = False,
 ) -> tuple[list[Scheme], list[list[Decided]]]:
     """Fit a clone in each fold, and return its decisions on the recordings held out.
 
@@ -194,6 +201,8 @@ def decide_held_out(
         Those that are `impossible` are skipped.
     n_jobs : int, optional
         Number of folds processed in parallel.
+    verbose : bool or int
+        Report to stderr how many folds are done.
 
     Returns
     -------
@@ -215,12 +224,24 @@ def decide_held_out(
     classes was never observed.
     """
     tasks = [
-        delayed(_decide)(estimator, X, y, fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
+        (fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
         for scheme in schemes
         if not scheme.impossible
         for number, fold in enumerate(scheme.folds)
     ]
-    found = iter(Parallel(n_jobs=n_jobs)(tasks))
+    decide = partial(_decide, estimator, X, y)
+    found = iter(
+        run(
+            decide,
+            *zip(*tasks, strict=True),
+            n_jobs=n_jobs,
+            verbose=verbose,
+            unit="fold",
+            prefer="processes",
+        )
+        if tasks
+        else []
+    )
     scored, decided = [], []
     for scheme in schemes:
         folds = [] if scheme.impossible else [next(found) for _ in scheme.folds]
@@ -242,15 +263,25 @@ def _decide(
         model.fit(chosen_rows(X, fold.train), y[fold.train])
         held_out = chosen_rows(X, fold.test)
         try:
-            decisions = np.asarray(model.predict(held_out)).tolist()
+            decisions = np.asarray(model.predict(held_out))
         except ValueError as error:
             if not may_refuse:
                 raise
             return f"{where}: {error}"
+        _check_shape(decisions, "predict", (len(fold.test),))
         if not hasattr(model, "predict_proba"):
-            return decisions, None
+            return decisions.tolist(), None
         known = np.asarray(getattr(model, "classes_", classes)).tolist()
-        return decisions, pd.DataFrame(np.asarray(model.predict_proba(held_out)), columns=known)
+        posterior = np.asarray(model.predict_proba(held_out))
+        _check_shape(posterior, "predict_proba", (len(fold.test), len(known)))
+        return decisions.tolist(), pd.DataFrame(posterior, columns=known)
+
+
+def _check_shape(array: NDArray[Any], method: str, expected: tuple[int, ...]) -> None:
+    if array.shape != expected:
+        raise ValueError(
+            f"{method} of the estimator must return shape {expected}, got {array.shape}."
+        )
 
 
 def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices]]:
@@ -302,6 +333,10 @@ def _checked_fold(pair: Any, n_recordings: int, where: str) -> Fold:
                 f"{where}: {part} must hold positions 0 to {n_recordings - 1}, got "
                 f"{numbers.min()} to {numbers.max()}."
             )
+        distinct, counts = np.unique(numbers, return_counts=True)
+        if len(distinct) < len(numbers):
+            double = distinct[counts > 1][0]
+            raise ValueError(f"{where}: {part} has recording {double} more than once.")
         parts.append(numbers.astype(np.intp))
     train, test = parts
     both = np.intersect1d(train, test)

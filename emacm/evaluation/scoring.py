@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -178,6 +178,8 @@ def _healthy_label(healthy: Any, family_of: Mapping[Any, Any], names: list[Any])
     if healthy is None:
         return None
     labels = list(dict.fromkeys(family_of[name] for name in names))
+    if not isinstance(healthy, Hashable):
+        raise TypeError(f"healthy must be one class or family, got {healthy!r}.")
     label = family_of.get(healthy, healthy)
     if label not in labels:
         raise ValueError(

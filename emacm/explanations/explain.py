@@ -119,7 +119,10 @@ def explain_decision(
     costs, code = _saved_costs(classifier, decision, against)
     centre = None
     if background is not None:
-        centre = traced.trace.positions(opened.table(background)[0]).mean(axis=0)
+        values = opened.table(background)[0]
+        if not len(values):
+            raise ValueError("background must contain at least one recording, got none.")
+        centre = traced.trace.positions(values).mean(axis=0)
     step, start, end = traced.lines(classifier, code, centre)
     if costs is None:
         own = classifier.classes_.tolist().index(decision)

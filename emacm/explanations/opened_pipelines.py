@@ -132,6 +132,8 @@ def one_recording(x: Any) -> Any:
         return x.to_frame().T
     if isinstance(x, np.ndarray) and x.ndim == 1:
         return x[np.newaxis]
+    if isinstance(x, str) or not hasattr(x, "__len__"):
+        raise TypeError(f"x must be one recording, or one row of a table; got {x!r}.")
     if len(x) != 1:
         raise ValueError(
             f"x must be one recording, or one row of a table; got {len(x)}. Select one, as "

@@ -196,7 +196,11 @@ def slip_ranges(
     (['BPFI'], array([5.94]), array([6.06]))
     """
     names, centres = named_orders(orders)
-    slips = orders["slips"].to_numpy() if isinstance(orders, pd.DataFrame) else True
+    slips: Any = True
+    if isinstance(orders, pd.DataFrame):
+        slips = orders["slips"].to_numpy()
+        if slips.dtype != bool:
+            raise TypeError(f"the column 'slips' must be boolean, got {slips.dtype}.")
     half = np.maximum(np.where(slips, slip, 0.0) * centres, min_width / 2)
     return names, np.maximum(centres - half, 0.0), centres + half
 

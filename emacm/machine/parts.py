@@ -334,7 +334,7 @@ class BallScrew:
         """Check the geometry."""
         check_number(self.balls_per_turn, "balls_per_turn", above=0, at_most=_MOST)
         _check_rolling(self)
-        check_number(self.lead, "lead", above=0)
+        check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
         turn = pi * self.pitch_diameter / cos(self._lead_angle)
         if self.balls_per_turn * self.ball_diameter > turn * (1 + 1e-9):

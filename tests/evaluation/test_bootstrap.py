@@ -92,8 +92,19 @@ def test_the_same_seed_gives_the_same_limits():
     assert (interval(values, groups) != interval(values, groups, random_state=1)).any()
 
 
+@pytest.mark.parametrize(
+    ("values", "cells", "groups"),
+    [([1, 2, 3], [0, 0, 0], "abc"), ([[1, 2]], [[0, 0, 0]], "ab"), ([[1, 2]], [[0, 0]], "abc")],
+)
+def test_shapes_that_do_not_agree_are_refused(values, cells, groups):
+    with pytest.raises(ValueError, match=r"must have shape \(n_figures, n_recordings\)"):
+        group_intervals(values, cells, list(groups))
+
+
 def test_confidence_and_draws_are_checked():
     with pytest.raises(ValueError, match="confidence must be a number above 0 and below 1, got 95"):
         check_bootstrap(95, 1000)
     with pytest.raises(ValueError, match="n_resamples must be a whole number of at least 100"):
         check_bootstrap(0.95, 10)
+    with pytest.raises(ValueError, match=r"n_resamples must be .* at most 1000000, got 1000000000"):
+        check_bootstrap(0.95, 10**9)

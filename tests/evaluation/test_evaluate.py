@@ -543,7 +543,7 @@ def test_several_costs_that_differ_are_refused():
 
 BAD = {
     "y must hold one class for each of 96 recordings": {"y": ["a"] * 5},
-    "y must name a class for every recording; 0 has none": {"y": [None] * 96},
+    "y must contain the class of every recording, but recording 0 has None": {"y": [None] * 96},
     "y must contain the class of every recording, but recording 95 has nan": {
         "y": ["a"] * 95 + [np.nan]
     },
@@ -558,6 +558,13 @@ BAD = {
     "runs names the meta key 'run', but recording 0 is a ndarray without meta": {"runs": "run"},
     "healthy='sound' is neither a class nor a family": {"healthy": "sound"},
     "n_splits must be a whole number of at least 2": {"n_splits": 1},
+    "healthy must be one class or family, got ['normal']": {"healthy": ["normal"]},
+    "at most 1000000, got 1000000000000": {"n_resamples": 10**12},
+    "random_state must be a whole number of at least 0 and at most": {"random_state": 2**32},
+    "n_jobs must not be 0": {"n_jobs": 0},
+    "n_jobs must be None or a whole number, got 2.5": {"n_jobs": 2.5},
+    "fold 0: train has recording 3 more than once": {"splits": {"s": ([1, 3, 3], [2])}},
+    "fold 1: test has recording 7 more than once": {"splits": {"s": [([1], [2]), ([1], [7, 7])]}},
     "confidence must be a number above 0 and below 1": {"confidence": 1},
     "n_resamples must be a whole number of at least 100": {"n_resamples": 5},
     "random_state must be a whole number": {"random_state": "a"},
@@ -580,6 +587,51 @@ def test_an_invalid_argument_is_refused(message):
     options = {"y": y, **BAD[message]}
     with pytest.raises((TypeError, ValueError), match=re.escape(message)):
         evaluate(GaussianNB(), X, options.pop("y"), **options)
+
+
+class Truncated(GaussianNB):
+    """Returns decisions or probabilities of another shape."""
+
+    def __init__(self, decisions=slice(None), rows=slice(None), columns=slice(None)):
+        super().__init__()
+        self.decisions, self.rows, self.columns = decisions, rows, columns
+
+    def predict(self, X):
+        return super().predict(X)[self.decisions]
+
+    def predict_proba(self, X):
+        return super().predict_proba(X)[self.rows, self.columns]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"decisions": slice(1)}, r"predict of the estimator must return shape \(48,\), got \(1,"),
+        ({"decisions": np.s_[:, None]}, r"predict .* shape \(48,\), got \(48, 1\)"),
+        ({"rows": slice(5)}, r"predict_proba .* shape \(48, 4\), got \(5, 4\)"),
+        ({"columns": slice(3)}, r"predict_proba .* shape \(48, 4\), got \(48, 3\)"),
+    ],
+)
+def test_an_estimator_with_results_of_another_shape_is_refused(options, words):
+    X, y, _ = sub_states()
+    with pytest.raises(ValueError, match=r"random split, fold 0: " + words):
+        evaluate(Truncated(**options), X, y, n_splits=2)
+
+
+@pytest.mark.parametrize("X", ["recordings.csv", {"a": [1, 2]}, None, 3])
+def test_an_input_that_is_no_list_of_recordings_is_refused(X):
+    with pytest.raises(TypeError, match="X must be a list of recordings or a table, got"):
+        evaluate(GaussianNB(), X, ["a", "b"])
+
+
+def test_progress_is_reported_to_stderr(capsys):
+    X, y, runs = sub_states(n_runs=3)
+    evaluate(GaussianNB(), X, y, runs=runs, n_splits=3, verbose=True)
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert re.search(r"6/6|6 out of +6", output.err)  # folds: three at random, three runs
+    evaluate(GaussianNB(), X, y, runs=runs, n_splits=3)
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("estimator", [None, GaussianNB, StandardScaler()])

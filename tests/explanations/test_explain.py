@@ -682,6 +682,22 @@ def test_more_or_less_than_one_recording_is_refused():
     model, X, _ = fitted("log")
     with pytest.raises(ValueError, match="x must be one recording, or one row of a table; got 3"):
         explain_decision(model, X.iloc[:3])
+    for x in (None, 3, "recording.csv"):
+        with pytest.raises(TypeError, match="x must be one recording, or one row of a table; got"):
+            explain_decision(model, x)
+
+
+def test_a_background_without_recordings_is_refused():
+    model, X, _ = fitted("log")
+    with pytest.raises(ValueError, match="background must contain at least one recording"):
+        explain_decision(model, X.iloc[[0]], background=X.iloc[:0])
+
+
+def test_a_recording_far_from_every_class_is_refused():
+    X, y = powers()
+    model = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X * 1e-9, y)
+    with pytest.raises(ValueError, match="recording 0 are so far from every class"):
+        explain_decision(model, X.iloc[[0]] * 1e147, decision="state 0", against="state 1")
 
 
 def test_another_classifier_is_refused():

@@ -424,6 +424,12 @@ def test_two_orders_of_one_name_are_refused(orders):
         order_bands(orders)
 
 
+def test_a_column_slips_that_is_not_boolean_is_refused():
+    table = pd.DataFrame({"order": [3.0], "slips": ["no"]}, index=["screw"])
+    with pytest.raises(TypeError, match="column 'slips' must be boolean, got"):
+        order_bands(table)
+
+
 @pytest.mark.parametrize(
     "make",
     [
@@ -436,6 +442,7 @@ def test_two_orders_of_one_name_are_refused(orders):
         lambda: Gear(20, 10**400),
         lambda: BallScrew(9, 3.0, 20.0, 5.0, circuit_balls=10**400),
         lambda: BallScrew(9, 1e-9, 20.0, 5.0),
+        lambda: BallScrew(9, 3.0, 20.0, 1e308),
         lambda: fault_orders({"BPFI": 1e308}, harmonics=10),
     ],
 )
