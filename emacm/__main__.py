@@ -1,4 +1,4 @@
-"""Command line: ``python -m emacm demo`` and ``python -m emacm reproduce``."""
+"""Commands ``emacm demo`` and ``emacm reproduce``; also as ``python -m emacm``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from emacm._version import __version__
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code.
+    """Run a command and return its exit status.
 
     Parameters
     ----------
@@ -23,68 +25,89 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 if it ran, 2 for bad input, 130 if it was interrupted.
+        0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM).
     """
     options = _parser().parse_args(arguments)
     try:
-        _check_pictures(options.command)
-        options.run(options)
+        with _signals_as_interruption():
+            _check_matplotlib(options.command)
+            options.run(options)
     except (ImportError, OSError, ValueError) as error:
         print(f"emacm: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("emacm: interrupted.", file=sys.stderr)
+        _end_workers()
+        end_of_progress = "\n" if sys.stderr.isatty() else ""
+        print(f"{end_of_progress}emacm: interrupted.", file=sys.stderr)
         return 130
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m emacm", description=__doc__)
+    module = Path(sys.argv[0]).name == "__main__.py"
+    parser = argparse.ArgumentParser(
+        prog="python -m emacm" if module else "emacm",
+        description="Condition monitoring of rotating machines by computed order tracking.",
+    )
+    parser.add_argument("--version", action="version", version=f"emacm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     demo = commands.add_parser(
-        "demo", help="search, decide, save, load and draw, on simulated or real recordings"
+        "demo", help="search, decide, save, load and draw, on simulated or measured recordings"
     )
     demo.set_defaults(run=_run_demo)
     demo.add_argument(
         "--actuator",
         type=Path,
         metavar="FILE",
-        help="recordings of the Cranfield actuator (.npz) in place of simulated ones",
+        help="recordings of the Cranfield actuator (.npz) instead of simulated ones",
     )
-    _add_common(demo, "emacm_demo", "folder for the model and the picture")
-    _add_reproduce(commands)
-    return parser
-
-
-def _add_reproduce(commands: argparse._SubParsersAction) -> None:
-    command = commands.add_parser(
-        "reproduce", help="compute the figures of the thesis anew, and report what agrees"
+    _add_common(demo, "emacm_demo", "folder for the model and the picture", "in parallel")
+    reproduce = commands.add_parser(
+        "reproduce", help="compute the published figures of the thesis again, and compare them"
     )
-    command.set_defaults(run=_run_reproduce)
-    command.add_argument(
+    reproduce.set_defaults(run=_run_reproduce)
+    reproduce.add_argument(
         "--chapter",
         action="append",
+        type=int,
         metavar="2|3|4",
         help="only this chapter; may be given several times (default: all)",
     )
-    command.add_argument("--quick", action="store_true", help="fewer random draws: within a minute")
-    command.add_argument(
-        "--overwrite", action="store_true", help="replace a report that lies in the folder"
+    reproduce.add_argument("--quick", action="store_true", help="fewer draws: about a minute")
+    reproduce.add_argument(
+        "--overwrite", action="store_true", help="replace an existing report in the folder"
     )
-    _add_common(command, "emacm_reproduction", "folder for the report")
+    _add_common(reproduce, "emacm_reproduction", "folder for the report", "processes")
+    return parser
 
 
-def _add_common(command: argparse.ArgumentParser, out: str, folder: str) -> None:
+def _add_common(command: argparse.ArgumentParser, out: str, folder: str, jobs: str) -> None:
     command.add_argument(
         "--out", type=Path, default=Path(out), metavar="DIR", help=f"{folder} (default: {out})"
     )
     command.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="processes at the same time (default: 2)"
+        "--jobs",
+        type=_job_count,
+        default=2,
+        metavar="N",
+        help=f"number of tasks {jobs}; -1: one per core (default: 2)",
     )
 
 
+def _job_count(text: str) -> int:
+    try:
+        n_jobs = int(text)
+    except ValueError:
+        n_jobs = 0
+    if n_jobs < 1 and n_jobs != -1:
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number of at least 1, or -1 for one per core, got {text!r}"
+        )
+    return n_jobs
+
+
 def _run_demo(options: argparse.Namespace) -> None:
-    from emacm import demo  # only now, so that --help answers at once
+    from emacm import demo  # imported here, so that --help and --version answer at once
 
     out = _writable_folder(options.out)
     if options.actuator is None:
@@ -96,44 +119,49 @@ def _run_demo(options: argparse.Namespace) -> None:
 def _run_reproduce(options: argparse.Namespace) -> None:
     from emacm.thesis import CHAPTERS, reproduce
 
-    chapters = [_chapter_number(text) for text in options.chapter or CHAPTERS]
-    with _stopping_when_told():
-        reproduce(
-            options.out,
-            list(dict.fromkeys(chapters)),
-            quick=options.quick,
-            overwrite=options.overwrite,
-            n_jobs=options.jobs,
-        )
-
-
-def _chapter_number(text: str | int) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"a chapter is a number, such as 2, got {text!r}.") from None
+    reproduce(
+        options.out,
+        list(dict.fromkeys(options.chapter or CHAPTERS)),
+        quick=options.quick,
+        overwrite=options.overwrite,
+        n_jobs=options.jobs,
+    )
 
 
 @contextmanager
-def _stopping_when_told() -> Iterator[None]:
-    """Clean up when the process is told to end, as when it is interrupted."""
+def _signals_as_interruption() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the first SIGINT or SIGTERM, and ignore the following ones."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    numbers = (signal.SIGINT, signal.SIGTERM)
 
-    def stop(number: int, frame: object) -> None:
+    def interrupt(number: int, frame: object) -> None:
+        for each in numbers:
+            signal.signal(each, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    before = {number: signal.signal(number, interrupt) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
-def _check_pictures(command: str) -> None:
+def _end_workers() -> None:
+    """End the worker processes of joblib, if there are any."""
+    if "joblib" in sys.modules:
+        from joblib.externals.loky import get_reusable_executor
+
+        get_reusable_executor(max_workers=1).shutdown(wait=False, kill_workers=True)
+
+
+def _check_matplotlib(command: str) -> None:
     if importlib.util.find_spec("matplotlib") is None:
-        raise ImportError(f"{command} draws pictures and needs matplotlib; install emacm[plot].")
+        raise ImportError(
+            f"{command} draws pictures and needs matplotlib; run pip install 'emacm[plot]'."
+        )
 
 
 def _writable_folder(folder: Path) -> Path:

@@ -1,359 +1,349 @@
-"""The main job from end to end: search, decide, save, load, diagnose, draw."""
+"""Demonstration: from recordings to a saved model, its decisions and their cost."""
 
 from __future__ import annotations
 
+import itertools
+import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.decomposition import PCA
-from sklearn.metrics import balanced_accuracy_score, confusion_matrix
-from sklearn.model_selection import BaseCrossValidator, GridSearchCV, GroupKFold, StratifiedKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import FunctionTransformer
 
+from emacm.conditions.router import ConditionRouter
 from emacm.datasets import load_cranfield
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
-from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
+from emacm.displays import DecisionRegionsDisplay, EvaluationDisplay, OrderSpectrumDisplay
+from emacm.displays._drawing import offscreen_panels
+from emacm.evaluation.evaluate import evaluate
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
+from emacm.recipes import actuator_recipe
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation import FAULT_ORDERS, simulate_fleet
 
-MISSED = 10.0  # times as dear as a false alarm, in the lopsided cost matrix
-_UNIFORM, _LOPSIDED = "uniform", f"a missed detection costs {MISSED:g}"
-_SEVERITY = 0.25  # mean of the simulated faults: most are detected, some are missed
-_LATE_RUNS = 2  # runs of the real actuator that are kept from the search
+HEALTHY, INSPECT = "healthy", "inspect"
+P_HEALTHY = 0.9  # prior probability: nine of ten units that are measured are healthy
+INSPECTION = 0.5  # cost relative to a false alarm
+MISSED = (10.0, 1000.0)  # costs of a missed detection that are compared, relative to a false alarm
+_SEVERITY = (0.1, 0.5)  # range of the simulated faults; 1 is a fully developed fault
+_CHANNELS = {"current_a": "A", "accelerometer": "g"}
+_N_LATE = 2  # runs of the real actuator in the test set
 
 Labels = NDArray[np.str_]
 
 
 def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
-    """Show the main job on simulated recordings: a healthy actuator and two faults.
+    """Run the demonstration on simulated recordings of healthy actuators and two faults.
 
     Parameters
     ----------
     out : Path
         Folder for the model and the picture.
     n_jobs : int, optional
-        Processes of the search.
+        Number of threads of the search.
     """
-    print("Simulating 24 actuators in 3 states of health, 4 runs each, speed varying and reversing")
-    channels = {"current_a": "A", "accelerometer": "g"}
+    print("24 simulated actuators: 8 healthy, 8 with a spall of the ball screw and 8 of the")
+    print(
+        "bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s with varying, reversing speed."
+    )
     recordings, states, units = simulate_fleet(8, 4, severity=_SEVERITY, seed=1)
+    classes = np.unique(states)
     pipeline = make_pipeline(
-        OrderResampler(channels=[*channels], min_speed=1.0),
+        OrderResampler(2 * np.pi / 64, channels=[*_CHANNELS], min_speed=1.0),
         OrderPSD(max_order=24),
-        # Unbalance, supply and cogging are no faults; they would take all the variance.
+        # Unbalance, supply and cogging are not faults, but have most of the variance.
         BinTransformer(max_order=24, stop_bands=((0, 2.5), (5.5, 6.5), (11.5, 12.5))),
-        _logarithm(),
+        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
         PCA(2),
-        CostSensitiveGaussianBayes(shrinkage="oas"),
+        CostSensitiveGaussianBayes(
+            cost_matrix(classes, MISSED[0]), priors=priors(classes), shrinkage="oas"
+        ),
     )
-    _show_quality(pipeline, recordings[::32])
-    grid: dict[str, Sequence[Any]] = {
-        "orderresampler__theta_s": [2 * np.pi / 64, 2 * np.pi / 128],
-        "orderpsd__revolutions": [4, 8],
-        "bintransformer__bin_size": [0.5, 1.0, 2.0],
-    }
-    search = _search(pipeline, grid, GroupKFold(4), recordings, states, units, n_jobs=n_jobs)
+    print("\nUp to which order is each recording valid? (first run of three of the units)")
+    print(pipeline[0].quality(recordings[::32]).drop(columns="warnings").round(2).to_string())
+    model = _search(pipeline, recordings, states, units, n_jobs=n_jobs)
 
-    print("\nNine actuators that the search never saw, 8 runs each")
-    others, truths, _ = simulate_fleet(3, 8, severity=_SEVERITY, seed=1, first_unit=8)
-    model = search.best_estimator_
-    models = _priced_models(model, recordings, states, others, truths, healthy="healthy")
-    _save_and_diagnose(models[_LOPSIDED], out / "simulated.joblib", others[::8])
-    _draw(
-        models,
-        recordings,
-        states,
-        out / "simulated.png",
-        channels=channels,
-        fault_orders={
-            "accelerometer": {"screw": FAULT_ORDERS["screw"][0]}
-            | {f"{k}xBPFI": k * FAULT_ORDERS["inner ring"][0] for k in (1, 2, 3)},
-        },
-    )
+    others, truths, _ = simulate_fleet(8, 3, severity=_SEVERITY, seed=1, first_unit=8)
+    print("\nTest: 24 further actuators, 3 runs each")
+    models = {missed: _with_cost(model, missed, recordings, states) for missed in MISSED}
+    for missed, priced in models.items():
+        print_decisions(truths, priced.predict(others), cost_matrix(classes, missed), HEALTHY)
+    print("\nThe higher the cost of a missed detection, the more units are inspected.")
+    _save_and_diagnose(models[MISSED[0]], out / "simulated.joblib", others[::6], truths[::6])
+    _draw(models, recordings, states, out / "simulated.png")
 
 
 def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
-    """Show the main job on the Cranfield actuator: normal and the worst of each fault.
+    """Run the demonstration on the Cranfield actuator: normal and the worst state of each fault.
 
     Parameters
     ----------
     file : Path
-        What `emacm.datasets.load_cranfield` reads.
+        Read by `emacm.datasets.load_cranfield`.
     out : Path
         Folder for the model and the picture.
     n_jobs : int, optional
-        Processes of the search.
+        Number of recordings processed in parallel.
     """
-    with warnings.catch_warnings(record=True) as remarks:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        recordings, states, frame = load_cranfield(file)
-    for remark in remarks:
-        print(f"mind: {remark.message}")
-    chosen = np.flatnonzero(np.isin(states, _worst_states(states)))
-    recordings, states = [recordings[i] for i in chosen], states[chosen]
-    frame = frame.iloc[chosen].reset_index(drop=True)
-    runs = sorted(frame["run"].unique().tolist())
-    if len(runs) <= _LATE_RUNS + 1:
-        raise ValueError(f"the demo needs more than {_LATE_RUNS + 1} runs, the file has {runs}.")
-    print(f"{len(recordings)} recordings of {', '.join(np.unique(states))}; runs {runs}")
-    pipeline = make_pipeline(
-        OrderResampler(2 * np.pi / 6, min_speed=8.0),
-        OrderPSD(4, by_direction=True),
-        BinTransformer(0.25, max_order=2.5),
-        _logarithm(),
-        StandardScaler(),
-        PCA(8),
-        CostSensitiveGaussianBayes(shrinkage="oas"),
-    )
-    _show_quality(pipeline, recordings[:3])
-    late = np.asarray(frame["run"].isin(runs[-_LATE_RUNS:]))
-    late_names = " and ".join(str(run) for run in runs[-_LATE_RUNS:])
-    splits = {f"runs {late_names} held out (honest)": late, "random split": _random_split(states)}
-    scores, kept = {}, {}
-    schemes = {"a classifier per load": np.asarray(frame["load"]), "one for all loads": None}
-    for split, held_out in splits.items():
-        groups = np.asarray(frame["run"]) if held_out is late else None
-        for scheme, loads in schemes.items():
-            print(f"\n{split}; {scheme}")
-            decided, models = _train_and_test(
-                pipeline, recordings, states, held_out, loads=loads, groups=groups, n_jobs=n_jobs
-            )
-            scores[scheme, split] = balanced_accuracy_score(states[held_out], decided)
-            kept[scheme, split] = decided, models
-    table = pd.Series(scores).unstack().loc[[*schemes], [*splits]]
-    print(f"\nBalanced accuracy\n{table.round(3).to_string()}")
-    print("State and assembly are confounded on this rig: each state was one assembly.")
-
-    honest = next(iter(splits))
-    decided, _ = kept["a classifier per load", honest]
-    print(f"\na classifier per load, {honest}")
-    _report(states[late], decided, None, healthy="normal")
-    model, truths = kept["one for all loads", honest][1][None], states[~late]
-    early = [recordings[i] for i in np.flatnonzero(~late)]
-    unseen = [recordings[i] for i in np.flatnonzero(late)]
-    print("\none for all loads")
-    models = _priced_models(model, early, truths, unseen, states[late], healthy="normal")
+        everything = load_cranfield(file)
+    for warning in caught:
+        print(f"WARNING: {warning.message}")
+    chosen = np.flatnonzero(np.isin(everything.labels, _worst_states(everything.labels)))
+    recordings, states = [everything.recordings[i] for i in chosen], everything.labels[chosen]
+    runs, loads = (everything.frame[name].to_numpy()[chosen] for name in ("run", "load"))
+    known = np.unique(runs)
+    if len(known) <= _N_LATE + 1:
+        raise ValueError(
+            f"the demo needs recordings of more than {_N_LATE + 1} runs; {file.name} has "
+            f"{known.tolist()}."
+        )
+    classes = np.unique(states)
+    print(f"{len(recordings)} recordings of {', '.join(classes)}; runs {known.tolist()}")
+    cost = cost_matrix(classes, MISSED[0], "normal")
+    recipe = actuator_recipe(min_speed=3.0, cost=cost, priors=priors(classes, "normal"))
+    recipe.set_params(featureunion__n_jobs=1).set_output(transform="pandas")
+    features = _in_pieces(recipe[:1].fit(recordings).transform, recordings, n_jobs)
+    table = features.assign(load=loads)
+    late = runs >= known[-_N_LATE]
+    splits = {f"test runs {known[-_N_LATE]} and later": (~late, late)}
+    for scheme, model in {
+        "one classifier per load": ConditionRouter(recipe[1:], "load"),
+        "one classifier for all loads": recipe[1:],
+    }.items():
+        X = table if isinstance(model, ConditionRouter) else features
+        result = evaluate(model, X, states, healthy="normal", splits=splits)
+        shown = result.table.filter(regex="rate$|cost$|^balanced_accuracy$").T.round(3)
+        print(f"\n{scheme}\n{shown.to_string()}")
+    print("Each state was one assembly of this rig: states and assemblies are confounded.")
+    print(f"\nTraining: runs before {known[-_N_LATE]}; test: later runs; {scheme}")
+    early = np.flatnonzero(~late)
+    recipe[1:].fit(features.iloc[early], states[early])
+    print_decisions(states[late], recipe[1:].predict(features[late]), cost, "normal")
+    unseen = np.flatnonzero(late)[:: max(1, late.sum() // 8)]
     _save_and_diagnose(
-        models[_LOPSIDED], out / "actuator.joblib", unseen[:: max(1, len(unseen) // 8)]
+        recipe, out / "actuator.joblib", [recordings[i] for i in unseen], states[unseen]
     )
-    channels = {"current": "A", "position_error": "mm"}
-    _draw(models, early, truths, out / "actuator.png", channels=channels, fault_orders={})
+    figure = EvaluationDisplay.from_evaluation(result).figure_
+    figure.savefig(out / "actuator.png", dpi=150)
+    print(f"Rates with confidence intervals: {out / 'actuator.png'}")
 
 
-def _show_quality(pipeline: Pipeline, recordings: list[Recording]) -> None:
-    table = pipeline[0].quality(recordings)
-    print(table.drop(columns="warnings").round(2).to_string())
-    for index, warning in enumerate(table["warnings"]):
-        if warning:
-            print(f"  mind in recording {index}: {warning}")
+def cost_matrix(classes: ArrayLike, missed: float, healthy: str = HEALTHY) -> pd.DataFrame:
+    """Return costs relative to a false alarm; rows are decisions, columns are true states.
+
+    Examples
+    --------
+    >>> print(cost_matrix(["healthy", "worn"], 10))
+             healthy  worn
+    healthy      0.0  10.0
+    worn         1.0   0.0
+    inspect      0.5   0.5
+    """
+    names = np.asarray(classes)
+    cost = pd.DataFrame(1 - np.eye(len(names)), index=names, columns=names)
+    cost.loc[healthy, names != healthy] = missed
+    cost.loc[INSPECT] = INSPECTION
+    return cost
 
 
-def _logarithm() -> FunctionTransformer:
-    return FunctionTransformer(np.log10, feature_names_out="one-to-one")
+def priors(classes: ArrayLike, healthy: str = HEALTHY) -> dict[str, float]:
+    """Return the prior probability of each class: faults are rare, and equally frequent."""
+    names = np.asarray(classes).tolist()
+    fault = (1 - P_HEALTHY) / (len(names) - 1)
+    return {name: P_HEALTHY if name == healthy else fault for name in names}
+
+
+def rates(truths: Labels, decisions: Labels, healthy: str = HEALTHY) -> dict[str, tuple[int, int]]:
+    """Count false alarms, inspections and missed detections: number, and of how many.
+
+    Examples
+    --------
+    >>> truths = np.array(["healthy", "healthy", "healthy", "worn", "worn"])
+    >>> rates(truths, np.array(["healthy", "inspect", "worn", "healthy", "worn"]))
+    {'false alarm': (1, 3), 'inspection': (1, 3), 'missed detection': (1, 2)}
+    """
+    is_healthy, called_healthy = truths == healthy, decisions == healthy
+    inspected = decisions == INSPECT
+    n_healthy, n_faulty = int(is_healthy.sum()), int((~is_healthy).sum())
+    return {
+        "false alarm": (int((is_healthy & ~called_healthy & ~inspected).sum()), n_healthy),
+        "inspection": (int((is_healthy & inspected).sum()), n_healthy),
+        "missed detection": (int((~is_healthy & called_healthy).sum()), n_faulty),
+    }
+
+
+def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame, healthy: str) -> None:
+    """Print the cost matrix, the confusion table, the three rates and the mean cost."""
+    faulty = next(name for name in cost.columns if name != healthy)
+    print(f"\nCosts: missed detection {cost.loc[healthy, faulty]:g}, ", end="")
+    print(f"false alarm {cost.loc[faulty, healthy]:g}, inspection {INSPECTION:g}; ", end="")
+    print(f"probability of {healthy}: {P_HEALTHY:g}")
+    table = pd.crosstab(pd.Series(decisions), pd.Series(truths))
+    table = table.reindex(index=cost.index, columns=cost.columns, fill_value=0)
+    table.index = pd.Index([f"decision: {name}" for name in table.index])
+    print(table.add_prefix("true: ").to_string())
+    for name, (count, total) in rates(truths, decisions, healthy).items():
+        kind = "faulty" if name == "missed detection" else healthy
+        rate = f"{100 * count / total:.0f} %" if total else "no recordings"
+        print(f"{name} rate: {rate} ({count} of {total} {kind} recordings)")
+    print(f"mean cost per recording: {expected_cost(truths, decisions, cost=cost):.3f}")
+
+
+def _with_cost(
+    model: Pipeline, missed: float, recordings: Sequence[Recording], labels: Labels
+) -> Pipeline:
+    """Return a pipeline with the same transformers and another cost matrix."""
+    cost = cost_matrix(model.classes_, missed)
+    classifier = clone(model[-1]).set_params(cost=cost)
+    classifier.fit(model[:-1].transform(recordings), labels)
+    return Pipeline([*model.steps[:-1], (model.steps[-1][0], classifier)])
+
+
+def _progress(what: str, total: int) -> Callable[[], None]:
+    """Return a function that counts to `total` on one line of stderr; any thread may call it."""
+    count, start = itertools.count(1), time.perf_counter()
+
+    def advance() -> None:
+        done = next(count)
+        line = f"{what}: {done} of {total}, {time.perf_counter() - start:.0f} s"
+        if done == total:
+            print(f"\r{line}", file=sys.stderr, flush=True)
+        elif sys.stderr.isatty():
+            print(f"\r{line}", end="", file=sys.stderr, flush=True)
+
+    return advance
 
 
 def _search(
     pipeline: Pipeline,
-    grid: dict[str, Sequence[Any]],
-    split: BaseCrossValidator,
     recordings: list[Recording],
     labels: Labels,
-    groups: Any,
+    units: NDArray[Any],
     *,
     n_jobs: int | None,
-    verbose: int = 2,
-) -> GridSearchCV:
-    """Search by expected cost; spectra are kept for the search, so bins are tried for little."""
-    start = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
+) -> Pipeline:
+    """Return the pipeline of least expected cost, fitted; spectra are estimated only once."""
+    grid: dict[str, Sequence[float]] = {
+        "orderresampler__theta_s": [2 * np.pi / 64, 2 * np.pi / 128],
+        "orderpsd__revolutions": [4, 8],
+        "bintransformer__bin_size": [0.5, 1.0, 2.0],
+    }
+    split = GroupKFold(4)
+    advance = _progress("search: fits", 12 * split.get_n_splits())
+
+    def scorer(estimator: Pipeline, X: Any, y: Any) -> float:
+        advance()
+        return neg_expected_cost(estimator, X, y)
+
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
+        joblib.parallel_config("threading"),  # the scorer counts; an interruption ends threads
+    ):
         cached = clone(pipeline).set_params(orderpsd__memory=folder)
         search = GridSearchCV(
-            cached,
-            grid,
-            cv=split,
-            scoring=neg_expected_cost,
-            n_jobs=n_jobs,
-            verbose=verbose,
-            error_score="raise",
-        )
-        search.fit(recordings, labels, groups=groups)
-    best = {name.split("__")[1]: value for name, value in search.best_params_.items()}
-    search.best_estimator_.set_params(orderpsd__memory=None)
+            cached, grid, cv=split, scoring=scorer, n_jobs=n_jobs, error_score="raise"
+        ).fit(recordings, labels, groups=units)
+    best = search.best_params_
     print(
-        f"Best of {len(search.cv_results_['params'])} in {time.perf_counter() - start:.0f} s: "
-        f"theta_s = 2 pi / {2 * np.pi / best['theta_s']:g}, segments of {best['revolutions']:g} "
-        f"revolutions, bins of {best['bin_size']:g} orders; "
-        f"expected cost {0 - search.best_score_:.3f} on the folds left out"
+        f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings: "
+        f"theta_s = 2 pi / {2 * np.pi / best['orderresampler__theta_s']:g},\n"
+        f"segments of {best['orderpsd__revolutions']} revolutions, bins of "
+        f"{best['bintransformer__bin_size']:g} orders; mean cost of the folds left out: "
+        f"{0 - search.best_score_:.3f}"
     )
-    return search
+    return search.best_estimator_.set_params(orderpsd__memory=None)
 
 
-def _train_and_test(
-    pipeline: Pipeline,
+def _in_pieces(
+    transform: Callable[[list[Recording]], pd.DataFrame],
     recordings: list[Recording],
-    states: Labels,
-    held_out: NDArray[np.bool_],
-    *,
-    loads: Any,
-    groups: Any,
     n_jobs: int | None,
-) -> tuple[Labels, dict[Any, Pipeline]]:
-    """Search on the recordings not held out, and decide on the others; by load if given."""
-    grid: dict[str, Sequence[Any]] = {
-        "orderresampler__theta_s": [2 * np.pi / 6, 2 * np.pi / 8],
-        "orderpsd__revolutions": [4, 8],
-        "bintransformer__bin_size": [0.25, 0.5],
-    }
-    parts: dict[Any, NDArray[np.bool_]] = {None: np.ones(len(states), dtype=bool)}
-    if loads is not None:
-        parts = {load: loads == load for load in np.unique(loads)}
-    decided, models = np.empty_like(states), {}
-    random = StratifiedKFold(3, shuffle=True, random_state=0)
-    for load, part in parts.items():
-        train, test = np.flatnonzero(part & ~held_out), np.flatnonzero(part & held_out)
-        search = _search(
-            pipeline,
-            grid,
-            random if groups is None else GroupKFold(3),
-            [recordings[i] for i in train],
-            states[train],
-            None if groups is None else groups[train],
-            n_jobs=n_jobs,
-            verbose=1,
-        )
-        decided[test] = search.predict([recordings[i] for i in test])
-        models[load] = search.best_estimator_
-    return decided[held_out], models
+) -> pd.DataFrame:
+    """Transform recordings one by one, with progress."""
+    advance = _progress("features: recordings", len(recordings))
+
+    def of_one(recording: Recording) -> pd.DataFrame:
+        features = transform([recording])
+        advance()
+        return features
+
+    tasks = (joblib.delayed(of_one)(recording) for recording in recordings)
+    return pd.concat(joblib.Parallel(n_jobs, prefer="threads")(tasks), ignore_index=True)
 
 
 def _worst_states(states: Labels) -> list[str]:
-    """Return the normal state and the highest number of each fault."""
+    """Return the normal state and the highest number of each fault.
+
+    Examples
+    --------
+    >>> _worst_states(np.array(["normal", "spalling8", "spalling10", "backlash2"]))
+    ['backlash2', 'normal', 'spalling10']
+    """
     worst: dict[str, str] = {}
     for state in sorted(np.unique(states), key=lambda s: (s.rstrip("0123456789"), len(s), s)):
         worst[state.rstrip("0123456789")] = str(state)
     return list(worst.values())
 
 
-def _random_split(states: Labels) -> NDArray[np.bool_]:
-    """Hold two sevenths out at random, as many of each state."""
-    folds = StratifiedKFold(7, shuffle=True, random_state=0).split(states, states)
-    held_out = np.zeros(len(states), dtype=bool)
-    for _, (_, test) in zip(range(_LATE_RUNS), folds, strict=False):
-        held_out[test] = True
-    return held_out
-
-
-def _cost_matrices(healthy: str, classes: NDArray[Any]) -> dict[str, pd.DataFrame]:
-    """Return the uniform matrix and one in which a missed detection is dear."""
-    uniform = pd.DataFrame(1 - np.eye(len(classes)), index=classes, columns=classes)
-    lopsided = uniform.copy()
-    lopsided.loc[healthy, lopsided.columns != healthy] = MISSED
-    return {_UNIFORM: uniform, _LOPSIDED: lopsided}
-
-
-def _priced_models(
-    model: Pipeline,
-    recordings: list[Recording],
-    labels: Labels,
-    unseen: list[Recording],
-    truths: Labels,
-    *,
-    healthy: str,
-) -> dict[str, Pipeline]:
-    """Decide on unseen recordings under each cost matrix; return the models by its name.
-
-    The costs concern the classifier alone, so the fitted transformers are shared.
-    """
-    features, unseen_features = (model[:-1].transform(X) for X in (recordings, unseen))
-    models, decided = {}, {}
-    for name, cost in _cost_matrices(healthy, model.classes_).items():
-        classifier = clone(model[-1]).set_params(cost=cost).fit(features, labels)
-        models[name] = Pipeline([*model.steps[:-1], (model.steps[-1][0], classifier)])
-        decided[name] = classifier.predict(unseen_features)
-        print(f"\nCost matrix: {name}")
-        _report(truths, decided[name], cost, healthy=healthy)
-    dear = expected_cost(truths, decided[_UNIFORM], cost=cost)
-    print(f"(the decisions under the uniform matrix would cost {dear:.3f})")
-    return models
-
-
-def _report(truths: Labels, decided: Labels, cost: pd.DataFrame | None, *, healthy: str) -> None:
-    classes = list(dict.fromkeys([healthy, *np.unique(truths)]))
-    # scikit-learn puts the truth in rows; here, as in the cost matrix, rows are the decision.
-    table = pd.DataFrame(
-        confusion_matrix(truths, decided, labels=classes).T,
-        index=pd.Index(classes, name="decided"),
-        columns=pd.Index(classes, name="true"),
-    )
-    print(table.to_string())
-    sound = truths == healthy
-    false_alarms = int(np.sum(sound & (decided != healthy)))
-    missed = int(np.sum(~sound & (decided == healthy)))
-    print(f"false alarms: {false_alarms} of {sound.sum()}", end="; ")
-    print(f"missed detections: {missed} of {(~sound).sum()}", end="; ")
-    print(f"expected cost: {expected_cost(truths, decided, cost=cost):.3f} per recording")
-
-
-def _save_and_diagnose(model: Pipeline, file: Path, unseen: list[Recording]) -> None:
+def _save_and_diagnose(
+    model: Pipeline, file: Path, unseen: list[Recording], truths: Labels
+) -> None:
+    """Save and load a model, and print its decisions with probabilities and expected costs."""
     joblib.dump(model, file)
     loaded = joblib.load(file)
-    print(f"\nModel saved as {file} and loaded again; its diagnosis of recordings it never saw:")
-    risk = loaded[-1].risk(loaded[:-1].transform(unseen))
-    key = "state" if "state" in unseen[0].meta else "label"
-    table = pd.DataFrame(risk, columns=[f"risk of {name}" for name in loaded[-1].decisions_])
-    table.insert(0, "true", [recording.meta[key] for recording in unseen])
-    table.insert(1, "decided", loaded.predict(unseen))
-    print(table.round(3).to_string(index=False))
+    print(f"\nModel saved as {file}, loaded again, and applied to recordings of the test set:")
+    features, classifier = loaded[:-1].transform(unseen), loaded[-1]
+    tables = {
+        "": pd.DataFrame({"true": truths, "decision": classifier.predict(features)}),
+        "probability of": pd.DataFrame(
+            classifier.predict_proba(features), columns=classifier.classes_
+        ),
+        "expected cost of deciding": pd.DataFrame(
+            classifier.risk(features), columns=classifier.decisions_
+        ),
+    }
+    print(pd.concat(tables, axis=1).round(3).to_string(index=False))
 
 
 def _draw(
-    models: dict[str, Pipeline],
-    recordings: list[Recording],
-    labels: Labels,
-    file: Path,
-    *,
-    channels: dict[str, str],
-    fault_orders: dict[str, dict[str, float]],
+    models: Mapping[float, Pipeline], recordings: list[Recording], labels: Labels, file: Path
 ) -> None:
     """Draw the order spectra by state, and the decision regions under each cost matrix."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 8), layout="constrained")
-    spectra, regions = figure.subplots(2, 2)
-    model = next(iter(models.values()))
+    figure, (spectra, regions) = offscreen_panels(2, 2, size=(12, 8))
+    model = models[MISSED[0]]
     psd = model[:2].transform(recordings)
-    for ax, (channel, unit) in zip(spectra, channels.items(), strict=True):
+    (screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
+    marks = {"screw": screw, "2x screw": 2 * screw} | {f"{k}x BPFI": k * ring for k in (1, 2, 3)}
+    for ax, (channel, unit) in zip(spectra, _CHANNELS.items(), strict=True):
         OrderSpectrumDisplay.from_table(
             psd,
-            f"{channel}+" if model[1].by_direction else channel,
+            channel,
             labels=labels,
             unit=unit,
             max_order=model[2].max_order,
-            fault_orders=fault_orders.get(channel),
+            fault_orders=marks if channel == "accelerometer" else None,
             ax=ax,
         )
     names = ("principal component 1", "principal component 2")
     plane = model[:-1].transform(recordings)
-    for ax, (cost, priced) in zip(regions, models.items(), strict=True):
-        classifier, title = priced[-1], f"cost matrix: {cost}"
-        if plane.shape[1] > 2:
-            classifier = clone(classifier).fit(plane[:, :2], labels)
-            title += "\n(a classifier of these two components alone)"
-        DecisionRegionsDisplay.from_estimator(classifier, plane[:, :2], labels, names=names, ax=ax)
-        ax.set_title(title, fontsize=10)
+    for ax, (missed, priced) in zip(regions, models.items(), strict=True):
+        DecisionRegionsDisplay.from_estimator(priced[-1], plane, labels, names=names, ax=ax)
+        ax.set_title(f"a missed detection costs {missed:g}", fontsize=10)
     figure.savefig(file, dpi=150)
-    print(f"Order spectra and decision regions drawn in {file}")
+    print(f"\nOrder spectra and decision regions: {file}")

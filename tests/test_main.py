@@ -1,53 +1,19 @@
-"""The command line does what it says, and bad input ends with one line and exit code 2."""
+"""The command line: options, exit status, one line for invalid input, and interruptions."""
 
-import joblib
-import numpy as np
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
-from emacm import demo
+from emacm import __version__, demo
 from emacm.__main__ import main
-from emacm.simulation import simulate_fleet
 
-
-def test_the_demo_prints_saves_and_draws(tmp_path, capsys, monkeypatch):
-    # Fewer and shorter runs than the demo itself has, which CI runs as printed in the README.
-    monkeypatch.setattr(
-        demo, "simulate_fleet", lambda units, runs, **kwargs: simulate_fleet(3, 2, **kwargs)
-    )
-    assert main(["demo", "--out", str(tmp_path), "--jobs", "2"]) == 0
-    printed = capsys.readouterr().out
-    for words in (
-        "Best of 12",
-        "Cost matrix: uniform",
-        "Cost matrix: a missed detection costs 10",
-        "false alarms",
-        "missed detections",
-        "expected cost",
-        "loaded again",
-        "drawn in",
-    ):
-        assert words in printed
-    assert (tmp_path / "simulated.png").stat().st_size > 10_000
-    model = joblib.load(tmp_path / "simulated.joblib")
-    unseen, truths, _ = simulate_fleet(1, 2, severity=1, seed=1, first_unit=20)
-    assert set(model.predict(unseen)) <= set(truths)
-
-
-def test_the_demo_on_the_real_actuator_sets_splits_side_by_side(cranfield_file, tmp_path, capsys):
-    with np.load(cranfield_file) as file:
-        arrays = dict(file)
-    chosen = np.isin(arrays["state"], ["normal", "spalling8", "spalling7"])
-    chosen &= (arrays["load_kgf"] > 0) & np.isin(arrays["group"] % 5, [0, 1])
-    for name, values in arrays.items():
-        arrays[name] = values[chosen] if values.shape[:1] == chosen.shape else values
-    np.savez(tmp_path / "part.npz", **arrays)
-    arguments = ["demo", "--actuator", str(tmp_path / "part.npz"), "--out", str(tmp_path)]
-    assert main(arguments) == 0
-    printed = capsys.readouterr().out
-    assert "recordings of normal, spalling8; runs [1, 2, 3, 4, 5, 6, 7]" in printed
-    for words in ("Balanced accuracy", "held out (honest)", "random split", "confounded"):
-        assert words in printed
-    assert (tmp_path / "actuator.png").stat().st_size > 10_000
+ROOT = Path(__file__).parents[1]
 
 
 def test_a_missing_file_is_one_line_and_exit_code_2(tmp_path, capsys):
@@ -75,3 +41,99 @@ def test_an_unknown_command_is_refused(capsys):
         main(["dance"])
     assert stopped.value.code == 2
     assert "invalid choice: 'dance'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["demo", "reproduce"])
+@pytest.mark.parametrize("jobs", ["0", "-3", "2.5", "two"])
+def test_a_number_of_jobs_that_cannot_be_is_refused_at_once(command, jobs, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--jobs", jobs, "--out", str(tmp_path / "out")])
+    assert stopped.value.code == 2
+    expected = (
+        f"--jobs: expected a whole number of at least 1, or -1 for one per core, got '{jobs}'"
+    )
+    assert expected in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("jobs", "passed"), [((), 2), (("--jobs", "-1"), -1), (("--jobs", "5"), 5)]
+)
+@pytest.mark.parametrize("actuator", [False, True])
+def test_the_number_of_jobs_is_passed_to_the_demo(jobs, passed, actuator, tmp_path, monkeypatch):
+    received = []
+    monkeypatch.setattr(demo, "simulated_demo", lambda out, n_jobs: received.append((out, n_jobs)))
+    monkeypatch.setattr(
+        demo, "actuator_demo", lambda file, out, n_jobs: received.append((file, out, n_jobs))
+    )
+    file = ["--actuator", "some.npz"] if actuator else []
+    assert main(["demo", *file, "--out", str(tmp_path), *jobs]) == 0
+    assert received == [(*map(Path, file[1:]), tmp_path, passed)]
+
+
+def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatch):
+    for path, name in (("/bin/emacm", "emacm"), ("/lib/emacm/__main__.py", "python -m emacm")):
+        monkeypatch.setattr("sys.argv", [path])
+        with pytest.raises(SystemExit) as stopped:
+            main(["--version"])
+        assert stopped.value.code == 0
+        with pytest.raises(SystemExit):
+            main(["--help"])
+        printed = capsys.readouterr().out
+        assert printed.startswith(f"emacm {__version__}\nusage: {name} [-h]")
+
+
+@pytest.mark.slow
+def test_the_thesis_has_a_command_of_its_own(tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "emacm.thesis", "--chapter", "7", "--out", str(tmp_path / "out")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert result.returncode == 2
+    assert result.stderr == "emacm: chapter 7 is not reproduced; available are 2, 3, 4.\n"
+
+
+def processes_of(group):
+    """Return the commands of the living processes of a process group."""
+    listed = subprocess.run(
+        ["ps", "-e", "-o", "pgid=,stat=,args="], capture_output=True, text=True, check=True
+    ).stdout
+    rows = [line.split(maxsplit=2) for line in listed.splitlines()]
+    return [row[2] for row in rows if row[0] == str(group) and not row[1].startswith("Z")]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals and process groups of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("whole_group", [False, True])
+@pytest.mark.parametrize(
+    ("command", "started"),
+    [(["demo"], "highest valid|Up to which"), (["reproduce", "--chapter", "3"], "draw 1 of 20")],
+)
+def test_a_signal_ends_everything_with_one_line(command, started, number, whole_group, tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-m", "emacm", *command, "--out", str(tmp_path / "out")],
+        cwd=ROOT,
+        env=os.environ | {"MPLBACKEND": "Agg"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    printed = ""
+    while not re.search(started, printed):
+        printed += process.stdout.readline()
+    time.sleep(1)  # into the search, or into the next draw
+    (os.killpg if whole_group else os.kill)(process.pid, number)
+    printed, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in printed
+    assert printed.count("emacm: interrupted.\n") == 1
+    assert printed.endswith("emacm: interrupted.\n")
+    deadline = time.monotonic() + 20
+    while processes_of(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert processes_of(process.pid) == []

@@ -73,7 +73,12 @@ def simulate_actuator(
 
 
 def simulate_fleet(
-    n_units: int, n_runs: int, *, severity: float = 0.5, seed: int = 0, first_unit: int = 0
+    n_units: int,
+    n_runs: int,
+    *,
+    severity: tuple[float, float] = (0.3, 0.7),
+    seed: int = 0,
+    first_unit: int = 0,
 ) -> tuple[list[Recording], NDArray[np.str_], NDArray[np.int_]]:
     """Simulate several units of each state of health, and several runs of each unit.
 
@@ -81,8 +86,8 @@ def simulate_fleet(
     ----------
     n_units, n_runs : int
         Number of units of each state, and of runs of each unit.
-    severity : float
-        Mean severity of the faults; that of single units is 0.7 to 1.3 times as large, at most 1.
+    severity : (float, float)
+        Range in [0, 1] from which the severity of the fault of each unit is drawn.
     seed : int
         Seed of all random numbers.
     first_unit : int
@@ -111,12 +116,14 @@ def simulate_fleet(
     check_count(n_units, "n_units")
     check_count(n_runs, "n_runs")
     check_count(first_unit, "first_unit", at_least=0)
-    severity = check_number(severity, "severity", at_least=0, at_most=1)
+    if not isinstance(severity, tuple) or len(severity) != 2:
+        raise TypeError(f"severity must be a pair such as (0.3, 0.7), got {severity!r}.")
+    low, high = (check_number(bound, "severity", at_least=0, at_most=1) for bound in severity)
     recordings = []
     for position, state in enumerate(STATES):
         for number in range(first_unit, first_unit + n_units):
             rng = np.random.default_rng([seed, zlib.crc32(state.encode()), number])
-            size = min(severity * rng.uniform(0.7, 1.3), 1.0)
+            size = rng.uniform(min(low, high), max(low, high))
             unit = _UNITS_OF_A_STATE * position + number
             recordings += [
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)

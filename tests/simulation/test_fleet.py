@@ -46,7 +46,7 @@ def test_the_rate_is_that_of_the_option_and_its_noise_is_filtered():
 
 
 def test_a_fleet_has_units_and_runs_of_every_state():
-    recordings, states, units = simulate_fleet(2, 3, seed=1)
+    recordings, states, units = simulate_fleet(2, 3, seed=1, severity=(0.4, 0.6))
     assert len(recordings) == len(states) == len(units) == 18
     assert {state: len(set(units[states == state])) for state in STATES} == dict.fromkeys(STATES, 2)
     assert len(set(units)) == 6
@@ -54,7 +54,7 @@ def test_a_fleet_has_units_and_runs_of_every_state():
     assert [recording.meta["unit"] for recording in recordings] == units.tolist()
     severities = [recording.meta["severity"] for recording in recordings]
     assert severities[:6] == [0] * 6
-    assert all(0.35 <= severity <= 0.65 for severity in severities[6:])
+    assert all(0.4 <= severity <= 0.6 for severity in severities[6:])
     assert len(set(severities)) == 5
 
 
@@ -78,6 +78,8 @@ def test_a_wrong_parameter_is_named(arguments, message):
         simulate_actuator(**arguments)
 
 
-def test_a_severity_above_1_is_refused_for_a_fleet_too():
+def test_the_range_of_severities_is_a_pair_in_0_to_1():
     with pytest.raises(ValueError, match="severity must be a number at least 0 and at most 1"):
-        simulate_fleet(1, 1, severity=1.5)
+        simulate_fleet(1, 1, severity=(0.5, 1.5))
+    with pytest.raises(TypeError, match=r"severity must be a pair such as \(0.3, 0.7\), got 0.5"):
+        simulate_fleet(1, 1, severity=0.5)

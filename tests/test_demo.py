@@ -1,0 +1,246 @@
+"""The demonstration: what it prints, saves and draws is what its models decide."""
+
+import contextlib
+import io
+import re
+
+import joblib
+import numpy as np
+import pytest
+from sklearn.metrics import confusion_matrix
+
+from emacm import demo
+from emacm.__main__ import main
+from emacm.simulation import FAULT_ORDERS, simulate_fleet
+
+
+def parsed_decisions(text):
+    """Read the confusion tables, rates and costs that were printed."""
+    found = []
+    for block in text.split("\nCosts: ")[1:]:
+        rows = re.findall(r"^decision: (.+?)((?: +\d+)+)$", block, re.M)
+        heading = next(line for line in block.splitlines() if "true: " in line)
+        found.append(
+            {
+                "truths": [name.strip() for name in heading.split("true: ")[1:]],
+                "table": {name.strip(): [int(n) for n in row.split()] for name, row in rows},
+                "rates": {
+                    name: (int(count), int(total))
+                    for name, count, total in re.findall(
+                        r"^([a-z ]+) rate: .*\((\d+) of (\d+) \w+ recordings\)$", block, re.M
+                    )
+                },
+                "cost": float(re.search(r"mean cost per recording: ([\d.]+)", block).group(1)),
+                "missed": float(re.search(r"missed detection ([\d.]+)", block).group(1)),
+            }
+        )
+    return found
+
+
+def assert_printed(printed, truths, decisions, missed, healthy):
+    """Compare with scikit-learn's confusion matrix, whose rows are the truth."""
+    names, rows = printed["truths"], list(printed["table"])
+    assert rows == [*names, "inspect"]
+    expected = confusion_matrix(truths, decisions, labels=rows)[: len(names)].T
+    assert [printed["table"][name] for name in rows] == expected.tolist()
+    h = names.index(healthy)
+    others = [k for k in range(len(names)) if k != h]
+    assert printed["rates"] == {
+        "false alarm": (expected[others, h].sum(), expected[:, h].sum()),
+        "inspection": (expected[-1, h], expected[:, h].sum()),
+        "missed detection": (expected[h, others].sum(), expected[:, others].sum()),
+    }
+    prices = np.ones((len(rows), len(names)))
+    np.fill_diagonal(prices, 0)
+    prices[h, others] = missed
+    prices[-1] = 0.5
+    assert printed["missed"] == missed
+    assert printed["cost"] == pytest.approx((expected * prices).sum() / expected.sum(), abs=5e-4)
+
+
+def test_printed_figures_are_those_of_the_decisions(capsys):
+    truths = np.repeat(["worn", "sound", "split"], [7, 5, 4])
+    decisions = np.array(
+        ["sound"] * 2 + ["worn"] * 3 + ["split", "inspect"]
+        + ["sound"] * 2 + ["worn", "inspect", "inspect"]
+        + ["split", "split", "split", "sound"]
+    )  # fmt: skip
+    cost = demo.cost_matrix(["split", "sound", "worn"], 7, "sound")
+    demo.print_decisions(truths, decisions, cost, "sound")
+    (printed,) = parsed_decisions(capsys.readouterr().out)
+    assert printed["rates"] == {
+        "false alarm": (1, 5), "inspection": (2, 5), "missed detection": (3, 11)
+    }  # fmt: skip
+    assert_printed(printed, truths, decisions, 7.0, "sound")
+
+
+def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
+    cost = demo.cost_matrix(["a", "b", "fine"], 30, "fine")
+    assert cost.loc["fine"].tolist() == [30, 30, 0]
+    assert cost["fine"].tolist() == [1, 1, 0, 0.5]
+    assert demo.priors(["a", "b", "fine"], "fine") == pytest.approx(
+        {"a": 0.05, "b": 0.05, "fine": 0.9}
+    )
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Run the simulated demonstration with few units; keep what it printed and drew."""
+    folder, kept = tmp_path_factory.mktemp("demo"), {"regions": [], "decided": []}
+    sizes = iter([(3, 2), (2, 2)])
+
+    def fleet(n_units, n_runs, **options):
+        return simulate_fleet(*next(sizes), **options | {"severity": (0.3, 0.6)})
+
+    def search(*args, **options):
+        kept["search"] = options
+        return grid_search(*args, **options)
+
+    def panels(*args, **options):
+        kept["figure"], axes = offscreen_panels(*args, **options)
+        return kept["figure"], axes
+
+    def regions(estimator, *args, ax, **options):
+        kept["regions"].append((estimator, ax))
+        return from_estimator(estimator, *args, ax=ax, **options)
+
+    def printing(truths, decisions, cost, healthy):
+        kept["decided"].append((truths, decisions, cost))
+        print_decisions(truths, decisions, cost, healthy)
+
+    grid_search, offscreen_panels = demo.GridSearchCV, demo.offscreen_panels
+    from_estimator = demo.DecisionRegionsDisplay.from_estimator
+    print_decisions = demo.print_decisions
+    stdout, stderr = io.StringIO(), io.StringIO()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(stdout),
+        contextlib.redirect_stderr(stderr),
+    ):
+        patch.setattr(demo, "simulate_fleet", fleet)
+        patch.setattr(demo, "GridSearchCV", search)
+        patch.setattr(demo, "offscreen_panels", panels)
+        patch.setattr(demo.DecisionRegionsDisplay, "from_estimator", regions)
+        patch.setattr(demo, "print_decisions", printing)
+        assert main(["demo", "--out", str(folder), "--jobs", "3"]) == 0
+    unseen, truths, _ = simulate_fleet(2, 2, severity=(0.3, 0.6), seed=1, first_unit=8)
+    kept |= {"text": stdout.getvalue(), "progress": stderr.getvalue(), "folder": folder}
+    return kept | {"unseen": unseen, "truths": truths}
+
+
+@pytest.mark.slow
+def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(run):
+    model = joblib.load(run["folder"] / "simulated.joblib")
+    features, classes = model[:-1].transform(run["unseen"]), model.classes_.tolist()
+    posterior = model[-1].predict_proba(features)
+    printed = parsed_decisions(run["text"])
+    assert len(printed) == len(run["decided"]) == 2
+    for (truths, decisions, cost), figures, missed in zip(
+        run["decided"], printed, (10.0, 1000.0), strict=True
+    ):
+        assert truths.tolist() == run["truths"].tolist()
+        risk = posterior @ cost[classes].to_numpy().T  # rows of `cost` are decisions
+        assert decisions.tolist() == cost.index.to_numpy()[risk.argmin(axis=1)].tolist()
+        assert_printed(figures, truths, decisions, missed, "healthy")
+
+
+@pytest.mark.slow
+def test_the_saved_model_has_the_first_costs_and_realistic_priors(run):
+    model = joblib.load(run["folder"] / "simulated.joblib")
+    assert model[-1].cost.loc["healthy"].to_dict() == {
+        "healthy": 0, "inner ring": 10, "screw": 10
+    }  # fmt: skip
+    assert model[-1].cost["healthy"].to_dict() == {
+        "healthy": 0, "inner ring": 1, "screw": 1, "inspect": 0.5
+    }  # fmt: skip
+    assert model[-1].priors == pytest.approx({"healthy": 0.9, "inner ring": 0.05, "screw": 0.05})
+    assert model[1].memory is None
+    assert model.predict(run["unseen"]).tolist() == run["decided"][0][1].tolist()
+
+
+@pytest.mark.slow
+def test_the_search_is_one_line_of_progress_in_as_many_threads_as_wanted(run):
+    assert run["search"]["n_jobs"] == 3
+    assert re.fullmatch(r"\rsearch: fits: 48 of 48, \d+ s\n", run["progress"])
+    assert "best of 12 settings" in run["text"]
+
+
+@pytest.mark.slow
+def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
+    rows = run["text"].split("expected cost of deciding")[1].splitlines()[2:]
+    rows = [line.replace("inner ring", "inner_ring").split() for line in rows if line.strip()]
+    model = joblib.load(run["folder"] / "simulated.joblib")
+    chosen, truths = run["unseen"][::6], run["truths"][::6]
+    for row, truth, recording in zip(rows, truths, chosen, strict=False):
+        features = model[:-1].transform([recording])
+        assert row[0].replace("_", " ") == truth
+        assert row[1].replace("_", " ") == model[-1].predict(features)[0]
+        expected = [*model[-1].predict_proba(features)[0], *model[-1].risk(features)[0]]
+        assert np.array(row[2:], float) == pytest.approx(expected, abs=6e-4)
+
+
+@pytest.mark.slow
+def test_the_picture_marks_the_orders_of_the_faults_and_names_the_costs_of_its_regions(run):
+    assert (run["folder"] / "simulated.png").stat().st_size > 10_000
+    spectra = run["figure"].axes[:2]
+    (order_of_screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
+    (panel,) = [ax for ax in spectra if "accelerometer" in ax.get_ylabel()]
+    marks = {
+        text.get_text(): line.get_xdata()[0]
+        for text, line in zip(panel.texts, [x for x in panel.lines if is_vertical(x)], strict=True)
+    }
+    assert marks == pytest.approx(
+        {
+            "1x BPFI": 6.1229, "screw": 9.0645, "2x BPFI": 12.2458,
+            "2x screw": 18.129, "3x BPFI": 18.3687,
+        },
+        abs=1e-3,
+    )  # fmt: skip
+    assert (order_of_screw, ring) == pytest.approx((9.0645, 6.1229), abs=1e-4)
+    for estimator, ax in run["regions"]:
+        cost = float(re.search(r"costs ([\d.]+)", ax.get_title()).group(1))
+        assert estimator.cost.loc["healthy", "screw"] == cost
+    assert [ax.get_title()[-4:] for _, ax in run["regions"]] == ["s 10", "1000"]
+
+
+def is_vertical(line):
+    return len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2
+
+
+@pytest.mark.slow
+def test_the_demo_on_the_real_actuator_holds_out_later_runs(cranfield_file, tmp_path, capsys):
+    with np.load(cranfield_file) as file:
+        arrays = dict(file)
+    chosen = np.isin(arrays["state"], ["normal", "spalling8", "spalling7"])
+    chosen &= (arrays["load_kgf"] > 0) & np.isin(arrays["group"] % 5, [0, 1])
+    for name, values in arrays.items():
+        arrays[name] = values[chosen] if values.shape[:1] == chosen.shape else values
+    np.savez(tmp_path / "part.npz", **arrays)
+    arguments = ["demo", "--actuator", str(tmp_path / "part.npz"), "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    captured = capsys.readouterr()
+    assert "recordings of normal, spalling8; runs [1, 2, 3, 4, 5, 6, 7]" in captured.out
+    assert re.search(r"\rfeatures: recordings: (\d+) of \1, \d+ s\n", captured.err)
+    for words in ("one classifier per load", "test runs 6 and later", "confounded"):
+        assert words in captured.out
+    (printed,) = parsed_decisions(captured.out)
+    n_late = np.sum(np.isin(arrays["run"], [6, 7]) & np.isin(arrays["state"], list(STATES)))
+    assert n_late - 2 <= sum(map(sum, printed["table"].values())) <= n_late  # without copies
+    model = joblib.load(tmp_path / "actuator.joblib")
+    assert model[-1].cost.loc["normal", "spalling8"] == 10
+    assert (tmp_path / "actuator.png").stat().st_size > 10_000
+
+
+STATES = ("normal", "spalling8")
+
+
+def test_too_few_runs_are_refused(cranfield_file, tmp_path, capsys):
+    with np.load(cranfield_file) as file:
+        arrays = dict(file)
+    chosen = np.isin(arrays["run"], [1, 4])
+    for name, values in arrays.items():
+        arrays[name] = values[chosen] if values.shape[:1] == chosen.shape else values
+    np.savez(tmp_path / "few.npz", **arrays)
+    arguments = ["demo", "--actuator", str(tmp_path / "few.npz"), "--out", str(tmp_path)]
+    assert main(arguments) == 2
+    assert "more than 3 runs; few.npz has [1, 4]" in capsys.readouterr().err
