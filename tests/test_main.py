@@ -33,7 +33,7 @@ def test_a_folder_that_is_a_file_is_one_line_and_exit_code_2(tmp_path, capsys):
 def test_without_matplotlib_the_extra_is_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["demo", "--out", str(tmp_path)]) == 2
-    assert "install emacm[plot]" in capsys.readouterr().err
+    assert "pip install 'emacm[plot]'" in capsys.readouterr().err
 
 
 def test_an_unknown_command_is_refused(capsys):
@@ -107,8 +107,9 @@ def processes_of(group):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals and process groups of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("whole_group", [False, True])
+@pytest.mark.parametrize(
+    ("number", "whole_group"), [(signal.SIGTERM, False), (signal.SIGINT, True)]
+)
 @pytest.mark.parametrize(
     ("command", "started"),
     [(["demo"], "highest valid|Up to which"), (["reproduce", "--chapter", "3"], "draw 1 of 20")],

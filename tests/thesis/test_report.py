@@ -411,7 +411,7 @@ def test_a_report_that_is_there_is_kept_unless_it_may_go(tmp_path, capsys, stand
 
 def test_without_matplotlib_the_extra_is_named(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert "install emacm[plot]" in refused(["--out", str(tmp_path / "out")], capsys)
+    assert "pip install 'emacm[plot]'" in refused(["--out", str(tmp_path / "out")], capsys)
     assert not list(tmp_path.iterdir())
 
 
