@@ -383,9 +383,10 @@ def test_an_unknown_chapter_is_one_line_and_exit_code_2(tmp_path, capsys):
     assert "chapter 7 is not reproduced; available are 2, 3, 4." in refused(
         ["--chapter", "7", *out], capsys
     )
-    assert "a chapter is a number, such as 2, got 'two'." in refused(
-        ["--chapter", "two", *out], capsys
-    )
+    with pytest.raises(SystemExit) as stopped:
+        main(["reproduce", "--chapter", "two", *out])
+    assert stopped.value.code == 2
+    assert "--chapter: invalid int value: 'two'" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
