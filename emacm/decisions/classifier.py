@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_softmax
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
@@ -18,7 +17,7 @@ from emacm.decisions.density_checks import check_densities, check_seen
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
 from emacm.decisions.labels import check_classes, label_positions
 from emacm.decisions.least_risk import LeastRiskMixin
-from emacm.decisions.metrics import check_weights
+from emacm.decisions.metrics import check_weights, positive_weights
 from emacm.decisions.moments import ClassMoments, check_range, moments_for
 from emacm.decisions.priors import class_priors
 
@@ -158,7 +157,7 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator)
             check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
-        weight = _as_counts(check_weights(sample_weight, len(X)))
+        weight = _as_counts(positive_weights(sample_weight, len(X)))
         if self.shrinkage == "auto":
             _check_unweighted(weight)
         classes, codes = np.unique(y, return_inverse=True)
@@ -248,10 +247,12 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator)
             after `partial_fit`, if a class with a prior has no
             recordings or a covariance is singular and `shrinkage` is not None.
         """
-        X = self._checked_features(X)
+        X, priors = self._checked_features(X), self.priors_
+        check_seen(priors, self.class_count_, self.classes_)
+        joint = self._gaussians.log_densities(X)
         with np.errstate(divide="ignore"):
-            joint = self._gaussians.log_densities(X) + np.log(self.priors_)
-        undefined = np.isneginf(joint).all(axis=1)
+            joint += np.log(priors)
+        undefined = np.isneginf(joint.max(axis=1))
         if undefined.any():
             raise ValueError(
                 f"the features of recording {int(np.argmax(undefined))} are so far from every "
@@ -272,7 +273,9 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator)
         log_posterior : ndarray of shape (n_recordings, n_classes)
             -inf where the prior is 0.
         """
-        return log_softmax(self.predict_joint_log_proba(X), axis=1)
+        joint = self.predict_joint_log_proba(X)
+        joint -= joint.max(axis=1, keepdims=True)
+        return joint - np.log(np.exp(joint).sum(axis=1, keepdims=True))
 
     def log_density_gradient(self, X):
         """Return the gradient of the log density of each class with respect to the features.
@@ -293,7 +296,6 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator)
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         check_range(X)
-        check_seen(self.priors_, self.class_count_, self.classes_)
         if not self._checked:
             self._check_fitted(stacklevel=5)
         return X
@@ -318,7 +320,6 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator)
         self._moments, self._gaussians, self._checked = moments, gaussians, False
 
     def _check_fitted(self, stacklevel: int) -> None:
-        check_seen(self.priors_, self.class_count_, self.classes_)
         singular = self._gaussians.singular
         check_densities(
             self._moments, singular, self.classes_, self.shrinkage, stacklevel=stacklevel

@@ -65,21 +65,28 @@ class GaussianClasses:
             Squared distances to the mean of each class, in standard deviations; infinite where
             they overflow.
         """
-        squares = np.empty((len(X), len(self.means)))
+        columns = np.ascontiguousarray(X.T)  # sums over few features are slow along rows
+        squares = np.empty((len(self.means), len(X)))
         common = len(self.factors) == 1 and self.factors.ndim == 3
         with np.errstate(over="ignore", invalid="ignore"):
             if common:  # transform once, then subtract the transformed means
                 factor, centre = self.factors[0], self.means.mean(axis=0)
-                rows, means = (X - centre) @ factor, (self.means - centre) @ factor
-            for k, mean in enumerate(self.means):
-                white = rows - means[k] if common else self._whiten(X - mean, k)
-                squares[:, k] = np.einsum("rf,rf->r", white, white)
-        return np.fmin(squares, np.inf)  # where terms overflow, infinity instead of NaN
+                columns = factor.T @ (columns - centre[:, np.newaxis])
+                means = (self.means - centre) @ factor
+            for k in range(len(self.means)):
+                if common:
+                    white = columns - means[k][:, np.newaxis]
+                else:
+                    white = self._whiten(columns - self.means[k][:, np.newaxis], k)
+                squares[k] = np.einsum("fr,fr->r", white, white)
+        return np.fmin(squares, np.inf).T  # where terms overflow, infinity instead of NaN
 
     def log_densities(self, X: Array) -> Array:
         """Logarithm of the density of each class, Eq. (2.44), shape (n_recordings, n_classes)."""
-        constant = X.shape[1] * np.log(2 * np.pi) + self.log_determinants
-        return -0.5 * (self.squared_distances(X) + constant)
+        log_densities = self.squared_distances(X)
+        log_densities += X.shape[1] * np.log(2 * np.pi) + self.log_determinants
+        log_densities *= -0.5
+        return log_densities
 
     def log_density_gradients(self, X: Array) -> Array:
         """Gradients of the log densities, -S^-1 (z - mean).
@@ -97,13 +104,14 @@ class GaussianClasses:
         gradients = np.empty((len(X), *self.means.shape))
         for k, mean in enumerate(self.means):
             factor = self.factors[k % len(self.factors)]
-            white = self._whiten(X - mean, k)
-            gradients[:, k] = -(white * factor if factor.ndim == 1 else white @ factor.T)
+            white = self._whiten((X - mean).T, k)
+            gradients[:, k] = -(white.T * factor if factor.ndim == 1 else white.T @ factor.T)
         return gradients
 
     def _whiten(self, deviations: Array, k: int) -> Array:
+        """Scale deviations from the mean of class k, one column per recording, to unit variance."""
         factor = self.factors[k % len(self.factors)]
-        return deviations * factor if factor.ndim == 1 else deviations @ factor
+        return factor[:, np.newaxis] * deviations if factor.ndim == 1 else factor.T @ deviations
 
 
 def class_gaussians(

@@ -19,7 +19,7 @@ from emacm.decisions.metrics import fraction_correct, positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.pipelines import final_estimator, weight_parameter
 from emacm.decisions.priors import class_priors
-from emacm.decisions.risks import conditional_risk, least_risk
+from emacm.decisions.risks import decide, risks_of
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class LeastRiskMixin:
             In the unit of the cost, columns in the order of `decisions_`.
         """
         posterior = self.predict_proba(X)
-        return conditional_risk(posterior, self.cost_)
+        return risks_of(posterior, self.cost_)
 
     def predict(self, X):
         """Return the decision of least conditional risk, Eq. (2.43).
@@ -102,7 +102,7 @@ class LeastRiskMixin:
         """
         posterior = self.predict_proba(X)
         decisions, cost = self._cost_table()
-        return decisions.take(least_risk(posterior, cost))
+        return decisions.take(decide(posterior, cost))
 
     def score(self, X, y, sample_weight=None):
         """Return the fraction of correct decisions.

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_LARGEST = 1e150  # of a feature, so that its square stays finite
+# Limits of features, and of their deviations from the mean, between which squares neither overflow
+# nor underflow.
+_LARGEST, _SMALLEST = 1e150, 1e-140
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,7 @@ def class_moments(
     Raises
     ------
     ValueError
-        If a feature is so large that its variance may overflow.
+        If a feature is so large, or varies so little, that its variance may overflow or underflow.
 
     Examples
     --------
@@ -136,7 +138,9 @@ def class_moments(
         counts[k] = w.sum()
         means[k] = w @ rows / counts[k]
         means[k] += w @ (rows - means[k]) / counts[k]  # a constant feature has no spread
-        scaled = (rows - means[k]) * np.sqrt(w)[:, np.newaxis]
+        deviations = rows - means[k]
+        _check_deviations(deviations, k)
+        scaled = deviations * np.sqrt(w)[:, np.newaxis]
         spread = np.sum(scaled**2, axis=0) if variances_only else scaled.T @ scaled
         scatter[0 if pooled else k] += spread
     return ClassMoments(counts, means, scatter, pooled)
@@ -192,13 +196,26 @@ def diagonals(matrices: Array) -> Array:
 
 def check_range(X: Array) -> None:
     """Raise a ValueError if the variance of a feature may overflow."""
-    bad = np.abs(X) > _LARGEST
-    if bad.any():
+    if np.abs(X).max(initial=0.0) > _LARGEST:
+        bad = np.abs(X) > _LARGEST
         recording, feature = np.unravel_index(int(np.argmax(bad)), bad.shape)
         raise ValueError(
             f"Features must be at most {_LARGEST:g} in size, so that their variances are finite; "
             f"got {X[recording, feature]:g} at recording {recording}, feature {feature}. "
-            f"Bring the features to ordinary units first."
+            f"Use other units."
+        )
+
+
+def _check_deviations(deviations: Array, k: int) -> None:
+    """Raise a ValueError if the variance of a feature underflows."""
+    spread = np.abs(deviations).max(axis=0)
+    bad = (spread > 0) & (spread < _SMALLEST)
+    if bad.any():
+        feature = int(np.argmax(bad))
+        raise ValueError(
+            f"Features must be constant within a class or differ from its mean by at least "
+            f"{_SMALLEST:g}, so that variances do not underflow; the largest deviation of feature "
+            f"{feature} in class number {k} is {spread[feature]:g}. Use other units."
         )
 
 

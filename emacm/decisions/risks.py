@@ -80,7 +80,7 @@ def conditional_risk(posterior: ArrayLike, cost: ArrayLike) -> Array:
     >>> conditional_risk([[0.7, 0.3]], [[0, 1], [10, 0]])
     array([[0.3, 7. ]])
     """
-    return _risks(*_checked(posterior, cost))
+    return risks_of(*_checked(posterior, cost))
 
 
 def least_risk(posterior: ArrayLike, cost: ArrayLike) -> NDArray[np.intp]:
@@ -126,19 +126,25 @@ def least_risk(posterior: ArrayLike, cost: ArrayLike) -> NDArray[np.intp]:
             f"posterior must have a positive probability for every recording, but all "
             f"probabilities of recording {int(np.argmax(empty))} are 0."
         )
-    risk = _risks(probability, canonical_cost(matrix))
+    return decide(probability, matrix)
+
+
+def decide(probability: Array, cost: Array) -> NDArray[np.intp]:
+    """As `least_risk`, without checks, for arrays of float64."""
+    risk = risks_of(probability, canonical_cost(cost))
     # Canonical costs are not negative: no risk is a small difference of large terms.
     least = risk.min(axis=1, keepdims=True)
     return (risk <= least + _TIE * least).argmax(axis=1)
 
 
-def _risks(probability: Array, matrix: Array) -> Array:
-    """Multiply by distinct rows only, so that equal decisions have equal risks to the last bit.
-
-    A matrix product may add the terms of one column in another order than those of the next.
-    """
-    distinct, place = np.unique(matrix, axis=0, return_inverse=True)
-    return (probability @ distinct.T)[:, place.ravel()]
+def risks_of(probability: Array, cost: Array) -> Array:
+    """As `conditional_risk`, without checks, for arrays of float64."""
+    # A matrix product may add the terms of one column in another order than those of the next.
+    # Multiplied by distinct rows only, equal decisions have equal risks to the last bit.
+    rows = [tuple(row) for row in cost.tolist()]
+    distinct = list(dict.fromkeys(rows))
+    risk = (np.array(distinct) @ probability.T).T
+    return risk if len(distinct) == len(rows) else risk[:, [distinct.index(row) for row in rows]]
 
 
 def _checked(posterior: ArrayLike, cost: ArrayLike) -> tuple[Array, Array]:

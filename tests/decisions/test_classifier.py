@@ -446,6 +446,28 @@ def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
         model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e160]])
 
 
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+@pytest.mark.parametrize("exponent", [*range(-320, 320, 16), -161, 160])
+def test_in_any_unit_posteriors_are_the_same_or_the_unit_is_refused(covariance, exponent):
+    X, y = draw(13)
+    expected = CostSensitiveGaussianBayes(covariance=covariance).fit(X, y).predict_proba(X)
+    model = CostSensitiveGaussianBayes(covariance=covariance)
+    scaled = X * 10.0**exponent if exponent > -308 else X * 10.0**-300 * 10.0 ** (exponent + 300)
+    if not -140 <= exponent <= 150:
+        with pytest.raises(ValueError, match=r"Use other units|variance of the features is 0|inf"):
+            model.fit(scaled, y)
+    else:
+        model.fit(scaled, y)
+        np.testing.assert_allclose(model.predict_proba(scaled), expected, atol=1e-9)
+
+
+def test_a_feature_that_varies_too_little_is_named():
+    X, y = draw(13)
+    X[:, 1] *= 1e-161
+    with pytest.raises(ValueError, match="feature 1 in class number 0 is .*e-161. Use other units"):
+        CostSensitiveGaussianBayes().fit(X, y)
+
+
 def test_features_whose_distances_to_every_class_overflow_are_refused():
     X, y = draw(13)
     model = CostSensitiveGaussianBayes().fit(X * 1e-100, y)

@@ -1,0 +1,41 @@
+"""Every check of scikit-learn in every configuration of the Gaussian classifier."""
+
+import pytest
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm import CostSensitiveGaussianBayes
+
+pytestmark = pytest.mark.slow
+
+CONFIGURATIONS = [
+    CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage, priors=priors)
+    for covariance in ("full", "tied", "diag")
+    for shrinkage in (None, 0, 0.1, "oas", "auto")
+    for priors in (None, "uniform")
+    if (shrinkage, priors) != ("auto", "uniform")
+]
+SINGULAR = "its recordings have singular covariances, which are an error with any shrinkage"
+WEIGHTS = 'its recordings have weights, which shrinkage="auto" refuses'
+
+
+def expected_failures(model):
+    """Return the checks whose recordings are refused, as documented."""
+    tied, shrinkage = model.covariance == "tied", model.shrinkage
+    failures = {}
+    if shrinkage == 0 or (shrinkage in (0.1, "oas") and not tied):
+        failures["check_sample_weight_equivalence_on_dense_data"] = SINGULAR
+    if shrinkage == 0:
+        failures["check_sample_weights_shape"] = SINGULAR
+        failures["check_sample_weights_not_overwritten"] = SINGULAR
+    if shrinkage == "auto":
+        names = ["list", "shape", "not_overwritten"]
+        failures = {f"check_sample_weights_{name}": WEIGHTS for name in names}
+        failures["check_sample_weight_equivalence_on_dense_data"] = WEIGHTS
+        failures["check_classifiers_one_label_sample_weights"] = WEIGHTS
+    return failures
+
+
+@pytest.mark.filterwarnings("ignore:The covariance of .* is singular:UserWarning")
+@parametrize_with_checks(CONFIGURATIONS, expected_failed_checks=expected_failures)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
