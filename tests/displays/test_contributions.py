@@ -104,7 +104,7 @@ def test_five_channels_and_named_bands_are_drawn():
     assert display.frame()["fault_orders"].tolist() == [""] * 10
 
 
-def test_no_contribution_at_all_is_a_flat_picture():
+def test_contributions_of_zero_have_limits():
     (ax,) = axes()
     ContributionsDisplay([(0, 1)], [0.0]).plot(ax=ax)
     assert ax.get_ylim() == (-1, 1)

@@ -1,4 +1,4 @@
-"""What all pictures have in common: one public face, axes, names, and what they refuse."""
+"""What all displays have in common: axes, colours, legends, labels, and errors."""
 
 import sys
 from itertools import pairwise
@@ -76,7 +76,7 @@ def axes_for(display):
 
 
 @each
-def test_a_picture_returns_itself_and_keeps_what_it_drew_on(display):
+def test_plot_returns_the_display_with_its_axes_and_figure(display):
     axes = axes_for(display)
     assert display.plot(ax=axes[0] if len(axes) == 1 else axes) is display
     assert display.figure_ is axes[0].figure
@@ -84,7 +84,7 @@ def test_a_picture_returns_itself_and_keeps_what_it_drew_on(display):
 
 
 @each
-def test_a_picture_names_both_axes(display):
+def test_a_display_labels_both_axes(display):
     axes = axes_for(display)
     display.plot(ax=axes[0] if len(axes) == 1 else axes)
     assert axes[-1].get_xlabel()
@@ -97,8 +97,8 @@ def test_a_display_is_written_to_a_file_with_its_labels(display, tmp_path):
     axes = axes_for(display)
     display.plot(ax=axes[0] if len(axes) == 1 else axes)
     with rc_context({"svg.fonttype": "none"}):
-        display.figure_.savefig(tmp_path / "picture.svg")
-    assert axes[-1].get_xlabel() in (tmp_path / "picture.svg").read_text(encoding="utf-8")
+        display.figure_.savefig(tmp_path / "display.svg")
+    assert axes[-1].get_xlabel() in (tmp_path / "display.svg").read_text(encoding="utf-8")
 
 
 @each
@@ -220,9 +220,9 @@ def test_without_matplotlib_the_extra_is_named(display, monkeypatch):
         display.plot()
 
 
-def test_the_public_face_has_every_picture():
-    pictures = {type(display).__name__ for display in ONE_OF_EACH}
-    assert pictures == {name for name in displays.__all__ if name.endswith("Display")}
+def test_all_displays_are_public():
+    tested = {type(display).__name__ for display in ONE_OF_EACH}
+    assert tested == {name for name in displays.__all__ if name.endswith("Display")}
 
 
 def test_eight_classes_differ_by_colour_and_by_more_than_colour():
@@ -243,6 +243,7 @@ def test_healthy_is_the_first_state_and_the_others_keep_their_order():
     numbers = state_numbers(["worn", "broken", "new"], "new")
     assert list(numbers.items()) == [("new", 0), ("worn", 1), ("broken", 2)]
     assert state_numbers(["worn", "broken"], "new") == {"worn": 1, "broken": 2}
+    assert state_numbers([3, 0, 7], 0) == {"0": 0, "3": 1, "7": 2}
     assert COLOURS[state_numbers(["all recordings"], "new")["all recordings"]] == PLAIN
 
 
@@ -274,7 +275,7 @@ def test_fault_orders_beyond_the_axis_are_passed_over():
     ax.set_xlim(0, 10)
     mark_orders(ax, predicted_lines({"inside": 5.0, "outside": 11.0}, 0))
     assert [text.get_text() for text in ax.texts] == ["inside"]
-    assert len(ax.lines) == 1
+    assert [line.get_xdata()[0] for line in ax.lines] == [5.0]
 
 
 def test_names_of_fault_orders_do_not_cover_each_other():
@@ -294,6 +295,8 @@ def test_a_name_too_long_for_its_axis_is_written_in_lines():
     assert ax.get_ylabel().endswith("\n[m/s²]")
     label_y(ax, "speed", "V")
     assert ax.get_ylabel() == "speed [V]"
+    label_y(ax, "accelerometer_of_the_housing", "g")  # no line breaks within a name
+    assert ax.get_ylabel() == "accelerometer_of_the_housing\n[g]"
 
 
 @given(st.lists(st.floats(0, 500), min_size=1, max_size=12), st.floats(1, 40))
