@@ -164,11 +164,8 @@ class EvaluationDisplay(Display):
         return pd.DataFrame(rows, columns=["scheme", "figure", "value", "low", "high"])
 
     def _draw(self, ax: Any) -> Any:
-        axes = (
-            self._panels()
-            if ax is None
-            else _drawing.panel_axes(ax, 2 + (self.calibration is not None))
-        )
+        n_panels = 2 if self.calibration is None else 3
+        axes = self._panels() if ax is None else _drawing.panel_axes(ax, n_panels)
         self._draw_rates(axes[0])
         self._draw_confusion(axes[1])
         if self.calibration is not None:
@@ -232,12 +229,10 @@ class EvaluationDisplay(Display):
                 panel.text(column, row, f"{count:g}", color=ink, **_CENTRED)
         upright = max(len(str(name)) for name in self.confusion.columns) > 5
         turned = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"} if upright else {}
-        columns, rows = (
-            [str(c) for c in self.confusion.columns],
-            map(_drawing.wrapped, self.confusion.index),
-        )
-        panel.set_xticks(np.arange(counts.shape[1]), columns, fontsize=_drawing.SMALL, **turned)
-        panel.set_yticks(np.arange(len(counts)), rows, fontsize=_drawing.SMALL)
+        style = {"fontsize": _drawing.SMALL}
+        panel.set_xticks(range(counts.shape[1]), self.confusion.columns, **style, **turned)
+        rows = [_drawing.wrapped(name) for name in self.confusion.index]
+        panel.set_yticks(range(len(counts)), rows, **style)
         panel.tick_params(length=0)
         _drawing.label_axes(panel, "true class", "decision")
         self._title(panel, "recordings, shaded by\nthe share of each true class")

@@ -1,4 +1,4 @@
-"""Pictures of bins show each bin between its exact edges."""
+"""Order bins are drawn between their exact edges."""
 
 import numpy as np
 import pandas as pd
@@ -157,7 +157,7 @@ def test_many_named_bands_are_not_all_named():
     assert ax.get_xticklabels()[0].get_rotation() == 90
 
 
-def test_silence_has_no_bar_in_db():
+def test_zero_power_has_no_bar_in_db():
     (ax,) = axes()
     OrderBinsDisplay(EDGES, {"all": [1.0, 0.0, 2.0]}).plot(ax=ax)
     assert np.isfinite([bar.get_height() for bar in ax.patches]).tolist() == [True, False, True]

@@ -1,4 +1,4 @@
-"""Pictures of principal components show what the analysis found."""
+"""Explained variance and loadings are those of the principal component analysis."""
 
 import numpy as np
 import pandas as pd
@@ -49,7 +49,7 @@ def test_no_more_components_are_shown_than_asked():
     assert len(ax.patches) == 5
 
 
-def test_shares_that_are_none_are_refused(pipeline):
+def test_invalid_shares_are_refused(pipeline):
     with pytest.raises(ValueError, match=r"add up to at most 1; got 2 that add up to 1\.4"):
         ExplainedVarianceDisplay([0.7, 0.7])
     with pytest.raises(ValueError, match="shares must be at least 0"):
@@ -95,7 +95,7 @@ def test_bins_and_named_bands_together_are_drawn_by_name():
     assert [bar.get_height() for bar in ax.patches] == [0.5, -0.5]
 
 
-def test_a_bare_analysis_takes_names_or_its_own():
+def test_column_names_are_given_or_those_of_the_pca():
     frame = pd.DataFrame(np.random.default_rng(0).normal(size=(9, 2)), columns=["a@0-1", "a@1-2"])
     own = LoadingsDisplay.from_estimator(PCA(1).fit(frame), n_components=1, ax=axes())
     given = LoadingsDisplay.from_estimator(
@@ -104,7 +104,7 @@ def test_a_bare_analysis_takes_names_or_its_own():
     pd.testing.assert_frame_equal(own.frame(), given.frame())
 
 
-def test_a_pipeline_that_forgets_its_names_says_how_to_remember():
+def test_missing_column_names_are_an_error_with_a_remedy():
     with pytest.raises(ValueError, match="pass columns, or give FunctionTransformer"):
         LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))
     with pytest.raises(ValueError, match="pass columns"):

@@ -1,4 +1,4 @@
-"""Pictures of contributions show which orders spoke for a decision."""
+"""Contributions are drawn over the bins, beside the predicted fault orders."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""Pictures of the feature plane show the densities that the classifier decides by."""
+"""The ellipses are those of the densities that the classifier uses."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_an_ellipse_holds_its_share_of_the_recordings(ax):
         assert abs(inside.mean() - share) < 0.02
 
 
-def test_classes_differ_by_mark_and_line_and_have_one_entry_each(ax):
+def test_classes_differ_by_marker_and_line_and_have_one_entry_each(ax):
     X, y = two_classes(20)
     model = CostSensitiveGaussianBayes().fit(X, y)
     FeatureDensityDisplay.from_estimator(model, X, y, names=("a [V]", "b [V]"), ax=ax)
@@ -64,13 +64,13 @@ def test_without_shares_only_recordings_are_drawn(ax):
     assert len(ax.collections) == 2
 
 
-def test_a_class_without_width_is_a_line(ax):
+def test_the_ellipse_of_a_singular_covariance_is_a_line(ax):
     display = FeatureDensityDisplay(["a"], [[1, 1]], [[[1, 1], [1, 1]]], np.ones((1, 2)), ["a"])
     x, y = display.plot(ax=ax).ellipse(0, 0.5)
     assert np.allclose(x, y)
 
 
-def test_the_table_tells_means_deviations_and_correlation(ax):
+def test_the_table_has_means_deviations_and_correlation(ax):
     X, y = two_classes(50)
     model = CostSensitiveGaussianBayes().fit(X, y)
     frame = FeatureDensityDisplay.from_estimator(model, X, y, ax=ax).frame()
@@ -86,7 +86,7 @@ def test_a_recording_of_an_unknown_class_is_shown_too(ax):
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "new"]
 
 
-def test_what_has_not_two_features_is_refused():
+def test_other_than_two_features_are_refused():
     X, y = two_classes(20)
     three = CostSensitiveGaussianBayes().fit(np.column_stack([X, X[:, 0] ** 2]), y)
     with pytest.raises(ValueError, match=r"the classifier was fitted on 3\. Fit it on two"):

@@ -1,4 +1,4 @@
-"""Pictures of evaluations show every scheme with its limits, and what was decided."""
+"""Evaluations are drawn with the rates of each scheme, the confusion and the reliability."""
 
 import numpy as np
 import pandas as pd
@@ -74,7 +74,7 @@ def test_a_scheme_without_figures_says_so():
     assert (text.get_text(), text.get_position()[1]) == ("cannot be scored", 2)
 
 
-def test_figures_are_told_apart_by_colour_and_mark():
+def test_rates_differ_by_colour_and_marker():
     panels = axes(2)
     EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
     points = [line for line in panels[0].lines if not line.get_label().startswith("_")]
@@ -151,7 +151,7 @@ def test_a_new_figure_has_the_rates_above_the_confusion_and_the_reliability():
     pyplot.close(display.figure_)
 
 
-def test_what_cannot_be_drawn_is_refused():
+def test_invalid_tables_are_refused():
     with pytest.raises(TypeError, match="evaluation must be the result of evaluate, got DataFrame"):
         EvaluationDisplay.from_evaluation(TABLE)
     with pytest.raises(ValueError, match=r"scored: \['random split', 'by run'\]; got 'by unit'"):

@@ -1,4 +1,4 @@
-"""An order map is made of the segments that Welch's method averages."""
+"""Order maps consist of the segments that Welch's method averages."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_a_line_at_a_fixed_order_stays_there_while_the_speed_grows(ax):
     assert len(set(heaviest.tolist())) == 1
 
 
-def test_each_segment_knows_its_time_and_speed(ax):
+def test_each_segment_has_its_time_and_speed(ax):
     display = OrderMapDisplay.from_recording(ramp(), theta_s=TURN / 64, revolutions=2, ax=ax)
     middle = display.intervals.mean(axis=1)
     assert np.allclose(display.speeds, TURN * (2 + 2 * middle), rtol=1e-3)
@@ -139,13 +139,13 @@ def test_fault_orders_are_named_within_the_map(ax):
     assert ax.get_ylim()[1] == 20
 
 
-def test_strokes_each_way_have_a_speed_each_way(ax):
+def test_reverse_strokes_have_a_negative_speed(ax):
     display = OrderMapDisplay.from_recording(simulate_actuator("healthy", seed=1), ax=ax)
     assert display.channel == "lvdt"
     assert display.speeds.min() < 0 < display.speeds.max()
 
 
-def test_a_map_that_cannot_be_made_says_why():
+def test_a_recording_without_segments_is_refused():
     with pytest.raises(TypeError, match="must be one Recording, got list"):
         OrderMapDisplay.from_recording([ramp()])
     with pytest.raises(ValueError, match=r"no channel 'current'"):
@@ -154,7 +154,7 @@ def test_a_map_that_cannot_be_made_says_why():
         OrderMapDisplay.from_recording(ramp(), revolutions=500)
 
 
-def test_numbers_that_make_no_map_are_refused():
+def test_invalid_segments_are_refused():
     good = {
         "orders": [0, 1],
         "psd": np.ones((2, 2)),

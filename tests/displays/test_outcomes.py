@@ -1,4 +1,4 @@
-"""Pictures of outcomes count what was right, and in which way it was wrong."""
+"""Outcomes are counted by signal and condition: false alarms, inspections and so on."""
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ def counted(y_true, y_pred, **options):
     return OutcomesDisplay.from_predictions(y_true, y_pred, healthy=HEALTHY, **options)
 
 
-def test_false_alarms_wrong_faults_and_missed_detections_are_told_apart():
+def test_false_alarms_wrong_faults_and_missed_detections_are_distinguished():
     truths = [HEALTHY, HEALTHY, WORN, WORN, WORN]
     frame = counted(
         truths, [HEALTHY, WORN, WORN, HEALTHY, SPALLED], classes=[SPALLED], ax=axes()
@@ -57,7 +57,7 @@ def test_a_fault_that_no_recording_has_is_a_false_alarm_if_it_is_a_class():
     assert counts.loc["all recordings", ["false alarm", "inspection"]].tolist() == [1, 1]
 
 
-def test_without_any_fault_the_classes_are_asked_for():
+def test_without_any_fault_the_classes_are_required():
     with pytest.raises(
         ValueError,
         match=r"all recordings are 'healthy'.*'inspect', 'worn'\] are faults. Give classes",
@@ -74,7 +74,7 @@ SUB_STATES = [HEALTHY, "worn1", "worn2", "spalled1", "worn1"]
 FAMILIES = {HEALTHY: HEALTHY, WORN: ["worn1", "worn2"], SPALLED: ["spalled1"]}
 
 
-def test_a_decision_for_the_family_of_a_sub_state_is_right():
+def test_a_decision_for_the_family_of_a_class_is_correct():
     decisions = [HEALTHY, WORN, "worn1", WORN, "inspect"]
     counts = counted(SUB_STATES, decisions, families=FAMILIES, ax=axes()).counts
     assert counts.loc["all recordings", ["correct", "wrong fault", "inspection"]].tolist() == [
@@ -84,7 +84,7 @@ def test_a_decision_for_the_family_of_a_sub_state_is_right():
     ]
 
 
-def test_families_may_be_told_class_by_class():
+def test_families_may_be_given_class_by_class():
     of_class = {HEALTHY: HEALTHY, "worn1": WORN, "worn2": WORN, "spalled1": SPALLED}
     decisions = [WORN, HEALTHY, SPALLED, SPALLED, WORN]
     one, other = (
@@ -163,7 +163,7 @@ def test_every_recording_has_one_outcome(pairs):
     assert np.isclose(display.frame().drop(columns="n").sum(axis=1), 100).all()
 
 
-def test_tables_that_count_nothing_are_refused():
+def test_invalid_counts_are_refused():
     with pytest.raises(TypeError, match="counts must be a DataFrame, got dict"):
         OutcomesDisplay({"correct": [1]})
     with pytest.raises(ValueError, match=r"columns among \['correct'.*got columns \['right'\]"):

@@ -1,4 +1,4 @@
-"""Pictures of a recording show its samples."""
+"""Recordings are drawn with their samples, units and strokes."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_the_numbers_come_back_as_a_table():
     assert np.array_equal(frame.loc["shaft speed"].index, np.arange(40) / 10)
 
 
-def test_a_part_is_what_lies_between():
+def test_only_the_samples_of_the_interval_are_drawn():
     panels = axes(2)
     run = recording()
     RecordingDisplay.from_recording(run, channels=["current"], between=(1.0, 2.0), ax=panels)
@@ -51,7 +51,7 @@ def test_a_part_is_what_lies_between():
     assert np.array_equal(line.get_ydata(), run.signals["current"][100:201])
 
 
-def test_strokes_are_shaded_one_way_and_the_other():
+def test_forward_and_reverse_strokes_are_shaded():
     panels = axes()
     display = RecordingDisplay.from_recording(recording(), shade_strokes=True, ax=panels)
     assert [direction for _, _, direction in display.strokes] == [1, -1, 1]
@@ -106,7 +106,7 @@ def test_a_long_signal_keeps_its_shocks():
     assert len(display.frame().loc["vibration"]) == len(signal)
 
 
-def test_what_is_no_part_of_a_recording_is_refused():
+def test_invalid_channels_and_intervals_are_refused():
     with pytest.raises(TypeError, match="must be one Recording, got list"):
         RecordingDisplay.from_recording([recording()])
     with pytest.raises(ValueError, match=r"no channel 'speed'; .* are \['current', 'force'\]"):

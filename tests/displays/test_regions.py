@@ -1,4 +1,4 @@
-"""Pictures of decisions show what the classifier decides."""
+"""Decision regions are the decisions of the classifier."""
 
 import numpy as np
 import pandas as pd
@@ -113,7 +113,7 @@ def test_a_single_decision_fills_the_plane(ax):
     assert len(areas(ax)) == 1
 
 
-def test_a_classifier_of_named_features_is_asked_by_their_names(ax):
+def test_features_of_a_classifier_keep_their_names(ax):
     rng = np.random.default_rng(2)
     X = pd.DataFrame(rng.normal(size=(40, 2)), columns=["pca0", "pca1"])
     y = np.where(X["pca0"] > 0, "worn", "healthy")
@@ -122,7 +122,7 @@ def test_a_classifier_of_named_features_is_asked_by_their_names(ax):
     assert np.array_equal(display.points, X.to_numpy())
 
 
-def test_recordings_on_one_spot_still_have_a_plane(ax):
+def test_a_single_recording_has_a_plane_around_it(ax):
     X, y = [[0.0, 1.0], [1.0, 1.0], [3.0, 1.5], [4.0, 1.0]], ["a", "a", "b", "b"]
     model = CostSensitiveGaussianBayes(shrinkage=0.5).fit(X, y)
     DecisionRegionsDisplay.from_estimator(model, X[:1], y[:1], n_grid=10, ax=ax)

@@ -1,4 +1,4 @@
-"""Pictures of order spectra show the spectra."""
+"""Order spectra are drawn with their values, units and labels."""
 
 import numpy as np
 import pandas as pd
@@ -182,7 +182,7 @@ def test_labels_that_do_not_fit_the_recordings_are_refused():
         OrderSpectrumDisplay.from_table(table, "current", labels=[1.0, np.nan, 1.0])
 
 
-def test_spectra_that_are_none_are_refused():
+def test_invalid_spectra_are_refused():
     with pytest.raises(ValueError, match=r"spectrum of 'a' must have shape \(3,\), got \(2,\)"):
         OrderSpectrumDisplay(np.arange(3), {"a": np.ones(2)})
     with pytest.raises(ValueError, match="spectrum of 'a' must be finite, got nan at index 1"):
