@@ -1,0 +1,291 @@
+"""Level of predicted spectral lines above their local background.
+
+A fault produces a series of lines at multiples of one order. Slip of the rolling elements moves
+all of them by the same proportion, so one common slip is searched for the whole series. The level
+relative to the local background does not depend on the gain of the channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, special
+
+from emacm._checks import check_count, check_number
+from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
+from emacm.machine.fault_orders import named_orders
+
+Array = NDArray[np.float64]
+
+_FEWEST = 5  # spectral lines of background that a median needs
+_DRAWS = 2000  # simulated spectra of the background
+_SEED = 20_111  # of the simulated spectra: equal input gives equal p-values
+
+
+@dataclass(frozen=True)
+class FaultSeries:
+    """The lines by which one fault is recognised.
+
+    Attributes
+    ----------
+    name : str
+        Name of the fault, such as "BPFI".
+    orders : tuple of float
+        Orders of the lines without slip [cycles per revolution].
+    slips : bool
+        Whether slip of rolling elements moves the lines.
+    """
+
+    name: str
+    orders: tuple[float, ...]
+    slips: bool
+
+
+def fault_series(
+    parts: Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float], harmonics: int
+) -> tuple[FaultSeries, ...]:
+    """Return the series of lines of each fault of a machine.
+
+    Parameters
+    ----------
+    parts : part, or sequence of parts
+        `Bearing`, `Motor`, `Gear`, `BallScrew`, or mappings of fault names to orders.
+    harmonics : int
+        Number of lines of each series. A defect of a ball strikes both rings in each turn, so its
+        series has the multiples 2, 4, ... of BSF.
+
+    Returns
+    -------
+    tuple of FaultSeries
+
+    Raises
+    ------
+    TypeError
+        If an entry is not a part.
+    ValueError
+        If there is no part, or two faults have the same name.
+
+    Examples
+    --------
+    >>> from emacm import Bearing
+    >>> for fault in fault_series(Bearing(9, 7.94, 39.04), 2):
+    ...     print(fault.name, [round(order, 3) for order in fault.orders])
+    BPFO [3.585, 7.17]
+    BPFI [5.415, 10.83]
+    BSF [4.713, 9.427]
+    FTF [0.398, 0.797]
+    """
+    check_count(harmonics, "harmonics", at_most=100)
+    single = isinstance(parts, (Bearing, Motor, Gear, BallScrew, Mapping))
+    found: list[FaultSeries] = []
+    for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
+        for line in _lines(part, number):
+            multiples = line.strikes * np.arange(1, harmonics + 1)
+            orders = tuple(float(order) for order in multiples * line.order)
+            found.append(FaultSeries(line.name, orders, line.slips))
+    names = [fault.name for fault in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(
+                f"two faults are called {name!r}. Give the parts names, such as "
+                f"Bearing(..., name='drive end')."
+            )
+    if not found:
+        raise ValueError("parts must hold at least one part, such as a Bearing; got none.")
+    return tuple(found)
+
+
+def _lines(part: Any, number: int) -> list[Line]:
+    if isinstance(part, Mapping):
+        names, orders = named_orders(part)
+        return [
+            Line(name, "given", float(order), slips=True)
+            for name, order in zip(names, orders, strict=True)
+        ]
+    if not isinstance(part, (Bearing, Motor, Gear, BallScrew)):
+        raise TypeError(
+            f"part {number} must be a Bearing, Motor, Gear, BallScrew or a mapping of names to "
+            f"orders, got {part!r}."
+        )
+    prefix = f"{part.name} " if part.name else ""
+    return [line._replace(name=prefix + line.name) for line in part.lines()]
+
+
+class LineLevels:
+    """Levels of series of lines above the local background, for one order axis.
+
+    Parameters
+    ----------
+    orders : ndarray of shape (n_orders,)
+        Evenly spaced orders of the spectra.
+    series : sequence of FaultSeries
+        Lines to measure.
+    slip : float
+        Largest slip, as a fraction of the order, either way.
+    background : float
+        The background of a line is the median of the spectrum within this distance [orders] on
+        either side.
+
+    Raises
+    ------
+    ValueError
+        If a line lies outside the orders of the spectra, or the spectra are too coarse.
+    """
+
+    def __init__(
+        self, orders: Array, series: Sequence[FaultSeries], slip: float, background: float
+    ) -> None:
+        self.orders = np.asarray(orders, dtype=np.float64)
+        self.series = tuple(series)
+        self.slip = check_number(slip, "slip", at_least=0, below=0.2)
+        check_number(background, "background", above=0, unit="orders")
+        self._first = self.orders[0]
+        self._step = (self.orders[-1] - self.orders[0]) / (len(self.orders) - 1)
+        self._width = 2 * round(background / self._step) + 1
+        if self._width < _FEWEST:
+            raise ValueError(
+                f"the spectra have a line every {self._step:g} orders, so that a background of "
+                f"{background:g} orders on either side holds fewer than {_FEWEST} lines. Use "
+                f"OrderPSD(revolutions={np.ceil(_FEWEST / background):.0f}) or more, or a larger "
+                f"background."
+            )
+        self._places = [self._grid(fault) for fault in self.series]
+
+    def _grid(self, fault: FaultSeries) -> tuple[Array, NDArray[np.intp]]:
+        """Return slips, and the places of the lines for each, of shape (n_slips, n_lines)."""
+        lines = np.array(fault.orders)
+        reach = self.slip if fault.slips else 0.0
+        n_steps = int(np.ceil(reach * lines[-1] / self._step))
+        slips = np.linspace(-reach, reach, 2 * n_steps + 1)
+        places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
+        top = self.orders[-1]
+        if places.min() < 1 or places.max() > len(self.orders) - 2:
+            raise ValueError(
+                f"the lines of {fault.name!r} reach order {lines[-1] * (1 + reach):.4g}, but the "
+                f"spectra hold orders {self._first:.4g} to {top:.4g}. Lower theta_s of "
+                f"OrderResampler, raise max_order of OrderPSD, or lower harmonics."
+            )
+        return slips, places
+
+    def heights(self, psd: Array) -> Array:
+        """Return each line over its local background [dB], of the shape of `psd`.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra [U²/order] in any unit U.
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_orders)
+            0 where line and background are both 0.
+        """
+        size = (1,) * (psd.ndim - 1) + (self._width,)
+        floor = ndimage.median_filter(psd, size=size, mode="mirror")
+        tiny = np.finfo(np.float64).tiny
+        return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(floor, tiny))
+
+    def measure(self, psd: Array) -> tuple[Array, Array, list[Array]]:
+        """Measure the level of each series.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra [U²/order] in any unit U.
+
+        Returns
+        -------
+        levels : ndarray of shape (n_rows, n_series)
+            Mean height of the lines of a series above the local background [dB], at the slip
+            where it is largest.
+        slips : ndarray of shape (n_rows, n_series)
+            That slip, as a fraction of the order.
+        lines : list of ndarray of shape (n_rows, n_lines)
+            Height of each line of each series at that slip [dB].
+        """
+        # A line between two orders of the axis appears at the higher of both.
+        peaks = ndimage.maximum_filter1d(self.heights(psd), 3, axis=-1, mode="nearest")
+        rows = np.arange(len(psd))
+        levels, slips, lines = [], [], []
+        for grid, places in self._places:
+            values = peaks[:, places]
+            means = values.mean(axis=2)
+            # Of equal levels the smallest slip.
+            nearest = np.argsort(np.abs(grid), kind="stable")
+            best = nearest[np.argmax(means[:, nearest], axis=1)]
+            levels.append(means[rows, best])
+            slips.append(grid[best])
+            lines.append(values[rows, best])
+        return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
+
+    def p_values(self, psd: Array, levels: Array) -> Array:
+        """Return the probability of levels at least as high in background alone.
+
+        The background is taken as noise whose lines are Gamma distributed, as averages of
+        Welch's method are; their shape is read from the spread of each spectrum, and the levels
+        of 2000 simulated spectra of that shape are measured in the same way.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra.
+        levels : ndarray of shape (n_rows, n_series)
+            Their levels [dB].
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_series)
+            Not smaller than 1/2001.
+        """
+        shapes = np.array([gamma_shape(row) for row in self.heights(psd)])
+        found = np.empty_like(levels)
+        for row, shape in enumerate(shapes):
+            drawn = self._background_levels(float(shape))
+            found[row] = (1 + (drawn >= levels[row]).sum(axis=0)) / (1 + len(drawn))
+        return found
+
+    def _background_levels(self, shape: float) -> Array:
+        """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
+        drawn: dict[float, Array] = self.__dict__.setdefault("_drawn", {})
+        if shape not in drawn:
+            rng = np.random.default_rng(_SEED)
+            spectra = rng.standard_gamma(shape, (_DRAWS, len(self.orders)))
+            drawn[shape] = self.measure(spectra)[0]
+        return drawn[shape]
+
+
+@lru_cache(maxsize=1)
+def _spreads() -> tuple[Array, Array]:
+    """Return Gamma shapes, and the interquartile range of 10 log10 for each."""
+    shapes = np.round(np.geomspace(0.5, 2000, 80), 3)
+    quartiles = special.gammaincinv(shapes[:, np.newaxis], [0.25, 0.75])
+    return shapes, 10 * np.log10(quartiles[:, 1] / quartiles[:, 0])
+
+
+def gamma_shape(heights: Array) -> float:
+    """Return the shape of the Gamma distribution with the spread of a spectrum.
+
+    Parameters
+    ----------
+    heights : ndarray of shape (n_orders,)
+        Height of each line over the local background [dB].
+
+    Returns
+    -------
+    float
+        The nearest of a grid of shapes; of an average of n independent segments, n.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> round(gamma_shape(10 * np.log10(rng.standard_gamma(8, 100_000))))
+    8
+    """
+    shapes, spreads = _spreads()
+    low, high = np.quantile(heights, [0.25, 0.75])
+    return float(shapes[np.argmin(np.abs(spreads - (high - low)))])
