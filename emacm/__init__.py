@@ -48,6 +48,9 @@ if TYPE_CHECKING:
     from emacm.explanations.fault_matches import (
         match_fault_orders as match_fault_orders,
     )
+    from emacm.machine.fault_lines import (
+        FaultLines as FaultLines,
+    )
     from emacm.machine.fault_orders import (
         fault_orders as fault_orders,
     )
@@ -183,6 +186,9 @@ _PUBLIC = {
         "Bearing",
         "Gear",
         "Motor",
+    ],
+    "machine.fault_lines": [
+        "FaultLines",
     ],
     "machine.fault_orders": [
         "fault_orders",

@@ -9,22 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, special
+from scipy import ndimage
 
 from emacm._checks import check_count, check_number
-from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
 from emacm.machine.fault_orders import named_orders
+from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
 
 Array = NDArray[np.float64]
 
 _FEWEST = 5  # spectral lines of background that a median needs
 _DRAWS = 2000  # simulated spectra of the background
 _SEED = 20_111  # of the simulated spectra: equal input gives equal p-values
+_SHAPES = np.geomspace(0.5, 2000, 120)  # 7 % apart
+_LONG = 40_000  # lines of each spectrum whose spread is simulated
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,11 @@ class LineLevels:
     """
 
     def __init__(
-        self, orders: Array, series: Sequence[FaultSeries], slip: float, background: float
+        self,
+        orders: NDArray[np.floating],
+        series: Sequence[FaultSeries],
+        slip: float,
+        background: float,
     ) -> None:
         self.orders = np.asarray(orders, dtype=np.float64)
         self.series = tuple(series)
@@ -155,6 +161,7 @@ class LineLevels:
                 f"background."
             )
         self._places = [self._grid(fault) for fault in self.series]
+        self._drawn: dict[float, Array] = {}
 
     def _grid(self, fault: FaultSeries) -> tuple[Array, NDArray[np.intp]]:
         """Return slips, and the places of the lines for each, of shape (n_slips, n_lines)."""
@@ -242,50 +249,46 @@ class LineLevels:
         ndarray of shape (n_rows, n_series)
             Not smaller than 1/2001.
         """
-        shapes = np.array([gamma_shape(row) for row in self.heights(psd)])
         found = np.empty_like(levels)
-        for row, shape in enumerate(shapes):
+        for row, shape in enumerate(self.background_shapes(psd)):
             drawn = self._background_levels(float(shape))
             found[row] = (1 + (drawn >= levels[row]).sum(axis=0)) / (1 + len(drawn))
         return found
 
+    def background_shapes(self, psd: Array) -> Array:
+        """Return the Gamma shape of the background of each spectrum, from its spread.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra.
+
+        Returns
+        -------
+        ndarray of shape (n_rows,)
+            The nearest of a grid of shapes; for an average of n independent segments, n.
+        """
+        shapes, spreads = self._spreads
+        spread = _spread(self.heights(psd))
+        return shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
+
+    @cached_property
+    def _spreads(self) -> tuple[Array, Array]:
+        """Return Gamma shapes, and the spread of simulated heights for each."""
+        rng = np.random.default_rng(_SEED)
+        spectra = rng.standard_gamma(_SHAPES[:, np.newaxis], (len(_SHAPES), _LONG))
+        return _SHAPES, _spread(self.heights(spectra))
+
     def _background_levels(self, shape: float) -> Array:
         """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
-        drawn: dict[float, Array] = self.__dict__.setdefault("_drawn", {})
-        if shape not in drawn:
+        if shape not in self._drawn:
             rng = np.random.default_rng(_SEED)
             spectra = rng.standard_gamma(shape, (_DRAWS, len(self.orders)))
-            drawn[shape] = self.measure(spectra)[0]
-        return drawn[shape]
+            self._drawn[shape] = self.measure(spectra)[0]
+        return self._drawn[shape]
 
 
-@lru_cache(maxsize=1)
-def _spreads() -> tuple[Array, Array]:
-    """Return Gamma shapes, and the interquartile range of 10 log10 for each."""
-    shapes = np.round(np.geomspace(0.5, 2000, 80), 3)
-    quartiles = special.gammaincinv(shapes[:, np.newaxis], [0.25, 0.75])
-    return shapes, 10 * np.log10(quartiles[:, 1] / quartiles[:, 0])
-
-
-def gamma_shape(heights: Array) -> float:
-    """Return the shape of the Gamma distribution with the spread of a spectrum.
-
-    Parameters
-    ----------
-    heights : ndarray of shape (n_orders,)
-        Height of each line over the local background [dB].
-
-    Returns
-    -------
-    float
-        The nearest of a grid of shapes; of an average of n independent segments, n.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> round(gamma_shape(10 * np.log10(rng.standard_gamma(8, 100_000))))
-    8
-    """
-    shapes, spreads = _spreads()
-    low, high = np.quantile(heights, [0.25, 0.75])
-    return float(shapes[np.argmin(np.abs(spreads - (high - low)))])
+def _spread(heights: Array) -> Array:
+    """Return the interquartile range of each row, which a few strong lines do not change."""
+    low, high = np.quantile(heights, [0.25, 0.75], axis=-1)
+    return high - low

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import check_finite_table, check_number
+from emacm._checks import check_number
 from emacm.orders.bins import (
     Band,
     bin_operator,
@@ -22,14 +20,13 @@ from emacm.orders.bins import (
 from emacm.orders.columns import (
     BARE_CHANNEL,
     OrderBlock,
-    check_input_names,
     column_names,
-    lost_axis,
     parse_order_columns,
 )
+from emacm.orders.table_transformer import OrderTableTransformer
 
 
-class BinTransformer(TransformerMixin, BaseEstimator):
+class BinTransformer(OrderTableTransformer):
     """Integrate order spectra over bins.
 
     The PSD is taken as straight lines between its values and integrated between
@@ -114,19 +111,8 @@ class BinTransformer(TransformerMixin, BaseEstimator):
             If a parameter is not what it should be, or if bins reach beyond
             the orders that the spectra hold.
         """
-        names = column_names(X)
-        self._refuse_lost_axis(X)
-        if names is not None and _names_orders(names):
-            psd = check_array(X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False)
-            # validate_data would not see the names of every container.
-            self.n_features_in_ = psd.shape[1]
-            self.feature_names_in_ = np.array(names, dtype=object)
-        else:
-            psd = validate_data(
-                self, X, dtype=np.float64, ensure_min_features=2, ensure_all_finite=False
-            )
-        check_finite_table(psd, "recording", names)
-        blocks = self._blocks(names)
+        self._fit_table(X)
+        blocks = self._blocks(column_names(X))
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         stops = check_stop_bands(self.stop_bands)
         self.bins_ = tuple(bins.values())
@@ -153,60 +139,9 @@ class BinTransformer(TransformerMixin, BaseEstimator):
         ValueError
             If the columns are not those of `fit`.
         """
-        check_is_fitted(self)
-        names = column_names(X)
-        self._refuse_lost_axis(X)
-        options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
-        if self._same_axis(names):
-            psd = check_array(X, **options)
-        else:
-            psd = validate_data(self, X, reset=False, **options)
-        check_finite_table(psd, "recording", names)
+        psd = self._read_table(X)
         # Summed in float64 in any case. The type, as the dtype of an order table says more.
         return np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
-
-    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Return the names of the bins, ``channel@low-high`` or ``channel@name``.
-
-        Parameters
-        ----------
-        input_features : array-like of str, optional
-            Names of the columns; if given, they must be those of `fit`.
-
-        Returns
-        -------
-        ndarray of str
-        """
-        check_is_fitted(self)
-        if input_features is not None:
-            seen = getattr(self, "feature_names_in_", None)
-            check_input_names(input_features, seen, self.n_features_in_)
-        return np.array(self._columns_out, dtype=object)
-
-    def _refuse_lost_axis(self, X: Any) -> None:
-        if self.order_step is None and lost_axis(X):
-            raise ValueError(
-                "X comes from an order table, but what was done to it (a choice of columns, "
-                "arithmetic) has lost its orders. Do that after the bins, pass a "
-                "DataFrame with the names of the columns, or state order_step."
-            )
-
-    def _same_axis(self, names: Sequence[Any] | None) -> bool:
-        """Tell whether the names are the order axis of `fit`; refuse another one."""
-        seen = getattr(self, "feature_names_in_", None)
-        if names is None or seen is None or not (_names_orders(names) or _names_orders(seen)):
-            return False  # what is to be said of other names, scikit-learn says
-        if tuple(names) == tuple(seen):
-            return True
-        if set(names) == set(seen):
-            came = "these columns in another order"
-        else:
-            came = f"{len(names)} columns {names[0]!r} to {names[-1]!r}"
-        raise ValueError(
-            f"X has another order axis than the one BinTransformer was fitted on: expected "
-            f"{len(seen)} columns {seen[0]!r} to {seen[-1]!r}, got {came}. Use the same theta_s, "
-            f"revolutions and channels, or fit again."
-        )
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""
@@ -227,11 +162,6 @@ class BinTransformer(TransformerMixin, BaseEstimator):
                     f"orders lie {np.diff(block.orders)[0]:g} apart. Leave order_step out."
                 )
         return blocks
-
-
-def _names_orders(names: Sequence[Any]) -> bool:
-    """Tell by the first name whether these are columns of an order spectrum."""
-    return parse_order_columns(names[:1]) is not None
 
 
 @lru_cache(maxsize=64)

@@ -1,0 +1,142 @@
+"""Fault lines stand out of their local background by as much as they were put above it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+
+from emacm import Bearing, FaultLines, OrderPSD, OrderResampler, Recording
+from emacm.machine.lines import LineLevels, fault_series
+
+STEP = 1 / 25
+ORDERS = STEP * np.arange(0, 501)
+BEARING = Bearing(9, 7.94, 39.04)  # 6205
+
+
+def table(psd, channels=("vibration",)):
+    names = [f"{channel}@{float(order)!r}" for channel in channels for order in ORDERS]
+    return pd.DataFrame(np.atleast_2d(psd), columns=names)
+
+
+def spectrum(lines, height=100.0, *, floor=1.0):
+    """A flat background with lines at the nearest orders of the axis."""
+    psd = np.full(len(ORDERS), floor)
+    for order in lines:
+        psd[round(order / STEP)] = floor * height
+    return psd
+
+
+def levels(psd, **options):
+    return FaultLines(BEARING, **options).set_output(transform="pandas").fit_transform(table(psd))
+
+
+def test_the_level_of_a_fault_is_the_mean_height_of_its_lines():
+    psd = spectrum([3.584785])  # one line of three: 20 dB, 0, 0
+    found = levels(psd)
+    assert found["vibration@BPFO"][0] == pytest.approx(20 / 3)
+    assert found["vibration@BPFI"][0] == pytest.approx(0)
+
+
+def test_a_ball_shows_at_even_multiples_of_its_spin():
+    assert levels(spectrum([2.356748, 7.070243]))["vibration@BSF"][0] == pytest.approx(0)
+    even = spectrum([2 * 2.356748, 4 * 2.356748, 6 * 2.356748])
+    assert levels(even)["vibration@BSF"][0] == pytest.approx(20)
+
+
+@given(st.floats(-0.019, 0.019), st.floats(1e-6, 1e6))
+@example(0.0, 1e6)
+@example(-0.019, 1e-6)
+def test_neither_slip_nor_gain_changes_the_level(slip, gain):
+    lines = [5.415215 * (1 + slip) * k for k in (1, 2, 3)]
+    assert levels(gain * spectrum(lines))["vibration@BPFI"][0] == pytest.approx(20)
+
+
+def test_lines_that_slip_apart_are_no_series():
+    slipped = [5.415215 * 1.02, 2 * 5.415215 * 0.98, 3 * 5.415215]
+    assert levels(spectrum(slipped))["vibration@BPFI"][0] < 10
+
+
+def test_channels_are_measured_apart_and_in_the_order_asked_for():
+    psd = np.hstack([spectrum([3.584785 * k for k in (1, 2, 3)], 10), spectrum([])])
+    wide = table(psd, ("vibration", "current"))
+    lines = FaultLines(BEARING, channels=["current", "vibration"]).fit(wide)
+    names = list(lines.get_feature_names_out())
+    assert names[0] == "current@BPFO"
+    assert names[4] == "vibration@BPFO"
+    row = lines.transform(wide)[0]
+    assert row[0] == pytest.approx(0)
+    assert row[4] == pytest.approx(10)
+
+
+def test_a_recording_leads_to_the_level_of_its_line():
+    rng = np.random.default_rng(3)
+    angle = np.cumsum(2 * np.pi * (8 + np.sin(np.arange(60_000) / 9_000)) / 2_000)
+    signal = sum(np.sin(3.584785 * k * angle) for k in (1, 2))  # 3 x BPFO is near 2 x BPFI
+    run = Recording({"v": signal + rng.standard_normal(len(angle))}, 2_000, angle=angle)
+    chain = make_pipeline(OrderResampler(), OrderPSD(25), FaultLines(BEARING))
+    names = chain.fit([run]).get_feature_names_out()
+    found = dict(zip(names, chain.transform([run])[0], strict=True))
+    assert found["v@BPFO"] > 15
+    assert max(found["v@BPFI"], found["v@BSF"]) < 5
+
+
+def test_cloned_it_measures_the_same():
+    psd = table(spectrum([3.584785]))
+    lines = FaultLines([BEARING, {"screw": 3.0}], harmonics=2)
+    assert np.array_equal(lines.fit_transform(psd), clone(lines).fit_transform(psd))
+    assert lines.faults_ == ("BPFO", "BPFI", "BSF", "FTF", "screw")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"harmonics": 5}, ["'BPFI'", "order 27.6", "0 to 20", "max_order"]),
+        ({"harmonics": 0}, ["harmonics", "0"]),
+        ({"slip": 0.5}, ["slip", "0.5"]),
+        ({"background": 0.05}, ["background", "0.04 orders", "revolutions"]),
+        ({"channels": ["sound"]}, ["'sound'", "vibration"]),
+        ({"parts": []}, ["at least one part"]),
+        ({"parts": [BEARING, 3.5]}, ["part 1", "3.5"]),
+        ({"parts": [BEARING, BEARING]}, ["'BPFO'", "name="]),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(options, words):
+    lines = FaultLines(**{"parts": BEARING, **options})
+    with pytest.raises((TypeError, ValueError)) as refusal:
+        lines.fit(table(spectrum([])))
+    for word in words:
+        assert word in str(refusal.value)
+
+
+def test_a_table_without_orders_is_refused():
+    with pytest.raises(ValueError, match=r"channel@order.*OrderPSD"):
+        FaultLines(BEARING).fit(np.ones((2, 30)))
+
+
+def test_other_columns_than_those_of_fit_are_refused():
+    lines = FaultLines(BEARING).fit(table(spectrum([])))
+    with pytest.raises(ValueError, match="another order axis"):
+        lines.transform(table(spectrum([])).iloc[:, ::-1])
+
+
+@pytest.mark.parametrize("shape", [1.0, 6.0, 40.0])
+def test_background_alone_is_named_as_often_as_its_p_value_says(shape):
+    series = [fault for fault in fault_series(BEARING, 3) if fault.name != "FTF"]
+    measure = LineLevels(ORDERS, series, 0.02, 0.5)
+    psd = np.random.default_rng(7).standard_gamma(shape, (400, len(ORDERS)))
+    p = measure.p_values(psd, measure.measure(psd)[0])
+    for limit in (0.05, 0.2):
+        share = (p <= limit).mean(axis=0)  # of 400: standard error of 0.011 at 0.05, 0.02 at 0.2
+        assert np.all(np.abs(share - limit) < 0.06)
+
+
+def test_the_shape_of_the_background_is_found_beside_strong_lines():
+    measure = LineLevels(ORDERS, fault_series(BEARING, 3), 0.02, 0.5)
+    shapes = np.repeat([3.0, 25.0], 200)
+    psd = np.random.default_rng(1).standard_gamma(shapes[:, np.newaxis], (400, len(ORDERS)))
+    psd[:, ::60] *= 1_000
+    found = measure.background_shapes(psd).reshape(2, 200)
+    assert np.median(found, axis=1) == pytest.approx([3, 25], rel=0.1)
