@@ -1,4 +1,4 @@
-"""A pipeline to start with, for actuators that stroke to and fro."""
+"""A starting pipeline for actuators that move back and forth."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
 
-_STROKE = 1.0  # revolutions; what is shorter is jitter of a shaft that stands
-_OVERSAMPLED = (
-    2.4  # samples per cycle of the highest order, so that it lies where the filter is flat
-)
+_STROKE = 1.0  # revolutions; anything shorter is noise of the shaft reference at rest
+_OVERSAMPLED = 2.4  # samples per cycle of the highest order: there the filter is still flat
 
 
 def actuator_recipe(
@@ -40,62 +38,62 @@ def actuator_recipe(
 ) -> Pipeline:
     """Return an unfitted pipeline from recordings of an actuator to a decision.
 
-    It looks at what an engineer would look at, forward and reverse strokes apart: powers over
-    orders; how one channel answers another, as frequency response and coherence over orders;
-    level, spread and trend of each stroke and the slow course along it; and the wave once per
-    revolution. The classifier is a Gaussian for each class, with one covariance for all.
+    The features describe forward and reverse strokes separately: powers in order bins; the
+    frequency response and the coherence between channels over orders; mean, standard
+    deviation and slope of each channel; its profile along the stroke; and the 1x component. The
+    classifier is a Gaussian for each class, with one covariance for all.
 
     Parameters
     ----------
     phase : bool
-        Take the wave once per revolution with its phase against the shaft angle. **For the
-        same assemblies only**: that phase tells which parts were put together how, and a
-        machine put together anew has another one. Without it, phases are counted from the
-        forward wave, and no feature depends on where on the shaft, or in the stroke, the wave
-        stands, but for what the ends of strokes let through that are not whole revolutions.
+        Use the 1x component with its phase against the shaft angle. **Only for recordings of the
+        same assemblies**: this phase depends on how the parts were assembled, and changes when
+        a machine is reassembled. If False, phases are relative to the 1x component of forward
+        strokes, and no feature depends on the mounting angle of a part (except through
+        incomplete revolutions at the ends of strokes).
     healthy : label, collection of labels, mapping or callable, optional
-        Which recordings are healthy, as for `SignalBaseline`. All but the wave once per
-        revolution is then relative to them, condition by condition: the mean healthy signal
-        at each shaft angle is taken off before spectra are (of two recordings at the least, as one
-        is nothing beside itself). For conditions from which there
-        are healthy recordings alone. It needs ``phase=True``, as the difference of two waves
-        depends on where each stands.
+        Healthy recordings, as for `SignalBaseline`. All features except the 1x component are then
+        computed from the residual signal: the mean healthy signal of the same condition is
+        subtracted at each shaft angle. It needs at least two healthy recordings of each condition,
+        since a single one has no residual. It needs ``phase=True``, because the residual of the
+        1x component depends on both phases.
     condition : hashable, tuple or callable
         Key of `meta` within which recordings are compared with `healthy` ones. For a
-        classifier for each condition, put the recipe into a `ConditionRouter`.
+        separate classifier for each condition, put the recipe into a `ConditionRouter`.
     cost, priors
-        As for `CostSensitiveGaussianBayes`; a table of `family_costs` decides on families.
+        As for `CostSensitiveGaussianBayes`; for decisions on families, a table of `family_costs`.
     revolutions : float
-        Length of a segment of the spectra, and so 1 / (width of a bin). Short segments give
-        few bins of small scatter.
+        Length of a segment of the spectra, and the inverse of the bin width. Short segments give
+        few bins with little scatter.
     max_order : float
-        Highest order of the spectra; `OrderResampler.quality` tells what recordings hold.
+        Highest order of the spectra; `OrderResampler.quality` gives the highest valid order.
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s].
     n_jobs : int, optional
-        Recordings in work at the same time.
+        Number of recordings processed in parallel.
 
     Returns
     -------
     Pipeline
-        Steps "featureunion", "standardscaler" and "costsensitivegaussianbayes". It takes a
-        list of `Recording`, each with forward and reverse strokes.
+        Steps "featureunion", "standardscaler" and "costsensitivegaussianbayes". X is a list of
+        `Recording` with forward and reverse strokes and at least two channels.
 
     Raises
     ------
     ValueError
-        If `healthy` is given without `phase`, or a number is not what it should be.
+        If `healthy` is given without `phase`, or a number is out of range. When fitted: if
+        a channel of a recording has no power (the message gives both).
 
     Notes
     -----
-    The profile along the stroke has 12 coefficients. They are blind to the wave once per
-    revolution in strokes that are far longer than 6 revolutions. Starts, stops and peaks are left
-    out, as they depend on where the shaft starts and stops; `RecordingStatistics` has them.
+    The profile along the stroke has 12 coefficients. In strokes that are much longer than 6
+    revolutions they do not depend on the 1x component. Starts, stops and peaks are not
+    used, as they depend on the start and end positions; `RecordingStatistics` provides them.
 
-    Which features, and this classifier, were chosen on runs 1 to 7 of a ball screw sampled 5 times
-    per revolution; ``benchmarks/real_actuator.py`` says how many variants were tried. On another
-    machine it is a place to start from: set `revolutions`, `max_order` and `min_speed` by what
-    recordings hold, and compare by `evaluate`.
+    The features and the classifier were selected on runs 1 to 7 of a ball screw sampled 5 times
+    per revolution; ``benchmarks/real_actuator.py`` states the number of variants tried. For another
+    machine, start here: set `revolutions`, `max_order` and `min_speed` to suit the recordings, and
+    compare variants by `evaluate`.
 
     Examples
     --------
@@ -110,9 +108,9 @@ def actuator_recipe(
     check_number(max_order, "max_order", above=0)
     if healthy is not None and not phase:
         raise ValueError(
-            f"healthy = {healthy!r} needs phase=True: what is left of a wave, once a healthy one "
-            f"is taken off, depends on where both stand on the shaft. Leave healthy out, or set "
-            f"phase=True and mind that this is for the same assemblies only."
+            f"healthy = {healthy!r} needs phase=True: the residual of the 1x component depends on "
+            f"its phase and on that of the healthy one. Leave healthy out, or set phase=True, for "
+            f"recordings of the same assemblies only."
         )
     relative: dict[str, Any] = (
         {} if healthy is None else {"condition": condition, "healthy": healthy}
@@ -138,7 +136,7 @@ def actuator_recipe(
 
 
 def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> FeatureUnion:
-    """Return the features of recordings over the shaft angle."""
+    """Return the features that are computed from recordings over the shaft angle."""
     spectra: dict[str, Any] = {"by_direction": True, "n_jobs": n_jobs}
     bins: dict[str, Any] = {"bin_size": 1 / revolutions, "max_order": max_order}
     strokes: dict[str, Any] = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
@@ -148,12 +146,14 @@ def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> Fea
             BinTransformer(**bins),
             FunctionTransformer(np.log, feature_names_out="one-to-one"),
         ),
-        answers=OrderCrossSpectrum(revolutions, kind=("response", "coherence"), **bins, **spectra),
+        responses=OrderCrossSpectrum(
+            revolutions, kind=("response", "coherence"), **bins, **spectra
+        ),
         levels=RecordingStatistics(("mean", "std", "slope"), **strokes),
         profile=StrokeProfile(12, **strokes),
     )
 
 
 def _union(**blocks: Any) -> FeatureUnion:
-    """Join features under their own names, which are unlike one another."""
+    """Join features under their own names, which all differ."""
     return FeatureUnion([*blocks.items()], verbose_feature_names_out=False)

@@ -92,8 +92,7 @@ def test_without_phase_the_zero_of_the_shaft_angle_changes_nothing():
     features = recipe()[0].fit(X)
     turned = [actuator(x.meta["state"], x.meta["load"], 0, zero=2.0) for x in X]
     known, found = features.transform(X), features.transform(turned)
-    # Resampling starts at whole multiples of theta_s, and so a fraction of a sample later.
-    np.testing.assert_allclose(found, known, rtol=0.25, atol=0.25)
+    np.testing.assert_allclose(found, known, rtol=1e-8, atol=1e-8)
     model = recipe().fit(*campaign())
     assert model.predict(turned).tolist() == model.predict(X).tolist()
 
@@ -148,3 +147,16 @@ def test_numbers_are_checked(name):
 def test_phase_is_yes_or_no():
     with pytest.raises(ValueError, match="phase"):
         actuator_recipe(phase="relative")
+
+
+@pytest.mark.parametrize("level", [0.0, 0.7])
+@pytest.mark.parametrize("channel", ["current", "error"])
+def test_a_dead_channel_is_named_with_its_recording(channel, level):
+    X, y = campaign(2, loads=(20,))
+    model = recipe().fit(X, y)
+    dead = dict(X[4].signals) | {channel: np.full(len(X[4].signals[channel]), level)}
+    X[4] = Recording(dead, FS, angle=X[4].angle, meta=X[4].meta)
+    message = rf"recording 4.* '{channel}.*[Cc]heck its sensor, or leave"
+    for call in (lambda: model.predict(X), lambda: recipe().fit(X, y)):
+        with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
+            call()

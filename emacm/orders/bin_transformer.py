@@ -19,6 +19,7 @@ from emacm.orders.bins import (
 )
 from emacm.orders.columns import (
     BARE_CHANNEL,
+    BinPowers,
     OrderBlock,
     column_names,
     parse_order_columns,
@@ -141,7 +142,8 @@ class BinTransformer(OrderTableTransformer):
         """
         psd = self._read_table(X)
         # Summed in float64 in any case. The type, as the dtype of an order table says more.
-        return np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
+        powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
+        return BinPowers(powers, self.get_feature_names_out())
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""

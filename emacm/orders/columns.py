@@ -22,6 +22,9 @@ _NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.IGNORECASE)
 _BAND = re.compile(rf"(?P<low>{_NUMBER.pattern})-(?P<high>{_NUMBER.pattern})", re.IGNORECASE)
 
 
+_LOGARITHMS = (np.log, np.log2, np.log10)
+
+
 class OrderBlock(NamedTuple):
     """The columns that belong to one channel."""
 
@@ -82,9 +85,12 @@ class OrderTable(np.ndarray):
         self.columns = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """Return what a ufunc or a reduction made: a number, or an array without names."""
-        values = np.asarray(array)
-        return values[()] if values.ndim == 0 else values
+        """Return what a ufunc or a reduction made: a number, or an array without names.
+
+        A logarithm of 0, as of the power of a dead channel, raises a ValueError: only here are
+        the recording and the column known.
+        """
+        return _plain(array, context, self.columns)
 
     def __getitem__(self, key: Any) -> Any:
         """Index as an array does; a choice of rows keeps the names."""
@@ -142,6 +148,34 @@ def number_name(number: float) -> str:
     ('5', '0.1', '0.3333333333333333')
     """
     return repr(float(number)).removesuffix(".0")
+
+
+class BinPowers(np.ndarray):
+    """Powers in bins: a plain array whose logarithm, if it does not exist, is located.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_recordings, n_bins)
+        Powers.
+    names : sequence of str
+        One name for each column, for messages. No operation keeps them.
+    """
+
+    names: tuple[str, ...] | None
+
+    def __new__(cls, values: NDArray[np.floating], names: Sequence[str]) -> BinPowers:
+        """View `values`."""
+        powers = values.view(cls)
+        powers.names = tuple(names)
+        return powers
+
+    def __array_finalize__(self, obj: Any) -> None:
+        """Forget the names."""
+        self.names = None
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        """Return the result of a ufunc or a reduction as a number or a plain array."""
+        return _plain(array, context, self.names)
 
 
 def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str, ...]:
@@ -313,3 +347,20 @@ def _chooses_rows(key: Any) -> bool:
     if key is Ellipsis or isinstance(key, slice):
         return True
     return key is not None and np.ndim(key) == 1
+
+
+def _plain(array: Any, context: Any, names: tuple[str, ...] | None) -> Any:
+    """Return the result of a ufunc as a number or a plain array; check logarithms."""
+    values = np.asarray(array)
+    if context is not None and context[0] in _LOGARITHMS and values.ndim == 2:
+        bad = ~np.isfinite(values)
+        if bad.any():
+            row, column = (int(numbers[0]) for numbers in np.nonzero(bad))
+            name = column if names is None else names[column]
+            raise ValueError(
+                f"the logarithm of recording {row}, column {name!r}, does not exist: its value is "
+                f"{np.asarray(context[1][0])[row, column]:g}. A channel without power is constant, "
+                f"dead, or equal to its baseline: check its sensor, or leave the channel or the "
+                f"recording out."
+            )
+    return values[()] if values.ndim == 0 else values

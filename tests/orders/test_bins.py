@@ -399,3 +399,14 @@ def test_bins_are_plain_numbers_that_can_be_saved(dtype, tmp_path):
     assert found.dtype == dtype
     assert found.dtype.metadata is None  # numpy warns when it cannot save it
     np.save(tmp_path / "bins.npy", found)
+
+
+def test_the_logarithm_of_bins_without_power_names_recording_and_bin():
+    psd = np.ones((3, 6))
+    psd[1, 3:] = 0
+    table = OrderTable(psd, ["torque@0", "torque@1", "torque@2", "a@0", "a@1", "a@2"])
+    bins = BinTransformer(1, max_order=2).fit(table)
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match=r"recording 1, column 'a@0-1'"):
+        np.log10(bins.transform(table))
+    assert type(np.log10(bins.transform(table[::2]))) is np.ndarray
+    assert type(2 * bins.transform(table)) is np.ndarray

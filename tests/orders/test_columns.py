@@ -273,3 +273,19 @@ def test_the_names_of_any_table_are_found():
     assert column_names(pd.DataFrame({"a@0": [1], "a@1": [2]})) == ("a@0", "a@1")
     assert column_names(table()) == COLUMNS
     assert column_names(np.eye(2)) is None
+
+
+@pytest.mark.parametrize("logarithm", [np.log, np.log2, np.log10])
+@pytest.mark.parametrize("value", [0.0, -2.0])
+def test_the_logarithm_of_a_dead_channel_names_recording_and_column(logarithm, value):
+    table = OrderTable([[1.0, 2.0], [3.0, 0.5], [4.0, value]], ("torque@0-1", "current@0-1"))
+    message = rf"recording 2, column 'current@0-1', .* is {value:g}\. .* dead, .* check its sensor"
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
+        logarithm(table)
+    np.testing.assert_array_equal(logarithm(table[:2]), logarithm(np.asarray(table)[:2]))
+
+
+def test_the_logarithm_of_columns_without_names_numbers_them():
+    table = OrderTable([[1.0, 2.0, 0.0]], ("a@0", "a@1", "a@2"))[:, 1:]
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="recording 0, column 1, "):
+        np.log10(table)
