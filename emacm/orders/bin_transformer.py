@@ -143,7 +143,7 @@ class BinTransformer(OrderTableTransformer):
         psd = self._read_table(X)
         # Summed in float64 in any case. The type, as the dtype of an order table says more.
         powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
-        return BinPowers(powers, self.get_feature_names_out())
+        return BinPowers(powers, self.get_feature_names_out().tolist())
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""
