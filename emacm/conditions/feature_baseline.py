@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin, clone
+from sklearn.base import TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm._saved import SavedEstimator
 from emacm.conditions.healthy import find_healthy, known_conditions
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import sorted_conditions
 
 
 class FeatureBaseline(  # type: ignore[call-arg]
-    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
+    TransformerMixin, SavedEstimator, auto_wrap_output_keys=None
 ):
     """Subtract the mean features of healthy recordings, for each condition.
 

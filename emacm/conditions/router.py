@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
+from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone, is_classifier
 from sklearn.metrics import accuracy_score
 from sklearn.utils import get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
@@ -19,6 +19,7 @@ from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
+from emacm._saved import SavedEstimator
 from emacm.conditions.present_costs import narrowed, present_cost_table, with_present_costs
 from emacm.conditions.rows import (
     aligned_columns,
@@ -45,7 +46,7 @@ def _has(method: str) -> Callable[[Any], bool]:
     return check
 
 
-class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, BaseEstimator):
+class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
     """Fit one clone of a classifier for each condition, and apply it to recordings of that one.
 
     Healthy signals differ between loads and speeds. If the condition of each recording is known,

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.base import ClassifierMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
 from emacm._checks import check_choice, check_number
+from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
 from emacm.decisions.density_checks import check_densities, check_seen
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
@@ -34,7 +35,7 @@ def _can_add_recordings(classifier: CostSensitiveGaussianBayes) -> bool:
     return True
 
 
-class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, BaseEstimator):
+class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     """Gaussian Bayes classifier that takes the decision of least conditional risk.
 
     Each class has a Gaussian density, Eqs. (2.44)-(2.46) of [1]_. The decision minimises

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn import get_config
-from sklearn.base import BaseEstimator, ClassifierMixin, MetaEstimatorMixin, clone
+from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
+from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
 from emacm.decisions.labels import check_classes
 from emacm.decisions.metrics import fraction_correct, positive_weights
@@ -141,7 +142,7 @@ class LeastRiskMixin:
         return cost_table(self.cost, self.classes_)
 
 
-class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, BaseEstimator):
+class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator):
     """Decide by least conditional risk, given the posterior probabilities of any classifier.
 
     Parameters

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.base import ClassifierMixin
 from sklearn.utils import Bunch, get_tags
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
+from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier, LeastRiskMixin, check_possible
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.priors import class_priors
@@ -18,7 +19,7 @@ from emacm.decisions.priors import class_priors
 Array = NDArray[np.float64]
 
 
-class PosteriorProduct(LeastRiskMixin, ClassifierMixin, BaseEstimator):
+class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     """Combine classifiers by the product of their posteriors, and decide by least risk.
 
     Each member is fitted to the same recordings and uses one channel, or any other part of

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from emacm._checks import check_finite_table
+from emacm._saved import SavedEstimator
 from emacm.orders.columns import (
     check_input_names,
     column_names,
@@ -19,7 +20,7 @@ from emacm.orders.columns import (
 )
 
 
-class OrderTableTransformer(TransformerMixin, BaseEstimator):
+class OrderTableTransformer(TransformerMixin, SavedEstimator):
     """Base of transformers whose input is a table of order spectra.
 
     A subclass sets `order_step`, or None where the axis always comes from the names of the columns,

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite, check_real_array
+from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
 from emacm.orders.segment_plan import SegmentPlan, segment_plan
 from emacm.resampling.angle_recording import AngleRecording
@@ -73,7 +74,7 @@ def check_holds_segment(values: ArrayLike, name: str, plan: SegmentPlan) -> NDAr
     return signal
 
 
-class WelchEstimator(TransformerMixin, BaseEstimator):
+class WelchEstimator(TransformerMixin, SavedEstimator):
     """Base of the estimators that average over segments of recordings over shaft angle.
 
     A subclass has options of `segment_plan` among its parameters. Its `fit` sets `theta_s_`, calls

@@ -6,14 +6,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
+
+from emacm._saved import SavedEstimator
 
 Self = TypeVar("Self", bound="RecordingTransformer")
 
 
 class RecordingTransformer(  # type: ignore[call-arg]
-    TransformerMixin, BaseEstimator, auto_wrap_output_keys=None
+    TransformerMixin, SavedEstimator, auto_wrap_output_keys=None
 ):
     """Base of transformers from recordings to recordings.
 

@@ -13,11 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, check_number, located
 from emacm._progress import run
+from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.recording import Recording
@@ -31,7 +32,7 @@ WAYS = {"+": (1, "forward"), "-": (-1, "reverse")}
 MAX_COLUMNS = 10_000  # of one channel and direction; more is a mistyped parameter
 
 
-class StrokeFeatures(TransformerMixin, BaseEstimator):
+class StrokeFeatures(TransformerMixin, SavedEstimator):
     """Base class of the transformers from recordings to named feature columns.
 
     Subclasses have the parameters `channels`, `by_direction`, `min_speed`, `min_revolutions` and
