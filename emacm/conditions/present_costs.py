@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.decisions.costs import cost_of_some, cost_table, narrow_costs
+from emacm.decisions.costs import cost_of_some, narrow_costs
 from emacm.decisions.pipelines import final_estimator
+from emacm.decisions.truths import truth_cost_table
 
 
 def narrowed(model: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
@@ -83,8 +84,8 @@ def present_cost_table(
 
     Returns
     -------
-    decisions, cost : ndarray of shape (n_decisions,) and (n_decisions, n_classes)
-        As of `emacm.decisions.costs.cost_table`.
+    decisions, cost : ndarray of shape (n_decisions,) and (n_decisions, n_truths)
+        As of `emacm.decisions.truths.truth_cost_table`.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def present_cost_table(
         final = with_present_costs(final_estimator(whole[0]), whole[0], template, classes)
     if not hasattr(final, "cost"):
         raise AttributeError(f"{type(final).__name__} has no costs.")
-    return cost_table(final.cost, classes)
+    return truth_cost_table(final.cost, classes, getattr(final, "unknown", None))
 
 
 def priors_of_some(priors: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
@@ -127,8 +128,10 @@ def priors_of_some(priors: Any, known: NDArray[Any], classes: NDArray[Any]) -> A
         kept = {k: p for k, p in priors.items() if k in known or k not in classes}
         total = sum(kept.values())
         return {label: prior / total for label, prior in kept.items()} if total > 0 else priors
-    values = np.asarray(priors)
-    if values.shape != classes.shape:
+    values, kept_classes = np.asarray(priors), np.isin(classes, known)
+    if values.shape == (len(classes) + 1,):  # the last is that of the unknown state
+        kept_classes = np.append(kept_classes, True)
+    if values.shape != kept_classes.shape:
         return priors
-    kept_values = values[np.isin(classes, known)]
+    kept_values = values[kept_classes]
     return kept_values / kept_values.sum() if kept_values.sum() > 0 else priors

@@ -30,6 +30,7 @@ from emacm.conditions.rows import (
 )
 from emacm.decisions.metrics import fraction_correct
 from emacm.decisions.pipelines import before_the_last_step, final_estimator
+from emacm.decisions.truths import truth_labels
 from emacm.recordings.inputs import described
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
@@ -77,7 +78,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         The classifier fitted on all recordings, with ``unseen="pooled"``.
     classes_ : ndarray of shape (n_classes,)
         Classes of all conditions.
-    decisions_, cost_ : ndarray of shape (n_decisions,) and (n_decisions, n_classes)
+    truths_ : ndarray of shape (n_truths,)
+        `classes_`, followed by the unknown state if the last step has one.
+    decisions_, cost_ : ndarray of shape (n_decisions,) and (n_decisions, n_truths)
         Possible decisions and their costs, if the last step is a classifier with costs
         (`CostSensitiveGaussianBayes`, `LeastRiskClassifier`, `PosteriorProduct`).
 
@@ -177,8 +180,15 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
 
     @property
     def cost_(self) -> NDArray[np.float64]:
-        """Cost of each of `decisions_` under each of `classes_`, for the present cost."""
+        """Cost of each of `decisions_` under each of `truths_`, for the present cost."""
         return self._cost_table()[1]
+
+    @property
+    def truths_(self) -> NDArray[Any]:
+        """The possible true states: `classes_`, and the unknown state if there is one."""
+        return truth_labels(
+            self.classes_, getattr(final_estimator(self.estimator), "unknown", None)
+        )
 
     def predict(self, X: Any) -> NDArray[Any]:
         """Return the decision of the classifier of each recording's condition.
@@ -235,6 +245,21 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         """
         return self._by_class(X, "predict_log_proba", absent=-np.inf)
 
+    @available_if(_has("typicality"))
+    def typicality(self, X: Any) -> NDArray[np.floating]:
+        """Return the fraction of left-out training recordings that are at least as far away.
+
+        As `CostSensitiveGaussianBayes.typicality`, by the classifier of each recording's condition.
+        """
+        answers, rows, _ = self._answers(X, "typicality")
+        return joined_rows(answers, rows)
+
+    @available_if(_has("unknown_proba"))
+    def unknown_proba(self, X: Any) -> NDArray[np.floating]:
+        """Return the probability that the true state is unknown, shape (n_recordings,)."""
+        answers, rows, _ = self._answers(X, "unknown_proba")
+        return joined_rows(answers, rows)
+
     @available_if(_has("risk"))
     def risk(self, X: Any) -> NDArray[np.floating]:
         """Return the expected cost of each decision (conditional risk), Eq. (2.39) of Chirico.
@@ -275,7 +300,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         """
         decided = self.predict(X)
         if hasattr(self, "cost_"):
-            table = self.decisions_, self.classes_, self.cost_
+            table = self.decisions_, self.truths_, self.cost_
             return fraction_correct(y, decided, table, sample_weight)
         return float(accuracy_score(y, decided, sample_weight=sample_weight))
 

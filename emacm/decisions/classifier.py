@@ -5,37 +5,35 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
+from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_number
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import cost_table
 from emacm.decisions.density_checks import check_densities, check_seen
+from emacm.decisions.fit_checks import (
+    agreed_classes,
+    as_counts,
+    can_add_recordings,
+    check_parameters,
+    check_unweighted,
+    warn_without_groups,
+)
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
 from emacm.decisions.labels import check_classes, label_positions
-from emacm.decisions.least_risk import LeastRiskMixin
+from emacm.decisions.least_risk_mixin import LeastRiskMixin
+from emacm.decisions.left_out import Training, group_numbers
+from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin, calibrate
 from emacm.decisions.metrics import check_weights, positive_weights
 from emacm.decisions.moments import ClassMoments, check_range, moments_for
-from emacm.decisions.priors import class_priors
+from emacm.decisions.truths import truth_cost_table, truth_priors
 
 Array = NDArray[np.float64]
 
 
-def _can_add_recordings(classifier: CostSensitiveGaussianBayes) -> bool:
-    if isinstance(classifier.shrinkage, str) and classifier.shrinkage == "auto":
-        raise AttributeError(
-            'partial_fit is not available with shrinkage="auto": Ledoit-Wolf needs fourth '
-            "moments of the recordings, which are not kept. "
-            'Use "oas" or a number, or fit all recordings at once.'
-        )
-    return True
-
-
-class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator):
+class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, SavedEstimator):
     """Gaussian Bayes classifier that takes the decision of least conditional risk.
 
     Each class has a Gaussian density, Eqs. (2.44)-(2.46) of [1]_. The decision minimises
@@ -63,17 +61,31 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         all recordings at once, unweighted. None: no shrinkage, and the eigenvalues of
         a singular covariance are raised to 1e-9 of the largest feature variance, with a
         warning. With any number, including 0, a singular covariance is an error.
+    unknown : label, default=None
+        Label of one more true state, without recordings, such as "unknown": "Unhealthy - Unknown"
+        in Eq. (2.35). Its probability follows from `typicality`. It has a column in the cost and
+        a prior, 0.01 unless `priors` name it (an array: with one more element); see
+        `emacm.decisions.truths` for costs that `cost` does not state. None: there is none.
+    temperature : None, float or "groups", default=None
+        Densities are raised to the power of 1 / temperature before they are multiplied by the
+        priors. "groups": the value of least log loss for groups that are left out. None: 1.
 
     Attributes
     ----------
     classes_ : ndarray of shape (n_classes,)
-        The possible true classes, sorted.
+        The classes of the recordings, sorted.
+    truths_ : ndarray of shape (n_truths,)
+        The possible true states: `classes_`, followed by `unknown` if it is given.
     decisions_ : ndarray of shape (n_decisions,)
         Possible results of `predict`; of equal risks the first is returned.
-    cost_ : ndarray of shape (n_decisions, n_classes)
-        Cost of each of `decisions_` under each of `classes_`.
+    cost_ : ndarray of shape (n_decisions, n_truths)
+        Cost of each of `decisions_` under each of `truths_`.
     priors_ : ndarray of shape (n_classes,)
-        Prior probabilities.
+        Prior probabilities of the classes, given that one of them is true.
+    unknown_prior_ : float
+        Prior probability of the unknown state.
+    temperature_ : float
+        Temperature in effect.
     class_count_ : ndarray of shape (n_classes,)
         Number of recordings of each class, as weighted.
     means_ : ndarray of shape (n_classes, n_features)
@@ -121,13 +133,17 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         priors: Any = None,
         covariance: str = "full",
         shrinkage: Any = None,
+        unknown: Any = None,
+        temperature: Any = None,
     ):
         self.cost = cost
         self.priors = priors
         self.covariance = covariance
         self.shrinkage = shrinkage
+        self.unknown = unknown
+        self.temperature = temperature
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y, sample_weight=None, groups=None):
         """Estimate the Gaussian density of each class; earlier recordings are discarded.
 
         Parameters
@@ -139,6 +155,9 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         sample_weight : array-like of shape (n_recordings,), default=None
             How often each recording counts; a weight of 0 leaves it out. Weights whose sum is 1,
             as `AdaBoostClassifier` gives, are relative: they are multiplied by n_recordings.
+        groups : array-like of shape (n_recordings,), default=None
+            Labels of recordings that were measured together (unit, run), to be left out together
+            for `typicality` and ``temperature="groups"``. None: single recordings are left out.
 
         Returns
         -------
@@ -148,19 +167,24 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         Raises
         ------
         ValueError
-            If a parameter or an input is invalid, a class has no weight, or a covariance
-            is singular and `shrinkage` is not None.
+            If a parameter or an input is invalid, a class has no weight, a covariance
+            is singular and `shrinkage` is not None, or no class has recordings in two groups.
         TypeError
             If labels are text and numbers together.
+
+        Warns
+        -----
+        UserWarning
+            If `groups` are needed and not given.
         """
-        _check_parameters(self.covariance, self.shrinkage)
+        check_parameters(self.covariance, self.shrinkage, self.temperature)
         if y is not None:
             check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
-        weight = _as_counts(positive_weights(sample_weight, len(X)))
+        weight = as_counts(positive_weights(sample_weight, len(X)))
         if self.shrinkage == "auto":
-            _check_unweighted(weight)
+            check_unweighted(weight)
         classes, codes = np.unique(y, return_inverse=True)
         empty = np.bincount(codes, weight) <= 0
         if empty.any():
@@ -173,9 +197,17 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         self._set_fitted(classes, moments, gaussians)
         self._check_fitted(stacklevel=3)
         self._checked = True
+        by_groups = isinstance(self.temperature, str)
+        if groups is not None or self.unknown is not None or by_groups:
+            warn_without_groups(groups, stacklevel=2)
+            numbers = group_numbers(groups, X, codes)
+            training = Training(X, codes, numbers, weight, len(classes)).take(weight > 0)
+            self._calibration = calibrate(
+                training, gaussians, self.covariance, self.shrinkage, temperature=by_groups
+            )
         return self
 
-    @available_if(_can_add_recordings)
+    @available_if(can_add_recordings)
     def partial_fit(self, X, y, classes=None, sample_weight=None):
         """Add recordings; any division into parts gives the result of one `fit` of all of them.
 
@@ -204,13 +236,13 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
             If `classes` is missing or changes, `y` contains another class, or a parameter or an
             input is invalid.
         """
-        _check_parameters(self.covariance, self.shrinkage)
+        check_parameters(self.covariance, self.shrinkage, self.temperature)
         known = getattr(self, "classes_", None)
         if y is not None:
             check_classes(y)
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
-        labels = _agreed_classes(classes, known)
+        labels = agreed_classes(classes, known)
         weight = check_weights(sample_weight, len(X))
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
         moments = moments_for(self.covariance, self.shrinkage, X, codes, len(labels), weight)
@@ -221,11 +253,6 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         gaussians = class_gaussians(moments, self.covariance, self.shrinkage)
         self._set_fitted(labels, moments, gaussians)
         return self
-
-    @property
-    def priors_(self) -> Array:
-        """Prior probabilities in effect, shape (n_classes,), for the present `priors`."""
-        return class_priors(self.priors, self.classes_, self.class_count_)
 
     def predict_joint_log_proba(self, X):
         """Return the logarithm of prior times density, the terms of Eq. (2.41).
@@ -239,7 +266,7 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         -------
         joint : ndarray of shape (n_recordings, n_classes)
             log(P(w_k) p(z | w_k)), density per unit of every feature; -inf where the
-            prior is 0.
+            prior is 0. With a temperature T, the density to the power of 1 / T.
 
         Raises
         ------
@@ -250,11 +277,16 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         """
         X, priors = self._checked_features(X), self.priors_
         check_seen(priors, self.class_count_, self.classes_)
-        joint = self._gaussians.log_densities(X)
         with np.errstate(divide="ignore"):
-            joint += np.log(priors)
+            log_priors = np.log(priors)
+        joint = self._gaussians.log_densities(X)
+        if self.temperature is not None:
+            joint /= self.temperature_
+        joint += log_priors
         undefined = np.isneginf(joint.max(axis=1))
-        if undefined.any():
+        if self.unknown is not None:
+            joint[undefined] = log_priors  # nothing tells the classes apart; it is unknown
+        elif undefined.any():
             raise ValueError(
                 f"the features of recording {int(np.argmax(undefined))} are so far from every "
                 f"class that its distances overflow. Check the features and their units."
@@ -289,9 +321,10 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         Returns
         -------
         gradient : ndarray of shape (n_recordings, n_classes, n_features)
-            -S_k^-1 (z - m_k), per unit of each feature.
+            -S_k^-1 (z - m_k) / T, per unit of each feature.
         """
-        return self._gaussians.log_density_gradients(self._checked_features(X))
+        gradients = self._gaussians.log_density_gradients(self._checked_features(X))
+        return gradients / self.temperature_
 
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)
@@ -314,52 +347,15 @@ class CostSensitiveGaussianBayes(LeastRiskMixin, ClassifierMixin, SavedEstimator
         self, classes: NDArray[Any], moments: ClassMoments, gaussians: GaussianClasses
     ) -> None:
         """Set the fitted attributes; none, if the cost or the priors are invalid."""
-        cost_table(self.cost, classes)
-        class_priors(self.priors, classes, moments.counts)
+        truth_cost_table(self.cost, classes, self.unknown)
+        truth_priors(self.priors, classes, moments.counts, self.unknown)
         self.classes_, self.class_count_, self.means_ = classes, moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances
         self._moments, self._gaussians, self._checked = moments, gaussians, False
+        self._calibration = LeftOutCalibration(None, None)
 
     def _check_fitted(self, stacklevel: int) -> None:
         singular = self._gaussians.singular
         check_densities(
             self._moments, singular, self.classes_, self.shrinkage, stacklevel=stacklevel
         )
-
-
-def _check_parameters(covariance: Any, shrinkage: Any) -> None:
-    check_choice(covariance, "covariance", ("full", "tied", "diag"))
-    if isinstance(shrinkage, str):
-        check_choice(shrinkage, "shrinkage as a word", ("oas", "auto"))
-    elif shrinkage is not None:
-        name = 'shrinkage, if not None, "oas" or "auto",'
-        check_number(shrinkage, name, at_least=0, at_most=1)
-
-
-def _as_counts(weight: Array) -> Array:
-    """Return weights as counts; those whose sum is 1 are relative."""
-    return weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
-
-
-def _check_unweighted(weight: Array) -> None:
-    if not np.allclose(weight, 1, rtol=1e-9):
-        raise ValueError(
-            'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
-            "needs fourth moments of the recordings, for which weights have no meaning. "
-            'Use "oas" or a number.'
-        )
-
-
-def _agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:
-    """Return the classes of all calls of `partial_fit`."""
-    if classes is None:
-        if known is None:
-            raise ValueError("classes must be given in the first call of partial_fit.")
-        return known
-    labels = np.unique(column_or_1d(classes))
-    if known is not None and not np.array_equal(labels, known):
-        raise ValueError(
-            f"classes must be the same in every call of partial_fit: got {labels.tolist()}, "
-            f"previously {known.tolist()}."
-        )
-    return labels

@@ -169,9 +169,11 @@ def cost_of_some(cost: Any, known: Sequence[Any], everything: Sequence[Any]) -> 
             for key, value in cost.items()
             if not (isinstance(key, tuple) and set(key) & set(absent))
         }
-    if np.shape(cost) != (len(everything),) * 2:
-        return cost
     kept = [place for place, label in enumerate(everything) if label in known]
+    if np.shape(cost) == (len(everything) + 1,) * 2:  # the last is the unknown state
+        kept.append(len(everything))
+    elif np.shape(cost) != (len(everything),) * 2:
+        return cost
     return np.asarray(cost)[np.ix_(kept, kept)]
 
 

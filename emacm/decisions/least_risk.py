@@ -16,130 +16,13 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
 from emacm.decisions.labels import check_classes
-from emacm.decisions.metrics import fraction_correct, positive_weights
+from emacm.decisions.least_risk_mixin import LeastRiskMixin
+from emacm.decisions.metrics import positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.pipelines import final_estimator, weight_parameter
 from emacm.decisions.priors import class_priors
-from emacm.decisions.risks import decide, risks_of
 
 Array = NDArray[np.float64]
-
-
-class LeastRiskMixin:
-    """Decisions of least conditional risk, Eq. (2.43), from `predict_log_proba`.
-
-    For classifiers with the parameter `cost` and the fitted attribute `classes_`. The cost takes
-    effect when a decision is made: a cost that is set after `fit` applies to the next `predict`.
-    """
-
-    cost: Any
-    classes_: NDArray[Any]
-
-    @property
-    def decisions_(self) -> NDArray[Any]:
-        """Possible results of `predict`, shape (n_decisions,), for the present `cost`."""
-        return self._cost_table()[0]
-
-    @property
-    def cost_(self) -> Array:
-        """Cost of each of `decisions_` under each of `classes_`, for the present `cost`."""
-        return self._cost_table()[1]
-
-    def predict_log_proba(self, X: Any) -> Array:
-        """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
-        raise NotImplementedError
-
-    def predict_proba(self, X):
-        """Return the posterior probability of each class, Eq. (2.42).
-
-        Parameters
-        ----------
-        X : list of Recording, or table
-            As for `fit`.
-
-        Returns
-        -------
-        posterior : ndarray of shape (n_recordings, n_classes)
-            Columns in the order of `classes_`.
-        """
-        return np.exp(self.predict_log_proba(X))
-
-    def risk(self, X):
-        """Return the expected cost of each decision (conditional risk), Eq. (2.39).
-
-        Parameters
-        ----------
-        X : list of Recording, or table
-            As for `fit`.
-
-        Returns
-        -------
-        risk : ndarray of shape (n_recordings, n_decisions)
-            In the unit of the cost, columns in the order of `decisions_`.
-        """
-        posterior = self.predict_proba(X)
-        return risks_of(posterior, self.cost_)
-
-    def predict(self, X):
-        """Return the decision of least conditional risk, Eq. (2.43).
-
-        Scaling all costs, or adding a constant to all decisions of one true class, changes no
-        decision. Of equal risks, the first of `decisions_` is returned.
-
-        Parameters
-        ----------
-        X : list of Recording, or table
-            As for `fit`.
-
-        Returns
-        -------
-        decisions : ndarray of shape (n_recordings,)
-            One of `decisions_` for each recording.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an input, or the present cost or priors, are invalid.
-        """
-        posterior = self.predict_proba(X)
-        decisions, cost = self._cost_table()
-        return decisions.take(decide(posterior, cost))
-
-    def score(self, X, y, sample_weight=None):
-        """Return the fraction of correct decisions.
-
-        A decision is correct if it is the true class ("inspect" never is); for a true class
-        that is not a decision, such as a state whose family is decided on, if it has the least
-        cost (`emacm.decisions.metrics.correct_decisions`). scikit-learn's ``scoring="accuracy"``
-        compares labels: it counts every decision that is not a class as wrong.
-
-        Parameters
-        ----------
-        X : list of Recording, or table
-            As for `fit`.
-        y : array-like of shape (n_recordings,)
-            True classes.
-        sample_weight : array-like of shape (n_recordings,), default=None
-            How often each recording counts.
-
-        Returns
-        -------
-        float
-            Accuracy, 0 to 1.
-
-        Raises
-        ------
-        ValueError
-            If an input is invalid, or the correct decision is unknown: some decisions are not
-            classes, and `y` contains a label that is neither.
-        """
-        decided = self.predict(X)
-        decisions, cost = self._cost_table()
-        table = decisions, self.classes_, cost
-        return fraction_correct(column_or_1d(y), decided, table, sample_weight)
-
-    def _cost_table(self) -> tuple[NDArray[Any], Array]:
-        return cost_table(self.cost, self.classes_)
 
 
 class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator):

@@ -258,7 +258,7 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
             f"make_scorer(expected_cost, greater_is_better=False, cost=...)."
         )
     truths, chosen = _equally_long(y, estimator.predict(X))
-    table = final.decisions_, final.classes_, final.cost_
+    table = final.decisions_, getattr(final, "truths_", final.classes_), final.cost_
     return -float(decision_costs(truths, chosen, table).mean())
 
 

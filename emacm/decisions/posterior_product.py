@@ -12,7 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import SavedEstimator
-from emacm.decisions.least_risk import LeastRiskClassifier, LeastRiskMixin, check_possible
+from emacm.decisions.least_risk import LeastRiskClassifier, check_possible
+from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.priors import class_priors
 

@@ -92,6 +92,42 @@ def ledoit_wolf_coefficients(
     return coefficients, squared_scales
 
 
+def ledoit_wolf_coefficient(scatter: Array, count: float, fourth: float) -> float:
+    """Coefficient of Ledoit and Wolf from moments [1]_, as in `sklearn.covariance`.
+
+    Parameters
+    ----------
+    scatter : ndarray of shape (n_features, n_features)
+        Sum of the outer products of the recordings, whose mean is 0.
+    count : float
+        Number of recordings.
+    fourth : float
+        Sum of the fourth powers of the Euclidean norms of the recordings.
+
+    Returns
+    -------
+    coefficient : float
+        Fraction of the spherical target, 0 to 1.
+
+    References
+    ----------
+    .. [1] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
+       matrices, Journal of Multivariate Analysis 88 (2004).
+
+    Examples
+    --------
+    >>> X = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 2.0], [0.0, -2.0]])
+    >>> round(ledoit_wolf_coefficient(X.T @ X, 4, np.sum(np.sum(X**2, axis=1) ** 2)), 6)
+    0.944444
+    """
+    second = scatter / count
+    n_features, trace, square = len(second), np.trace(second), np.sum(second**2)
+    distance = (square - trace**2 / n_features) / n_features
+    error = (fourth / count - square) / (n_features * count)
+    error = min(error, distance)
+    return float(error / distance) if error > 0 else 0.0
+
+
 def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
     """Mix covariances with uncorrelated features of equal (scaled) variance.
 

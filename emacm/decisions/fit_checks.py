@@ -1,0 +1,96 @@
+"""Checks of the parameters and the input of `CostSensitiveGaussianBayes`."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import column_or_1d
+
+from emacm._checks import check_choice, check_number
+
+Array = NDArray[np.float64]
+
+
+def can_add_recordings(classifier: Any) -> bool:
+    """Return True if `partial_fit` is available; otherwise an AttributeError states the reason."""
+    if isinstance(classifier.shrinkage, str) and classifier.shrinkage == "auto":
+        raise AttributeError(
+            'partial_fit is not available with shrinkage="auto": Ledoit-Wolf needs fourth '
+            "moments of the recordings, which are not kept. "
+            'Use "oas" or a number, or fit all recordings at once.'
+        )
+    if classifier.unknown is not None or isinstance(classifier.temperature, str):
+        raise AttributeError(
+            'partial_fit is not available with unknown= or temperature="groups": both are found by '
+            "leaving groups out, for which all recordings are needed at once. Use fit."
+        )
+    return True
+
+
+def has_unknown(classifier: Any) -> bool:
+    """Return True if there is an unknown state; otherwise an AttributeError states the remedy."""
+    if classifier.unknown is None:
+        raise AttributeError(
+            'unknown_proba needs the label of an unknown state, such as unknown="unknown".'
+        )
+    return True
+
+
+def warn_without_groups(groups: Any, *, stacklevel: int) -> None:
+    """Warn if single recordings are left out."""
+    if groups is None:
+        warnings.warn(
+            "fit was called without groups, so single recordings are left out. Recordings that "
+            "were measured together (of one unit, in one run) are near-duplicates and make the "
+            "model over-confident: give their labels, in a pipeline as "
+            "costsensitivegaussianbayes__groups=units.",
+            UserWarning,
+            stacklevel=stacklevel + 1,
+        )
+
+
+def check_parameters(covariance: Any, shrinkage: Any, temperature: Any) -> None:
+    """Raise if a parameter of `CostSensitiveGaussianBayes` is invalid."""
+    check_choice(covariance, "covariance", ("full", "tied", "diag"))
+    if isinstance(shrinkage, str):
+        check_choice(shrinkage, "shrinkage as a word", ("oas", "auto"))
+    elif shrinkage is not None:
+        name = 'shrinkage, if not None, "oas" or "auto",'
+        check_number(shrinkage, name, at_least=0, at_most=1)
+    if isinstance(temperature, str):
+        check_choice(temperature, "temperature as a word", ("groups",))
+    elif temperature is not None:
+        check_number(temperature, 'temperature, if not None or "groups",', above=0)
+
+
+def as_counts(weight: Array) -> Array:
+    """Return weights as counts; those whose sum is 1 are relative."""
+    return weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
+
+
+def check_unweighted(weight: Array) -> None:
+    """Raise a ValueError if a weight differs from 1."""
+    if not np.allclose(weight, 1, rtol=1e-9):
+        raise ValueError(
+            'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
+            "needs fourth moments of the recordings, for which weights have no meaning. "
+            'Use "oas" or a number.'
+        )
+
+
+def agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:
+    """Return the classes of all calls of `partial_fit`."""
+    if classes is None:
+        if known is None:
+            raise ValueError("classes must be given in the first call of partial_fit.")
+        return known
+    labels = np.unique(column_or_1d(classes))
+    if known is not None and not np.array_equal(labels, known):
+        raise ValueError(
+            f"classes must be the same in every call of partial_fit: got {labels.tolist()}, "
+            f"previously {known.tolist()}."
+        )
+    return labels

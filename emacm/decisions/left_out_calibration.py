@@ -1,0 +1,183 @@
+"""What is learned from left-out groups: typicality, and the temperature of posteriors."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
+
+from emacm.decisions.fit_checks import has_unknown
+from emacm.decisions.gaussians import GaussianClasses
+from emacm.decisions.left_out import LeftOut, Training, all_gaussians, left_out_gaussians
+from emacm.decisions.temperature import fit_temperature
+from emacm.decisions.truths import truth_priors
+from emacm.decisions.typicality import Typicality, fit_typicality
+from emacm.decisions.unknown import unknown_probability
+
+Array = NDArray[np.float64]
+
+_POOLED = "tied", "auto"  # covariance and shrinkage of the distances
+
+
+class LeftOutCalibration(NamedTuple):
+    """Results of leaving out each group in turn.
+
+    Attributes
+    ----------
+    typicality : Typicality or None
+        None before anything was left out.
+    temperature : float or None
+        Of least log loss; None if it was not asked for.
+    """
+
+    typicality: Typicality | None
+    temperature: float | None
+
+
+class LeftOutMixin:
+    """Typicality, unknown state and temperature of a classifier with a `LeftOutCalibration`."""
+
+    classes_: NDArray[Any]
+    class_count_: Array
+    priors: Any
+    unknown: Any
+    temperature: Any
+    _calibration: LeftOutCalibration
+
+    @property
+    def priors_(self) -> Array:
+        """Prior probabilities in effect, shape (n_classes,), for the present `priors`.
+
+        With an unknown state, those given that the true state is one of the classes.
+        """
+        return self._truth_priors()[0]
+
+    @property
+    def unknown_prior_(self) -> float:
+        """Prior probability in effect of the unknown state; 0 if there is none."""
+        return self._truth_priors()[1]
+
+    @property
+    def temperature_(self) -> float:
+        """Temperature of the densities in effect."""
+        if isinstance(self.temperature, str):
+            return self._calibrated("temperature")
+        return 1.0 if self.temperature is None else float(self.temperature)
+
+    def typicality(self, X):
+        """Return the fraction of left-out training recordings that are at least as far away.
+
+        Every training recording is judged by a model without its group. Distances to the nearest
+        class are measured inside and outside the discriminant space and for the largest deviation
+        of a single feature, with one covariance for all classes; beyond the farthest left-out
+        recordings their distribution has an exponential tail.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features.
+
+        Returns
+        -------
+        typicality : ndarray of shape (n_recordings,)
+            In (0, 1]. 0.01 or less: rarer than one in a hundred known recordings.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or `fit` had neither `groups` nor an unknown state.
+        """
+        X = self._checked_features(X)
+        return self._calibrated("typicality")(X)
+
+    @available_if(has_unknown)
+    def unknown_proba(self, X):
+        """Return the probability that the true state is unknown.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features.
+
+        Returns
+        -------
+        probability : ndarray of shape (n_recordings,)
+            From the typicality and `unknown_prior_`, by Bayes' rule.
+        """
+        return unknown_probability(self.typicality(X), self.unknown_prior_)
+
+    def _checked_features(self, X: Any) -> Array:
+        raise NotImplementedError
+
+    def _truth_priors(self) -> tuple[Array, float]:
+        return truth_priors(self.priors, self.classes_, self.class_count_, self.unknown)
+
+    def _calibrated(self, name: str) -> Any:
+        """Return what was found by leaving groups out."""
+        check_is_fitted(self)
+        found = getattr(self._calibration, name)
+        if found is None:
+            raise ValueError(
+                f"{name} is found by leaving groups out, which the last fit did not do. "
+                f"Call fit with groups=, the labels of recordings that were measured together."
+            )
+        return found
+
+
+def calibrate(
+    training: Training,
+    gaussians: GaussianClasses,
+    covariance: str,
+    shrinkage: Any,
+    *,
+    temperature: bool,
+) -> LeftOutCalibration:
+    """Calibrate a classifier with Gaussian classes on left-out groups.
+
+    Parameters
+    ----------
+    training : Training
+        The recordings.
+    gaussians : GaussianClasses
+        Densities of the classifier, fitted to all of them.
+    covariance, shrinkage : str and None, float or str
+        Of the classifier.
+    temperature : bool
+        Whether to determine the temperature.
+
+    Returns
+    -------
+    LeftOutCalibration
+
+    Raises
+    ------
+    ValueError
+        If no class has recordings in two groups.
+    """
+    own = (covariance, shrinkage) == _POOLED
+    pooled = left_out_gaussians(training, *_POOLED)
+    fitted = gaussians if own else all_gaussians(training, *_POOLED)
+    distances = fit_typicality(training, fitted, pooled)
+    if not temperature:
+        return LeftOutCalibration(distances, None)
+    parts = pooled if own else left_out_gaussians(training, covariance, shrinkage)
+    return LeftOutCalibration(distances, _temperature(training, parts))
+
+
+def _temperature(training: Training, parts: list[LeftOut]) -> float:
+    log_densities = np.full((len(training.X), training.n_classes), -np.inf)
+    for rows, gaussians, seen in ((part.rows, part.gaussians, part.seen) for part in parts):
+        log_densities[np.ix_(rows, seen)] = gaussians.log_densities(training.X[rows])[:, seen]
+    judged = np.isfinite(log_densities[np.arange(len(training.X)), training.codes])
+    if not judged.any():
+        raise ValueError(
+            "no class has recordings in two groups, so that no recording can be judged by others "
+            "of its class. Give groups= with at least two groups in one class, or a number as "
+            "temperature."
+        )
+    known = training.take(judged)
+    counts = np.bincount(training.codes, training.weight, training.n_classes)
+    return fit_temperature(log_densities[judged], known.codes, known.weight, counts / counts.sum())

@@ -1,0 +1,165 @@
+"""Facts about densities without one group: they equal those of a fit from the beginning."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from emacm.decisions.gaussians import FLOOR, fit_gaussians
+from emacm.decisions.left_out import (
+    MAX_PARTS,
+    Training,
+    group_numbers,
+    left_out_gaussians,
+)
+from emacm.decisions.shrinkage import (
+    ledoit_wolf_coefficient,
+    ledoit_wolf_coefficients,
+    oas_coefficient,
+)
+
+KINDS = [
+    (covariance, shrinkage)
+    for covariance in ("full", "tied", "diag")
+    for shrinkage in (0.3, "oas", "auto")
+]
+
+
+def draw(seed, n_recordings=70, n_features=4, n_classes=3, n_groups=5):
+    """Classes of different means, correlated features of different units, groups at random."""
+    rng = np.random.default_rng(seed)
+    codes = rng.permutation(np.arange(n_recordings) % n_classes)
+    groups = rng.integers(0, n_groups, n_recordings)
+    mixing = rng.normal(size=(n_features, n_features)) * 10.0 ** np.arange(-1, n_features - 1)
+    X = rng.normal(size=(n_recordings, n_features)) @ mixing
+    X += 3 * rng.normal(size=(n_classes, n_features))[codes] * X.std(axis=0)
+    return Training(X, codes, groups, np.ones(n_recordings), n_classes)
+
+
+def fitted_anew(training, covariance, shrinkage):
+    """Fit by the functions of a fit to all recordings."""
+    pooled = covariance == "tied"
+    moments = training.moments(
+        pooled=pooled, variances_only=covariance == "diag" and shrinkage != "oas"
+    )
+    if shrinkage == "auto":
+        of = training.X, training.codes, moments.means
+        coefficients = ledoit_wolf_coefficients(*of, pooled=pooled)
+    elif shrinkage == "oas":
+        pairs = zip(moments.scatter, moments.group_counts, strict=True)
+        coefficients = ([oas_coefficient(*pair) for pair in pairs],)
+    else:
+        coefficients = (shrinkage,)
+    floor = FLOOR * moments.feature_variances.max()
+    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, covariance, shrinkage):
+    training = draw(seed)
+    found = left_out_gaussians(training, covariance, shrinkage)
+    assert len(found) == 5
+    for part in found:
+        others = np.setdiff1d(np.arange(len(training.X)), part.rows)
+        assert len(np.unique(training.groups[part.rows])) == 1
+        assert not np.isin(training.groups[part.rows[0]], training.groups[others])
+        expected = fitted_anew(training.take(others), covariance, shrinkage)
+        assert_allclose(part.gaussians.means, expected.means, rtol=1e-9, atol=1e-9)
+        assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-8)
+        assert_allclose(
+            part.gaussians.log_densities(training.X), expected.log_densities(training.X), rtol=1e-7
+        )
+        assert part.seen.all()
+
+
+@given(seed=st.integers(0, 1000), n_groups=st.integers(2, 12))
+def test_every_recording_is_left_out_once(seed, n_groups):
+    training = draw(seed, n_recordings=30, n_groups=n_groups)
+    found = left_out_gaussians(training, "tied", 0.1)
+    rows = np.concatenate([part.rows for part in found])
+    assert_array_equal(np.sort(rows), np.arange(30))
+
+
+def test_a_group_with_outliers_leaves_accurate_moments():
+    training = draw(3)
+    training.X[training.groups == 2] *= 1e9
+    for part in left_out_gaussians(training, "tied", "auto"):
+        others = np.setdiff1d(np.arange(len(training.X)), part.rows)
+        expected = fitted_anew(training.take(others), "tied", "auto")
+        assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-6)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_a_class_of_one_group_is_not_seen_without_it(covariance):
+    training = draw(4)
+    training.groups[training.codes == 1] = 7
+    training.groups[training.codes != 1] %= 3
+    seen = {
+        tuple(np.unique(training.groups[part.rows])): part.seen.tolist()
+        for part in left_out_gaussians(training, covariance, 0.2)
+    }
+    assert seen.pop((7,)) == [True, False, True]
+    assert list(seen.values()) == [[True, True, True]] * 3
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+def test_weights_equal_repetitions(covariance, shrinkage):
+    once = draw(5)
+    weight = np.random.default_rng(5).integers(1, 4, len(once.X))
+    weighted = Training(once.X, once.codes, once.groups, weight.astype(float), 3)
+    repeated = once.take(np.repeat(np.arange(len(once.X)), weight))
+    found = left_out_gaussians(weighted, covariance, shrinkage)
+    for part, other in zip(found, left_out_gaussians(repeated, covariance, shrinkage), strict=True):
+        assert_allclose(part.gaussians.covariances, other.gaussians.covariances, rtol=1e-8)
+
+
+@pytest.mark.parametrize("n_recordings", [5, 60])
+def test_ledoit_wolf_from_moments_is_that_of_scikit_learn(n_recordings):
+    from sklearn.covariance import ledoit_wolf_shrinkage
+
+    X = np.random.default_rng(n_recordings).normal(size=(n_recordings, 7)) * np.arange(1, 8)
+    X -= X.mean(axis=0)
+    fourth = np.sum(np.sum(X**2, axis=1) ** 2)
+    found = ledoit_wolf_coefficient(X.T @ X, n_recordings, fourth)
+    assert found == pytest.approx(ledoit_wolf_shrinkage(X), rel=1e-12)
+
+
+# Numbers of groups
+
+
+def test_equal_labels_are_one_group_whatever_their_type():
+    X, codes = np.zeros((4, 1)), np.zeros(4, int)
+    for labels in (["u9", "u10", "u9", "u2"], [9, 10, 9, 2], [("a", 1), "b", ("a", 1), 2]):
+        assert group_numbers(labels, X, codes).tolist() == [0, 1, 0, 2]
+
+
+@pytest.mark.parametrize("missing", [None, np.nan])
+def test_a_missing_group_is_an_error(missing):
+    with pytest.raises(ValueError, match="recording 1 is missing"):
+        group_numbers(["a", missing, "b"], np.zeros((3, 1)), np.zeros(3, int))
+
+
+def test_groups_of_another_length_are_an_error():
+    with pytest.raises(ValueError, match="each of the 3 recordings, got 2"):
+        group_numbers(["a", "b"], np.zeros((3, 1)), np.zeros(3, int))
+
+
+def test_without_groups_up_to_64_recordings_are_left_out_one_by_one():
+    X = np.random.default_rng(0).normal(size=(64, 2))
+    assert len(np.unique(group_numbers(None, X, np.arange(64) % 3))) == 64
+
+
+def test_without_groups_many_recordings_are_divided_evenly_within_each_class():
+    X, codes = np.random.default_rng(0).normal(size=(640, 2)), np.arange(640) % 2
+    groups = group_numbers(None, X, codes)
+    for k in (0, 1):
+        assert_array_equal(np.bincount(groups[codes == k], minlength=MAX_PARTS), 5)
+
+
+def test_without_groups_equal_recordings_are_left_out_together():
+    X = np.random.default_rng(0).normal(size=(9, 2))
+    groups = group_numbers(None, np.vstack([X, X]), np.tile(np.arange(9) % 2, 2))
+    assert_array_equal(groups[:9], groups[9:])
+    assert len(np.unique(groups)) == 9

@@ -1,0 +1,369 @@
+"""Facts about classifiers with an unknown state: decisions, costs, priors, compositions."""
+
+import warnings
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_validate
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.metrics import neg_expected_cost
+from emacm.decisions.posterior_product import PosteriorProduct
+from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.decisions.unknown import unknown_probability
+
+NAMES = np.array(["worn", "healthy", "dry"])
+PLACES = np.array([[6.0, 0, 0, 1], [0, 0, 0, 0], [0, 5.0, 1, 0]])
+CLASSES = np.array(["dry", "healthy", "worn"])
+FAR = np.array([[300.0, -40, 7, 9]])
+KINDS = [("full", 0.1), ("tied", "auto"), ("tied", None), ("diag", None), ("full", "auto")]
+
+
+def draw(seed, n_units=7, n_runs=3):
+    """Three runs of each unit in each state; units have offsets that their runs share."""
+    rng = np.random.default_rng(seed)
+    codes = np.tile(np.repeat(np.arange(3), n_runs), n_units)
+    units = np.repeat(np.arange(n_units), 3 * n_runs)
+    X = PLACES[codes] + 0.5 * rng.normal(size=(n_units, 3, 4))[units, codes]
+    return X + rng.normal(size=X.shape), NAMES[codes], np.array([f"u{10 - k}" for k in units])
+
+
+def fitted(covariance="tied", shrinkage="auto", seed=0, **options):
+    options = {"unknown": "unknown", "temperature": "groups"} | options
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage, **options)
+    return model.fit(*draw(seed)[:2], groups=draw(seed)[2])
+
+
+# Decisions
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+def test_known_recordings_are_classified_and_distant_ones_are_unknown(covariance, shrinkage):
+    model = fitted(covariance, shrinkage)
+    X, y, _ = draw(1)
+    assert np.mean(model.predict(X) == y) > 0.9
+    assert model.predict(FAR) == ["unknown"]
+    assert model.unknown_proba(FAR) > 0.9
+    assert model.unknown_proba(X).mean() < 0.03
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+def test_without_unknown_state_and_temperature_nothing_changes(covariance, shrinkage):
+    X, y, units = draw(2)
+    plain = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage).fit(X, y)
+    by_groups = clone(plain).fit(X, y, groups=units)
+    for method in ("predict_joint_log_proba", "predict_proba", "risk", "predict"):
+        first, second = (getattr(model, method)(X) for model in (plain, by_groups))
+        np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(plain.truths_, plain.classes_)
+    assert plain.unknown_prior_ == 0
+    assert plain.temperature_ == 1
+    with_unknown = clone(plain).set_params(unknown="new").fit(X, y, groups=units)
+    np.testing.assert_array_equal(with_unknown.predict_proba(X), plain.predict_proba(X))
+
+
+def test_inspection_is_decided_where_it_is_cheaper():
+    inspect = {("inspect", name): 0.3 for name in NAMES}
+    model = fitted(cost=inspect)
+    nearly_known = draw(0)[0][:1] + np.linspace(0, 20, 60)[:, np.newaxis]
+    decided = model.predict(nearly_known).tolist()
+    changes = [a for a, b in zip(decided, [None, *decided], strict=False) if a != b]
+    assert changes[-2:] == ["inspect", "unknown"]
+    assert "unknown" not in fitted(cost=inspect | {("inspect", "unknown"): 0.0}).predict(FAR)
+
+
+def test_the_risk_is_the_cost_weighted_by_all_truths():
+    model = fitted(cost={("healthy", "unknown"): 7.0, ("worn", "dry"): 2.0})
+    X = np.vstack([draw(3)[0], FAR])
+    unknown = model.unknown_proba(X)[:, np.newaxis]
+    truth = np.hstack([model.predict_proba(X) * (1 - unknown), unknown])
+    np.testing.assert_allclose(model.risk(X), truth @ model.cost_.T, rtol=1e-12)
+    np.testing.assert_array_equal(model.truths_, ["dry", "healthy", "worn", "unknown"])
+    np.testing.assert_array_equal(model.decisions_, model.truths_)
+    assert model.cost_[1, 3] == 7
+
+
+def test_the_probability_follows_from_typicality_and_prior():
+    model = fitted()
+    X = np.vstack([draw(4)[0], FAR])
+    expected = unknown_probability(model.typicality(X), 0.01)
+    np.testing.assert_array_equal(model.unknown_proba(X), expected)
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+def test_costs_and_priors_set_later_equal_those_of_a_refit(covariance, shrinkage):
+    later = {
+        "cost": {("inspect", name): 0.2 for name in (*NAMES, "unknown")} | {("dry", "worn"): 9},
+        "priors": {"healthy": 0.8, "worn": 0.1, "dry": 0.05, "unknown": 0.05},
+    }
+    model, anew = fitted(covariance, shrinkage), fitted(covariance, shrinkage, **later)
+    between = np.linspace(0, 1, 9)[:, np.newaxis] * PLACES[0]
+    X = np.vstack([draw(5)[0], FAR, between])
+    assert not np.allclose(model.unknown_proba(X), anew.unknown_proba(X))
+    assert model.risk(X).shape != anew.risk(X).shape
+    model.set_params(**later)
+    for method in ("predict_proba", "unknown_proba", "typicality", "risk", "predict"):
+        np.testing.assert_array_equal(getattr(model, method)(X), getattr(anew, method)(X))
+
+
+def test_numbers_stay_numbers_unless_unknown_is_decided():
+    X, y, units = draw(6)
+    model = fitted().fit(X, np.searchsorted(CLASSES, y), groups=units)
+    assert model.predict(X[:3]).dtype.kind == "i"
+    assert model.predict(np.vstack([X[:1], FAR])).tolist() == [2, "unknown"]
+
+
+def test_distances_that_overflow_are_unknown_and_not_an_error():
+    far = np.full((1, 4), 1e149)
+    model = fitted("diag", None)
+    assert model.predict(far) == ["unknown"]
+    np.testing.assert_allclose(model.predict_proba(far).sum(), 1)
+
+
+# Costs and priors
+
+
+def test_costs_that_are_not_stated_have_defaults():
+    families = pd.DataFrame(
+        [[0.0, 5.0, 5.0], [1.0, 0.0, 0.0], [0.4, 0.2, 0.2]],
+        index=["ok", "bad", "look"],
+        columns=["healthy", "dry", "worn"],
+    )
+    decisions, table = truth_cost_table(families, CLASSES, "new")
+    assert decisions.tolist() == ["ok", "bad", "look", "new"]
+    np.testing.assert_array_equal(table[:, -1], [1, 1, 0.4, 0])
+    np.testing.assert_array_equal(table[-1, :-1], 1)
+
+
+def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
+    rows = [*CLASSES, "new"]
+    matrix = np.arange(16.0).reshape(4, 4)
+    frame = pd.DataFrame(matrix, rows, rows)
+    mapping = {(d, t): matrix[i, k] for i, d in enumerate(rows) for k, t in enumerate(rows)}
+    for cost in (matrix, frame.sample(frac=1, axis=1, random_state=0), mapping):
+        decisions, table = truth_cost_table(cost, CLASSES, "new")
+        assert decisions.tolist() == rows
+        np.testing.assert_array_equal(table, matrix)
+
+
+def test_without_an_unknown_state_the_cost_is_that_of_the_classes():
+    decisions, table = truth_cost_table(None, CLASSES, None)
+    assert decisions is CLASSES
+    np.testing.assert_array_equal(table, 1 - np.eye(3))
+
+
+def test_a_decision_with_a_cost_for_the_unknown_state_only_is_an_error():
+    with pytest.raises(ValueError, match=r"'inspect'.*every class"):
+        truth_cost_table({("inspect", "new"): 0.1}, CLASSES, "new")
+
+
+def test_the_unknown_state_must_not_be_a_class():
+    with pytest.raises(ValueError, match="'worn' is a class"):
+        fitted(unknown="worn")
+
+
+@pytest.mark.parametrize("value", [np.nan, "7", True])
+def test_costs_of_the_unknown_state_are_numbers(value):
+    with pytest.raises((TypeError, ValueError), match="'dry' when 'new'"):
+        truth_cost_table({("dry", "new"): value}, CLASSES, "new")
+
+
+def test_priors_may_contain_the_unknown_state():
+    stated = {"worn": 0.18, "dry": 0.09, "healthy": 0.63, "new": 0.1}
+    for priors in (stated, pd.Series(stated), [0.09, 0.63, 0.18, 0.1]):
+        of_classes, of_unknown = truth_priors(priors, CLASSES, np.ones(3), "new")
+        np.testing.assert_allclose(of_classes, [0.1, 0.7, 0.2])
+        assert of_unknown == pytest.approx(0.1)
+    for priors in (None, "uniform", [0.2, 0.3, 0.5], {"worn": 0.5, "dry": 0.2, "healthy": 0.3}):
+        assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
+
+
+def test_priors_with_the_unknown_state_add_up_to_1():
+    with pytest.raises(ValueError, match="add up to 1"):
+        truth_priors({"worn": 0.5, "dry": 0.2, "healthy": 0.3, "new": 0.1}, CLASSES, None, "new")
+    with pytest.raises(ValueError, match="no class any"):
+        truth_priors([0, 0, 0, 1.0], CLASSES, None, "new")
+
+
+# Compositions
+
+
+def by_units(units, step="costsensitivegaussianbayes"):
+    return {f"{step}__groups": units}
+
+
+def test_it_works_in_pipelines_and_searches_with_groups():
+    X, y, units = draw(7)
+    pipe = make_pipeline(StandardScaler(), clone(fitted()))
+    grid = {
+        "costsensitivegaussianbayes__shrinkage": [0.1, "auto"],
+        "costsensitivegaussianbayes__temperature": ["groups", 1.0],
+    }
+    search = GridSearchCV(
+        pipe, grid, cv=GroupKFold(3), scoring=neg_expected_cost, error_score="raise"
+    )
+    search.fit(X, y, groups=units, **by_units(units))
+    assert search.predict(FAR) == ["unknown"]
+    scores = cross_validate(
+        pipe, X, y, groups=units, cv=GroupKFold(3), params=by_units(units), error_score="raise"
+    )
+    assert scores["test_score"].min() > 0.8
+    alone = clone(fitted()).fit(StandardScaler().fit_transform(X), y, groups=units)
+    np.testing.assert_allclose(
+        pipe.fit(X, y, **by_units(units))[-1].typicality(pipe[:-1].transform(X)),
+        alone.typicality(StandardScaler().fit_transform(X)),
+    )
+
+
+def test_a_router_splits_groups_by_condition():
+    X, y, units = draw(8, n_units=10)
+    table = pd.DataFrame(X, columns=list("abcd")).assign(load=np.tile([20, -40], len(X))[: len(X)])
+    router = ConditionRouter(clone(fitted()), "load").fit(table, y, groups=units)
+    for load, model in router.estimators_.items():
+        here = (table["load"] == load).to_numpy()
+        alone = clone(fitted()).fit(table[here].drop(columns="load"), y[here], groups=units[here])
+        part = table[here].drop(columns="load")
+        np.testing.assert_array_equal(model.typicality(part), alone.typicality(part))
+    far = pd.DataFrame(FAR, columns=list("abcd")).assign(load=-40)
+    assert router.predict(far) == ["unknown"]
+    assert router.decisions_.tolist() == ["dry", "healthy", "worn", "unknown"]
+    assert router.risk(far).shape == (1, 4)
+    assert router.score(table, y) > 0.8
+    assert neg_expected_cost(router, table, y) > -0.2
+    assert router.unknown_proba(far) > 0.9
+    assert router.typicality(far) < 1e-3
+    assert not hasattr(ConditionRouter(CostSensitiveGaussianBayes(), "load"), "unknown_proba")
+
+
+@pytest.mark.parametrize("form", ["array", "mapping"])
+def test_a_router_with_a_class_in_one_condition_only_narrows_costs_and_priors(form):
+    X, y, units = draw(20, n_units=10)
+    table = pd.DataFrame(X, columns=list("abcd")).assign(load=np.tile([20, -40], len(X))[: len(X)])
+    kept = ~((y == "worn") & (table["load"] == 20).to_numpy())
+    table, y, units = table[kept], y[kept], units[kept]
+    rows = [*CLASSES, "unknown"]
+    cost, priors = 5.0 * (1 - np.eye(4)), np.array([0.2, 0.5, 0.25, 0.05])
+    if form == "mapping":
+        cost = {(d, t): cost[i, k] for i, d in enumerate(rows) for k, t in enumerate(rows)}
+        priors = dict(zip(rows, priors, strict=True))
+    model = fitted().set_params(cost=cost, priors=priors)
+    router = ConditionRouter(clone(model), "load").fit(table, y, groups=units)
+    assert router.estimators_[20].unknown_prior_ == pytest.approx(0.05 / 0.75)
+    assert router.cost_.shape == (4, 4)
+    assert router.score(table, y) > 0.8
+
+
+def test_a_product_uses_the_posteriors_of_members_with_an_unknown_state():
+    X, y, _ = draw(9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        product = PosteriorProduct([("all", clone(fitted())), ("too", clone(fitted()))]).fit(X, y)
+    assert np.mean(product.predict(X) == y) > 0.9
+
+
+def test_it_survives_a_dump_and_load(tmp_path):
+    model = fitted()
+    joblib.dump(model, tmp_path / "model")
+    X = np.vstack([draw(10)[0], FAR])
+    np.testing.assert_array_equal(
+        joblib.load(tmp_path / "model").unknown_proba(X), model.unknown_proba(X)
+    )
+
+
+# Fitting
+
+
+def test_without_groups_a_warning_names_the_remedy():
+    X, y, _ = draw(11)
+    with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:
+        CostSensitiveGaussianBayes(unknown="unknown").fit(X, y)
+    assert caught[0].filename == __file__
+
+
+def test_partial_fit_states_why_it_is_not_available():
+    for options in ({"unknown": "unknown"}, {"temperature": "groups"}):
+        model = CostSensitiveGaussianBayes(**options)
+        assert not hasattr(model, "partial_fit")
+        with pytest.raises(AttributeError, match="partial_fit") as error:
+            model.partial_fit(None, None)
+        assert "leaving groups out" in str(error.value.__cause__ or error.value)
+    assert hasattr(CostSensitiveGaussianBayes(temperature=2.0), "partial_fit")
+
+
+def test_what_was_not_left_out_cannot_be_asked_for():
+    X, y, units = draw(12)
+    plain = CostSensitiveGaussianBayes().fit(X, y)
+    assert not hasattr(plain, "unknown_proba")
+    for model in (plain, clone(plain).set_params(unknown="unknown")):
+        with pytest.raises(ValueError, match="groups="):
+            plain.set_params(unknown=model.unknown).typicality(X)
+    plain.set_params(temperature="groups", unknown=None)
+    with pytest.raises(ValueError, match="temperature is found by leaving groups out"):
+        plain.predict(X)
+    assert (plain.set_params(temperature=None).fit(X, y, groups=units).typicality(X) > 0).all()
+
+
+def test_partial_fit_discards_an_earlier_calibration():
+    X, y, units = draw(13)
+    model = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, y, groups=units)
+    with pytest.raises(ValueError, match="groups="):
+        model.partial_fit(X, y).typicality(X)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"temperature": 0}, "temperature"),
+        ({"temperature": "group"}, "temperature"),
+        ({"temperature": -1.0}, "temperature"),
+        ({"temperature": np.nan}, "temperature"),
+    ],
+)
+def test_an_invalid_temperature_is_an_error(options, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        CostSensitiveGaussianBayes(**options).fit(*draw(14)[:2])
+
+
+def test_a_number_as_temperature_scales_the_log_densities():
+    X, y, _ = draw(15)
+    sharp = CostSensitiveGaussianBayes(priors="uniform").fit(X, y)
+    soft = CostSensitiveGaussianBayes(priors="uniform", temperature=4.0).fit(X, y)
+    ratio = np.diff(sharp.predict_log_proba(X)) / np.diff(soft.predict_log_proba(X))
+    np.testing.assert_allclose(ratio, 4)
+    sharp.set_params(temperature=4.0)
+    np.testing.assert_array_equal(sharp.predict_proba(X), soft.predict_proba(X))
+
+
+def test_temperature_by_groups_reduces_the_log_loss_of_new_units():
+    def log_loss(model, X, y):
+        logs = model.predict_log_proba(X)
+        return -np.mean(logs[np.arange(len(y)), np.searchsorted(CLASSES, y)])
+
+    X, y, units = draw(16, n_units=6)
+    X, new = np.repeat(X, 3, axis=0), draw(17, n_units=60)[:2]
+    X = X + 0.05 * np.random.default_rng(0).normal(size=X.shape)  # near-duplicates
+    y, units = np.repeat(y, 3), np.repeat(units, 3)
+    calibrated = CostSensitiveGaussianBayes(temperature="groups").fit(X, y, groups=units)
+    assert calibrated.temperature_ > 1
+    assert log_loss(calibrated, *new) < log_loss(CostSensitiveGaussianBayes().fit(X, y), *new)
+
+
+def test_one_unit_per_class_is_an_error_that_names_the_remedy():
+    X, y, _ = draw(18)
+    with pytest.raises(ValueError, match=r"no class has recordings in two groups.*groups="):
+        CostSensitiveGaussianBayes(unknown="unknown").fit(X, y, groups=y)
+
+
+def test_groups_of_another_length_or_with_gaps_are_errors():
+    X, y, units = draw(19)
+    with pytest.raises(ValueError, match="63"):
+        CostSensitiveGaussianBayes(unknown="unknown").fit(X, y, groups=units[:-1])
+    gaps = pd.Series(units).where(np.arange(63) != 4)
+    with pytest.raises(ValueError, match="recording 4 is missing"):
+        CostSensitiveGaussianBayes(unknown="unknown").fit(X, y, groups=gaps)
