@@ -10,7 +10,7 @@ CONFIGURATIONS = [
     CostSensitiveGaussianBayes(temperature="groups"),
     CostSensitiveGaussianBayes(temperature=2.5),
     CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1, unknown=-7, temperature="groups"),
-    CostSensitiveGaussianBayes(covariance="diag", shrinkage=0.3, unknown="new", temperature=3.0),
+    CostSensitiveGaussianBayes(covariance="diag", unknown="new", temperature=3.0),
 ]
 
 
