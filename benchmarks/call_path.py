@@ -50,6 +50,8 @@ class Trace:
         Calls from one module into another.
     depth : int
         Largest number of nested calls.
+    deepest : list of str
+        These calls.
     calls : Counter of (module, function)
         Calls of each function; a generator counts once.
     """
@@ -58,6 +60,7 @@ class Trace:
         self.modules: set[str] = set()
         self.changes: Counter[tuple[str, str]] = Counter()
         self.depth = 0
+        self.deepest: list[str] = []
         self.calls: Counter[tuple[str, str]] = Counter()
         self._stack: list[tuple[Any, str]] = []
         self._started: set[int] = set()
@@ -80,7 +83,9 @@ class Trace:
         if self._stack and self._stack[-1][1] != module:
             self.changes[self._stack[-1][1], module] += 1
         self._stack.append((frame, module))
-        self.depth = max(self.depth, len(self._stack))
+        if len(self._stack) > self.depth:
+            self.depth = len(self._stack)
+            self.deepest = [f"{m}.{f.f_code.co_name}" for f, m in self._stack]
         if id(frame) not in self._started:
             self._started.add(id(frame))
             self._frames.append(frame)
@@ -133,7 +138,7 @@ def main() -> None:
     print(table(rows))
     if options.calls:
         for name, trace in traces.items():
-            print(f"\n{name}")
+            print(f"\n{name}", "deepest:", *trace.deepest, sep="\n    ")
             for (caller, callee), count in trace.changes.most_common():
                 print(f"{count:5d} {caller} -> {callee}")
             for (module, function), count in trace.calls.most_common(40):

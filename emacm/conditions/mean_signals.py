@@ -7,7 +7,6 @@ everything else averages out.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 
 from emacm.recordings.digests import content_digest
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.shaft.paths import ShaftPath, StrokeTravel
+from emacm.shaft.motion import StrokeTravel
+from emacm.shaft.paths import ShaftPath
 
 ALIGNMENTS = ("angle", "start")
 REACHED = 0.5  # fraction of the recordings that an angle needs for a mean; assumed
@@ -310,8 +310,7 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     travel: Any = path.travel
     if not isinstance(travel, StrokeTravel):
         raise TypeError(f"only single strokes have a shaft angle, got {type(travel).__name__}.")
-    moved = copy.copy(travel)
-    moved.start_angle = path.start_angle - sign * ahead
+    moved = travel.starting_at(path.start_angle - sign * ahead)
     return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
 
 

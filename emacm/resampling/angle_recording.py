@@ -14,6 +14,7 @@ from emacm.recordings.recording import Recording
 from emacm.resampling.interpolation import interpolated
 from emacm.resampling.kept_signals import KeptSignals
 from emacm.resampling.spreading import spread_rows
+from emacm.shaft.motion import Series
 from emacm.shaft.paths import ShaftPath
 
 Self = TypeVar("Self", bound="AngleRecording")
@@ -87,16 +88,23 @@ class AngleRecording:
         return tuple(AngleStroke(self, path) for path in self.paths)
 
     @property
+    def timed(self) -> list[tuple[Series, float]]:
+        """Each channel over time, and its sampling rate [Hz]."""
+        found = self.__dict__.get("_timed")
+        if found is None:
+            series, fs = self.measured.series, self.measured.fs
+            found = self.__dict__["_timed"] = [(series[name], fs[name]) for name in self.channels]
+        return found
+
+    @property
     def dtype(self) -> np.dtype[np.floating]:
         """Type of the resampled signals: float32 if all channels are."""
-        series = self.measured.series
-        return np.result_type(*(series[name].dtype for name in self.channels))
+        return np.result_type(*(series.dtype for series, _ in self.timed))
 
     @property
     def rate_groups(self) -> list[list[int]]:
         """Indices of the channels, grouped by sampling rate."""
-        fs = self.measured.fs
-        rates = [fs[name] for name in self.channels]
+        rates = [fs for _, fs in self.timed]
         return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
 
     def frame(self) -> pd.DataFrame:
@@ -188,16 +196,16 @@ class AngleStroke:
             Consecutive blocks, of at most some hundred thousand samples. They may be kept for
             other readers, so they must not be changed.
         """
-        parent, measured = self.parent, self.parent.measured
-        names, series = [parent.channels[row] for row in rows], measured.series
-        signals = [series[name] for name in names]
+        parent = self.parent
+        signals, rates = zip(*(parent.timed[row] for row in rows), strict=True)
         n_times = min(map(len, signals))  # equal to within one sample
         signals = [s if len(s) == n_times else s[:n_times] for s in signals]
-        fs = measured.fs[names[0]]
         if parent.antialias:
-            stream = spread_rows(signals, fs, self.path, parent.theta_s)
+            stream = spread_rows(signals, rates[0], self.path, parent.theta_s)
         else:
-            stream = interpolated(signals, fs, self.path, parent.theta_s, parent.interpolation)
+            stream = interpolated(
+                signals, rates[0], self.path, parent.theta_s, parent.interpolation
+            )
         if parent.kept is None:
             return stream
         return parent.kept.blocks(self.path, rows, self.path.count(parent.theta_s), stream)

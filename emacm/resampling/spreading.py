@@ -78,7 +78,7 @@ def spread_rows(
         return
     loops = kernels()
     grid = _FineGrid(loops, path, means, n_angles, theta_s)
-    for block in _dense_blocks(loops, rows, fs, path, theta_s):
+    for block in _dense_blocks(loops, rows, fs, path, theta_s, (first, last)):
         resampled = [grid.resample(block)]
         del block  # what is not needed any more is gone before the next is made
         if resampled[0].shape[1]:
@@ -120,14 +120,18 @@ class _Block(NamedTuple):
 
 
 def _dense_blocks(
-    loops: ModuleType, rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
+    loops: ModuleType,
+    rows: Sequence[Series],
+    fs: float,
+    path: ShaftPath,
+    theta_s: float,
+    sample_range: tuple[int, int],
 ) -> Iterator[_Block]:
     """Yield dense time samples in blocks."""
     factor = _upsampling(fs, path, theta_s)
-    rate = fs * factor
-    # Made denser, the signal goes on, mirrored, to the end of the path.
-    n_times = len(rows[0]) if factor == 1 else factor * (len(rows[0]) + 1)
-    first, last = path.sample_range(rate, n_times)
+    rate, (first, last) = fs * factor, sample_range
+    if factor > 1:  # at the higher rate, the signal continues, mirrored, to the end of the path
+        first, last = path.sample_range(rate, factor * (len(rows[0]) + 1))
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     density = 2 * path.fastest / (rate * theta_s)  # points of the fine grid for each sample
     at_once = max(1, int(loops.BLOCK / max(1.0, 2 * density)))

@@ -6,6 +6,7 @@ arrays, but keep only the angle at every 256th sample and compute a slice when i
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -109,7 +110,9 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
-        self._known, self._lowest, self._highest = kernels().cumulative_angle_checkpoints(
+        loops = kernels()
+        self._integrate = loops.integrate
+        self._known, self._lowest, self._highest = loops.cumulative_angle_checkpoints(
             velocity, self._half_step, _STRIDE
         )
 
@@ -126,7 +129,7 @@ class IntegratedAngle(LazySeries):
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
         velocity = self.velocity[first * _STRIDE : stop]
-        angle = kernels().integrate(velocity, self._half_step, self._known[first:], _STRIDE)
+        angle = self._integrate(velocity, self._half_step, self._known[first:], _STRIDE)
         return angle[start - first * _STRIDE :]
 
 
@@ -166,29 +169,41 @@ class StrokeTravel(LazySeries):
         First sample, last sample and direction.
     monotonic : bool
         Whether the angle is known never to reverse.
+
+    Attributes
+    ----------
+    known : dict of str to float
+        Attributes of a `ShaftPath` that are known without reading the travel.
     """
+
+    known: dict[str, Any]
 
     def __init__(self, angle: Series, stroke: Stroke, *, monotonic: bool) -> None:
         super().__init__(stroke.stop - stroke.start)
-        self.angle = angle
-        self.start = stroke.start
-        self.monotonic = monotonic
         self.start_angle = float(angle[stroke.start])
-        self._sign = stroke.direction
+        self._angle, self._stroke = angle, stroke
+        self.known = {"n_times": self._length, "length": float(self[self._length - 1])}
+        if isinstance(angle, IntegratedAngle):
+            self.known["fastest"] = angle.speed_limit(stroke.start, stroke.stop)
+        if monotonic:
+            self.known["max_reversal"] = 0.0
+
+    def starting_at(self, angle: float) -> StrokeTravel:
+        """Return the travel since another shaft angle [rad], at the same times."""
+        moved = copy.copy(self)
+        moved.start_angle = angle
+        moved.known = self.known | {"length": float(moved[self._length - 1])}
+        return moved
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the travel at samples `start` to `stop` (exclusive) of the stroke [rad]."""
-        angle = _read(self.angle, self.start + start, self.start + stop)
-        travel = np.asarray(angle, np.float64)
+        angle, first = self._angle, self._stroke.start
+        start, stop = first + start, first + stop
+        part = angle.read(start, stop) if isinstance(angle, LazySeries) else angle[start:stop]
+        travel = np.asarray(part, np.float64)
         if self.start_angle:
             travel = travel - self.start_angle
-        return travel if self._sign > 0 else -travel
-
-    def speed_limit(self) -> float | None:
-        """Return an upper bound of the speed [rad/s]; None where all steps must be compared."""
-        if not isinstance(self.angle, IntegratedAngle):
-            return None
-        return self.angle.speed_limit(self.start, self.start + self._length)
+        return travel if self._stroke.direction > 0 else -travel
 
 
 class JoinedTravel(LazySeries):
@@ -218,18 +233,15 @@ class JoinedTravel(LazySeries):
         )
         self._before = np.concatenate([[0.0], np.cumsum(run[:-1] + turns)])
         self._after = self._before + run
+        self.known: dict[str, Any] = {}
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the travel at samples `start` to `stop` (exclusive) [rad]."""
         index = np.arange(start, stop)
         stroke = np.searchsorted(self._starts, index, side="right") - 1
-        angle = _read(self._angle, self._origin + start, self._origin + stop).astype(np.float64)
+        angle = self._angle[self._origin + start : self._origin + stop].astype(np.float64)
         moved = self._before[stroke] + self._signs[stroke] * (angle - self._from[stroke])
         return np.where(index < self._stops[stroke], moved, self._after[stroke])
-
-
-def _read(series: Series, start: int, stop: int) -> NDArray[np.floating]:
-    return series.read(start, stop) if isinstance(series, LazySeries) else series[start:stop]
 
 
 def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:

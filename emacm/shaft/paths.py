@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.shaft.motion import Series, StrokeTravel, blocks
+from emacm.shaft.motion import LazySeries, Series, blocks
 
 _MOST_SAMPLES = 1 << 31  # over the angle of one path
 
@@ -56,6 +56,10 @@ class ShaftPath:
     start_angle: float
     direction: int
 
+    def __post_init__(self) -> None:
+        """Take over what the travel knows of itself, in place of properties that read it."""
+        self.__dict__.update(getattr(self.travel, "known", {}))
+
     def __eq__(self, other: object) -> bool:
         """Two paths are equal if travel, rate, start and direction are."""
         if not isinstance(other, ShaftPath):
@@ -81,14 +85,11 @@ class ShaftPath:
     @_remembered
     def fastest(self) -> float:
         """Highest speed along the path, or a little more [rad/s]."""
-        limit = self.travel.speed_limit() if isinstance(self.travel, StrokeTravel) else None
-        return self._extremes[0] * self.fs if limit is None else limit
+        return self._extremes[0] * self.fs
 
     @_remembered
     def max_reversal(self) -> float:
         """Largest angle by which the shaft reverses on its way [rad]; 0 if it never does."""
-        if isinstance(self.travel, StrokeTravel) and self.travel.monotonic:
-            return 0.0
         return self._extremes[2]
 
     def largest_step(self) -> tuple[float, int]:
@@ -161,7 +162,8 @@ class ShaftPath:
         if fs != factor * self.fs or abs(offset - shift) > 1e-6:
             return self._cubic(fs, start, stop)
         if factor == 1 and start >= shift and stop - 1 - shift <= last:
-            return self.travel[start - shift : stop - shift]
+            low, high, travel = start - shift, stop - shift, self.travel
+            return travel.read(low, high) if isinstance(travel, LazySeries) else travel[low:high]
         # In between, the cubics of all intervals are evaluated at the same places.
         low = min(max(start, shift + factor), stop)
         high = max(min(stop, shift + (last - 1) * factor), low)

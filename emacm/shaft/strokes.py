@@ -114,7 +114,7 @@ def paths_along(
     """
     check_choice(direction, "direction", DIRECTIONS)
     if direction == "travel":
-        paths = [_joined_path(angle, fs, strokes)] if strokes else []
+        paths = _joined_path(angle, fs, strokes)
     else:
         # The integral of a velocity that never changes its sign never reverses.
         monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
@@ -123,8 +123,9 @@ def paths_along(
             if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1:
                 travel = StrokeTravel(angle, stroke, monotonic=monotonic)
                 start = stroke.start / fs, travel.start_angle
-                paths.append(ShaftPath(travel, fs, *start, stroke.direction))
-    return [path for path in paths if path.length > 0]
+                if travel.known["length"] > 0:
+                    paths.append(ShaftPath(travel, fs, *start, stroke.direction))
+    return paths
 
 
 def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
@@ -156,7 +157,10 @@ def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tupl
         yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])
 
 
-def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> ShaftPath:
+def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> list[ShaftPath]:
+    if not strokes:
+        return []
     origin = strokes[0].start
     start = origin / fs, float(angle[origin])
-    return ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)
+    path = ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)
+    return [path] if path.length > 0 else []

@@ -22,7 +22,9 @@ def cumulative_angle_checkpoints(
 def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
     """Integrate a velocity by the trapezoidal rule, section by section, in float64."""
     angle = np.empty(len(velocity))
-    _integrate(read_only(velocity), half_step, starts, stride, angle)
+    if velocity.flags.writeable or not velocity.flags.c_contiguous:
+        velocity = read_only(velocity)
+    _integrate(velocity, half_step, starts, stride, angle)
     return angle
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._kernels.numba.compilation import compiled, read_only
+from emacm._kernels.numba.compilation import compiled
 from emacm._kernels.numpy.resampling import reach
 
 # Large blocks: with small ones, threads wait for one another more often.
@@ -104,7 +104,7 @@ def interpolation_weights(
     """Find the samples between which the shaft passes each angle of a uniform grid."""
     left: Indices = np.empty(n_angles, np.int32)
     weights = np.empty(n_angles)
-    _interpolation_weights(read_only(reached), 0, first, theta_s, left, weights)
+    _interpolation_weights(_double(reached), 0, first, theta_s, left, weights)
     return left, weights
 
 
@@ -112,14 +112,17 @@ def interpolate_linear(
     reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
 ) -> None:
     """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
-    reached = read_only(reached)
+    reached = _double(reached)
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
         _interpolate_linear(reached, first, theta_s, _eight(signals[some]), values[some])
 
 
 def _double(signal: Array) -> Array:
-    return read_only(signal.astype(np.float64, copy=False))
+    """Return a contiguous read-only view in float64, so that one kind of array is compiled for."""
+    view = np.ascontiguousarray(signal, np.float64)[:]
+    view.flags.writeable = False
+    return view
 
 
 def _eight(signals: list[Array]) -> tuple[Array, ...]:
