@@ -32,7 +32,7 @@ from measure import header, table, write_json
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.recipes import actuator_recipe
 
-FINDING = {("emacm.shaft.strokes", "find_motion")}
+FINDING = {("emacm.shaft.strokes", "strokes_of")}
 RESAMPLING = {
     ("emacm.resampling.spreading", "spread_rows"),
     ("emacm.resampling.interpolation", "interpolated"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from emacm.shaft.strokes import find_motion, paths_along
+from emacm.shaft.strokes import paths_along, strokes_of
 
 TURN = 2 * np.pi
 FS = 10_000.0
@@ -30,5 +30,5 @@ def turned(motion):
 
 
 def stroke_paths(angle, velocity, fs, *, min_speed=0.0, **options):
-    strokes = find_motion(angle, velocity, min_speed)
+    strokes = strokes_of(velocity, min_speed)
     return paths_along(angle, fs, strokes, min_speed=min_speed, **options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -30,7 +29,7 @@ from emacm.shaft.motion import (
     sources,
 )
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import Stroke, find_motion, paths_along
+from emacm.shaft.strokes import Stroke, paths_along, strokes_of
 
 _MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
 _CONTENT = ("_fs", "_meta", "_series", "_shaft", "reference", "shaft_fs")
@@ -221,8 +220,10 @@ class Recording:
         list of Stroke
             As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
         """
-        find = partial(find_motion, *self.motion, min_speed)
-        return self._remembered.once(("strokes", min_speed), find, most=_MANY)
+        shaft, name = self._shaft, ("strokes", min_speed)
+        if self.reference == "angle":
+            shaft = DifferentiatedVelocity(shaft, self.shaft_fs)
+        return self._remembered.once(name, lambda: strokes_of(shaft, min_speed), most=_MANY)
 
     def paths(self, direction: str = "strokes", min_speed: float = 0.0) -> list[ShaftPath]:
         """Return the travel of the shaft along each of its strokes.

@@ -197,9 +197,9 @@ class AngleStroke:
             other readers, so they must not be changed.
         """
         parent = self.parent
-        signals, rates = zip(*(parent.timed[row] for row in rows), strict=True)
-        n_times = min(map(len, signals))  # equal to within one sample
-        signals = [s if len(s) == n_times else s[:n_times] for s in signals]
+        series, rates = zip(*(parent.timed[row] for row in rows), strict=True)
+        n_times = min(map(len, series))  # equal to within one sample
+        signals = [s if len(s) == n_times else s[:n_times] for s in series]
         if parent.antialias:
             stream = spread_rows(signals, rates[0], self.path, parent.theta_s)
         else:

@@ -116,10 +116,6 @@ class IntegratedAngle(LazySeries):
             velocity, self._half_step, _STRIDE
         )
 
-    def constant_direction(self, min_speed: float) -> int:
-        """Return 1 or -1 if the shaft always turns that way, faster than `min_speed`; else 0."""
-        return int(self._lowest.min() > min_speed) - int(self._highest.max() < -min_speed)
-
     def speed_limit(self, start: int, stop: int) -> float:
         """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
         pieces = slice(start // _STRIDE, -(-stop // _STRIDE))

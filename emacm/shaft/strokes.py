@@ -18,7 +18,7 @@ from emacm.shaft.motion import (
 )
 from emacm.shaft.paths import ShaftPath
 
-__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_motion", "find_strokes", "paths_along"]
+__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_strokes", "paths_along", "strokes_of"]
 
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 _WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
@@ -55,16 +55,16 @@ def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]
     [Stroke(start=1, stop=4, direction=1), Stroke(start=5, stop=7, direction=-1)]
     """
     speed: Series = check_signal(velocity, "velocity", min_length=1)
-    return _strokes(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
+    return strokes_of(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
 
 
-def find_motion(angle: Series, velocity: Series, min_speed: float) -> list[Stroke]:
-    """Find strokes as `find_strokes` does, block by block.
+def strokes_of(velocity: Series, min_speed: float) -> list[Stroke]:
+    """Find strokes as `find_strokes` does, block by block and without checks.
 
     Parameters
     ----------
-    angle, velocity : ndarray of shape (n_times,), or LazySeries
-        Cumulative shaft angle [rad] and signed velocity [rad/s].
+    velocity : ndarray of shape (n_times,), or LazySeries
+        Finite shaft velocity [rad/s], signed.
     min_speed : float
         Speed up to which the shaft counts as standing still [rad/s].
 
@@ -72,11 +72,14 @@ def find_motion(angle: Series, velocity: Series, min_speed: float) -> list[Strok
     -------
     list of Stroke
     """
-    if isinstance(angle, IntegratedAngle):
-        direction = angle.constant_direction(min_speed)
-        if direction:
-            return [Stroke(0, len(angle), direction)]
-    return _strokes(velocity, min_speed)
+    strokes: list[Stroke] = []
+    for first, block in blocks(velocity):
+        for start, stop, sign in _sections(block, min_speed):
+            if strokes and strokes[-1].direction == sign:
+                strokes[-1] = Stroke(strokes[-1].start, first + stop, sign)
+            else:
+                strokes.append(Stroke(first + start, first + stop, sign))
+    return strokes
 
 
 def paths_along(
@@ -95,7 +98,7 @@ def paths_along(
     fs : float
         Its sampling rate [Hz].
     strokes : sequence of Stroke
-        As `find_motion` returns them for `min_speed`.
+        As `strokes_of` returns them for `min_speed`.
     direction : {"strokes", "forward", "reverse", "travel"}
         Each stroke separately, those of one direction, or one path over the
         integral of the speed in either direction.
@@ -126,18 +129,6 @@ def paths_along(
                 if travel.known["length"] > 0:
                     paths.append(ShaftPath(travel, fs, *start, stroke.direction))
     return paths
-
-
-def _strokes(velocity: Series, min_speed: float) -> list[Stroke]:
-    """Join what was found block by block."""
-    strokes: list[Stroke] = []
-    for first, block in blocks(velocity):
-        for start, stop, sign in _sections(block, min_speed):
-            if strokes and strokes[-1].direction == sign:
-                strokes[-1] = Stroke(strokes[-1].start, first + stop, sign)
-            else:
-                strokes.append(Stroke(first + start, first + stop, sign))
-    return strokes
 
 
 def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:

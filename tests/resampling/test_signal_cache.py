@@ -79,13 +79,13 @@ def count(monkeypatch):
 def found(monkeypatch):
     """How often strokes were searched for."""
     calls = []
-    original = emacm.recordings.recording.find_motion
+    original = emacm.recordings.recording.strokes_of
 
     def counted(*args):
         calls.append(args[-1])
         return original(*args)
 
-    monkeypatch.setattr(emacm.recordings.recording, "find_motion", counted)
+    monkeypatch.setattr(emacm.recordings.recording, "strokes_of", counted)
     return calls
 
 

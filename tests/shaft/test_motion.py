@@ -68,13 +68,6 @@ def test_the_speed_limit_holds_and_is_close():
         assert highest <= angle.speed_limit(start, stop) <= np.abs(around).max()
 
 
-@pytest.mark.parametrize(("sign", "way"), [(1, 1), (-1, -1)])
-def test_a_shaft_that_never_turns_back_is_known_as_such(sign, way):
-    velocity = sign * (10 + np.sin(np.arange(1000)))
-    assert IntegratedAngle(velocity, FS).constant_direction(0.0) == way
-    assert IntegratedAngle(velocity, FS).constant_direction(9.5) == 0
-
-
 def test_blocks_are_the_whole_in_order(monkeypatch):
     monkeypatch.setattr("emacm.shaft.motion.BLOCK", 100)
     pieces = list(blocks(VELOCITY, 50, 1234))
