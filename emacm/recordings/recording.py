@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -220,10 +221,11 @@ class Recording:
         list of Stroke
             As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
         """
-        shaft, name = self._shaft, ("strokes", min_speed)
+        velocity: Series = self._shaft
         if self.reference == "angle":
-            shaft = DifferentiatedVelocity(shaft, self.shaft_fs)
-        return self._remembered.once(name, lambda: strokes_of(shaft, min_speed), most=_MANY)
+            velocity = DifferentiatedVelocity(self._shaft, self.shaft_fs)
+        find = partial(strokes_of, velocity, min_speed)
+        return self._remembered.once(("strokes", min_speed), find, most=_MANY)
 
     def paths(self, direction: str = "strokes", min_speed: float = 0.0) -> list[ShaftPath]:
         """Return the travel of the shaft along each of its strokes.
