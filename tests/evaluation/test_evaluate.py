@@ -248,6 +248,15 @@ def test_costs_between_families_apply_to_their_sub_states():
     assert found.table.loc["random split", "expected_cost"] == pytest.approx(7 / 4)
 
 
+def test_a_cost_without_names_is_one_of_classes_even_if_there_are_families():
+    order = sorted(STATES)  # normal, spalled, worn1, worn2
+    cost = np.array([[0, 9, 5, 7], [1, 0, 2, 2], [3, 4, 0, 0.5], [3, 4, 0.25, 0]])
+    answers = ["normal", "normal", "worn1", "worn1"]
+    found = echoed(STATES * 2, answers * 2, families=FAMILIES, cost=cost, n_splits=2)
+    expected = [cost[order.index(d), order.index(t)] for d, t in zip(answers, STATES, strict=True)]
+    assert found.table.loc["random split", "expected_cost"] == pytest.approx(np.mean(expected))
+
+
 def test_a_family_is_decided_on_where_one_of_its_sub_states_was_never_seen():
     X, y, _ = sub_states()
     unseen = (np.flatnonzero(y != "worn2"), np.flatnonzero(y == "worn2"))

@@ -236,6 +236,17 @@ def test_a_priced_decision_that_is_no_class_is_explained_by_expected_cost():
             adds_up(table)
 
 
+def test_a_transition_that_is_narrow_compared_with_the_line_is_integrated():
+    y = ["worn", "new", "dry"] * 30
+    centre = np.tile([[3e3, 0.0], [0.0, 0.0], [2e3, 3e3]], (30, 1))
+    X = pd.DataFrame(np.random.default_rng(0).normal(centre), columns=["a@0-1", "a@1-2"])
+    cost = {("inspect", "new"): 0.2, ("inspect", "worn"): 0.3, ("inspect", "dry"): 0.1}
+    model = CostSensitiveGaussianBayes(cost, shrinkage=0.1).fit(X, y)
+    for row in (0, 1, 2):
+        for against in {"worn", "new", "dry"} - {y[row]}:
+            adds_up(explain_decision(model, X.iloc[[row]], decision="inspect", against=against))
+
+
 def test_a_decision_that_is_no_class_is_compared_with_the_next_least_risk():
     cost = {("inspect", f"state {k}"): 1e-4 for k in range(3)}
     model, X, _ = fitted("PCA", cost=cost)
@@ -272,7 +283,7 @@ def test_families_are_compared_by_cost_even_if_they_share_names_with_states():
     model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
     decisions, risk = model[-1].decisions_.tolist(), model[-1].risk(model[0].transform(X))
     assert set(model.predict(X)) == set(decisions)
-    for row in (1, 22, 43):
+    for row in range(0, len(X), 5):
         table = explain_decision(model, X.iloc[[row]])
         best, next_best = np.argsort(risk[row])[:2]
         assert table.attrs["decision"] == decisions[best]
@@ -558,6 +569,16 @@ def test_features_need_no_union():
     table = explain_model(model, KNOCKING)
     assert table["column"][0] == "current+:kurtosis"
     assert set(table["channel"]) == {"current+", "current-"}
+
+
+def test_steps_that_pass_recordings_through_are_skipped(rig, rig_models):
+    steps = [step for _, step in rig_models["vibration"].steps]
+    model = make_pipeline(steps[0], "passthrough", *steps[1:3], None, *steps[3:])
+    expected = explain_decision(rig_models["vibration"], rig[0][5])
+    pd.testing.assert_frame_equal(explain_decision(model, rig[0][5]), expected)
+    union = make_pipeline("passthrough", FeatureUnion([("bins", make_pipeline(*steps[:3]))]))
+    model = make_pipeline(union, *steps[3:])
+    assert len(explain_decision(model.fit(*rig), rig[0][5])) == len(expected)
 
 
 def test_lines_without_bins_are_explained_by_their_orders():

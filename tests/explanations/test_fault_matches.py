@@ -50,7 +50,7 @@ def test_an_invalid_explanation_or_order_is_refused():
     with pytest.raises(ValueError, match="the order of 'BPFI' must be a number of orders, above"):
         match_fault_orders(table, {"BPFI": 0.0})
     with pytest.raises(ValueError, match="slip must be a number"):
-        match_fault_orders(table, {"BPFI": 6.1}, slip=2)
+        match_fault_orders(table, {"BPFI": 6.1}, slip=1.0)
     with pytest.raises(ValueError, match="harmonics must be a whole number"):
         match_fault_orders(table, {"BPFI": 6.1}, harmonics=0)
     with pytest.raises(ValueError, match=r"harmonics must be .* at most 1000, got 100000000"):

@@ -271,6 +271,13 @@ def test_the_table_tells_what_each_line_is():
     assert table["part"]["mesh"] == "Gear"
 
 
+def test_the_lines_of_rolling_elements_slip_and_those_of_shafts_do_not():
+    table = fault_orders(Bearing(9, 7.94, 39.04), BallScrew(17, 3.175, 20, 5, circuit_balls=60))
+    assert table.index[~table["slips"]].tolist() == ["screw"]
+    assert not fault_orders(Gear(8, 42), Motor(4, 9))["slips"].any()
+    assert fault_orders({"BPFI": 6.123})["slips"].all()
+
+
 def test_orders_above_the_highest_are_left_out_and_none_is_zero_or_less():
     table = fault_orders(Gear(5, 7), Motor(2), harmonics=3, sidebands=8, max_order=9.5)
     assert table["order"].between(0, 9.5, inclusive="neither").all()
@@ -315,6 +322,12 @@ def test_bands_that_overlap_are_refused_joined_or_kept():
     assert list(joined) == ["supply/BPFI", "2xBPFI"]
     assert list(order_bands(near, on_overlap="keep")) == list(near)
     assert order_bands({"a": 6.0, "b": 6.0}, on_overlap="join") == {"a/b": (5.88, 6.12)}
+
+
+def test_bands_that_touch_do_not_overlap():
+    bands = order_bands({"high": 3.0, "low": 2.0}, slip=0, min_width=1.0)
+    assert bands == {"low": (1.5, 2.5), "high": (2.5, 3.5)}
+    assert order_bands({"high": 3.0, "low": 2.0}, slip=0, min_width=1.0, on_overlap="join") == bands
 
 
 @given(st.lists(st.floats(0.5, 60), min_size=1, max_size=30, unique=True), st.floats(1e-3, 0.1))
