@@ -144,14 +144,14 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     """
     entries = listed_recordings(X)
     if callable(healthy):
-        answers = [called(healthy, entry, i, "healthy") for i, entry in enumerate(entries)]
-        for index, (entry, answer) in enumerate(zip(entries, answers, strict=True)):
-            if not isinstance(answer, bool | np.bool_):
+        returned = [called(healthy, entry, i, "healthy") for i, entry in enumerate(entries)]
+        for index, (entry, value) in enumerate(zip(entries, returned, strict=True)):
+            if not isinstance(value, bool | np.bool_):
                 raise TypeError(
-                    f"healthy as a function must return True or False, got {answer!r} for "
+                    f"healthy as a function must return True or False, got {value!r} for "
                     f"{described(entry, index)}."
                 )
-        return np.array(answers, dtype=bool)
+        return np.array(returned, dtype=bool)
     if isinstance(healthy, Mapping):
         wanted = {key: _listed(values) for key, values in healthy.items()}
         if not wanted:

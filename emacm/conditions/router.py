@@ -209,8 +209,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             If a recording has no condition, or no classifier and ``unseen="raise"``; or if the
             present cost or priors are invalid.
         """
-        answers, rows, _ = self._answers(X, "predict")
-        return joined_rows(answers, rows)
+        results, rows, _ = self._results(X, "predict")
+        return joined_rows(results, rows)
 
     @available_if(_has("predict_proba"))
     def predict_proba(self, X: Any) -> NDArray[np.floating]:
@@ -275,9 +275,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             In the order of `decisions_`; infinite for a decision that is unknown in the
             recording's condition.
         """
-        answers, rows, models = self._answers(X, "risk")
+        results, rows, models = self._results(X, "risk")
         known = [model.decisions_ for model in models]
-        return joined_rows(aligned_columns(answers, known, self.decisions_, absent=np.inf), rows)
+        return joined_rows(aligned_columns(results, known, self.decisions_, absent=np.inf), rows)
 
     def score(self, X: Any, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the fraction of correct decisions.
@@ -372,11 +372,11 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 )
         return routes
 
-    def _answers(self, X: Any, method: str) -> tuple[list[Any], list[Any], list[Any]]:
+    def _results(self, X: Any, method: str) -> tuple[list[Any], list[Any], list[Any]]:
         """Return the results of a method of the last steps, their rows in X, and the last steps."""
         check_is_fitted(self)
         routes, inner = self._routes(X), self._inner(X)
-        answers, places, models = [], [], []
+        results, places, models = [], [], []
         for route in dict.fromkeys(routes):
             rows = np.flatnonzero([other == route for other in routes])
             model = self.pooled_ if route is None else self.estimators_[route]
@@ -384,16 +384,16 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             with located(f"among the recordings for the classifier of {of}"):
                 final, table = before_the_last_step(model, chosen_rows(inner, rows))
                 final = with_present_costs(final, model, self.estimator, self.classes_)
-                answers.append(getattr(final, method)(table))
+                results.append(getattr(final, method)(table))
             places.append(rows)
             models.append(final)
-        return answers, places, models
+        return results, places, models
 
     def _cost_table(self) -> tuple[NDArray[Any], NDArray[np.float64]]:
         check_is_fitted(self)
         return present_cost_table([*self.estimators_.values()], self.estimator, self.classes_)
 
     def _by_class(self, X: Any, method: str, *, absent: float) -> NDArray[np.floating]:
-        answers, rows, models = self._answers(X, method)
+        results, rows, models = self._results(X, method)
         known = [model.classes_ for model in models]
-        return joined_rows(aligned_columns(answers, known, self.classes_, absent=absent), rows)
+        return joined_rows(aligned_columns(results, known, self.classes_, absent=absent), rows)

@@ -34,7 +34,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     Load, speed and the individual unit change the signals more than an incipient fault does. The
     mean over healthy recordings of the same condition is the time-synchronous average [1]_, here
     over whole strokes and for each direction; the difference is the *residual signal*. It
-    stands after `OrderResampler`; `OrderPSD` and the estimators of stroke features take its output.
+    follows `OrderResampler` in a pipeline; `OrderPSD` and the stroke features take its output.
 
     Parameters
     ----------

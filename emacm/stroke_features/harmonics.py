@@ -252,17 +252,18 @@ def harmonic_coefficients(
     ([2.0, -1.0], [1.0, -3.0])
     """
     chosen = np.array(check_orders(orders))
-    models, targets, turned, n_steps = [], [], 0.0, 0
-    for angle, signal in zip(angles, signals, strict=True):
-        theta, x = _checked(angle, signal)
-        farthest = np.maximum.accumulate(np.abs(theta - theta[0]))
+    sections = [_checked(angle, signal) for angle, signal in zip(angles, signals, strict=True)]
+    travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta, _ in sections]
+    turned = sum(travel[-1] for travel in travels) / _TURN
+    n_steps = sum(len(travel) - 1 for travel in travels)
+    _check_density(n_steps, turned, chosen)
+    models, targets = [], []
+    for (theta, x), travel in zip(sections, travels, strict=True):
         waves = chosen[:, np.newaxis] * theta
         rows = np.column_stack([np.cos(waves).T, np.sin(waves).T, x])
-        left = _without_trend(rows, theta, np.sqrt(np.gradient(farthest)))
+        left = _without_trend(rows, theta, np.sqrt(np.gradient(travel)))
         models.append(left[:, :-1])
         targets.append(left[:, -1])
-        turned, n_steps = turned + farthest[-1] / _TURN, n_steps + len(theta) - 1
-    _check_density(n_steps, turned, chosen)
     solution, _, rank, _ = np.linalg.lstsq(
         np.concatenate(models), np.concatenate(targets), rcond=1e-9
     )
@@ -338,10 +339,15 @@ def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:
 
 
 def _check_density(n_steps: int, revolutions: float, orders: Array) -> None:
-    """Raise if there are fewer than two samples per cycle of the highest order."""
+    """Raise if there are too few samples for the highest order, or for all orders together."""
     if not revolutions > 0:
         raise ValueError("the shaft does not turn, so there are no shaft-locked lines.")
     density = n_steps / revolutions
+    if 2 * len(orders) > n_steps:
+        raise ValueError(
+            f"{len(orders)} orders have {2 * len(orders)} coefficients, but there are {n_steps} "
+            f"intervals between samples. Use fewer orders, or longer sections."
+        )
     if not orders.max() < density / 2:
         raise ValueError(
             f"order {orders.max():g} is above the Nyquist order {density / 2:.4g} of "
