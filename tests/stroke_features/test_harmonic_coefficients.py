@@ -160,7 +160,5 @@ def test_what_are_no_orders_is_refused(orders, kind, message):
 
 
 def test_more_orders_than_samples_are_refused_before_anything_is_computed():
-    with pytest.raises(
-        ValueError, match=r"100000 orders have 200000 coefficients, .* fewer"
-    ):
+    with pytest.raises(ValueError, match=r"100000 orders have 200000 coefficients, .* fewer"):
         harmonic_coefficients([EVEN], [lines(EVEN)], np.linspace(1, 9, 100_000))
