@@ -43,6 +43,13 @@ def test_the_shares_are_those_of_the_analysis_in_per_cent(pipeline):
     assert ax.get_ylabel() == "share of the variance [%]"
 
 
+def test_the_last_of_several_analyses_is_drawn():
+    X = np.random.default_rng(5).normal(size=(30, 4))
+    twice = make_pipeline(PCA(3), StandardScaler(), PCA(2)).fit(X)
+    display = ExplainedVarianceDisplay.from_estimator(twice, ax=axes())
+    assert np.allclose(display.shares, twice[-1].explained_variance_ratio_)
+
+
 def test_no_more_components_are_shown_than_asked():
     (ax,) = axes()
     ExplainedVarianceDisplay(np.full(50, 0.02), n_shown=5).plot(ax=ax)

@@ -39,13 +39,14 @@ from emacm.displays._drawing import (
     label_y,
     line_style,
     mark_orders,
+    mark_orders_beside,
     panel_axes,
     spread,
     state_numbers,
     style_of,
     tint,
 )
-from emacm.displays._tables import check_values, predicted_lines
+from emacm.displays._tables import check_values, predicted_lines, unit_of
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = [(0, 1), (1, 2)]
@@ -287,6 +288,64 @@ def test_names_of_fault_orders_do_not_cover_each_other():
     boxes = sorted((Text.get_window_extent(text) for text in ax.texts), key=lambda box: box.x0)
     assert len(boxes) == 5
     assert all(one.x1 <= other.x0 for one, other in pairwise(boxes))
+
+
+def test_names_of_fault_orders_stand_in_their_order_with_lines_to_what_they_name():
+    ax = Figure(figsize=(6, 3)).subplots()
+    ax.set_xlim(0, 50)
+    orders = {"the last name": 6.4, "the first name": 6.0, "the middle name": 6.2, "far": 40.0}
+    mark_orders(ax, predicted_lines(orders, 0))
+    ax.figure.draw_without_rendering()
+    places = {text.get_text(): Text.get_window_extent(text).x0 for text in ax.texts}
+    assert sorted(places, key=places.get) == [
+        "the first name",
+        "the middle name",
+        "the last name",
+        "far",
+    ]
+    lines = {text.get_text(): text.arrow_patch is not None for text in ax.texts}
+    assert lines == {
+        "the first name": True,
+        "the middle name": False,
+        "the last name": True,
+        "far": False,
+    }
+
+
+@pytest.mark.parametrize("names", [["a"], ["a long name", "another long name"]])
+def test_the_legend_stands_above_the_names_of_fault_orders(names):
+    ax = Figure(layout="constrained").subplots()
+    orders = {name: 1 + 0.01 * i for i, name in enumerate(names)}
+    OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}, fault_orders=orders).plot(ax=ax)
+    ax.figure.draw_without_rendering()
+    tops = [Text.get_window_extent(text).y1 for text in ax.texts]
+    assert ax.get_legend().get_window_extent().y0 > max(tops) > ax.get_window_extent().y1
+
+
+def test_slip_bars_beside_an_axis_end_with_it():
+    ax = Figure().subplots()
+    ax.set_ylim(2, 10)
+    mark_orders_beside(ax, predicted_lines({"BPFI": 9.8, "BSF": 2.1, "beyond": 11.0}, 0.1))
+    ends = [line.get_ydata().tolist() for line in ax.lines]
+    assert np.allclose(ends, [[2, 2.31], [8.82, 10]])
+    assert [text.get_text() for text in ax.texts] == ["BSF", "BPFI"]
+
+
+def test_panels_that_do_not_share_the_x_axis_are_each_labelled():
+    display = OrderBinsDisplay(["a@0-1", "b@0-1"], {"all": [1.0, 2.0]})
+    apart = display.plot(ax=Figure().subplots(2)).ax_
+    assert [bool(panel.get_xlabel()) for panel in apart] == [True, True]
+    shared = display.plot(ax=Figure().subplots(2, sharex=True)).ax_
+    assert [bool(panel.get_xlabel()) for panel in shared] == [False, True]
+
+
+def test_the_unit_of_a_channel_is_that_of_its_name_without_direction_or_suffix():
+    units = {"v": "V", "v2": "g"}
+    assert unit_of(units, "v2+") == "g"
+    assert unit_of(units, "v2_envelope", derived=True) == "g"
+    assert unit_of(units, "v_envelope", derived=True) == "V"
+    assert unit_of(units, "v2_raw") == "unit"
+    assert unit_of("A", "v2") == "A"
 
 
 def test_a_name_too_long_for_its_axis_is_written_in_lines():

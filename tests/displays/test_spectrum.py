@@ -147,6 +147,20 @@ def test_a_pipeline_with_an_envelope_detector_draws_envelope_spectra(squared, un
     assert names == ["all recordings"]
 
 
+def test_an_envelope_beside_its_channel_is_named_and_the_channel_keeps_its_unit():
+    times = np.arange(8000) / 2000
+    runs = [Recording({"v": np.sin(3000 * times)}, 2000, velocity=np.full(8000, 30.0))]
+    detector = EnvelopeDetector((350, 650), suffix="_envelope")
+    pipeline = make_pipeline(detector, OrderResampler(), OrderPSD(10, max_order=8)).fit(runs)
+    panels = Figure(figsize=(6, 9)).subplots(2)
+    OrderSpectrumDisplay.from_estimator(pipeline, runs, unit={"v": "g"}, ax=panels)
+    labels = [panel.get_ylabel().replace("\n", " ") for panel in panels]
+    assert labels == [
+        "PSD of v [dB re 1 g²/order]",
+        "squared envelope order spectrum of v [dB re 1 g⁴/order]",
+    ]
+
+
 def test_a_single_spectrum_is_a_solid_line(ax):
     OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}).plot(ax=ax)
     assert ax.lines[0].get_linestyle() == "-"
