@@ -26,8 +26,9 @@ from emacm.datasets import load_cranfield
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, EvaluationDisplay, OrderSpectrumDisplay
-from emacm.displays._drawing import offscreen_panels
+from emacm.displays._drawing import WIDTH, offscreen_panels
 from emacm.evaluation.evaluate import evaluate
+from emacm.machine.fault_orders import fault_orders
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recipes import actuator_recipe
@@ -139,7 +140,7 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
     _save_and_diagnose(
         recipe, out / "actuator.joblib", [recordings[i] for i in unseen], states[unseen]
     )
-    figure = EvaluationDisplay.from_evaluation(result).figure_
+    figure = EvaluationDisplay.from_evaluation(result, healthy="normal").figure_
     figure.savefig(out / "actuator.png", dpi=150)
     print(f"Rates with confidence intervals: {out / 'actuator.png'}")
 
@@ -325,11 +326,11 @@ def _draw(
     models: Mapping[float, Pipeline], recordings: list[Recording], labels: Labels, file: Path
 ) -> None:
     """Draw the order spectra by state, and the decision regions under each cost matrix."""
-    figure, (spectra, regions) = offscreen_panels(2, 2, size=(12, 8))
+    figure, (spectra, regions) = offscreen_panels(2, 2, size=(WIDTH, 7.4))
     model = models[MISSED[0]]
     psd = model[:2].transform(recordings)
     (screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
-    marks = {"screw": screw, "2x screw": 2 * screw} | {f"{k}x BPFI": k * ring for k in (1, 2, 3)}
+    marks = fault_orders({"screw": screw, "BPFI": ring}, harmonics=3, max_order=model[2].max_order)
     for ax, (channel, unit) in zip(spectra, _CHANNELS.items(), strict=True):
         OrderSpectrumDisplay.from_table(
             psd,

@@ -73,6 +73,25 @@ def test_stop_bands_are_last_in_the_legend_and_only_if_they_are_drawn():
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
 
 
+def test_several_stop_bands_have_one_entry_in_the_legend():
+    (ax,) = axes()
+    bands = [(0.5, 0.7), (1.2, 1.5)]
+    OrderBinsDisplay([(0, 1), (1, 2)], {"a": [1.0, 2.0], "b": [2, 1]}, stop_bands=bands).plot(ax=ax)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b", "stop band"]
+    assert [(band.get_x(), band.get_width()) for band in ax.patches] == [
+        (0.5, pytest.approx(0.2)),
+        (1.2, pytest.approx(0.3)),
+    ]
+
+
+def test_options_take_precedence_over_those_of_the_pipeline():
+    psd = pd.DataFrame(np.ones((1, 11)), columns=[f"a@{k}" for k in range(11)])
+    bins = BinTransformer(max_order=10, stop_bands=((5.5, 6.5),)).fit(psd)
+    (ax,) = axes()
+    display = OrderBinsDisplay.from_estimator(bins, psd, stop_bands=((2, 3),), ax=ax)
+    assert display.stop_bands == [(2, 3)]
+
+
 def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     (ax,) = axes()
     columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]

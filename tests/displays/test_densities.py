@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from emacm import CostSensitiveGaussianBayes
@@ -84,6 +85,8 @@ def test_a_recording_of_an_unknown_class_is_shown_too(ax):
     display = FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], np.zeros((2, 2)), ["a", "new"])
     display.plot(ax=ax)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "new"]
+    known, unknown = (to_hex(marks.get_facecolor()[0]) for marks in ax.collections)
+    assert (known, unknown) == ("#d55e00", "#4c4c4c")  # grey: unknown to the classifier
 
 
 def test_other_than_two_features_are_refused():

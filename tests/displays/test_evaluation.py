@@ -92,6 +92,22 @@ def test_the_confusion_counts_and_is_shaded_by_columns():
     assert panels[1].get_title().startswith("by run")
 
 
+def test_the_rates_of_a_scheme_are_around_its_height():
+    panels = axes(2)
+    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
+    drawn = [line for line in panels[0].lines if not line.get_label().startswith("_")]
+    heights = np.array([line.get_ydata() for line in drawn])
+    assert np.allclose(heights.mean(axis=0), [0, 1, 2])
+    assert np.ptp(heights[:, 0]) < 0.6
+
+
+def test_long_names_of_classes_are_written_at_an_angle():
+    for name, angle in (("spalling", 40), ("dry", 0)):
+        panels = axes(2)
+        EvaluationDisplay(TABLE, CONFUSION.set_axis(["new", name], axis=1)).plot(ax=panels)
+        assert [label.get_rotation() for label in panels[1].get_xticklabels()] == [angle] * 2
+
+
 def test_numbers_on_dark_cells_are_white():
     panels = axes(2)
     EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)

@@ -107,6 +107,13 @@ def test_over_speed_segments_of_one_speed_are_averaged(ax):
     assert ax.get_xlabel() == "shaft speed [rad/s]"
 
 
+def test_the_colours_begin_above_the_noise(ax):
+    psd = np.logspace(0, 9, 10)[:, np.newaxis] * np.ones(3)
+    OrderMapDisplay([0, 1, 2], psd, [[i, i + 1] for i in range(10)], np.ones(10)).plot(ax=ax)
+    (mesh,) = ax.collections
+    assert mesh.get_clim() == (pytest.approx(36), pytest.approx(90))  # 40 % of 0 to 90 dB
+
+
 def test_a_constant_speed_has_a_map_too(ax):
     OrderMapDisplay([0, 1], np.ones((1, 2)), [[0, 1]], [5.0], over="speed").plot(ax=ax)
     assert drawn(ax)[0].count() == 1

@@ -91,6 +91,17 @@ def test_strokes_outside_of_a_part_are_not_drawn():
     assert [(start, stop) for start, stop, _ in display.strokes] == [(0.0, 0.5)]
 
 
+def test_strokes_are_cut_at_the_interval():
+    display = RecordingDisplay.from_recording(
+        recording(), shade_strokes=True, between=(0.5, 3.5), ax=axes()
+    )
+    assert (display.strokes[0][0], display.strokes[-1][1]) == (0.5, 3.5)
+    panels = axes(2)
+    longer = {"a": [0, 1, 5]}
+    RecordingDisplay(longer, longer, [0, 2], [1, 1]).plot(ax=panels)
+    assert panels[1].get_xlim() == (0, 5)
+
+
 def test_a_long_signal_keeps_its_shocks():
     signal = np.sin(np.arange(300_001) / 50)
     signal[123_456], signal[300_000] = 40.0, -30.0

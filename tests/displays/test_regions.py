@@ -108,9 +108,17 @@ def test_regions_differ_by_hatch(ax):
     assert [area.hatches[0] for area in areas(ax)] == hatches
 
 
+def test_the_borders_of_regions_are_drawn_as_lines(ax):
+    regions(np.repeat([[0, 0, 1, 1]], 4, axis=0), ["a", "b"]).plot(ax=ax)
+    borders = [c for c in ax.collections if not getattr(c, "filled", True)]
+    assert len(borders) == 2
+    for border in borders:
+        assert np.allclose(border.get_paths()[0].vertices[:, 0], 1.5)
+
+
 def test_a_single_decision_fills_the_plane(ax):
     regions(np.zeros((3, 3)), ["a"]).plot(ax=ax)
-    assert len(areas(ax)) == 1
+    assert len(areas(ax)) == len(ax.collections) - 1 == 1  # and the recordings
 
 
 def test_features_of_a_classifier_keep_their_names(ax):
