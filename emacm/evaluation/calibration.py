@@ -168,7 +168,7 @@ def _checked(probabilities: ArrayLike, truths: ArrayLike) -> tuple[Array, NDArra
     codes = np.asarray(truths)
     if posterior.ndim != 2 or codes.shape != posterior.shape[:1] or codes.dtype.kind not in "iu":
         raise ValueError(
-            f"probabilities must have shape (n_recordings, n_classes), and truths must hold the "
+            f"probabilities must have shape (n_recordings, n_classes), and truths must contain the "
             f"index of a class for each recording; got shapes {posterior.shape} and {codes.shape} "
             f"({codes.dtype})."
         )

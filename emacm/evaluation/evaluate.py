@@ -136,6 +136,7 @@ def evaluate(
 
     Examples
     --------
+    >>> import pandas as pd
     >>> from sklearn.neighbors import KNeighborsClassifier
     >>> rng = np.random.default_rng(2)
     >>> X = np.repeat(rng.normal(size=(10, 2)), 9, axis=0)  # 10 runs of 9 copies
@@ -225,11 +226,11 @@ def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     classes = np.asarray(y)
     if classes.shape != (n_recordings,):
         raise ValueError(
-            f"y must hold one class for each of {n_recordings} recordings in X, got shape "
+            f"y must contain one class for each of {n_recordings} recordings in X, got shape "
             f"{classes.shape}."
         )
     check_classes(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:
-        raise ValueError(f"y must hold at least two classes, got {np.unique(classes)}.")
+        raise ValueError(f"y must contain at least two classes, got {np.unique(classes)}.")
     return classes

@@ -325,12 +325,12 @@ def _checked_fold(pair: Any, n_recordings: int, where: str) -> Fold:
             numbers = np.flatnonzero(numbers)
         if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
             raise ValueError(
-                f"{where}: {part} must hold the positions of at least one recording, or a mask of "
-                f"length {n_recordings}; got {numbers.dtype} of shape {numbers.shape}."
+                f"{where}: {part} must contain the positions of at least one recording, or be a "
+                f"mask of length {n_recordings}; got {numbers.dtype} of shape {numbers.shape}."
             )
         if numbers.min() < 0 or numbers.max() >= n_recordings:
             raise ValueError(
-                f"{where}: {part} must hold positions 0 to {n_recordings - 1}, got "
+                f"{where}: {part} must contain positions 0 to {n_recordings - 1}, got "
                 f"{numbers.min()} to {numbers.max()}."
             )
         distinct, counts = np.unique(numbers, return_counts=True)

@@ -330,7 +330,7 @@ def _class_codes(
     classes, labels = classifier.classes_.tolist(), np.asarray(y).tolist()
     if len(labels) != n_recordings:
         raise ValueError(
-            f"y must hold one class for each of {n_recordings} recordings, got {len(labels)}."
+            f"y must contain one class for each of {n_recordings} recordings, got {len(labels)}."
         )
     for place, label in enumerate(labels):
         if label not in classes:

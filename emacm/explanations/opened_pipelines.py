@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_finite_table
+from emacm._checks import check_finite_table, check_real_array
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
@@ -93,16 +93,15 @@ class OpenedPipeline:
     def _own_table(self, X: Any) -> tuple[Array, pd.DataFrame]:
         names = column_names(X)
         first = self.steps[0][1] if self.steps else self.classifier
-        seen = getattr(first, "feature_names_in_", None)
-        if names is not None and seen is not None and list(names) != list(seen):
+        expected = getattr(first, "feature_names_in_", None)
+        if names is not None and expected is not None and list(names) != list(expected):
             raise ValueError(
-                f"X has other columns than the pipeline was fitted on: expected {list(seen)}, "
-                f"got {list(names)}."
+                f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
             )
-        values = np.asarray(X, dtype=np.float64)
+        values = check_real_array(X, "X").astype(np.float64)
         if values.ndim != 2:
             raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
-        labels: Any = seen if names is None else names
+        labels: Any = expected if names is None else names
         if labels is None:
             labels = [f"x{i}" for i in range(values.shape[1])]
         check_finite_table(values, "recording", list(labels))
@@ -167,12 +166,12 @@ def _is_skipped(step: Any) -> bool:
 
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
     """Return the index of the step that turns recordings into a table, tested with one of them."""
-    seen = list(X[:1])
+    sample = list(X[:1])
     try:
         for place, (_, step) in enumerate(steps):
             if not _is_skipped(step):
-                seen = step.transform(seen)
-                if len(getattr(seen, "shape", ())) == 2:
+                sample = step.transform(sample)
+                if len(getattr(sample, "shape", ())) == 2:
                     return place
     except (TypeError, ValueError) as error:
         raise ValueError(

@@ -282,8 +282,8 @@ def _rows(
                 side = order + number * spacing
                 if side > 0:
                     sign = "+" if number > 0 else "-"
-                    beside = f"{name}{sign}{_times(abs(number), modulation)}"
-                    yield beside, side, owner, line.kind, harmonic, number, line.slips
+                    full = f"{name}{sign}{_times(abs(number), modulation)}"
+                    yield full, side, owner, line.kind, harmonic, number, line.slips
 
 
 def _in_current(rows: list[tuple[Any, ...]], motors: list[Motor]) -> Iterator[tuple[Any, ...]]:

@@ -551,13 +551,13 @@ def test_several_costs_that_differ_are_refused():
 
 
 BAD = {
-    "y must hold one class for each of 96 recordings": {"y": ["a"] * 5},
+    "y must contain one class for each of 96 recordings": {"y": ["a"] * 5},
     "y must contain the class of every recording, but recording 0 has None": {"y": [None] * 96},
     "y must contain the class of every recording, but recording 95 has nan": {
         "y": ["a"] * 95 + [np.nan]
     },
     "y must contain classes of one type, text or numbers": {"y": ["a"] * 95 + [3]},
-    "y must hold at least two classes, got ['a']": {"y": ["a"] * 96},
+    "y must contain at least two classes, got ['a']": {"y": ["a"] * 96},
     "runs must hold one label for each of 96 recordings": {"runs": [1, 2]},
     "recording 0: the label in runs is None": {"runs": [None] * 96},
     "recording 95: the label in units is nan": {"units": ["a"] * 95 + [np.nan]},
@@ -581,8 +581,8 @@ BAD = {
     "splits['s'] must be a tuple (train, test), a list of such": {"splits": {"s": 3}},
     "splits['s'] must have at least one fold, got none": {"splits": {"s": []}},
     "splits['s'], fold 0 must be a pair (train, test), got int": {"splits": {"s": [1]}},
-    "splits['s'], fold 0: test must hold the positions of at least": {"splits": {"s": ([1], [])}},
-    "splits['s'], fold 0: train must hold positions 0 to 95, got 96": {
+    "splits['s'], fold 0: test must contain the positions of": {"splits": {"s": ([1], [])}},
+    "splits['s'], fold 0: train must contain positions 0 to 95, got 96": {
         "splits": {"s": ([96], [1])}
     },
     "splits['s'], fold 0 has recording 2 in train and in test": {"splits": {"s": ([1, 2], [2])}},

@@ -730,7 +730,7 @@ def test_another_classifier_is_refused():
 
 def test_columns_in_another_order_are_refused():
     model, X, _ = fitted("log")
-    with pytest.raises(ValueError, match="X has other columns than the pipeline was fitted on"):
+    with pytest.raises(ValueError, match="X must have the columns of the fit"):
         explain_decision(model, X.iloc[[0], ::-1])
 
 
@@ -746,6 +746,8 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
         explain_decision(bare, recording)
     with pytest.raises(ValueError, match=r"a table of recordings, got shape \(8,\)"):
         explain_model(model, X.to_numpy()[0])
+    with pytest.raises(TypeError, match="X must be numeric"):
+        explain_model(model, X.astype(str))
     bad = X.copy()
     bad.iloc[2, 3] = np.nan
     with pytest.raises(ValueError, match="got NaN in recording 2, column 'current@3-4'"):
