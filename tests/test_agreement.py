@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sklearn.base import clone
@@ -43,7 +43,8 @@ def answers_of_evaluate(model, **options):
     """Train on X, decide on LATER: the figures, and one row for each decision."""
     together, truths = np.vstack([X, LATER]), np.append(Y, Y_LATER)
     train, test = np.arange(len(X)), np.arange(len(X), len(together))
-    found = evaluate(model, together, truths, splits={"later": (train, test)}, **options)
+    options |= {"splits": {"later": (train, test)}, "n_splits": 2, "n_resamples": 100}
+    found = evaluate(model, together, truths, **options)
     rows = found.predictions
     return found.table.loc["later"], rows[rows["scheme"] == "later"]
 
@@ -62,6 +63,7 @@ GAIN = pd.DataFrame(
 )
 
 
+@settings(max_examples=30)
 @given(cost_tables, st.sampled_from([-2.0, 0.0, 3.0]))
 @example(GAIN, 0.0)
 @example(GAIN, 3.0)
@@ -73,6 +75,7 @@ def test_score_and_evaluate_call_the_same_decisions_correct(cost, constant):
     assert judged["decision"].tolist() == model.predict(LATER).tolist()
 
 
+@settings(max_examples=30)
 @given(cost_tables)
 def test_a_wrapped_classifier_is_scored_as_the_classifier_itself(cost):
     model = CostSensitiveGaussianBayes(cost).fit(X, Y)
@@ -190,6 +193,7 @@ def test_ambiguous_families_are_refused_alike_by_all(case):
 # What is decided
 
 
+@settings(max_examples=40)
 @given(
     cost_tables,
     st.sampled_from([None, "uniform", [0.1, 0.2, 0.3, 0.4]]),

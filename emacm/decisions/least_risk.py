@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from sklearn import get_config
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
@@ -20,7 +20,7 @@ from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.metrics import positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.pipelines import final_estimator, weight_parameter
-from emacm.decisions.priors import class_priors
+from emacm.decisions.priors import check_possible, class_priors
 
 Array = NDArray[np.float64]
 
@@ -114,8 +114,7 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             raise TypeError(f"estimator must be a classifier, got {self.estimator!r}.")
         if y is None:
             raise ValueError("fit requires y to be passed, but the target y is None.")
-        if isinstance(y, list | tuple):
-            check_classes(y)
+        check_classes(y)
         assert_all_finite(y, input_name="y")
         check_classification_targets(y)
         y = column_or_1d(y, warn=True)
@@ -246,15 +245,3 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         if given:
             return {**fit_params, weight_parameter(self.estimator): sample_weight}
         return fit_params
-
-
-def check_possible(priors: Array, own: Array, classes: ArrayLike, name: str = "estimator") -> None:
-    """Raise a ValueError if a class has a prior, but none within the posterior of an estimator."""
-    impossible = (priors > 0) & ~(own > 0)
-    if impossible.any():
-        code = int(np.argmax(impossible))
-        raise ValueError(
-            f"{name} has the prior 0 of class {np.asarray(classes).tolist()[code]!r}, so that "
-            f"its posterior carries no information about it, but priors give it "
-            f"{priors[code]:g}. Give {name} another prior."
-        )

@@ -12,10 +12,10 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import SavedEstimator
-from emacm.decisions.least_risk import LeastRiskClassifier, check_possible
+from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.opinion_pools import pooled_log_posterior
-from emacm.decisions.priors import class_priors
+from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
 
 Array = NDArray[np.float64]
 
@@ -24,23 +24,22 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     """Combine classifiers by the product of their posteriors, and decide by least risk.
 
     Each member is fitted to the same recordings and uses one channel, or any other part of
-    them. Combining separate assessments is future work in [1]_, chapter 5; the product rule [2]_::
+    them. Separate assessments are combined (future work in the thesis) by the product rule [1]_::
 
         log p(k | x_1..x_m) = log P(k) + sum_j (log p_j(k | x_j) - log P_j(k)) + constant
 
-    divides the posterior of each member by its own prior P_j, and applies the shared prior P once.
+    The posterior of each member is divided by its own prior P_j; the shared prior P applies once.
 
     Parameters
     ----------
     estimators : list of (str, estimator)
-        Names and members: classifiers or pipelines with `predict_proba`. Costs of members have
-        no effect.
+        Names and members: classifiers or pipelines with `predict_proba`. Their costs have no
+        effect.
     cost : None, array-like, DataFrame or mapping, default=None
-        Cost of each decision under each true class; rows are decisions. None: 0-1. See
-        `emacm.decisions.costs.cost_table`.
+        Cost of each decision under each true class, as for `LeastRiskClassifier`.
     priors : None, "uniform", array-like or mapping, default=None
-        Probability of each class in service, as for `CostSensitiveGaussianBayes`. None: the
-        prior of the members, which must then be the same for all.
+        Probability of each class in service. None: the prior of the members, which must then be
+        the same for all.
 
     Attributes
     ----------
@@ -55,37 +54,30 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
 
     Notes
     -----
-    The product is exact if the channels are independent within each class. Otherwise information
-    that they share counts several times, and the posterior is over-confident: one channel given
-    twice squares its odds. Then use one classifier for all channels, whose covariance describes
-    their dependence.
+    The product is exact if the channels are independent within each class. Otherwise the posterior
+    is over-confident: one channel given twice squares its odds. Then use one classifier for all
+    channels, whose covariance describes their dependence.
 
     References
     ----------
-    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
-       Condition Monitoring.
-    .. [2] Kittler, Hatef, Duin and Matas, On combining classifiers, IEEE Transactions on
+    .. [1] Kittler, Hatef, Duin and Matas, On combining classifiers, IEEE Transactions on
        Pattern Analysis and Machine Intelligence 20 (3), 1998.
 
     Examples
     --------
-    >>> import pandas as pd
-    >>> from sklearn.compose import make_column_selector, make_column_transformer
+    >>> from sklearn.compose import make_column_transformer
     >>> from sklearn.pipeline import make_pipeline
     >>> from emacm import CostSensitiveGaussianBayes, PosteriorProduct
-    >>> X = pd.DataFrame({"current@0-1": [0.0, 1, 2, 3, 4, 5], "gear@0-1": [1.0, 0, 2, 4, 3, 5]})
+    >>> X = np.array([[0.0, 1], [1, 0], [2, 2], [3, 4], [4, 3], [5, 5]])
     >>> y = ["healthy"] * 3 + ["worn"] * 3
-    >>> def select_channel(channel):
-    ...     columns = make_column_selector(f"^{channel}[+-]?@")
-    ...     return make_column_transformer(("passthrough", columns))
-    >>> members = [
-    ...     (channel, make_pipeline(select_channel(channel), CostSensitiveGaussianBayes()))
-    ...     for channel in ("current", "gear")
-    ... ]
+    >>> def classifier_of(column):
+    ...     select = make_column_transformer(("passthrough", [column]))
+    ...     return make_pipeline(select, CostSensitiveGaussianBayes())
+    >>> members = [("current", classifier_of(0)), ("gear", classifier_of(1))]
     >>> product = PosteriorProduct(members, cost={("healthy", "worn"): 10}).fit(X, y)
-    >>> product.predict(X.iloc[[2, 3]])
+    >>> product.predict(X[[2, 3]])
     array(['healthy', 'worn'], dtype='<U7')
-    >>> product.set_params(cost={("healthy", "worn"): 100}).predict(X.iloc[[2, 3]])
+    >>> product.set_params(cost={("healthy", "worn"): 100}).predict(X[[2, 3]])
     array(['worn', 'worn'], dtype='<U7')
     """
 
@@ -106,16 +98,11 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         sample_weight : array-like of shape (n_recordings,), default=None
             How often each recording counts, for every member; in a pipeline, the last step.
 
-        Returns
-        -------
-        self : PosteriorProduct
-            The fitted classifier.
-
         Raises
         ------
         TypeError, ValueError
-            If a parameter or an input is invalid, or members have different priors and `priors`
-            is None. Errors of a member contain its name.
+            If a parameter, an input or a member (which is named) is invalid, or members have
+            different priors and `priors` is None.
         """
         fitted = {}
         for name, member in self._checked_members().items():
@@ -141,18 +128,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         return own if self.priors is None else class_priors(self.priors, self.classes_, own)
 
     def predict_log_proba(self, X):
-        """Return the logarithm of the combined posterior, shape (n_recordings, n_classes).
-
-        Parameters
-        ----------
-        X : list of Recording, or table
-            Input of the members.
-
-        Returns
-        -------
-        log_posterior : ndarray of shape (n_recordings, n_classes)
-            -inf where the prior is 0.
-        """
+        """Return the logarithm of the combined posterior, shape (n_recordings, n_classes)."""
         check_is_fitted(self)
         self._check_priors()
         logs = []
@@ -182,12 +158,12 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     @property
     def n_features_in_(self):
         """Number of features of the first member."""
-        return self._first_member().n_features_in_
+        return next(iter(self._members.values())).n_features_in_
 
     @property
     def feature_names_in_(self):
         """Names of the features of the first member."""
-        return self._first_member().feature_names_in_
+        return next(iter(self._members.values())).feature_names_in_
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -196,15 +172,11 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         tags.input_tags.allow_nan = bool(inputs) and all(tag.allow_nan for tag in inputs)
         return tags
 
-    def _first_member(self) -> Any:
-        if "_members" not in vars(self):
-            raise AttributeError(f"{type(self).__name__} is not fitted.")
-        return next(iter(self._members.values()))
-
     def _named_pairs(self) -> dict[str, Any]:
-        """Return members by name; none if `estimators`, not checked yet, are no pairs."""
+        """Return members by name; none if `estimators` are not pairs (name, estimator)."""
         pairs: Any = self.estimators if isinstance(self.estimators, list | tuple) else [None]
-        return dict(pairs) if all(map(_is_pair, pairs)) else {}
+        valid = (isinstance(p, tuple | list) and len(p) == 2 for p in pairs)
+        return dict(pairs) if all(valid) and all(isinstance(p[0], str) for p in pairs) else {}
 
     def _checked_members(self) -> dict[str, Any]:
         members, taken = self._named_pairs(), set(super().get_params(deep=False))
@@ -222,19 +194,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         return members
 
     def _check_priors(self) -> None:
-        """Raise if the members have no common prior, or exclude a class that occurs."""
-        prior, own, names = self.priors_, self.member_priors_, list(self._members)
-        different = np.abs(own - prior).max(axis=1) > 1e-6
-        if self.priors is None and different.any():
-            other = int(np.argmax(different))
-            raise ValueError(
-                f"members have different priors of {self.classes_.tolist()}: {names[0]!r} has "
-                f"{prior.round(6).tolist()}, {names[other]!r} has "
-                f"{own[other].round(6).tolist()}. Give priors=..., those in service."
-            )
-        for name, member_prior in zip(names, own, strict=True):
-            check_possible(prior, member_prior, self.classes_, f"member {name!r}")
-
-
-def _is_pair(pair: Any) -> bool:
-    return isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[0], str)
+        own = dict(zip(self._members, self.member_priors_, strict=True))
+        if self.priors is None:
+            check_equal_priors(own, self.classes_)
+        for name, prior in own.items():
+            check_possible(self.priors_, prior, self.classes_, f"member {name!r}")

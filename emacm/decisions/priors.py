@@ -1,4 +1,4 @@
-"""Prior probabilities of the classes, however they are stated."""
+"""Prior probabilities of the classes: the forms in which they are stated, and checks."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from emacm.decisions.labels import numbered_hint
 def class_priors(
     priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Bring any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
+    """Convert any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
 
     Parameters
     ----------
     priors : None, "uniform", array-like or mapping
-        None: shares of the counts. An array is in the order of `classes`; a mapping or
-        Series {class: probability} names every class.
+        None: relative frequencies of the counts. An array is in the order of `classes`; a
+        mapping or Series {class: probability} names every class.
     classes : ndarray of shape (n_classes,)
         The classes.
     counts : ndarray of shape (n_classes,)
@@ -31,12 +31,12 @@ def class_priors(
     Returns
     -------
     probabilities : ndarray of shape (n_classes,)
-        They add up to 1.
+        Their sum is 1.
 
     Raises
     ------
     ValueError
-        If they are negative, do not add up to 1 (to 1e-6), or do not fit the classes.
+        If they are negative, their sum is not 1 (to 1e-6), or they do not fit the classes.
     TypeError
         If they are not numbers.
 
@@ -70,7 +70,7 @@ def class_priors(
     values = check_real_array(priors, "priors").astype(np.float64)
     if values.shape != (len(known),):
         raise ValueError(
-            f"priors must hold one probability for each of the {len(known)} classes {known}, "
+            f"priors must contain one probability for each of the {len(known)} classes {known}, "
             f"got shape {values.shape}."
         )
     for label, value in zip(known, values, strict=True):
@@ -78,3 +78,50 @@ def class_priors(
     if abs(values.sum() - 1) > 1e-6:
         raise ValueError(f"priors must add up to 1, got {values.tolist()}, sum {values.sum():.8g}.")
     return values / values.sum()
+
+
+def check_possible(
+    priors: NDArray[np.float64],
+    own: NDArray[np.float64],
+    classes: NDArray[Any],
+    name: str = "estimator",
+) -> None:
+    """Raise a ValueError if a class has a prior, but none within the posterior of an estimator.
+
+    Parameters
+    ----------
+    priors, own : ndarray of shape (n_classes,)
+        Priors in effect, and those within the posterior of the estimator.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    name : str
+        Name of the estimator, for the message.
+    """
+    impossible = (priors > 0) & ~(own > 0)
+    if impossible.any():
+        code = int(np.argmax(impossible))
+        raise ValueError(
+            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, so that its posterior "
+            f"carries no information about it, but priors give it {priors[code]:g}. Give {name} "
+            f"another prior."
+        )
+
+
+def check_equal_priors(own: Mapping[str, NDArray[np.float64]], classes: NDArray[Any]) -> None:
+    """Raise a ValueError if estimators have different priors.
+
+    Parameters
+    ----------
+    own : mapping of str to ndarray of shape (n_classes,)
+        The prior within the posterior of each estimator, by its name.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    """
+    (first, prior), *others = own.items()
+    for name, other in others:
+        if np.abs(other - prior).max() > 1e-6:
+            raise ValueError(
+                f"members have different priors of {classes.tolist()}: {first!r} has "
+                f"{prior.round(6).tolist()}, {name!r} has {other.round(6).tolist()}. "
+                f"Give priors=..., those in service."
+            )

@@ -732,6 +732,18 @@ def test_pieces_complain_of_singular_covariances_when_they_are_used():
         strict.risk(X)
 
 
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_with_shrinkage_no_eigenvalue_is_raised_to_the_floor(covariance):
+    X, y = singular(covariance)
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=0).partial_fit(X, y, NAMES)
+    flat = model.covariances_ if covariance == "tied" else model.covariances_[2]
+    variance = flat[1] if covariance == "diag" else flat[1, 1]
+    assert variance == 0
+    without = CostSensitiveGaussianBayes(covariance=covariance).partial_fit(X, y, NAMES)
+    raised = without.covariances_ if covariance == "tied" else without.covariances_[2]
+    assert (raised[1] if covariance == "diag" else raised[1, 1]) > 0
+
+
 def test_more_features_than_recordings_need_shrinkage():
     X, y = draw(21, n_recordings=30, n_features=40)
     with pytest.raises(ValueError, match="class 'ball', 'healthy', 'screw' is singular"):
