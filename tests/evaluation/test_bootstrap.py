@@ -1,4 +1,4 @@
-"""Limits of a figure come from drawing whole groups of recordings."""
+"""Confidence intervals from a bootstrap over whole groups of recordings."""
 
 import numpy as np
 import pytest
@@ -16,32 +16,32 @@ def interval(values, groups, **options):
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1))
-def test_right_or_wrong_by_class_averages_to_the_balanced_accuracy(pairs):
+def test_the_mean_over_classes_is_the_balanced_accuracy(pairs):
     truths, decided = np.array(pairs).T
     right = (truths == decided).astype(float)
     theirs = recall_score(truths, decided, labels=np.unique(truths), average="macro")
     assert cell_mean(right, truths) == pytest.approx(theirs)
 
 
-def test_what_is_in_no_cell_does_not_count():
+def test_recordings_without_a_cell_are_not_counted():
     assert cell_mean([1, 0, 0], [0, -1, -1]) == 1
     assert np.isnan(cell_mean([1, 0], [-1, -1]))
 
 
-def test_copies_of_a_recording_in_its_group_change_no_limit():
+def test_copies_within_groups_change_no_interval():
     values, groups = np.random.default_rng(3).random(12), np.arange(12)
     once = interval(values, groups)
     assert np.allclose(interval(np.repeat(values, 9), np.repeat(groups, 9)), once, rtol=1e-12)
 
 
-def test_copies_taken_for_recordings_of_their_own_narrow_the_limits():
+def test_copies_counted_as_single_recordings_narrow_the_interval():
     values, groups = np.random.default_rng(3).random(12), np.repeat(np.arange(12), 9)
     low, high = interval(np.repeat(values, 9), groups)
     narrow_low, narrow_high = interval(np.repeat(values, 9), np.arange(108))
     assert narrow_high - narrow_low < 0.5 * (high - low)
 
 
-def test_of_many_single_recordings_the_limits_are_plain_percentiles():
+def test_the_interval_of_many_recordings_is_given_by_percentiles():
     values = np.random.default_rng(5).normal(size=400)
     reach = np.sqrt(400 / 399) * t.ppf(0.975, 399)
     means = values[np.random.default_rng(1).integers(0, 400, (20_000, 400))].mean(axis=1)
@@ -50,7 +50,7 @@ def test_of_many_single_recordings_the_limits_are_plain_percentiles():
 
 
 @pytest.mark.parametrize("n_groups", [3, 5, 8, 20])
-def test_limits_cover_the_truth_about_as_often_as_they_say(n_groups):
+def test_intervals_have_about_their_nominal_coverage(n_groups):
     rng, covered = np.random.default_rng(n_groups), 0
     for _ in range(400):
         rates = rng.beta(6, 4, n_groups)  # runs differ
@@ -60,7 +60,7 @@ def test_limits_cover_the_truth_about_as_often_as_they_say(n_groups):
     assert 0.89 <= covered / 400 <= 0.99  # single recordings as groups would give about 0.6
 
 
-def test_of_two_groups_limits_are_those_of_student():
+def test_the_interval_of_two_groups_is_given_by_student_t():
     # Means 0.5 and 0.7: deviation of their mean 0.1, times t of one degree of freedom, 12.7.
     groups = [0, 0, 1, 1]
     assert interval([0.0, 1.0, 0.4, 1.0], groups).tolist() == [0, 1]  # no value lies beyond
@@ -68,25 +68,25 @@ def test_of_two_groups_limits_are_those_of_student():
     assert np.allclose(wide, [0.6 - 1.27, 0.6 + 1.27], atol=0.03)
 
 
-def test_one_group_has_no_limits():
+def test_one_group_has_no_interval():
     assert np.isnan(interval([0.0, 1.0], ["a", "a"])).all()
 
 
-def test_groups_without_recordings_that_count_are_no_observations():
+def test_groups_without_counted_recordings_are_not_observations():
     cells = np.array([[0, 0, -1, -1]])
     assert np.isnan(group_intervals([[0.0, 1.0, 1.0, 1.0]], cells, list("aabb"))).all()
 
 
-def test_there_are_no_limits_where_nearly_every_draw_misses_a_cell():
+def test_there_is_no_interval_if_nearly_every_draw_misses_a_cell():
     cells = np.arange(8)[np.newaxis]
     assert np.isnan(group_intervals([np.ones(8)], cells, np.arange(8))).all()
 
 
-def test_values_that_never_differ_have_limits_of_no_width():
+def test_equal_values_have_an_interval_of_zero_width():
     assert interval(np.ones(6), np.arange(6)).tolist() == [1, 1]
 
 
-def test_the_same_seed_gives_the_same_limits():
+def test_the_same_seed_gives_the_same_interval():
     values, groups = np.random.default_rng(0).random(30), np.arange(30)
     assert (interval(values, groups) == interval(values, groups)).all()
     assert (interval(values, groups) != interval(values, groups, random_state=1)).any()

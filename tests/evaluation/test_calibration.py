@@ -1,4 +1,4 @@
-"""Stated probabilities are held against what came true."""
+"""Calibration of predicted probabilities."""
 
 import numpy as np
 import pytest
@@ -25,26 +25,26 @@ def test_an_impossible_truth_costs_36_nats():
     assert log_losses([[1.0, 0.0]], [1])[0] == pytest.approx(36.04, abs=0.01)
 
 
-def test_the_brier_score_of_knowing_nothing_is_one_less_a_share():
+def test_the_brier_score_of_a_uniform_posterior_is_one_minus_one_over_k():
     # (1 - 1/K)^2 + (K - 1) / K^2 = 1 - 1/K
     assert np.allclose(brier_scores(np.full((5, 5), 0.2), [0, 1, 2, 3, 4]), 0.8)
 
 
-def test_true_probabilities_have_a_lower_expected_score_than_any_other():
+def test_true_probabilities_have_a_lower_expected_score_than_sharper_ones():
     probabilities, truths = stated(20_000, 3)
     sharper = probabilities**2 / (probabilities**2).sum(axis=1, keepdims=True)
     for score in (log_losses, brier_scores):
         assert score(probabilities, truths).mean() < score(sharper, truths).mean()
 
 
-def test_what_follows_its_probabilities_comes_true_as_often_as_stated():
+def test_calibrated_probabilities_equal_the_frequencies():
     curve = reliability(*stated(50_000, 3))
     deviation = np.sqrt(curve["confidence"] * (1 - curve["confidence"]) / curve["count"])
     assert (np.abs(curve["frequency"] - curve["confidence"]) < 4 * deviation).all()
     assert curve["count"].sum() == 50_000
 
 
-def test_overstated_probabilities_come_true_less_often():
+def test_overconfident_probabilities_exceed_the_frequencies():
     probabilities, truths = stated(5000, 2)
     sharp = probabilities**3 / (probabilities**3).sum(axis=1, keepdims=True)
     curve = reliability(sharp, truths)
@@ -63,7 +63,7 @@ def test_the_mean_of_a_bin_lies_within_it():
 
 
 @pytest.mark.parametrize("function", [log_losses, brier_scores, reliability])
-def test_what_is_no_probability_is_refused(function):
+def test_invalid_probabilities_are_refused(function):
     with pytest.raises(ValueError, match=r"add up to 1, got \[0.5, 0.6\] for recording 1"):
         function([[0.5, 0.5], [0.5, 0.6]], [0, 1])
     with pytest.raises(ValueError, match="add up to 1, got"):
@@ -74,12 +74,12 @@ def test_what_is_no_probability_is_refused(function):
         function([[0.5, 0.5]], [2])
 
 
-def test_bins_are_counted():
+def test_the_number_of_bins_is_checked():
     with pytest.raises(ValueError, match="n_bins must be a whole number of at least 1, got 0"):
         reliability([[0.5, 0.5]], [0], n_bins=0)
 
 
-def test_a_probability_rounded_to_above_1_is_no_gain():
+def test_a_probability_rounded_to_above_1_has_no_negative_loss():
     loss = log_losses([[1 + 4e-16, 0.0]], [0])
     assert loss.tolist() == [0.0]
     assert not np.signbit(loss).any()

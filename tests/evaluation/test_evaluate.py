@@ -1,4 +1,4 @@
-"""Evaluations by several ways of holding out, side by side."""
+"""Evaluation by several hold-out schemes."""
 
 import re
 
@@ -290,7 +290,7 @@ def test_a_classifier_without_probabilities_has_no_calibration():
     assert "log_loss" not in found.table
 
 
-def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_scored():
+def test_a_label_of_one_unit_gives_a_warning_and_the_split_by_unit_is_not_scored():
     X, y, runs = sub_states()
     units = [
         f"{state}-{run % 2}" if state != "spalled" else "S"
@@ -310,7 +310,7 @@ def test_a_label_of_one_unit_warns_and_the_split_by_unit_says_why_it_cannot_be_s
     assert "by unit" not in set(found.predictions["scheme"])
 
 
-def test_one_unit_for_each_family_but_not_for_each_state_is_no_warning():
+def test_several_units_of_each_family_give_no_warning():
     X, y, runs = sub_states()
     units = np.where(y == "worn1", "W1", np.where(y == "worn2", "W2", "U"))
     units = np.where(
@@ -442,7 +442,7 @@ def test_few_groups_are_counted_in_a_caveat():
     assert any("fewer than 10 groups" in c and "3 in 'by run'" in c for c in found.caveats)
 
 
-def test_a_single_group_cannot_be_held_out():
+def test_a_single_condition_cannot_be_held_out():
     X, y, _ = sub_states()
     found = evaluate(GaussianNB(), X, y, conditions=pd.Series([20] * len(y), name="load"))
     assert "'by load' cannot be scored. There is only one load, 20" in found.caveats[0]
@@ -475,7 +475,7 @@ def test_the_estimator_and_the_data_are_unchanged():
     assert joblib.hash((X, y, runs)) == before
 
 
-def test_tables_and_arrays_and_lists_are_the_same_recordings():
+def test_tables_arrays_and_lists_give_the_same_result():
     X, y, runs = sub_states()
     kinds = [X, pd.DataFrame(X, columns=["a", "b"]), X.tolist()]
     tables = [evaluate(GaussianNB(), each, y, runs=list(runs)).table for each in kinds]
@@ -650,13 +650,13 @@ def test_an_object_without_decisions_is_refused(estimator):
         evaluate(estimator, X, y)
 
 
-def test_recordings_that_can_be_read_only_once_are_refused():
+def test_a_generator_is_refused():
     X, y, _ = sub_states()
     with pytest.raises(TypeError, match=r"X must be a list .* write list\(...\)"):
         evaluate(GaussianNB(), iter(X), y)
 
 
-def test_a_key_that_a_recording_lacks_is_refused():
+def test_a_missing_key_of_meta_is_refused():
     recording = Recording({"a": [0, 1]}, 1, velocity=[1, 1], meta={"run": 1})
     with pytest.raises(ValueError, match=r"recording 0 .*no meta key 'load'.*\['run'\]"):
         evaluate(GaussianNB(), [recording] * 4, ["a", "b"] * 2, conditions="load")

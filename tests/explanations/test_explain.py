@@ -107,7 +107,7 @@ def test_contributions_add_up_to_the_log_odds(chain, covariance):
     covariance=st.sampled_from(COVARIANCES),
     chain=st.sampled_from(["log", "PCA", "LDA", "best few"]),
 )
-def test_contributions_add_up_whatever_the_data(seed, covariance, chain):
+def test_contributions_add_up_for_any_data(seed, covariance, chain):
     model, X, _ = fitted(chain, covariance, seed=seed)
     adds_up(explain_decision(model, X.iloc[[seed % len(X)]]))
 
@@ -205,7 +205,7 @@ def test_a_bin_that_was_not_selected_contributes_nothing():
     assert (table["contribution"] != 0).sum() == 5
 
 
-def test_swapping_the_classes_turns_the_sign_of_what_a_common_line_explains():
+def test_swapping_the_classes_changes_the_sign_of_contributions_along_one_line():
     X, y = powers(n_classes=2)
     model = make_pipeline(log(), CostSensitiveGaussianBayes(covariance="tied")).fit(X, y)
     labels = {"decision": "state 0", "against": "state 1", "background": X}
@@ -215,7 +215,7 @@ def test_swapping_the_classes_turns_the_sign_of_what_a_common_line_explains():
     assert np.allclose(one["contribution"], -other["contribution"])
 
 
-def test_a_priced_decision_that_is_no_class_is_explained_by_expected_cost():
+def test_a_decision_that_is_not_a_class_is_explained_by_expected_cost():
     labels = [f"state {k}" for k in range(3)]
     cost = {("inspect", label): 0.2 for label in labels} | {("state 0", "state 2"): 50}
     model, X, _ = fitted("PCA", cost=cost)
@@ -247,7 +247,7 @@ def test_a_transition_that_is_narrow_compared_with_the_line_is_integrated():
             adds_up(explain_decision(model, X.iloc[[row]], decision="inspect", against=against))
 
 
-def test_a_decision_that_is_no_class_is_compared_with_the_next_least_risk():
+def test_a_decision_that_is_not_a_class_is_compared_with_the_next_higher_risk():
     cost = {("inspect", f"state {k}"): 1e-4 for k in range(3)}
     model, X, _ = fitted("PCA", cost=cost)
     row = int(np.flatnonzero(model.predict(X) == "inspect")[0])
@@ -293,7 +293,7 @@ def test_families_are_compared_by_cost_even_if_they_share_names_with_states():
         adds_up(table)
 
 
-def test_states_that_are_no_decisions_are_compared_by_their_odds():
+def test_states_that_are_not_decisions_are_compared_by_their_odds():
     model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
     table = explain_decision(model, X.iloc[[0]], decision="state 1", against="state 0")
     logs = model.predict_log_proba(X.iloc[[0]])[0]
@@ -301,7 +301,7 @@ def test_states_that_are_no_decisions_are_compared_by_their_odds():
     adds_up(table)
 
 
-def test_decisions_of_which_none_is_a_class_can_be_explained():
+def test_decisions_can_be_explained_if_none_is_a_class():
     cost = pd.DataFrame(
         [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
     )
@@ -313,7 +313,7 @@ def test_decisions_of_which_none_is_a_class_can_be_explained():
 
 
 @pytest.mark.parametrize("covariance", COVARIANCES)
-def test_a_model_is_the_mean_size_of_its_decisions(covariance):
+def test_the_contribution_to_a_model_is_the_mean_magnitude_over_its_decisions(covariance):
     model, X, _ = fitted("PCA", covariance)
     decided = model.predict(X)
     whole = explain_model(model, X).set_index("column")
@@ -333,7 +333,7 @@ def test_a_model_is_the_mean_size_of_its_decisions(covariance):
     assert whole["contribution"].is_monotonic_decreasing
 
 
-def test_a_model_with_true_classes_takes_their_means_as_baselines():
+def test_with_true_classes_their_means_are_the_baselines():
     model, X, y = fitted("PCA")
     whole = explain_model(model, X, y).set_index("column")
     pair = (y == "state 0", y == "state 1")
@@ -435,7 +435,7 @@ def test_the_model_of_the_noisy_channel_is_exposed(rig, rig_models, predicted, w
 
 
 @pytest.mark.parametrize("with_truth", [False, True])
-def test_the_model_of_the_bearing_channel_stands(rig, rig_models, predicted, with_truth):
+def test_the_model_of_the_bearing_channel_is_confirmed(rig, rig_models, predicted, with_truth):
     recordings, states = rig
     table = explain_model(rig_models["vibration"], recordings, states if with_truth else None)
     assert holds_exactly(table[:3], DEFECT)
@@ -445,7 +445,9 @@ def test_the_model_of_the_bearing_channel_stands(rig, rig_models, predicted, wit
 
 
 @pytest.mark.parametrize(("channel", "orders"), [("position", NOISE), ("vibration", DEFECT)])
-def test_every_single_decision_names_the_same_bins_first(rig, rig_models, channel, orders):
+def test_every_decision_has_its_largest_contributions_in_the_same_bins(
+    rig, rig_models, channel, orders
+):
     recordings, states = rig
     for recording in (recordings[0], recordings[-1]):
         table = explain_decision(rig_models[channel], recording)
@@ -455,13 +457,13 @@ def test_every_single_decision_names_the_same_bins_first(rig, rig_models, channe
         adds_up(table)
 
 
-def test_the_noise_is_found_to_be_electrical(rig, rig_models):
+def test_the_noise_is_identified_as_electrical(rig, rig_models):
     table = explain_model(rig_models["position"], *rig)
     matched = match_fault_orders(table, fault_orders(Motor(6), harmonics=6))
     assert set(matched["fault"][:2]) == {"2xsupply", "6xsupply"}
 
 
-def test_recordings_and_their_table_of_bins_are_explained_alike(rig, rig_models):
+def test_recordings_and_their_table_of_bins_have_the_same_explanation(rig, rig_models):
     model = rig_models["vibration"]
     whole = explain_decision(model, [rig[0][3]])
     X = pd.DataFrame(model[:3].transform(rig[0]), columns=model[2].get_feature_names_out())
@@ -552,7 +554,7 @@ def test_several_kinds_of_features_are_explained_by_their_names(between):
     adds_up(explain_decision(model, KNOCKING[1], background=KNOCKING[::2]))
 
 
-def test_a_model_that_hears_knocks_is_carried_by_the_kurtosis_of_that_direction():
+def test_a_model_of_knocks_is_determined_by_the_kurtosis_of_their_direction():
     model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
     table = explain_model(model, KNOCKING, KNOCKS)
     assert table["column"][0] == "levels__current+:kurtosis"
@@ -594,20 +596,20 @@ def test_lines_without_bins_are_explained_by_their_orders():
     )
 
 
-def test_features_without_names_are_refused_with_the_remedy():
+def test_features_without_names_are_refused():
     model = named_features(log_names=None).fit(KNOCKING, KNOCKS)
     with pytest.raises(ValueError, match=r"have no names, .* feature_names_out='one-to"):
         explain_model(model, KNOCKING)
 
 
-def test_what_a_recording_lacks_is_said_when_it_is_explained():
+def test_a_recording_without_reverse_strokes_is_refused():
     model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
     one_way = Recording({"current": np.arange(999.0)}, 500, velocity=np.full(999, 60.0))
     with pytest.raises(ValueError, match="it has no reverse stroke"):
         explain_decision(model, one_way)
 
 
-def test_what_the_names_of_columns_do_not_say_is_not_invented():
+def test_orders_are_read_from_the_names_of_columns_only_where_they_are_given():
     X, y = powers()
     X.columns = ["a@1e-05-0.5", "a@BPFI", "a@3.5", "plain", *COLUMNS[4:]]
     model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X, y)
@@ -621,14 +623,14 @@ def test_what_the_names_of_columns_do_not_say_is_not_invented():
     assert matched.loc["plain", "fault"] == "none"
 
 
-def test_a_bare_array_is_explained_by_numbered_columns():
+def test_an_array_is_explained_by_numbered_columns():
     X, y = powers()
     model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X.to_numpy(), y)
     table = explain_decision(model, X.to_numpy()[5])
     assert set(table["column"]) == {f"x{i}" for i in range(8)}
 
 
-def test_a_logarithm_with_a_floor_is_traced_below_it():
+def test_a_logarithm_with_a_floor_is_traced_below_its_floor():
     X, y = powers()
     X.iloc[0, 2] = 0.0
     X.iloc[0, 3] = 1e-9
@@ -674,13 +676,13 @@ def test_a_linear_kernel_is_traced():
         ({"decision": "state 0", "against": "state 0"}, "must differ, both are 'state 0'"),
     ],
 )
-def test_labels_that_do_not_exist_are_refused(options, words):
+def test_unknown_labels_are_refused(options, words):
     model, X, _ = fitted("log")
     with pytest.raises(ValueError, match=words):
         explain_decision(model, X.iloc[[0]], **options)
 
 
-def test_a_class_and_a_decision_of_another_kind_cannot_be_compared():
+def test_a_class_and_a_decision_that_is_not_a_class_cannot_be_compared():
     cost = pd.DataFrame(
         [[0, 1, 9], [2, 1, 0]], index=["fly", "ground"], columns=[f"state {k}" for k in range(3)]
     )
@@ -689,7 +691,7 @@ def test_a_class_and_a_decision_of_another_kind_cannot_be_compared():
         explain_decision(model, X.iloc[[0]], decision="fly", against="state 0")
 
 
-def test_a_class_that_cannot_occur_has_no_odds():
+def test_a_class_with_the_prior_0_has_no_odds():
     X, y = powers()
     priors = {"state 0": 0.5, "state 1": 0.5, "state 2": 0.0}
     classifier = CostSensitiveGaussianBayes(priors=priors, shrinkage=0.1)
@@ -699,7 +701,7 @@ def test_a_class_that_cannot_occur_has_no_odds():
     assert list(explain_model(model, X).columns[6:]) == ["state 0 vs state 1"]
 
 
-def test_more_or_less_than_one_recording_is_refused():
+def test_anything_but_one_recording_is_refused():
     model, X, _ = fitted("log")
     with pytest.raises(ValueError, match="x must be one recording, or one row of a table; got 3"):
         explain_decision(model, X.iloc[:3])
@@ -762,13 +764,13 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
         (["state 0"] * 45, "by pairs of classes, but the recordings have one class"),
     ],
 )
-def test_true_classes_that_do_not_fit_are_refused(y, words):
+def test_invalid_true_classes_are_refused(y, words):
     model, X, _ = fitted("log")
     with pytest.raises(ValueError, match=words):
         explain_model(model, X, y)
 
 
-def test_recordings_in_an_array_of_objects_are_recordings_too(rig, rig_models):
+def test_recordings_in_an_array_of_objects_are_accepted(rig, rig_models):
     X, y = rig
     several = np.empty(len(X), dtype=object)
     several[:] = X
@@ -776,7 +778,7 @@ def test_recordings_in_an_array_of_objects_are_recordings_too(rig, rig_models):
     pd.testing.assert_frame_equal(listed, arrayed)
 
 
-def test_a_single_recording_in_the_place_of_many_is_refused(rig, rig_models):
+def test_a_single_recording_instead_of_a_list_is_refused(rig, rig_models):
     X, y = rig
     with pytest.raises(TypeError, match=r"got a single one; write \[recording\]"):
         explain_model(rig_models["vibration"], X[0], y[:1])

@@ -20,7 +20,7 @@ def test_a_trace_multiplies_out_all_linear_steps():
     assert np.allclose(trace.matrix, (lda.scalings_.T @ pca.components_)[:2])
 
 
-def test_a_slight_mixture_is_no_element_wise_step():
+def test_a_step_that_mixes_columns_slightly_is_not_element_wise():
     mixing = np.eye(3)
     mixing[0, 2] = 1e-5
     step = FunctionTransformer(lambda values: values @ mixing)
@@ -29,7 +29,7 @@ def test_a_slight_mixture_is_no_element_wise_step():
     assert np.allclose(trace.matrix, mixing.T, rtol=1e-6, atol=1e-12)
 
 
-def test_hundreds_of_columns_are_traced_alike():
+def test_hundreds_of_columns_are_traced():
     X = np.random.default_rng(0).uniform(1, 2, size=(700, 600))
     selector = SelectKBest(k=500).fit(X, np.arange(700) % 2)
     chosen = np.flatnonzero(selector.get_support())

@@ -1,4 +1,4 @@
-"""Orders of faults, against published cases and against rolling solved numerically."""
+"""Fault orders, compared with published cases and with rolling solved numerically."""
 
 from fractions import Fraction
 from math import atan, cos, pi, sin
@@ -38,7 +38,7 @@ def orders(*parts, **options):
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_a_bearing_has_the_orders_its_maker_publishes(name):
+def test_bearing_orders_agree_with_published_values(name):
     geometry, published = PUBLISHED[name]
     found = orders(Bearing(*geometry))
     assert np.allclose([found[k] for k in ("BPFO", "BPFI", "2xBSF", "FTF")], published, rtol=1e-3)
@@ -64,7 +64,7 @@ def rolling(inner_radius, outer_radius, ball_radius, inner_speed, outer_speed):
     ratio=st.floats(0.1, 5),
     rotating=st.sampled_from(["inner", "outer"]),
 )
-def test_a_bearing_rolls_without_slip_whichever_ring_turns(ball, n_balls, ratio, rotating):
+def test_a_bearing_rolls_without_slip_with_either_ring_rotating(ball, n_balls, ratio, rotating):
     speeds = np.array([ratio, 0.0] if rotating == "inner" else [0.0, ratio])
     radii = np.array([0.5 - ball / 2, 0.5 + ball / 2])
     cage, spin = rolling(*radii, ball / 2, *speeds)
@@ -92,12 +92,12 @@ def test_the_passes_of_both_rings_add_up_to_the_number_of_balls(n_balls, size, a
     assert found["BPFO"] == pytest.approx(n_balls * found["FTF"])
 
 
-def test_a_contact_angle_works_like_smaller_balls():
+def test_a_contact_angle_has_the_effect_of_smaller_balls():
     steep = orders(Bearing(9, 0.2, 1.0, pi / 3))
     assert steep["BPFI"] == pytest.approx(orders(Bearing(9, 0.1, 1.0))["BPFI"])
 
 
-def test_a_ring_that_turns_is_modulated_by_the_shaft_and_one_that_stands_is_not():
+def test_a_rotating_ring_is_modulated_by_the_shaft_and_a_stationary_one_is_not():
     inner = orders(Bearing(9, 7.94, 39.04, ratio=0.5), sidebands=2)
     bpfi = inner["BPFI"]
     assert inner["BPFI-2xshaft"] == pytest.approx(bpfi - 1)
@@ -109,7 +109,7 @@ def test_a_ring_that_turns_is_modulated_by_the_shaft_and_one_that_stands_is_not(
     assert "BPFI+shaft" not in outer
 
 
-def test_everything_scales_with_the_speed_of_the_shaft_it_sits_on():
+def test_all_orders_scale_with_the_speed_ratio_of_the_shaft():
     for make in (
         lambda ratio: Bearing(9, 7.94, 39.04, ratio=ratio),
         lambda ratio: Gear(18, 42, ratio=ratio),
@@ -154,7 +154,7 @@ def test_imbalance_and_eccentricity_are_sidebands_of_the_supply():
     assert orders(Motor(6), sidebands=2)["supply+2xshaft"] == 8
 
 
-def test_multiplying_a_line_with_the_supply_makes_what_is_predicted_for_the_current():
+def test_a_line_multiplied_by_the_supply_has_the_orders_predicted_for_the_current():
     bearing, motor = Bearing(8, 0.2, 1.0), Motor(4)
     bpfi = orders(bearing)["BPFI"]
     angle = np.arange(2**16) / 64  # revolutions
@@ -186,7 +186,7 @@ def test_the_same_two_teeth_meet_at_the_hunting_order(teeth, mating):
     assert orders(Gear(teeth, mating))["hunting"] == pytest.approx(teeth / again)
 
 
-def test_a_second_pair_of_gears_hangs_on_the_first():
+def test_a_second_pair_of_gears_is_driven_by_the_first():
     first = Gear(20, 60)
     found = orders(first, Gear(15, 45, ratio=first.output_ratio, name="second"))
     assert found["second mesh"] == pytest.approx(15 / 3)
@@ -257,7 +257,7 @@ def test_the_race_of_the_rotating_part_of_a_screw_is_modulated_and_the_other_is_
     assert not [name for name in nut if name.startswith(("thread-", "thread+"))]
 
 
-def test_the_table_tells_what_each_line_is():
+def test_the_table_describes_each_line():
     table = fault_orders(Bearing(9, 7.94, 39.04, name="front"), Gear(20, 50), sidebands=1)
     row = table.loc["front BPFI-shaft"]
     assert (row["part"], row["kind"], row["harmonic"], row["sideband"]) == (
@@ -284,7 +284,7 @@ def test_orders_above_the_highest_are_left_out_and_none_is_zero_or_less():
     assert table["order"].max() > 9
 
 
-def test_bands_go_straight_into_bins_and_orders_into_the_picture():
+def test_bands_define_bins_and_orders_are_marked_in_the_figure():
     table = fault_orders(Bearing(9, 7.94, 39.04), max_order=6)
     bands = order_bands(table, slip=0.01)
     psd = OrderTable(np.ones((2, 65)), order_columns(["vibration"], np.arange(65) / 8))
@@ -299,7 +299,7 @@ def test_bands_go_straight_into_bins_and_orders_into_the_picture():
     assert sorted(text.get_text() for text in ax.texts) == sorted(table.index)
 
 
-def test_a_band_is_as_wide_as_the_slip_and_never_narrower_than_asked():
+def test_a_band_is_as_wide_as_the_slip_and_not_narrower_than_the_minimum():
     bands = order_bands({"low": 0.1, "high": 20.0}, slip=0.02, min_width=0.25)
     assert bands["high"] == (19.6, 20.4)
     assert bands["low"] == (0.0, 0.225)
@@ -331,7 +331,7 @@ def test_bands_that_touch_do_not_overlap():
 
 
 @given(st.lists(st.floats(0.5, 60), min_size=1, max_size=30, unique=True), st.floats(1e-3, 0.1))
-def test_joined_bands_are_disjoint_and_hold_every_order(values, slip):
+def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
     bands = order_bands({f"f{i}": v for i, v in enumerate(values)}, slip=slip, on_overlap="join")
     edges = np.array(list(bands.values()))
     assert (edges[1:, 0] >= edges[:-1, 1]).all()
