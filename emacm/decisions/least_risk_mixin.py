@@ -104,8 +104,12 @@ class LeastRiskMixin:
         """
         posterior = self._truth_proba(X)
         decisions, cost = self._cost_table()
-        decided = decisions.take(decide(posterior, cost))
-        if self.unknown is not None and set(decided.tolist()) <= set(self.classes_.tolist()):
+        rows = decide(posterior, cost)
+        decided = decisions.take(rows)
+        if decided.dtype == self.classes_.dtype or self.unknown is None:
+            return decided
+        known = set(self.classes_.tolist())
+        if all(label in known for label in decisions[np.unique(rows)].tolist()):
             return decided.astype(self.classes_.dtype)  # numbers, unless "unknown" is among them
         return decided
 

@@ -63,13 +63,9 @@ class ExponentialTail:
         """
         total = self.weight_from[0] + 1
         counted = (self.weight_from[np.searchsorted(self.values, values, "left")] + 1) / total
-        excess = np.maximum(self.excess(values), 0.0)
+        excess = np.maximum((values - self.threshold) / self.mean_excess, 0.0)
         tail = (self.n_peaks + 1) / total * (1 + excess / self.n_peaks) ** -self.n_peaks
         return np.where(excess > 0, tail, counted)
-
-    def excess(self, values: Array) -> Array:
-        """Return the excess over the threshold, in units of the mean excess."""
-        return (values - self.threshold) / self.mean_excess
 
 
 def exponential_tail(values: Array, weight: Array) -> ExponentialTail:

@@ -232,6 +232,11 @@ def _combine(
     terms = []
     for number in np.flatnonzero(used):
         values = logs[number] if number == 0 else logs[number][:, np.newaxis]
-        excess = tails[number].excess(values - levels[number])
-        terms.append(slopes[number] * excess - _OFFSETS[number])
-    return np.logaddexp.reduce(terms).min(axis=1)
+        tail, scale = tails[number], slopes[number] / tails[number].mean_excess
+        terms.append(
+            values * scale - ((levels[number] + tail.threshold) * scale + _OFFSETS[number])
+        )
+    largest = np.maximum.reduce(terms)
+    with np.errstate(invalid="ignore"):  # inf - inf, of a class without recordings
+        total = sum(np.exp(term - largest) for term in terms)
+        return np.nanmin(largest + np.log(total), axis=1)
