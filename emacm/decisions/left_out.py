@@ -212,7 +212,7 @@ class _Residuals:
         """
         before, codes = self.moments, self._training.codes[rows]
         weight, values = self._training.weight[rows, np.newaxis], self._values[rows]
-        member = codes == np.arange(len(before.counts))[:, np.newaxis]
+        member = (codes == np.arange(len(before.counts))[:, np.newaxis]).astype(float)
         counts = before.counts - member @ weight[:, 0]
         counts[counts <= 1e-9 * before.counts] = 0.0
         seen = (counts > 0)[:, np.newaxis]
@@ -224,7 +224,7 @@ class _Residuals:
             scatter -= lost.sum(axis=0) if before.pooled else lost
         else:
             for group in range(len(scatter)):
-                chosen, classes = (slice(None),) * 2 if before.pooled else (member[group], [group])
+                chosen, classes = (slice(None),) * 2 if before.pooled else (codes == group, [group])
                 scatter[group] -= (weight[chosen] * values[chosen]).T @ values[chosen]
                 scatter[group] -= sums[classes].T @ moved[classes]
         means = np.where(seen, before.means - moved, 0.0)

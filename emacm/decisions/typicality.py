@@ -168,7 +168,9 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    distances = _class_distances(gaussians, training.moments(pooled=True).counts > 0)
+    distances = _class_distances(
+        gaussians, np.bincount(training.codes, minlength=training.n_classes) > 0
+    )
     inside = np.full((len(training.X), training.n_classes), np.inf)
     others, judged = np.empty((2, len(training.X))), np.zeros(len(training.X), dtype=bool)
     for rows, fitted, seen in ((part.rows, part.gaussians, part.seen) for part in left_out):
