@@ -251,14 +251,14 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
 
         As `CostSensitiveGaussianBayes.typicality`, by the classifier of each recording's condition.
         """
-        answers, rows, _ = self._answers(X, "typicality")
-        return joined_rows(answers, rows)
+        results, rows, _ = self._results(X, "typicality")
+        return joined_rows(results, rows)
 
     @available_if(_has("unknown_proba"))
     def unknown_proba(self, X: Any) -> NDArray[np.floating]:
         """Return the probability that the true state is unknown, shape (n_recordings,)."""
-        answers, rows, _ = self._answers(X, "unknown_proba")
-        return joined_rows(answers, rows)
+        results, rows, _ = self._results(X, "unknown_proba")
+        return joined_rows(results, rows)
 
     @available_if(_has("risk"))
     def risk(self, X: Any) -> NDArray[np.floating]:
