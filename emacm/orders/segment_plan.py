@@ -1,9 +1,7 @@
-"""Plans of Welch's method over shaft angle: which segments are averaged, and how [1]_.
+"""Plans of Welch's method over shaft angle: which segments are averaged, and how.
 
-References
-----------
-.. [1] P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 70-73, 1967; Chirico, Eqs. (2.14) to
-   (2.22).
+Source: P. D. Welch, IEEE Trans. Audio Electroacoust. 15(2), 70-73, 1967; Chirico, Eqs. (2.14) to
+(2.22).
 """
 
 from __future__ import annotations
@@ -19,9 +17,9 @@ from scipy import fft
 
 from emacm._checks import check_choice, check_number
 from emacm._kernels import kernels
-from emacm.orders.segments import Signal, sections, segment_length, too_short
+from emacm.orders.segments import Signal, check_range, sections, segment_length, too_short
 from emacm.orders.windows import detrended, window_values
-from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import strokes_by_kind
 
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
@@ -115,43 +113,29 @@ class SegmentPlan:
         ------
         ValueError
             If no stroke (with `by_direction`: no stroke of one direction) is as long as a segment,
-            or a power exceeds the range of float64.
+            or the powers of a channel are outside the range of float64.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             if isinstance(row, np.ndarray):
-                powers = self._power_of_row(row[np.newaxis])
+                powers = self._averaged([len(row)], [[row[np.newaxis]]], "row")
             else:
-                kinds = strokes_by_kind(row.strokes, self.by_direction)
-                directions = [self._power_of_strokes(row, some, kind) for kind, some in kinds]
+                channels, directions = range(len(row.channels)), []
+                for kind, strokes in strokes_by_kind(row.strokes, self.by_direction):
+                    lengths = [stroke.n_angles for stroke in strokes]
+                    signals = [stroke.blocks_of_all_rates(channels) for stroke in strokes]
+                    directions.append(self._averaged(lengths, signals, kind))
                 powers = np.stack(directions, axis=1) if self.by_direction else directions[0]
-        if not np.isfinite(powers.max()):  # powers are not negative
-            raise ValueError(
-                "its power exceeds the range of float64. State the channels in other units."
-            )
+        check_range(powers, row)
         return powers
 
-    def _power_of_row(self, signal: NDArray[np.floating]) -> NDArray[np.floating]:
-        if signal.shape[1] >= self.n_per_segment:
-            return self.average_of([signal])
-        if self.short == "pad":
-            return self.padded([signal])
-        raise too_short([signal.shape[1]], self, "row", "OrderPSD")
-
-    def _power_of_strokes(
-        self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
+    def _averaged(
+        self, lengths: Sequence[int], signals: Sequence[Signal], kind: str
     ) -> NDArray[np.floating]:
-        lengths = [stroke.n_angles for stroke in strokes]
-        whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= self.n_per_segment]
+        whole = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
         if whole:
-            groups = row.rate_groups
-            if len(groups) == 1:
-                return self.average_of(stroke.blocks(groups[0]) for stroke in whole)
-            powers = np.empty((len(row.channels), self.n_orders))
-            for channels in groups:
-                powers[channels] = self.average_of(stroke.blocks(channels) for stroke in whole)
-            return powers
-        if self.short == "pad" and any(n > 1 for n in lengths):
-            return self.padded(stroke.signals for stroke in strokes)
+            return self.average_of(whole)
+        if self.short == "pad" and max(lengths, default=0) > 1:
+            return self.padded(np.concatenate(list(blocks), axis=1) for blocks in signals)
         raise too_short(lengths, self, kind, "OrderPSD")
 
     def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
@@ -225,7 +209,7 @@ class SegmentPlan:
         """Yield the Fourier transforms of all segments, those of all channels together.
 
         A product of two lines, summed over all segments, divided by the sum of the weights and
-        multiplied by `sides`, is a spectral density (or a spectrum, as `scaling` says).
+        multiplied by `sides`, is a spectral density (or spectrum).
 
         Parameters
         ----------
@@ -256,9 +240,8 @@ class SegmentPlan:
 
         Yields
         ------
-        lines : ndarray of shape (n_channels, 1, n_orders)
-        weight : float
-            As in `lines_of`.
+        lines, weight
+            As `lines_of` does; the lines of a signal have the shape (n_channels, 1, n_orders).
 
         Raises
         ------

@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_count, check_number
+from emacm.shaft.motion import blocks
 
 # Whole, or in consecutive blocks; shape (n_channels, n_angles).
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
 Section = tuple[NDArray[np.floating], int, int]
 
 _MOST_SAMPLES = 1 << 31  # of a segment
+_LEAST_POWER = 1e-290  # below, float64 loses digits
+_LEAST_RANGE = 1e-140  # of a signal whose power is above that
 _JOINED_BYTES = 2 << 20  # blocks up to this size are joined with the rest of the one before
 
 
@@ -168,3 +171,37 @@ def too_short(lengths: Sequence[int], plan: Any, kind: str, who: str) -> ValueEr
         f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
         f"revolutions (or n_per_segment) of {who}, set short='pad', or leave it out."
     )
+
+
+def check_range(powers: NDArray[np.floating], row: Any) -> None:
+    """Check that the powers of each channel are within the range of float64.
+
+    Parameters
+    ----------
+    powers : ndarray of shape (n_channels, ..., n_orders)
+        Power spectra.
+    row : AngleRecording or ndarray of shape (n_angles,)
+        What they were estimated from.
+
+    Raises
+    ------
+    ValueError
+        If a power overflows, or the power of a signal that is not constant underflows.
+    """
+    highest = powers.reshape(len(powers), -1).max(axis=1)  # NaN where infinite values were summed
+    for channel, power in enumerate(highest):
+        if _LEAST_POWER < power < np.inf:
+            continue
+        whole = isinstance(row, np.ndarray)
+        name = "the signal" if whole else f"channel {row.channels[channel]!r}"
+        if not power < np.inf:
+            raise ValueError(
+                f"the power of {name} exceeds the range of float64. State it in other units."
+            )
+        values = row if whole else row.measured.series[row.channels[channel]]
+        ranges = [(part.min(), part.max()) for _, part in blocks(values)]
+        if 0 < max(high for _, high in ranges) - min(low for low, _ in ranges) < _LEAST_RANGE:
+            raise ValueError(
+                f"{name} varies by less than {_LEAST_RANGE:g}, so its power is below the range of "
+                f"float64. State it in other units."
+            )

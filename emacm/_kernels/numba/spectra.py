@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from emacm._kernels.numba.compilation import compiled, read_only
+from emacm._kernels.numba.compilation import compiled
 from emacm._kernels.numpy.spectra import batches, powers, windowed
 
 SEGMENT_BYTES = 2 << 20  # of the segments transformed at a time
@@ -54,8 +54,8 @@ def segment_powers(
         return powers(lines[..., :n_lines])
     taps, gains = low_pass or (None, 0.5)
     n_kept = length if taps is None else length // _DECIMATION
-    total, window = np.zeros((len(signals), n_lines)), read_only(window)
-    signals = read_only(signals.astype(np.float64, copy=False))
+    total = np.zeros((len(signals), n_lines))
+    signals = np.ascontiguousarray(signals, np.float64)
     n_pairs = -(-n_segments // 2)
     for rows, start, stop in batches(len(signals), n_pairs, 16 * n_kept, SEGMENT_BYTES):
         begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start
@@ -84,7 +84,7 @@ def _low_pass(length: int, n_lines: int) -> tuple[Array, Array] | None:
     place = (2 * np.arange(n_taps) + 1) / n_taps - 1
     taps = np.i0(shape * np.sqrt(1 - place**2)) / np.i0(shape)
     response = fft.rfft(taps, length)[:n_lines]
-    return read_only(taps), _DECIMATION**2 / 2 / (response.real**2 + response.imag**2)
+    return taps, _DECIMATION**2 / 2 / (response.real**2 + response.imag**2)
 
 
 @compiled

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
-from scipy import sparse
 
 BLOCK = READ_BLOCK = 1 << 15  # time samples processed at a time, for which several arrays are held
 
@@ -47,14 +46,11 @@ def spread(
         outside are skipped.
     """
     weights, cells = _weights(travel, ends, scale, offset, kernel, n_points)
-    rows = cells + np.arange(4)[:, np.newaxis]
     low, high = int(cells.min()), int(cells.max()) + 4
-    operator = sparse.csc_array(
-        (weights.T.ravel(), (rows - low).T.ravel(), np.arange(0, rows.size + 1, 4)),
-        shape=(high - low, len(cells)),
-    )
-    values = np.stack(signals, axis=1).astype(np.float64, copy=False) - means
-    grid[:, low:high] += (operator @ values).T
+    points = (cells - low + np.arange(4)[:, np.newaxis]).ravel()
+    for row, mean, line in zip(signals, means, grid, strict=True):
+        shares = (weights * np.subtract(row, mean, dtype=np.float64)).ravel()
+        line[low:high] += np.bincount(points, shares, high - low)
 
 
 def _weights(

@@ -35,8 +35,11 @@ def windowed(
     -------
     ndarray of shape (n_signals, n_segments, n_per_segment)
     """
-    views = np.lib.stride_tricks.sliding_window_view(signals, len(window), axis=-1)
-    segments = views[:, first : first + (n_segments - 1) * step + 1 : step]
+    part = signals[:, first : first + (n_segments - 1) * step + len(window)]
+    row, sample = part.strides
+    segments = np.lib.stride_tricks.as_strided(
+        part, (len(part), n_segments, len(window)), (row, step * sample, sample), writeable=False
+    )
     if remove_mean:
         segments = segments - segments.mean(axis=-1, keepdims=True, dtype=np.float64)
         segments *= window
