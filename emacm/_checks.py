@@ -115,8 +115,10 @@ def _wanted(name: str, unit: str, *limits: float | None) -> str:
     """Say what number was expected; only an error asks for it, as checks are many."""
     words = ("above", "at least", "below", "at most")
     stated = [f"{word} {x:.6g}" for word, x in zip(words, limits, strict=True) if x is not None]
-    parts = [f"{name} must be a number", unit and f"of {unit},", " and ".join(stated)]
-    return " ".join(filter(None, parts))
+    quantity = f"{name} must be a number" + (f" of {unit}" if unit else "")
+    if not stated:
+        return quantity
+    return quantity + (", " if unit else " ") + " and ".join(stated)
 
 
 def check_count(value: Any, name: str, *, at_least: int = 1, at_most: int | None = None) -> int:

@@ -141,9 +141,17 @@ class BinTransformer(OrderTableTransformer):
             If the columns are not those of `fit`.
         """
         psd = self._read_table(X)
-        # Summed in float64 in any case. The type, as the dtype of an order table says more.
-        powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
-        return BinPowers(powers, self.get_feature_names_out().tolist())
+        # Summed in float64 in any case. The type, as the dtype of an order table has metadata.
+        with np.errstate(over="ignore"):
+            powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
+        names = self.get_feature_names_out()
+        if not np.isfinite(powers).all():
+            row, column = np.argwhere(~np.isfinite(powers))[0]
+            raise ValueError(
+                f"the integral over recording {row}, bin {str(names[column])!r}, exceeds the range "
+                f"of {powers.dtype}. State the channels in other units."
+            )
+        return BinPowers(powers, names.tolist())
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""

@@ -104,6 +104,19 @@ class OrderTable(np.ndarray):
         super().sort(*args, **kwargs)
         self.columns = None
 
+    def partition(self, *args: Any, **kwargs: Any) -> None:
+        """Partition in place, and forget the names."""
+        super().partition(*args, **kwargs)
+        self.columns = None
+
+    def swapaxes(self, *args: Any) -> Any:
+        """Return a view with two axes exchanged, and forget the names.
+
+        `numpy.random.Generator.shuffle` permutes the columns through such a view.
+        """
+        self.columns = None
+        return super().swapaxes(*args)
+
     def copy(self, order: Any = "C") -> OrderTable:
         """Return a copy with the names."""
         copied = super().copy(order)
@@ -199,7 +212,9 @@ def _order_columns(channels: tuple[str, ...], orders: bytes) -> tuple[str, ...]:
 def column_names(X: Any) -> tuple[Any, ...] | None:
     """Return the names of a table's columns, or None if it has none."""
     columns = getattr(X, "columns", None)
-    return None if columns is None else tuple(columns)
+    if columns is None or (isinstance(X, OrderTable) and X.shape[-1] != len(columns)):
+        return None
+    return tuple(columns)
 
 
 def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_finite_table, check_number, check_signal, located
+from emacm._checks import check_choice, check_finite_table, check_signal, located
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SHORTS, SegmentPlan
@@ -21,7 +21,7 @@ from emacm.orders.welch import WelchEstimator
 from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings
+from emacm.resampling.inputs import as_angle_recordings, check_angle_step
 
 
 class OrderPSD(WelchEstimator):
@@ -263,7 +263,7 @@ class OrderPSD(WelchEstimator):
     def _stated_theta_s(self, first: Any) -> float | None:
         stated = self.theta_s
         if stated is not None:
-            stated = check_number(stated, "theta_s", above=0, unit="rad per sample")
+            stated = check_angle_step(stated)
         if not isinstance(first, AngleRecording):
             return stated
         if stated is not None and not np.isclose(stated, first.theta_s, rtol=1e-12, atol=0):

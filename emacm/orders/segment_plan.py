@@ -112,8 +112,8 @@ class SegmentPlan:
         Raises
         ------
         ValueError
-            If no stroke (with `by_direction`: no stroke of one direction) is as long as a segment,
-            or the powers of a channel are outside the range of float64.
+            If no stroke (`by_direction`: of one direction) is as long as a segment, or the powers of
+            a channel are outside the range of float64.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             if isinstance(row, np.ndarray):
@@ -144,9 +144,8 @@ class SegmentPlan:
         Parameters
         ----------
         signals : iterable of ndarray of shape (n_channels, n_angles), or of their blocks
-            Signals at uniform angles, such as the strokes of a recording, each whole or as an
-            iterable of consecutive blocks. No segment spans two signals; signals shorter than a
-            segment are skipped. They are read one at a time.
+            Signals at uniform angles, such as the strokes of a recording, each whole or in
+            consecutive blocks; read one at a time. Signals shorter than a segment are skipped.
 
         Returns
         -------
@@ -357,10 +356,6 @@ def segment_plan(
         Average forward and reverse strokes separately.
     short : {"raise", "pad"}
         What is done with a recording none of whose strokes is as long as a segment.
-
-    Returns
-    -------
-    SegmentPlan
 
     Raises
     ------

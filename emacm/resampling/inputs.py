@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from math import isclose
 from typing import Any
 
+import numpy as np
+
+from emacm._checks import check_number
 from emacm.recordings.inputs import as_recordings, described
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 
@@ -40,6 +43,43 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
                 f"{described(row, index)} is over time; put an OrderResampler before {who}."
             )
     return rows
+
+
+def check_angle_step(theta_s: Any) -> float:
+    """Return the angle between samples.
+
+    Parameters
+    ----------
+    theta_s : float
+        Angle between samples [rad], at most π. A float32 (or float16) number that 2π/n rounds to
+        stands for 2π/n.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a number above 0 and at most π.
+
+    Examples
+    --------
+    >>> check_angle_step(np.float32(2 * np.pi / 64)) == 2 * np.pi / 64
+    True
+    """
+    step = check_number(theta_s, "theta_s", above=0, unit="rad per sample")
+    if step > np.pi:
+        raise ValueError(
+            f"theta_s = {step:g} rad is more than half a revolution between two samples. It is the "
+            f"angle between samples, not their number: for {step:g} samples per revolution, write "
+            f"theta_s=2 * np.pi / {step:g}."
+        )
+    if isinstance(theta_s, np.floating) and theta_s.dtype.itemsize < 8:
+        exact = 2 * np.pi / round(2 * np.pi / step)
+        if theta_s == theta_s.dtype.type(exact):
+            return exact
+    return step
 
 
 def check_theta_s(rows: Sequence[AngleRecording], theta_s: float | None, who: str) -> None:

@@ -28,6 +28,7 @@ from emacm.recordings.inputs import (
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.interpolation import INTERPOLATIONS
 from emacm.resampling.quality import recording_quality
 from emacm.shaft.strokes import DIRECTIONS
@@ -176,7 +177,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             AngleRecording(
                 recording,
                 self.channels_,
-                float(self.theta_s),
+                check_angle_step(self.theta_s),
                 self.interpolation,
                 bool(self.antialias),
                 self.direction,
@@ -227,7 +228,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         return tags
 
     def _check_parameters(self) -> None:
-        check_number(self.theta_s, "theta_s", above=0, unit="rad per sample")
+        check_angle_step(self.theta_s)
         check_choice(self.interpolation, "interpolation", INTERPOLATIONS)
         check_choice(self.antialias, "antialias", (True, False))
         check_choice(self.direction, "direction", DIRECTIONS)

@@ -11,6 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from sklearn.utils import _safe_indexing
 
+from emacm import BinTransformer
 from emacm.orders.columns import (
     OrderTable,
     column_names,
@@ -130,6 +131,25 @@ def test_rows_chosen_from_a_choice_keep_the_names():
 )
 def test_names_are_gone_after_anything_but_a_choice_of_rows(change):
     assert column_names(change(table())) is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda X: X.sort(axis=1),
+        lambda X: X.partition(1, axis=1),
+        lambda X: np.random.default_rng(0).shuffle(X, axis=1),
+        lambda X: np.random.RandomState(0).shuffle(X.swapaxes(0, 1)),
+        lambda X: X.resize((3, 4), refcheck=False),
+    ],
+    ids=["sort", "partition", "shuffle", "shuffle of a view", "resize"],
+)
+def test_a_table_forgets_its_names_when_its_columns_are_permuted_in_place(change):
+    X = OrderTable(np.random.default_rng(0).permuted(np.arange(12.0)).reshape(4, 3), COLUMNS)
+    change(X)
+    assert column_names(X) is None
+    with pytest.raises(ValueError, match="has lost its orders"):
+        BinTransformer(max_order=2).fit(X)
 
 
 def test_a_square_table_forgets_its_names_when_transposed():

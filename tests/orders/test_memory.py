@@ -8,7 +8,6 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import (
     BinTransformer,
-    CostSensitiveGaussianBayes,
     OrderPSD,
     OrderResampler,
     Recording,
@@ -150,10 +149,3 @@ def test_reading_one_stroke_after_the_other_keeps_none(recordings):
 
     read_once()  # compiles what is compiled once
     assert peak_bytes(read) < 1.1 * peak_bytes(read_once)
-
-
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-def test_decisions_need_less_memory_than_the_features_they_are_made_of(covariance):
-    X = np.random.default_rng(0).normal(size=(60_000, 30))
-    model = CostSensitiveGaussianBayes(covariance=covariance).fit(X[:600], np.arange(600) % 5)
-    assert peak_bytes(model.predict, X) < X.nbytes

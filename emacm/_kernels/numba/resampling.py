@@ -36,9 +36,8 @@ def spread(
     near = np.concatenate([ends[:1], travel, ends[1:]])
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        _spread(
-            near, 0, scale, offset, kernel, _eight(signals[some]), means[some], grid[some], n_points
-        )
+        rows = _eight(signals[some])
+        _spread(near, scale, offset, kernel, rows, means[some], grid[some], n_points)
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -56,7 +55,8 @@ def decimate(
     grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
 ) -> None:
     """Filter a grid and keep every other point; move what is still needed to its start."""
-    _check_taps(taps)
+    if len(taps) != 41:
+        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
     _decimate(grid, used, first, taps, means, outputs, done, outputs.shape[1] - done)
 
 
@@ -76,21 +76,17 @@ def resample(
     outputs: Array,
 ) -> tuple[Array, int, int]:
     """Spread samples over a grid, and filter and decimate the part of it that is complete."""
-    _check_taps(taps)
-    near = np.concatenate([ends[:1], travel, ends[1:]])
-    groups = [slice(start, start + _AT_ONCE) for start in range(0, len(signals), _AT_ONCE)]
-    rows = [_eight(signals[some]) for some in groups]
     n_times, n_done, top = len(travel), 0, offset
     span = abs(float(travel[-1] - travel[0])) * scale
     # The points of a part should stay in the processor's cache.
     at_once = max(1, int(_PART * min(1.0, n_times / span))) if span else _PART
     for start in range(0, n_times, at_once):
-        part = near[start : start + at_once + 2]
-        top = max(top, float(part[1:-1].max()) * scale + offset)
+        stop = min(start + at_once, n_times)
+        part, rows = travel[start:stop], [row[start:stop] for row in signals]
+        near = travel[start - 1] if start else ends[0], travel[stop] if stop < n_times else ends[1]
+        top = max(top, float(part.max()) * scale + offset)
         grid, used = reach(grid, used, int(top) - 2 * n_done + 3)
-        for some, row in zip(groups, rows, strict=True):
-            place = offset - 2 * n_done
-            _spread(part, start, scale, place, kernel, row, means[some], grid[some], used)
+        spread(part, near, scale, offset - 2 * n_done, kernel, rows, means, grid, used)
         ready = min(int((top - lag) // 2), outputs.shape[1]) - n_done
         if ready > 0:
             _decimate(grid, used, first, taps, means, outputs, n_done, ready)
@@ -129,11 +125,6 @@ def _eight(signals: list[Array]) -> tuple[Array, ...]:
     """Return as many rows as are compiled for; the last ones are not read."""
     rows = [_double(signal) for signal in signals]
     return tuple(rows + rows[:1] * (_AT_ONCE - len(rows)))
-
-
-def _check_taps(taps: Array) -> None:
-    if len(taps) != 41:
-        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
 
 
 @compiled
@@ -233,20 +224,20 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 
 @compiled
-def _spread(near, start, scale, offset, kernel, signals, means, grid, n_points):
+def _spread(near, scale, offset, kernel, signals, means, grid, n_points):
     n_times = len(near) - 2
     held, cells = np.empty((4, _WEIGHTS)), np.empty(_WEIGHTS, np.uint32)
     weights = held[0], held[1], held[2], held[3]
     for low in range(0, n_times, _WEIGHTS):
         count = min(_WEIGHTS, n_times - low)
-        begin, end, some = start + low, start + low + count, cells[:count]
+        end, some = low + count, cells[:count]
         _set_weights(near[low : low + count + 2], scale, offset, kernel, n_points, weights, some)
         for k in range(0, len(grid) - 1, 2):
-            one, two = signals[k][begin:end], signals[k + 1][begin:end]
+            one, two = signals[k][low:end], signals[k + 1][low:end]
             _spread_two(one, two, means[k], means[k + 1], weights, some, grid[k], grid[k + 1])
         if len(grid) % 2:
             k = len(grid) - 1
-            _spread_one(signals[k][begin:end], means[k], weights, some, grid[k])
+            _spread_one(signals[k][low:end], means[k], weights, some, grid[k])
 
 
 @compiled

@@ -1,0 +1,280 @@
+"""Facts about OrderPSD: directions, axes, precision, range, short recordings, defaults."""
+
+from inspect import signature
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import signal as filters
+
+from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
+from emacm.orders.segment_plan import segment_plan
+from emacm.orders.segments import samples_per_revolution
+from emacm.orders.welch import order_psd
+
+TURN = 2 * np.pi
+RNG = np.random.default_rng(5)
+
+
+def to_and_fro(fs=640.0, turns=40, revolutions_per_s=5.0):
+    """Velocity of a shaft that turns forward, rests, and turns back."""
+    n = round(turns / revolutions_per_s * fs)
+    return np.concatenate([np.full(n, 1.0), np.zeros(20), np.full(n, -1.0)]) * (
+        TURN * revolutions_per_s
+    )
+
+
+def powers_by_column(table):
+    """Largest power of each channel and direction."""
+    names = np.array([name.rpartition("@")[0] for name in table.columns])
+    values = np.asarray(table)[0]
+    return {str(name): float(values[names == name].max()) for name in np.unique(names)}
+
+
+# Columns
+
+
+@pytest.mark.parametrize("channels", [("zeta", "alpha"), ("alpha", "zeta")])
+def test_by_direction_each_column_has_the_power_of_its_channel_and_direction(channels):
+    fs, velocity = 640.0, to_and_fro()
+    angle = np.cumsum(velocity) / fs
+    forward, reverse = velocity > 0, velocity < 0
+    tone = np.sin(6 * angle)
+    amplitudes = {"zeta+": 1.0, "zeta-": 3.0, "alpha+": 20.0, "alpha-": 5.0}
+    signals = {
+        name: tone * (amplitudes[name + "+"] * forward + amplitudes[name + "-"] * reverse)
+        for name in channels
+    }
+    X = OrderResampler(TURN / 64).fit_transform([Recording(signals, fs, velocity=velocity)])
+    found = powers_by_column(OrderPSD(8, by_direction=True, scaling="spectrum").fit_transform(X))
+    for name, amplitude in amplitudes.items():
+        assert found[name] == pytest.approx(amplitude**2 / 2, rel=0.02), name
+
+
+def test_channels_of_different_rates_keep_their_order_and_their_power():
+    fs, velocity = 640.0, np.full(6400, TURN * 5.0)
+    angle = np.cumsum(velocity) / fs
+    signals = {name: a * np.sin(6 * angle) for name, a in (("c", 1.0), ("a", 2.0), ("b", 3.0))}
+    signals["a"] = signals["a"][::2]
+    rates = {"c": fs, "a": fs / 2, "b": fs}
+    X = OrderResampler(TURN / 64).fit_transform(
+        [Recording(signals, rates, velocity=velocity, shaft_fs=fs)]
+    )
+    table = OrderPSD(8, scaling="spectrum").fit_transform(X)
+    found = powers_by_column(table)
+    assert list(dict.fromkeys(name.rpartition("@")[0] for name in table.columns)) == [*"cab"]
+    assert [found[name] for name in "cab"] == pytest.approx([0.5, 2.0, 4.5], rel=0.02)
+
+
+@pytest.mark.parametrize("samples", [99.6, 99.4, 30.999, 128.0, 2.5])
+def test_a_fractional_number_of_samples_per_revolution_is_not_rounded(samples):
+    assert samples_per_revolution(TURN / samples) == pytest.approx(samples, rel=1e-12)
+    orders, _ = order_psd(RNG.standard_normal(4000), samples, n_per_segment=500)
+    np.testing.assert_allclose(orders, np.arange(251) * samples / 500, rtol=1e-14)
+
+
+def test_a_tone_has_its_order_at_a_fractional_number_of_samples_per_revolution():
+    theta_s = TURN / 99.6
+    rows = [np.sin(7.25 * theta_s * np.arange(20_000))]
+    psd = OrderPSD(16, theta_s=theta_s).fit(rows)
+    assert psd.orders_[psd.transform(rows)[0].argmax()] == pytest.approx(7.25, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16])
+@pytest.mark.parametrize("samples", [48, 64, 100])
+def test_an_angle_step_in_single_precision_stands_for_the_exact_one(kind, samples):
+    step = kind(TURN / samples)
+    recording = Recording({"a": RNG.standard_normal(6000)}, 600, velocity=np.full(6000, 40.0))
+    X = OrderResampler(step).fit_transform([recording])
+    assert X[0].theta_s == TURN / samples
+    spectra = OrderPSD(4).fit_transform(X)
+    bins = BinTransformer(1, max_order=samples / 2).fit_transform(spectra)
+    assert bins.shape == (1, samples // 2)
+    plain = OrderPSD(4, theta_s=step).fit_transform([RNG.standard_normal(900)])
+    assert plain.columns[-1] == f"signal@{samples // 2}"
+
+
+def test_an_angle_step_in_single_precision_that_is_no_fraction_of_a_turn_stays():
+    step = np.float32(0.1)
+    recording = Recording({"a": RNG.standard_normal(600)}, 600, velocity=np.full(600, 40.0))
+    assert OrderResampler(step).fit_transform([recording])[0].theta_s == float(step)
+
+
+@pytest.mark.parametrize("theta_s", [64, 128.0, 3.2])
+def test_a_number_of_samples_in_place_of_an_angle_step_is_refused_with_the_remedy(theta_s):
+    recording = Recording({"a": RNG.standard_normal(600)}, 600, velocity=np.full(600, 40.0))
+    remedy = rf"theta_s = {theta_s:g} rad .*write theta_s=2 \* np.pi / {theta_s:g}"
+    with pytest.raises(ValueError, match=remedy):
+        OrderResampler(theta_s).fit([recording])
+    with pytest.raises(ValueError, match=remedy):
+        OrderPSD(4, theta_s=theta_s).fit([np.ones(99)])
+
+
+@pytest.mark.parametrize("wrong", ["64", None, True])
+def test_a_message_about_a_unit_has_one_comma(wrong):
+    recording = Recording({"a": RNG.standard_normal(600)}, 600, velocity=np.full(600, 40.0))
+    with pytest.raises((TypeError, ValueError)) as caught:
+        OrderResampler(wrong).fit([recording])
+    assert ",," not in str(caught.value)
+    with pytest.raises((TypeError, ValueError)) as caught:
+        Recording({"a": np.ones(9)}, wrong, velocity=np.ones(9))
+    assert ",," not in str(caught.value)
+
+
+# Precision and range
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"antialias": False}, {"antialias": False, "interpolation": "linear"}]
+)
+@pytest.mark.parametrize("offset", [32_768.0, -1e6])
+@pytest.mark.parametrize("short", [False, True])
+def test_single_precision_with_a_large_offset_has_the_spectrum_of_the_same_numbers(
+    options, offset, short
+):
+    fs, n = 2000.0, 16_000
+    velocity = TURN * (6 + np.sin(np.arange(n) / 900))
+    tone = 3 * np.sin(4.5 * np.cumsum(velocity) / fs) + 0.1 * RNG.standard_normal(n)
+    single = (offset + tone).astype(np.float32)
+    X = [
+        Recording({"b": values, "a": tone}, fs, velocity=velocity)
+        for values in (single, single.astype(np.float64))
+    ]
+    X.append(Recording({"b": single, "a": tone.astype(np.float32)}, fs, velocity=velocity))
+    psd = OrderPSD(100, short="pad") if short else OrderPSD(8)
+    table = psd.fit_transform(OrderResampler(TURN / 64, **options).fit_transform(X))
+    first = slice(0, len(psd.orders_))
+    np.testing.assert_allclose(table[0], table[1], rtol=1e-9, atol=1e-13 * table[1, first].max())
+    np.testing.assert_allclose(table[2, first], table[1, first], rtol=1e-9)
+
+
+def test_plain_rows_in_single_precision_have_the_spectrum_of_the_same_numbers():
+    rows = (1e6 + RNG.standard_normal((2, 3000))).astype(np.float32)
+    for options in ({}, {"detrend": "linear"}, {"average": "median"}):
+        psd = OrderPSD(8, theta_s=TURN / 32, **options)
+        one, other = psd.fit_transform(rows), psd.fit_transform(rows.astype(np.float64))
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def scaled(factor, channels=("z", "a")):
+    values = np.random.default_rng(3).standard_normal((2, 4000))
+    signals = {channels[0]: values[0], channels[1]: factor * values[1]}
+    return OrderResampler(TURN / 32).fit_transform(
+        [Recording(signals, 400, velocity=np.full(4000, 30.0))]
+    )
+
+
+@pytest.mark.parametrize("factor", [1e-170, 1e-160, 1e160, 1e300])
+def test_powers_outside_the_range_of_float64_are_refused_with_channel_and_remedy(factor):
+    with pytest.raises(
+        ValueError, match=r"recording 0: .*channel 'a'|the power of channel 'a'"
+    ) as e:
+        OrderPSD(8).fit_transform(scaled(factor))
+    assert "float64. State it in other units" in str(e.value)
+
+
+@pytest.mark.parametrize("factor", [1e-170, 1e160])
+def test_powers_of_plain_rows_outside_the_range_of_float64_are_refused(factor):
+    rows = [RNG.standard_normal(400), factor * RNG.standard_normal(400)]
+    with pytest.raises(ValueError, match=r"^row 1: .*float64. State it in other units"):
+        OrderPSD(8, theta_s=TURN / 16).fit_transform(rows)
+
+
+@pytest.mark.parametrize("factor", [1e-138, 1e-60, 1e60, 1e140])
+def test_within_that_range_a_factor_changes_powers_by_its_square(factor):
+    power, one = (np.asarray(OrderPSD(8).fit_transform(scaled(f))) for f in (factor, 1.0))
+    half = power.shape[1] // 2
+    np.testing.assert_allclose(power[:, half:] / factor / factor, one[:, half:], rtol=1e-9)
+    np.testing.assert_array_equal(power[:, :half], one[:, :half])
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-200, 7.25])
+def test_a_channel_without_any_variation_has_no_power_and_is_not_refused(level):
+    signals = {"z": RNG.standard_normal(4000), "a": np.full(4000, level)}
+    X = OrderResampler(TURN / 32).fit_transform(
+        [Recording(signals, 400, velocity=np.full(4000, 30.0))]
+    )
+    power = np.asarray(OrderPSD(8).fit_transform(X))[0]
+    half = len(power) // 2
+    assert power[half:].max() <= 1e-15 * level**2  # of resampling
+    assert power[:half].min() > 0
+
+
+def test_bins_that_overflow_are_refused_with_recording_and_column():
+    columns = [f"{channel}@{order}" for channel in ("z", "a") for order in (0, 10, 20)]
+    psd = pd.DataFrame([[1.0] * 6, [1.0] * 3 + [1e308] * 3], columns=columns)
+    with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float64.*other units"):
+        BinTransformer(20, max_order=20).fit_transform(psd)
+
+
+# Short recordings
+
+
+@pytest.mark.parametrize("detrend", ["constant", "linear", False])
+def test_a_padded_stroke_is_detrended_over_its_own_length(detrend):
+    rng = np.random.default_rng(0)
+    row = 50 + 0.3 * np.arange(60) + rng.standard_normal(60)
+    found = OrderPSD(8, theta_s=TURN / 16, short="pad", detrend=detrend).fit_transform([row])[0]
+    _, expected = filters.welch(
+        row, 16, window="hann", nperseg=60, nfft=128, detrend=detrend, scaling="density"
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * expected.max())
+
+
+def test_a_padded_stroke_of_a_recording_is_detrended():
+    fs, n = 500.0, 300
+    velocity = np.full(n, TURN * 5)
+    tone = np.sin(6.5 * np.cumsum(velocity) / fs)
+    tables = [
+        OrderPSD(16, short="pad").fit_transform(
+            OrderResampler(TURN / 32).fit_transform(
+                [Recording({"a": tone + level}, fs, velocity=velocity)]
+            )
+        )
+        for level in (0.0, 1000.0)
+    ]
+    np.testing.assert_allclose(tables[1], tables[0], atol=1e-6 * np.max(tables[0]))
+
+
+def test_a_single_short_row_names_its_length_and_the_remedy():
+    psd = OrderPSD(4, theta_s=TURN / 16).fit([np.ones(64)])
+    with pytest.raises(ValueError, match=r"row 1: no row holds .*\(64 samples\).*holds 3.75.*pad"):
+        psd.transform([np.ones(64), np.ones(60)])
+
+
+# Defaults
+
+
+def test_the_defaults_of_welchs_method_are_the_same_everywhere():
+    def defaults(function):
+        return {
+            name: parameter.default
+            for name, parameter in signature(function).parameters.items()
+            if parameter.default is not parameter.empty
+        }
+
+    planned = defaults(segment_plan)
+    assert planned == {
+        "revolutions": 16,
+        "n_per_segment": None,
+        "window": "hann",
+        "overlap": 0.5,
+        "detrend": "constant",
+        "scaling": "density",
+        "average": "mean",
+        "max_order": None,
+        "by_direction": False,
+        "short": "raise",
+    }
+    psd, cross = defaults(OrderPSD), defaults(OrderCrossSpectrum)
+    assert {name: psd[name] for name in planned} == planned
+    assert {name: cross[name] for name in planned if name in cross} == {
+        name: value for name, value in planned.items() if name not in ("scaling", "average")
+    }
+
+
+def test_by_default_a_segment_is_16_revolutions_long():
+    rows = [RNG.standard_normal(2000)]
+    psd = OrderPSD(theta_s=TURN / 25).fit(rows)
+    assert psd.n_per_segment_ == 400
+    np.testing.assert_array_equal(psd.transform(rows)[0], order_psd(rows[0], 25)[1])
