@@ -112,8 +112,8 @@ class SegmentPlan:
         Raises
         ------
         ValueError
-            If no stroke (`by_direction`: of one direction) is as long as a segment, or the powers of
-            a channel are outside the range of float64.
+            If no stroke (`by_direction`: of one direction) is as long as a segment, or powers of a
+            channel are outside the range of float64.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             if isinstance(row, np.ndarray):
