@@ -26,7 +26,7 @@ from emacm.datasets import load_cranfield
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, EvaluationDisplay, OrderSpectrumDisplay
-from emacm.displays._drawing import WIDTH, offscreen_panels
+from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.evaluate import evaluate
 from emacm.machine.fault_orders import fault_orders
 from emacm.orders.bin_transformer import BinTransformer
@@ -326,7 +326,7 @@ def _draw(
     models: Mapping[float, Pipeline], recordings: list[Recording], labels: Labels, file: Path
 ) -> None:
     """Draw the order spectra by state, and the decision regions under each cost matrix."""
-    figure, (spectra, regions) = offscreen_panels(2, 2, size=(WIDTH, 7.4))
+    figure, (spectra, regions) = offscreen_panels(2, 2, height=7.4)
     model = models[MISSED[0]]
     psd = model[:2].transform(recordings)
     (screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]

@@ -135,9 +135,9 @@ def panel_axes(
 
 
 def offscreen_panels(
-    n_rows: int = 1, n_columns: int = 1, *, size: tuple[float, float] = (WIDTH, 4.8), **options: Any
+    n_rows: int = 1, n_columns: int = 1, *, height: float = 4.8, **options: Any
 ) -> tuple[Any, Any]:
-    """Return a figure that pyplot does not keep, for a file, and its Axes in two dimensions.
+    """Return a figure 16 cm wide that pyplot does not keep, and its Axes in two dimensions.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def offscreen_panels(
     pyplot()
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     return figure, figure.subplots(n_rows, n_columns, squeeze=False, **options)
 
 

@@ -96,7 +96,7 @@ def _table_2_1(fit: PCA) -> pd.DataFrame:
 
 
 def _draw_components(chapter: Chapter, fit: PCA) -> None:
-    figure, axes = offscreen_panels(2, 2, size=(9.6, 5.6))
+    figure, axes = offscreen_panels(2, 2, height=5.6)
     for k, ax in enumerate(axes.flat):
         values = np.concatenate([
             mean[k] + 4.5 * np.sqrt(var[k]) * np.linspace(-1, 1, 101)
@@ -121,7 +121,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
     values, labels = _draw_of_table_2_1(0)
     plane = fit.transform(values)[:, :2]
     model = CostSensitiveGaussianBayes().fit(plane, labels)
-    figure, axes = offscreen_panels(size=(7.2, 4.4))
+    figure, axes = offscreen_panels(height=4.4)
     FeatureDensityDisplay.from_estimator(
         model,
         plane,
@@ -186,7 +186,7 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
     )
     points, labels = _two_classes(0)
     names = ("z1 [1]", "z2 [1]")
-    figure, axes = offscreen_panels(size=(6.6, 4.6))
+    figure, axes = offscreen_panels(height=4.6)
     model = CostSensitiveGaussianBayes(priors="uniform").fit(points, labels)
     FeatureDensityDisplay.from_estimator(
         model, points, labels, shares=(), names=names, ax=axes[0, 0]
@@ -196,7 +196,7 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
         ("Fig. 2.13", None, "under the 0-1 cost"),
         ("Fig. 2.14", _COSTS["Eq. (2.48)"], "when deciding w1 wrongly costs 10"),
     ):
-        figure, axes = offscreen_panels(size=(6.6, 4.6))
+        figure, axes = offscreen_panels(height=4.6)
         model = CostSensitiveGaussianBayes(cost, priors="uniform").fit(points, labels)
         DecisionRegionsDisplay.from_estimator(model, points, labels, names=names, ax=axes[0, 0])
         as_w1, as_w2 = _errors(cost, 0)

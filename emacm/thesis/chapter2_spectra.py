@@ -42,7 +42,7 @@ def compare_resampling(chapter: Chapter) -> None:
     """Compare the ramp over time and over the angle, Figs. 2.3 and 2.4."""
     ramp, (turned,) = _ramp(), _ramp_over_angle()
     angle = angle_from_velocity(ramp.velocity, _FS)
-    figure, axes = offscreen_panels(3, size=(7.2, 5.6))
+    figure, axes = offscreen_panels(3, height=5.6)
     axes = axes[:, 0]
     RecordingDisplay.from_recording(ramp, units={"x1": "1"}, ax=axes[:2])
     axes[2].plot(angle, ramp.signals["x1"], color=PLAIN, linewidth=0.8)
@@ -51,7 +51,7 @@ def compare_resampling(chapter: Chapter) -> None:
         "Fig. 2.3", figure, "sin(6θ) on a ramp of 100t rad/s: not periodic in time, but in angle."
     )
     (stroke,) = turned.strokes
-    figure, axes = offscreen_panels(size=(7.2, 3.4))
+    figure, axes = offscreen_panels(height=3.4)
     ax = axes[0, 0]
     fine = np.linspace(0, angle[-1], 2000)
     ax.plot(fine, np.sin(6 * fine), color="0.7", linewidth=0.8, label="sin 6θ")
@@ -89,7 +89,7 @@ def compare_sine(chapter: Chapter) -> None:
         ("frequency of the density [Hz]", 40, hertz[density.argmax()]),
     ):
         chapter.compare(f"Fig. 2.5, {where}", published, round(ours, 12), note)
-    figure, axes = offscreen_panels(2, 2, size=(9.6, 5.2))
+    figure, axes = offscreen_panels(2, 2, height=5.2)
     fine = np.linspace(0, (length - 1) / fs, 1000)
     axes[0, 0].plot(fine, np.sin(TURN * frequency * fine), color=PLAIN, linewidth=0.9)
     label_axes(axes[0, 0], "time [s]", "x2(t) [1]")
@@ -160,7 +160,7 @@ def _draw_smearing(
 ) -> None:
     ramp, (turned,) = _ramp(), _ramp_over_angle()
     (stroke,) = turned.strokes
-    figure, axes = offscreen_panels(2, size=(7.2, 4.6))
+    figure, axes = offscreen_panels(2, height=4.6)
     time = np.arange(len(ramp.signals["x1"])) / _FS
     axes[0, 0].plot(time, ramp.signals["x1"], color=PLAIN, linewidth=0.8)
     label_axes(axes[0, 0], "time [s]", "x1 [1]")
@@ -168,7 +168,7 @@ def _draw_smearing(
     axes[1, 0].set(xlim=(0, 150), ylim=(0, None))
     label_axes(axes[1, 0], "frequency [Hz]", "PSD of x1 [1/Hz]")
     chapter.draw("Fig. 2.6", figure, "Over time the ramp smears: its power is spread over 50 Hz.")
-    figure, axes = offscreen_panels(2, size=(7.2, 4.6))
+    figure, axes = offscreen_panels(2, height=4.6)
     axes[0, 0].plot(
         stroke.angles, stroke.signals[0], ".-", color=PLAIN, linewidth=0.6, markersize=3
     )

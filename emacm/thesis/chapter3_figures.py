@@ -48,7 +48,7 @@ def draw_signals(chapter: Chapter) -> None:
             "x_n": whole.signals["current"] - clean.signals["current"],
             "x": whole.signals["current"],
         }
-        figure, axes = offscreen_panels(5, size=(7.2, 7.4))
+        figure, axes = offscreen_panels(5, height=7.4)
         RecordingDisplay.from_recording(
             Recording(parts, FS, velocity=whole.velocity),
             units=dict.fromkeys(parts, "A"),
@@ -68,11 +68,11 @@ def draw_features(chapter: Chapter) -> None:
     bins = chain.fit_transform(recordings)
     _draw_spectra(chapter, chain, recordings[::N_RUNS], labels[::N_RUNS])
     pca = PCA().fit(bins)
-    figure, axes = offscreen_panels(size=(7.2, 3.8))
+    figure, axes = offscreen_panels(height=3.8)
     ExplainedVarianceDisplay.from_estimator(pca, ax=axes[0, 0])
     caption = "Share of the variance that each component holds, and their sum."
     chapter.draw("Fig. 3.6", figure, caption)
-    figure, axes = offscreen_panels(2, size=(7.2, 5.0))
+    figure, axes = offscreen_panels(2, height=5.0)
     LoadingsDisplay.from_estimator(pca, list(bins.columns), ax=axes[:, 0])
     chapter.draw(
         "Fig. 3.7", figure, "Weights of the bins in the first two components: those of the defects."
@@ -83,12 +83,12 @@ def draw_features(chapter: Chapter) -> None:
         ("Fig. 3.8", (), "The 120 runs in the plane of the first two components."),
         ("Fig. 3.9", (0.5, 0.9), "Gaussian densities of the classes, Eqs. (2.44) to (2.46)."),
     ):
-        figure, axes = offscreen_panels(size=(7.2, 4.6))
+        figure, axes = offscreen_panels(height=4.6)
         FeatureDensityDisplay.from_estimator(
             model, plane, labels, shares=shares, names=_COMPONENTS, ax=axes[0, 0]
         )
         chapter.draw(name, figure, caption)
-    figure, axes = offscreen_panels(size=(7.2, 4.6))
+    figure, axes = offscreen_panels(height=4.6)
     DecisionRegionsDisplay.from_estimator(model, plane, labels, names=_COMPONENTS, ax=axes[0, 0])
     chapter.draw("Fig. 3.10", figure, "Decisions under the 0-1 cost, Eq. (2.43).")
 
@@ -101,7 +101,7 @@ def _draw_spectra(
     hertz = OrderPSD(n_per_segment=N_TIMES, theta_s=TURN / FS)
     spectra = np.asarray(hertz.fit_transform(rows))
     psd = chain[:2].transform(recordings)
-    figure, axes = offscreen_panels(2, size=(8.4, 6.0))
+    figure, axes = offscreen_panels(2, height=6.0)
     by_label = dict(zip(labels, spectra, strict=True))
     for label, number in state_numbers(by_label, "healthy").items():
         spectrum = by_label[label]
@@ -118,7 +118,7 @@ def _draw_spectra(
         "One run of each class before resampling (top: the defects do not show) and after (bottom: "
         "lines at 3.125 and 10.5 orders).",
     )
-    figure, axes = offscreen_panels(2, size=(8.4, 6.0))
+    figure, axes = offscreen_panels(2, height=6.0)
     orders = chain[1].orders_
     kept = psd * ~((orders > STOP_BAND[0]) & (orders < STOP_BAND[1]))
     OrderSpectrumDisplay.from_table(kept, "current", ax=axes[0, 0], **options)
@@ -133,15 +133,15 @@ def _draw_spectra(
 def draw_ablation(chapter: Chapter, ablation: pd.DataFrame) -> None:
     """Draw how many new runs are decided rightly in hertz and in orders."""
     names = [name for name in ablation.columns if "new runs" in name]
-    figure, axes = offscreen_panels(size=(7.2, 2.8))
+    figure, axes = offscreen_panels(height=2.8)
     ax = axes[0, 0]
     for place, name in enumerate(names):
         values = ablation[name]
         ax.plot([values.min(), values.max()], [place] * 2, color=colour_of(place + 1), linewidth=3)
         ax.plot(values.median(), place, "D", color=colour_of(place + 1), markeredgecolor="black")
-    ax.axvline(100 / len(CHAPTER3_ORDERS), color="0.4", linestyle=":", label="guessing")
+    ax.axvline(100 / len(CHAPTER3_ORDERS), color="0.4", linestyle=":", label="chance level")
     ax.set_yticks(range(len(names)), [name.partition(", ")[0] for name in names])
-    ax.set(xlabel="new runs decided rightly [%]", xlim=(0, 103), ylim=(-0.6, len(names) - 0.4))
+    ax.set(xlabel="correct decisions on new runs [%]", xlim=(0, 103), ylim=(-0.6, len(names) - 0.4))
     legend_above(ax)
     chapter.draw(
         "Hertz against orders",

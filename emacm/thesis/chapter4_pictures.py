@@ -110,7 +110,7 @@ def _first_runs(campaign: Campaign, condition: int) -> dict[str, Recording]:
 def _draw_commands(chapter: Chapter, campaign: Campaign, condition: int, first: int) -> None:
     """Draw commands and feedbacks of position and load."""
     for number, (health, recording) in enumerate(_first_runs(campaign, condition).items(), first):
-        figure, axes = offscreen_panels(2, size=(8.4, 4.4))
+        figure, axes = offscreen_panels(2, height=4.4)
         stop = min(_SHOWN, recording.duration)
         for ax, (quantity, command, feedback) in zip(axes.flat, _FOLLOWED, strict=True):
             rate = recording.fs[feedback]
@@ -169,7 +169,7 @@ def _draw_bins(chapter: Chapter, models: list[Model], rows: Any, title: str, fir
 
 
 def _draw_features(chapter: Chapter, models: list[Model], condition: int, first: int) -> None:
-    figure, axes = offscreen_panels(4, 2, size=(8.4, 11.0))
+    figure, axes = offscreen_panels(4, 2, height=11.0)
     for row, model in enumerate(models):
         for column, training in enumerate((True, False)):
             signal, ax = model.signal, axes[row, column]
@@ -185,7 +185,7 @@ def _draw_features(chapter: Chapter, models: list[Model], condition: int, first:
                 ax=ax,
             )
             title = f"{SIGNALS[signal.channel]}, {'training' if training else 'test'}"
-            ax.set_title(title, loc="right")  # the power of ten is on the left
+            ax.set_title(title, loc="right", fontsize=9)  # the power of ten is on the left
             ax.locator_params(nbins=4)
             ax.ticklabel_format(scilimits=(-2, 3), useOffset=False)
             if (row, column) != (0, 1):
@@ -196,7 +196,7 @@ def _draw_features(chapter: Chapter, models: list[Model], condition: int, first:
 
 def _draw_models(chapter: Chapter, models: list[Model], where: str) -> None:
     """Draw the explained variance of the principal components of each signal."""
-    figure, axes = offscreen_panels(2, 2, size=(8.4, 6.0))
+    figure, axes = offscreen_panels(2, 2, height=6.0)
     for ax, model in zip(axes.flat, models, strict=True):
         rows = model.signal.rows(model.conditions, training=True)
         pca = PCA().fit(model.signal.bins[rows])
