@@ -11,8 +11,35 @@ import pandas as pd
 from emacm.evaluation.schemes import RANDOM, Scheme
 from emacm.evaluation.scoring import ScoringRule
 
-_FEW = 10  # groups; with fewer, confidence intervals are called approximate
 _EXAMPLES = 3
+
+# Condition on a row of the table (and the balanced accuracy of the random split), and text.
+_CAVEATS = (
+    (
+        lambda row, random: random > row["balanced_accuracy_high"],
+        "The random split is optimistic: its balanced accuracy is above the confidence interval of "
+        "{}. Rely on the split that holds out what will be new in service.",
+    ),
+    (
+        lambda row, _: row["resampled"] == "recording",
+        "Confidence intervals of {} are from a bootstrap over single recordings, because no runs= "
+        "or units= were given; they are too narrow if recordings of one run are alike.",
+    ),
+    (
+        lambda row, _: row["resampled"] != "recording" and row["groups"] < 10,
+        "Confidence intervals from fewer than 10 groups are approximate: {}.",
+    ),
+    (
+        lambda row, _: row["accuracy"] in (0, 1),
+        "All decisions are correct, or all are wrong, in {}. Zero-width intervals: all resamples "
+        "agree; this does not prove certainty.",
+    ),
+    (
+        lambda row, _: row["groups"] > 1 and np.isnan(row["balanced_accuracy_low"]),
+        "Balanced accuracy has no confidence interval in {}: some label occurs in so few groups "
+        "that most resamples miss it.",
+    ),
+)
 
 
 def single_unit_labels(labels: Sequence[Any], units: Sequence[Any]) -> dict[Any, Any]:
@@ -102,65 +129,12 @@ def scheme_caveats(
             "Only a random split was made. It estimates the performance on recordings with near "
             "copies in the training data, not on the next run or unit. Give runs= or units=."
         )
-    caveats += _optimism(rows) + _uncertainty(rows)
+    random = rows.get(RANDOM, {}).get("balanced_accuracy", -np.inf)
+    for applies, text in _CAVEATS:
+        if names := [name for name, row in rows.items() if applies(row, random)]:
+            caveats.append(text.format(", ".join(map(repr, names))))
     if rule.has_families:
-        members = {
-            label: [name for name in rule.classes if rule.family_of[name] == label]
-            for label in rule.labels
-        }
-        families = [f"{k!r} ({', '.join(map(repr, names))})" for k, names in members.items()]
-        caveats.append(f"Scored by families: {', '.join(families)}.")
-    return caveats
-
-
-def _optimism(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """State where the random split is better than the interval of another scheme."""
-    accuracy = rows.get(RANDOM, {}).get("balanced_accuracy", -np.inf)
-    worse = [
-        f"{row['balanced_accuracy']:.3g} {name!r}"
-        for name, row in rows.items()
-        if accuracy > row["balanced_accuracy_high"]
-    ]
-    if not worse:
-        return []
-    return [
-        f"The random split is optimistic: balanced accuracy {accuracy:.3g}, but "
-        f"{', '.join(worse)}. Rely on the split that holds out what will be new in service."
-    ]
-
-
-def _uncertainty(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """State what is wrong with the confidence intervals."""
-    caveats = []
-    if any(row["resampled"] == "recording" for row in rows.values()):
-        caveats.append(
-            "Confidence intervals are from a bootstrap over single recordings, because no runs= "
-            "or units= were given; they are too narrow if recordings of one run are alike."
-        )
-    few = [
-        f"{row['groups']} in {name!r}"
-        for name, row in rows.items()
-        if row["resampled"] != "recording" and row["groups"] < _FEW
-    ]
-    if few:
-        caveats.append(
-            f"Confidence intervals from fewer than {_FEW} groups are approximate: {', '.join(few)}."
-        )
-    if sure := [name for name, row in rows.items() if row["accuracy"] in (0, 1)]:
-        caveats.append(
-            f"All decisions are correct, or all are wrong, in {sure}. Zero-width intervals: all "
-            f"resamples agree; this does not prove certainty."
-        )
-    thin = [
-        name
-        for name, row in rows.items()
-        if row["groups"] > 1 and np.isnan(row["balanced_accuracy_low"])
-    ]
-    if thin:
-        caveats.append(
-            f"Balanced accuracy has no confidence interval in {thin}: some label occurs in so "
-            f"few groups that most resamples miss it."
-        )
+        caveats.append("Scored by families: " + ", ".join(map(repr, rule.labels)) + ".")
     return caveats
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.labels import label_list, label_positions
 from emacm.explanations.feature_traces import FeatureTrace, trace_features, with_names
 from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
 from emacm.explanations.slopes import (
@@ -327,15 +328,9 @@ def _saved_costs(
 def _class_codes(
     classifier: CostSensitiveGaussianBayes, y: ArrayLike, n_recordings: int
 ) -> NDArray[np.intp]:
-    classes, labels = classifier.classes_.tolist(), np.asarray(y).tolist()
+    labels = label_list(y)
     if len(labels) != n_recordings:
         raise ValueError(
             f"y must contain one class for each of {n_recordings} recordings, got {len(labels)}."
         )
-    for place, label in enumerate(labels):
-        if label not in classes:
-            raise ValueError(
-                f"y contains {label!r} at recording {place}, which is none of the classes "
-                f"{classes}."
-            )
-    return np.array([classes.index(label) for label in labels], dtype=np.intp)
+    return np.array(label_positions(labels, classifier.classes_.tolist(), "y", "class"), np.intp)

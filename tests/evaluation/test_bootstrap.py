@@ -68,6 +68,11 @@ def test_the_interval_of_two_groups_is_given_by_student_t():
     assert np.allclose(wide, [0.6 - 1.27, 0.6 + 1.27], atol=0.03)
 
 
+def test_values_without_a_cell_do_not_widen_the_interval_of_few_groups():
+    values, cells = [[0.0, 1.0, 0.4, 1.0, -7.0, 9.0]], [[0, 0, 0, 0, -1, -1]]
+    assert group_intervals(values, cells, [0, 0, 1, 1, 0, 1]).tolist() == [[0, 1]]
+
+
 def test_one_group_has_no_interval():
     assert np.isnan(interval([0.0, 1.0], ["a", "a"])).all()
 

@@ -760,7 +760,7 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
     ("y", "words"),
     [
         (["state 0"] * 3, "one class for each of 45 recordings, got 3"),
-        (["state 0"] * 44 + ["broken"], "y contains 'broken' at recording 44"),
+        (["state 0"] * 44 + ["broken"], "y contains 'broken' at position 44"),
         (["state 0"] * 45, "by pairs of classes, but the recordings have one class"),
     ],
 )
