@@ -968,7 +968,7 @@ SPECTRA = [
         lambda: psd(window=np.zeros(64)),
         V,
         "window",
-        "add up to 0",
+        "sum to 0",
     ),
     Case("None for a window", lambda: psd(window=None), T, "window", "None"),
     Case(
@@ -995,7 +995,7 @@ SPECTRA = [
         "theta_s = 0.1",
         "contradicts",
         "0.196",
-        "Leave theta_s of OrderPSD out",
+        "Omit theta_s of OrderPSD",
     ),
     Case(
         "theta_s of zero for rows",
@@ -1080,7 +1080,7 @@ SPECTRA = [
         lambda: OrderPSD(by_direction=True).fit(np.ones((2, 300))),
         V,
         "by_direction",
-        "bare rows have no direction",
+        "plain rows have no direction",
         "OrderResampler",
     ),
     Case("sparse rows", lambda: OrderPSD().fit(sparse.csr_array(np.eye(5))), T, "dense"),
@@ -1104,7 +1104,7 @@ BINS = [
         V,
         "16-17",
         "beyond the spectrum",
-        "orders 0 to 16",
+        "orders are 0 to 16",
         "Lower max_order",
         "theta_s",
     ),
@@ -1177,7 +1177,7 @@ BINS = [
         "at least two increasing orders",
     ),
     Case("text for edges", lambda: bins(edges=["a", "b"]), T, "edges", "numeric", "'a'"),
-    Case("no bands", lambda: bins(edges={}), V, "edges", "no band"),
+    Case("no bands", lambda: bins(edges={}), V, "edges", "at least one band"),
     Case(
         "a band upside down",
         lambda: bins(edges={"BPFI": (6, 5)}),
@@ -1248,7 +1248,7 @@ BINS = [
         V,
         "stop_bands",
         "(0.0, 8.0)",
-        "nothing",
+        "Remove",
     ),
     Case(
         "a step that contradicts the axis",
@@ -1296,7 +1296,7 @@ BINS = [
         lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["load", "a@0", "a@1"])),
         V,
         "'a@0'",
-        "stand beside 'load'",
+        "'load'",
         "ColumnTransformer",
     ),
     Case(

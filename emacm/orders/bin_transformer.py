@@ -1,4 +1,4 @@
-"""The third step of a pipeline: order spectra, gathered into bins."""
+"""The third step of a pipeline: order spectra, integrated over bins."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from emacm.orders.table_transformer import OrderTableTransformer
 class BinTransformer(OrderTableTransformer):
     """Integrate order spectra over bins.
 
-    The PSD is taken as straight lines between its values and integrated between
-    the exact edges, so bins always add up to the integral of the PSD, whatever
-    their size: a search over `bin_size` compares like with like.
+    The PSD is interpolated linearly between its lines and integrated between the exact edges, so
+    the sum of the bins equals the integral of the PSD for any bin size, and a search over
+    `bin_size` is not biased.
 
     Parameters
     ----------
@@ -41,21 +41,21 @@ class BinTransformer(OrderTableTransformer):
     max_order : float
         Where the last bin ends [orders]; that bin may be narrower.
     edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
-        Bins of one's own in place of `bin_size` and `max_order`: edges of
-        adjoining bins, or bands by name, such as ``{"BPFI": (6.0, 6.25)}``.
+        User-defined bins in place of `bin_size` and `max_order`: edges of adjacent bins, or named
+        bands, such as ``{"BPFI": (6.0, 6.25)}``.
     stop_bands : sequence of (low, high)
-        Bands that are taken out [orders], exact at their edges: the ideal
-        band-stop filter. A bin that lies wholly inside gives no column.
+        Bands that are removed [orders], exact at their edges: the ideal band-stop filter. A bin
+        that lies completely inside a stop band gives no column.
     order_step : float, optional
-        Distance of the lines [orders] of a table that carries no axis. Without
-        it such a table is taken evenly spaced over 0 to `max_order`.
+        Distance between the lines [orders] of a table without an axis. If it is None, such a table
+        is assumed to be evenly spaced over 0 to `max_order`.
 
     Attributes
     ----------
     bins_ : tuple of (low, high)
         Edges of the bins [orders].
     operator_ : sparse array of shape (n_bins_of_all_channels, n_features_in_)
-        What is applied to each row.
+        The operator that is applied to each row.
     n_features_in_ : int
         Number of columns seen in `fit`.
     feature_names_in_ : ndarray of str
@@ -63,8 +63,8 @@ class BinTransformer(OrderTableTransformer):
 
     Notes
     -----
-    Columns named ``channel@order`` carry the axis; `OrderPSD` makes such. The
-    bins are named ``channel@low-high``, or ``channel@name``.
+    The axis is read from columns named ``channel@order``, as returned by `OrderPSD`. The bins are
+    named ``channel@low-high``, or ``channel@name``.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class BinTransformer(OrderTableTransformer):
         self.order_step = order_step
 
     def fit(self, X: Any, y: Any = None) -> BinTransformer:
-        """Read the axis off the columns and make the bins.
+        """Read the axis from the columns and set the bins.
 
         Parameters
         ----------
@@ -104,13 +104,12 @@ class BinTransformer(OrderTableTransformer):
         Returns
         -------
         BinTransformer
-            Itself.
+            The estimator itself.
 
         Raises
         ------
         TypeError, ValueError
-            If a parameter is not what it should be, or if bins reach beyond
-            the orders that the spectra hold.
+            If a parameter is invalid, or bins reach beyond the orders of the spectra.
         """
         self._fit_table(X)
         blocks = self._blocks(column_names(X))

@@ -1,4 +1,4 @@
-"""Gathering an order spectrum into bins: one exact linear operator."""
+"""Integration of an order spectrum over bins: one exact linear operator."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from emacm.orders.columns import number_name
 
 Band = tuple[float, float]
 
-_AT_ONCE = 1 << 20  # weights in work at once
-_SLACK = 1e-9  # orders; an edge this near to the end of the axis lies on it
+_AT_ONCE = 1 << 20  # weights computed at a time
+_SLACK = 1e-9  # orders; an edge closer than this to the end of the axis lies on it
 _MOST_BINS = 10_000  # far narrower than any line
 
 
 def bin_edges(bin_size: float, max_order: float) -> list[Band]:
-    """Cut the orders from 0 to `max_order` into bins; the last may be narrower.
+    """Divide the orders from 0 to `max_order` into bins; the last may be narrower.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
     return list(_equal_bins(bin_size, max_order))
 
 
-@lru_cache(maxsize=64)  # a search makes the same bins over and over
+@lru_cache(maxsize=64)  # a search uses the same bins many times
 def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
     n_bins = max(1, int(np.ceil(max_order / bin_size - _SLACK)))
     edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
@@ -63,13 +63,12 @@ def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
 
 
 def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list[Band]:
-    """Check bins of one's own: increasing edges, or named bands.
+    """Check user-defined bins: increasing edges, or named bands.
 
     Parameters
     ----------
     edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high)
-        Edges of adjoining bins, or bands by name; both in orders. Bands may
-        overlap.
+        Edges of adjacent bins, or named bands, which may overlap [orders].
 
     Returns
     -------
@@ -85,7 +84,7 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
     """
     if isinstance(edges, Mapping):
         if not edges:
-            raise ValueError("edges holds no band.")
+            raise ValueError("edges must name at least one band, got an empty mapping.")
         for name in edges:
             if not isinstance(name, str) or not name:
                 raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
@@ -93,8 +92,8 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
     values = check_real_array(edges, "edges")
     if values.ndim != 1 or len(values) < 2:
         raise ValueError(
-            f"edges must be at least two increasing orders, got {edges!r}. Write bands of your own "
-            f"as {{'name': (low, high)}}."
+            f"edges must be at least two increasing orders, got {edges!r}. Write named bands as "
+            f"{{'name': (low, high)}}."
         )
     if not np.all(np.isfinite(values)) or values[0] < 0:
         raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
@@ -110,12 +109,12 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
 
 
 def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
-    """Check stop bands and join those that overlap, in rising order.
+    """Check stop bands and join those that overlap, in increasing order.
 
     Raises
     ------
     TypeError
-        If it is no sequence of pairs.
+        If it is not a sequence of pairs.
     ValueError
         If a band does not run from a lower to a higher order.
     """
@@ -137,7 +136,7 @@ def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
 
 
 def kept_intervals(band: Band, stop_bands: Sequence[Band]) -> list[Band]:
-    """Return what of a band lies outside the stop bands (sorted and disjoint).
+    """Return the parts of a band outside the stop bands (sorted and disjoint).
 
     Examples
     --------
@@ -162,16 +161,16 @@ def named_bins(
     edges: ArrayLike | Mapping[str, Band] | None,
     stop_bands: Sequence[Band],
 ) -> dict[str, Band]:
-    """Return the bins of which stop bands leave something, by what follows the @ in columns.
+    """Return the bins that do not lie inside stop bands, by their name after the @ of a column.
 
     Parameters
     ----------
     bin_size, max_order : float
-        As for `bin_edges`; without a say where `edges` are given.
+        As for `bin_edges`; not used where `edges` are given.
     edges : array-like of shape (n_bins + 1,) or mapping of str to (low, high), optional
         As for `check_edges`.
     stop_bands : sequence of (low, high)
-        Bands that are taken out [orders].
+        Bands that are removed [orders].
 
     Returns
     -------
@@ -180,7 +179,7 @@ def named_bins(
     Raises
     ------
     TypeError, ValueError
-        If one of these is not what it should be, or nothing is left.
+        If one of these is invalid, or no bin is left.
 
     Examples
     --------
@@ -193,7 +192,7 @@ def named_bins(
         bins = dict(zip(_names(tuple(bins)), bins, strict=True))
     kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
     if not kept:
-        raise ValueError(f"stop_bands {stops} leave nothing of any bin.")
+        raise ValueError(f"stop_bands {stops} cover all bins. Remove one of them.")
     return kept
 
 
@@ -207,9 +206,8 @@ def bin_operator(
 ) -> NDArray[np.floating]:
     """Make the matrix that integrates a piecewise-linear spectrum over bins.
 
-    The spectrum is taken as the straight lines between its values, and each bin
-    as the integral of these between its exact edges. So bins that adjoin add
-    up to the whole integral, wherever their edges lie between the lines.
+    The spectrum is interpolated linearly between its lines and integrated between the exact edges
+    of each bin. The sum of adjacent bins is therefore the whole integral, for any edges.
 
     Parameters
     ----------
@@ -218,17 +216,17 @@ def bin_operator(
     bins : sequence of (low, high)
         Bins [orders], within the range of `orders` to 1e-9.
     stop_bands : sequence of (low, high)
-        Bands that count as zero [orders], exact at their edges.
+        Bands in which the spectrum is set to zero [orders], exact at their edges.
 
     Returns
     -------
     operator : ndarray of shape (n_bins, n_orders)
-        ``psd @ operator.T`` holds the bins: U² where the PSD is in U²/order.
+        ``psd @ operator.T`` are the bins, in U² for a PSD in U²/order.
 
     Raises
     ------
     ValueError
-        If `orders` do not increase, or a bin is no band or reaches beyond them.
+        If `orders` do not increase, or a bin is invalid or reaches beyond them.
 
     Examples
     --------
@@ -238,7 +236,7 @@ def bin_operator(
     """
     orders = check_signal(orders, "orders")
     if np.any(np.diff(orders) <= 0):
-        raise ValueError("orders must increase.")
+        raise ValueError(f"orders must increase, got {orders.tolist()}.")
     for number, band in enumerate(bins):
         _check_band(band, f"bin {number}")
     stops = check_stop_bands(stop_bands)
@@ -249,7 +247,7 @@ def bin_operator(
     for start in range(0, len(parts), at_once):
         part = np.array(parts[start : start + at_once])
         weights = _weights_below(orders, part[:, 2]) - _weights_below(orders, part[:, 1])
-        # A stop band may have cut a bin in two.
+        # A stop band may divide a bin.
         numbers, first = np.unique(part[:, 0].astype(np.intp), return_index=True)
         operator[numbers] += np.add.reduceat(weights, first)
     return operator
@@ -265,11 +263,11 @@ def _weights_below(
 ) -> NDArray[np.floating]:
     """Weights of the lines in the integrals from the first order to each limit."""
     steps = np.diff(orders)
-    # Share of each gap between two lines that lies below the limit.
-    share = np.clip((limits[:, np.newaxis] - orders[:-1]) / steps, 0.0, 1.0)
+    # Fraction of each interval between two lines that lies below the limit.
+    below = np.clip((limits[:, np.newaxis] - orders[:-1]) / steps, 0.0, 1.0)
     weights = np.zeros((len(limits), len(orders)))
-    weights[:, :-1] += steps * (share - share**2 / 2)  # falling half of a line's triangle
-    weights[:, 1:] += steps * share**2 / 2  # rising half
+    weights[:, :-1] += steps * (below - below**2 / 2)  # falling half of a line's triangle
+    weights[:, 1:] += steps * below**2 / 2  # rising half
     return weights
 
 
@@ -287,7 +285,7 @@ def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:
     for low, high in bins:
         if high > orders[-1] + _SLACK or low < orders[0] - _SLACK:
             raise ValueError(
-                f"the bin {low:g}-{high:g} reaches beyond the spectrum, which holds orders "
+                f"the bin {low:g}-{high:g} reaches beyond the spectrum, whose orders are "
                 f"{orders[0]:g} to {orders[-1]:g}. Lower max_order (or edges) of the bins, or "
                 f"resample with a smaller theta_s: orders up to pi/theta_s exist."
             )

@@ -1,9 +1,8 @@
-"""The order axis and how it travels: column names, and an array that carries them.
+"""The order axis as column names, and an array that keeps its column names.
 
-A column of an order spectrum is named ``channel@order``, a column of bins
-``channel@low-high`` or ``channel@name``. The names are exact: a number in them
-reads back as the very float it was written from. So one thing carries the axis
-through arrays, DataFrames and files, and nobody states an order step twice.
+A column of an order spectrum is named ``channel@order``, a column of bins ``channel@low-high`` or
+``channel@name``. The names are exact: a number in a name is parsed to the float it was written
+from. The axis is therefore kept by arrays, DataFrames and files, and no order step is stated twice.
 """
 
 from __future__ import annotations
@@ -17,11 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-BARE_CHANNEL = "signal"  # what a table or row without names calls its one channel
+BARE_CHANNEL = "signal"  # the channel of a table or row without names
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.IGNORECASE)
 _BAND = re.compile(rf"(?P<low>{_NUMBER.pattern})-(?P<high>{_NUMBER.pattern})", re.IGNORECASE)
-
-
 _LOGARITHMS = (np.log, np.log2, np.log10)
 
 
@@ -34,7 +31,7 @@ class OrderBlock(NamedTuple):
 
 
 class BinBlock(NamedTuple):
-    """The columns of bins that belong to one channel; `bands` is None where they have names."""
+    """The bins of one channel; `bands` is None where the bins have names."""
 
     channel: str
     names: tuple[str, ...]
@@ -43,13 +40,13 @@ class BinBlock(NamedTuple):
 
 
 class OrderTable(np.ndarray):
-    """A table, one recording a row, whose columns know their names.
+    """A table with one row per recording that keeps the names of its columns.
 
-    It is a plain float array in all but one respect: its `columns` attribute
-    (a tuple of names) goes with pickle, copies and the choice of rows. It is
-    gone after anything else (a choice of columns, arithmetic), because then
-    the names may no longer be true. `numpy.save` does not keep them and says so;
-    pickle and joblib do.
+    It differs from a plain float array in one respect: its `columns` attribute (a tuple of names)
+    is kept by pickle, copies and a choice of rows. It is dropped by any other operation (a choice
+    of columns, arithmetic, sorting and shuffling in place), after which the names may be wrong;
+    only the assignment of elements keeps it. `numpy.save` does not keep the names and warns; pickle
+    and joblib keep them.
 
     Parameters
     ----------
@@ -61,27 +58,30 @@ class OrderTable(np.ndarray):
     Attributes
     ----------
     columns : tuple of str or None
-        Names of the columns, or None where they are no longer known.
+        Names of the columns, or None where they are unknown.
     """
 
     columns: tuple[str, ...] | None
 
     def __new__(cls, values: Any, columns: Sequence[str]) -> OrderTable:
-        """Make a table of `values`, without copying them twice."""
+        """Make a table of `values`, copying them once."""
         columns = tuple(columns)
-        # joblib hashes an array by its class, dtype and bytes, and so would take two tables
-        # with equal numbers and different axes for one; metadata of the dtype it does hash.
+        # joblib hashes an array by its class, dtype and bytes, so two tables with equal numbers
+        # and different axes would have one hash; it also hashes the metadata of the dtype.
         values = np.asarray(values)
         precision = np.float32 if values.dtype == np.float32 else np.float64
         dtype = np.dtype(precision, metadata={"columns": _digest(columns)})
         table = values.astype(dtype).view(cls)
         if table.ndim != 2 or table.shape[1] != len(columns):
-            raise ValueError(f"{len(columns)} names do not fit values of shape {table.shape}.")
+            raise ValueError(
+                f"{len(columns)} names were given for values of shape {table.shape}; expected one "
+                f"for each column."
+            )
         table.columns = columns
         return table
 
     def __array_finalize__(self, obj: Any) -> None:
-        """Forget the names, unless a method below knows better."""
+        """Drop the names; the methods below restore them where they still hold."""
         self.columns = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
@@ -93,24 +93,24 @@ class OrderTable(np.ndarray):
         return _plain(array, context, self.columns)
 
     def __getitem__(self, key: Any) -> Any:
-        """Index as an array does; a choice of rows keeps the names."""
+        """Index as an array; a choice of rows keeps the names."""
         chosen = super().__getitem__(key)
         if isinstance(chosen, OrderTable) and _chooses_rows(key) and chosen.ndim == self.ndim:
             chosen.columns = self.columns
         return chosen
 
     def sort(self, *args: Any, **kwargs: Any) -> None:
-        """Sort in place, and forget the names."""
+        """Sort in place, and drop the names."""
         super().sort(*args, **kwargs)
         self.columns = None
 
     def partition(self, *args: Any, **kwargs: Any) -> None:
-        """Partition in place, and forget the names."""
+        """Partition in place, and drop the names."""
         super().partition(*args, **kwargs)
         self.columns = None
 
     def swapaxes(self, *args: Any) -> Any:
-        """Return a view with two axes exchanged, and forget the names.
+        """Return a view with two axes exchanged, and drop the names.
 
         `numpy.random.Generator.shuffle` permutes the columns through such a view.
         """
@@ -132,7 +132,7 @@ class OrderTable(np.ndarray):
         return self.copy()
 
     def __reduce__(self) -> Any:
-        """Add the names to what ndarray pickles."""
+        """Return the state of an ndarray with the names."""
         pickled: Any = super().__reduce__()
         function, arguments, state = pickled
         return function, arguments, (state, self.columns)
@@ -145,7 +145,7 @@ class OrderTable(np.ndarray):
 
 
 def lost_axis(X: Any) -> bool:
-    """Tell whether an array was made from an order table, and no longer knows its orders."""
+    """Return whether an array was computed from an order table and has lost its orders."""
     if column_names(X) is not None:
         return False
     metadata = getattr(getattr(X, "dtype", None), "metadata", None) or {}
@@ -153,7 +153,7 @@ def lost_axis(X: Any) -> bool:
 
 
 def number_name(number: float) -> str:
-    """Write a number in the shortest way that reads back as the same float.
+    """Write a number in the shortest form that is parsed to the same float.
 
     Examples
     --------
@@ -183,7 +183,7 @@ class BinPowers(np.ndarray):
         return powers
 
     def __array_finalize__(self, obj: Any) -> None:
-        """Forget the names."""
+        """Drop the names."""
         self.names = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
@@ -202,7 +202,7 @@ def order_columns(channels: Iterable[str], orders: Iterable[float]) -> tuple[str
     return _order_columns(tuple(channels), np.array(list(orders), dtype=np.float64).tobytes())
 
 
-# A search fits and transforms over and over on the same axes, with thousands of names.
+# A search uses the same few axes many times, with thousands of names.
 @lru_cache(maxsize=128)
 def _order_columns(channels: tuple[str, ...], orders: bytes) -> tuple[str, ...]:
     names = [number_name(order) for order in np.frombuffer(orders)]
@@ -218,21 +218,21 @@ def column_names(X: Any) -> tuple[Any, ...] | None:
 
 
 def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -> None:
-    """Compare names given to `get_feature_names_out` with what `fit` saw.
+    """Compare names given to `get_feature_names_out` with those seen in `fit`.
 
     Parameters
     ----------
     names : sequence
         The names given.
     seen : sequence or None
-        Names that `fit` saw, if it saw any.
+        Names seen in `fit`, if any.
     n_expected : int or None
-        How many there must be, if that is known.
+        Expected number of names, if known.
 
     Raises
     ------
     ValueError
-        If they are others, or not as many.
+        If the names or their number differ.
     """
     if seen is not None and list(names) != list(seen):
         raise ValueError("input_features is not equal to feature_names_in_.")
@@ -244,23 +244,23 @@ def check_input_names(names: Sequence[Any], seen: Any, n_expected: int | None) -
 
 
 def parse_order_columns(columns: Sequence[Any]) -> tuple[OrderBlock, ...] | None:
-    """Read the order axis back from column names.
+    """Parse the order axis from column names.
 
     Parameters
     ----------
     columns : sequence
-        Column names, those of one channel side by side.
+        Column names, those of one channel adjacent.
 
     Returns
     -------
     tuple of OrderBlock or None
-        One block a channel; None if no name has the form ``channel@order``.
+        One block per channel; None if no name has the form ``channel@order``.
 
     Raises
     ------
     ValueError
-        If only some names have that form, if a channel comes in two places, or
-        if its orders do not increase.
+        If only some names have that form, if a channel occurs in two places, or if its orders do
+        not increase.
     """
     return _parsed_columns(tuple(columns))
 
@@ -275,8 +275,8 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
         stranger = columns[parsed.index(None)]
         order = next(name for name, entry in zip(columns, parsed, strict=True) if entry)
         raise ValueError(
-            f"all columns or none must be named 'channel@order': {order!r} and the like stand "
-            f"beside {stranger!r}. Choose the order columns first (with a ColumnTransformer, say)."
+            f"all columns or none must be named 'channel@order', but there are {order!r} and "
+            f"{stranger!r}. Select the order columns first (for example by a ColumnTransformer)."
         )
     starts = [i for i in range(len(known)) if i == 0 or known[i][0] != known[i - 1][0]]
     blocks = []
@@ -289,18 +289,18 @@ def _parsed_columns(columns: tuple[Any, ...]) -> tuple[OrderBlock, ...] | None:
                 f"the orders of a channel must increase, but column {columns[place]!r} follows "
                 f"{columns[place - 1]!r}. Restore the order of the columns."
             )
-        orders.flags.writeable = False  # it serves everybody who asks
+        orders.flags.writeable = False  # it is shared by all callers
         blocks.append(OrderBlock(channel, orders, slice(start, stop)))
     names = [block.channel for block in blocks]
     if len(set(names)) < len(names):
         raise ValueError(
-            f"the columns of a channel must stand side by side; they come in the order {names}."
+            f"the columns of a channel must be adjacent; the channels are in the order {names}."
         )
     return tuple(blocks)
 
 
 def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
-    """Read channels and bins back from column names, as `BinTransformer` writes them.
+    """Parse channels and bins from column names, as written by `BinTransformer`.
 
     Parameters
     ----------
@@ -310,8 +310,8 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
     Returns
     -------
     tuple of BinBlock or None
-        One block a channel, with `bands` of shape (n_bins, 2) [orders] where all its names
-        are bands of orders; None if some name is of neither form.
+        One block per channel, with `bands` of shape (n_bins, 2) [orders] where all its names are
+        bands of orders; None if a name has neither form.
 
     Examples
     --------
@@ -330,8 +330,8 @@ def parse_bin_columns(columns: Sequence[Any]) -> tuple[BinBlock, ...] | None:
         names = tuple(name for _, name in entries)
         matches = [_BAND.fullmatch(name) for name in names]
         bands = [(float(match["low"]), float(match["high"])) for match in matches if match]
-        rising = len(bands) == len(names) and all(low < high for low, high in bands)
-        known = np.array(bands) if rising else None
+        increasing = len(bands) == len(names) and all(low < high for low, high in bands)
+        known = np.array(bands) if increasing else None
         blocks.append(BinBlock(channel, names, known, np.array([place for place, _ in entries])))
     return tuple(blocks) or None
 
@@ -345,14 +345,14 @@ def _parse(name: Any) -> tuple[str, float] | None:
     if not isinstance(name, str) or "@" not in name:
         return None
     channel, _, order = name.rpartition("@")
-    # float() would also take "1_0", " 5" and digits of other scripts.
+    # float() also accepts "1_0", " 5" and digits of other scripts.
     if not _NUMBER.fullmatch(order) or not np.isfinite(float(order)):
         return None
     return channel, float(order)
 
 
 def _chooses_rows(key: Any) -> bool:
-    """Tell whether an index leaves the columns as they are."""
+    """Return whether an index leaves the columns unchanged."""
     if isinstance(key, tuple):
         if not key:
             return True

@@ -277,7 +277,7 @@ def test_a_bin_inside_a_stop_band_has_no_column():
 
 
 def test_stop_bands_that_leave_nothing_are_an_error():
-    with pytest.raises(ValueError, match=r"stop_bands \[\(0.0, 9.0\)\] leave nothing of any bin"):
+    with pytest.raises(ValueError, match=r"stop_bands \[\(0.0, 9.0\)\] cover all bins"):
         BinTransformer(1, max_order=5, stop_bands=((0, 9),)).fit(np.ones((1, 6)))
 
 
@@ -294,13 +294,15 @@ def test_a_table_without_an_axis_may_be_told_its_step():
 
 
 def test_orders_the_spectrum_does_not_hold_are_an_error():
-    message = r"the bin 49-50 reaches beyond the spectrum, which holds orders 0 to 49.9.*theta_s"
+    message = r"the bin 49-50 reaches beyond the spectrum, whose orders are 0 to 49.9.*theta_s"
     with pytest.raises(ValueError, match=message):
         BinTransformer().fit(table(np.arange(500) / 10, np.ones(500)))
 
 
 def test_orders_below_the_spectrum_are_an_error():
-    with pytest.raises(ValueError, match=r"the bin 0-1 reaches beyond.*holds orders 0.5 to 5.5"):
+    with pytest.raises(
+        ValueError, match=r"the bin 0-1 reaches beyond.*whose orders are 0.5 to 5.5"
+    ):
         BinTransformer(1, max_order=5).fit(table(np.arange(0.5, 6), np.ones(6)))
 
 
@@ -341,7 +343,7 @@ def test_bins_of_a_recording_add_up_to_its_mean_square(window):
         ({"edges": [1]}, ValueError, "at least two increasing orders"),
         ({"edges": [0, 2, 1]}, ValueError, "2 is followed by 1 .at position 2.*Sort them"),
         ({"edges": [-1, 1]}, ValueError, "finite and at least 0"),
-        ({"edges": {}}, ValueError, "edges holds no band"),
+        ({"edges": {}}, ValueError, "edges must name at least one band"),
         ({"edges": {1: (0, 1)}}, TypeError, "named by strings, got 1"),
         ({"edges": {"a": (2, 1)}}, ValueError, "band 'a' of edges must run from a lower"),
         ({"edges": {"a": 3}}, TypeError, r"band 'a' of edges must be a pair"),
