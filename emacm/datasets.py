@@ -1,4 +1,4 @@
-"""Recordings of real machines, read from files that the user has."""
+"""Recordings of real machines, read from the files of the user."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from emacm.shaft.angle import angle_from_position
 _SIGNALS = ("set_point", "position_error", "current")
 _LABELS = ("state", "load_kgf", "run", "group")
 _CONSTANTS = ("fs", "lead_mm")
-_SAME = 1e-5  # A; sequences whose currents never differ by more are one measurement, filed twice
+_SAME = 1e-5  # A; sequences whose currents differ by at most this are one measurement
 
 
 class CranfieldRecordings(NamedTuple):
-    """What `load_cranfield` returns."""
+    """Result of `load_cranfield`."""
 
     recordings: list[Recording]
     labels: NDArray[np.str_]
@@ -32,9 +32,9 @@ class CranfieldRecordings(NamedTuple):
 def load_cranfield(path: str | Path) -> CranfieldRecordings:
     """Read a file of the Cranfield linear actuator [1]_.
 
-    A ball screw (lead 5 mm) moves a load out and back by a trapezoidal profile.
+    A ball screw (lead 5 mm) moves a load out and back with a trapezoidal speed profile.
     The shaft angle is that of the screw, ``2 pi (set_point - position_error) / lead``.
-    At 25 Hz and 4.8 rev/s no order above 2.6 exists.
+    At 25 Hz and 4.8 rev/s, the highest valid order is 2.6.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def load_cranfield(path: str | Path) -> CranfieldRecordings:
     Returns
     -------
     recordings : list of Recording
-        Channels "current" [A] and "position_error" [mm]; `meta` tells state,
-        load, run and group.
+        Channels "current" [A] and "position_error" [mm]; `meta` contains
+        state, load, run and group.
     labels : ndarray of str, shape (n_recordings,)
         State of health.
     frame : DataFrame of n_recordings rows
@@ -57,14 +57,14 @@ def load_cranfield(path: str | Path) -> CranfieldRecordings:
     Warns
     -----
     UserWarning
-        If sequences are in the file twice; the copy of the later run is left out.
+        If the file contains sequences twice; the copy of the later run is left out.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file has not this layout.
+        If the file does not have this layout; the message names the array.
 
     References
     ----------
@@ -95,8 +95,8 @@ def _recording(arrays: dict[str, NDArray[Any]], index: int, meta: dict[str, Any]
     position = arrays["set_point"][index] - arrays["position_error"][index]
     return Recording(
         {name: arrays[name][index] for name in ("current", "position_error")},
-        float(arrays["fs"]),
-        angle=angle_from_position(position, float(arrays["lead_mm"])),
+        float(arrays["fs"].ravel()[0]),
+        angle=angle_from_position(position, float(arrays["lead_mm"].ravel()[0])),
         meta=meta,
     )
 
@@ -105,36 +105,50 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileNotFoundError(
             f"there is no file {path}. The recordings are not part of emacm; see the "
-            f"documentation of load_cranfield for where they come from."
+            f"documentation of load_cranfield for their source."
         )
-    wanted = (*_SIGNALS, *_LABELS, *_CONSTANTS)
+    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
+    name = "its directory"
+    arrays = {}
     try:
         with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in wanted if name in file}
+            for name in expected:
+                if name in file:
+                    arrays[name] = file[name]
     except (BadZipFile, EOFError, OSError, TypeError, ValueError) as error:
-        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}") from error
-    missing = [name for name in wanted if name not in arrays]
+        raise ValueError(
+            f"{path.name}: {name} cannot be read from an .npz file: {error}"
+        ) from error
+    missing = [name for name in expected if name not in arrays]
     if missing:
         raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; expected were the arrays {', '.join(wanted)}."
+            f"{path.name} lacks {', '.join(missing)}; "
+            f"expected are the arrays {', '.join(expected)}."
         )
-    _check_shapes(path.name, arrays)
+    for name, array in sorted(arrays.items(), key=lambda item: item[0] != "current"):
+        _check_array(path.name, name, array, arrays["current"].shape)
     return arrays
 
 
-def _check_shapes(name: str, arrays: dict[str, NDArray[Any]]) -> None:
-    shape = arrays["current"].shape
-    for key in _SIGNALS:
-        if arrays[key].ndim != 2 or arrays[key].shape != shape:
-            raise ValueError(
-                f"{key} of {name} must have shape (n_sequences, n_times) as current has; "
-                f"got {arrays[key].shape} and {shape}."
-            )
-    for key in _LABELS:
-        if arrays[key].shape != shape[:1]:
-            raise ValueError(
-                f"{key} of {name} must have shape ({shape[0]},), got {arrays[key].shape}."
-            )
+def _check_array(file: str, name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
+    if name != "state" and array.dtype.kind not in "fiu":
+        raise ValueError(
+            f"{name} of {file} must be an array of real numbers, got dtype {array.dtype}."
+        )
+    if name != "state" and not np.isfinite(array).all():
+        row = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise ValueError(f"{name} of {file} must be finite, got {array[tuple(row)]} at {row}.")
+    if name == "state" and array.dtype.kind not in "US":
+        raise ValueError(f"state of {file} must be an array of text, got dtype {array.dtype}.")
+    if name in _SIGNALS and (array.ndim != 2 or array.shape != shape):
+        raise ValueError(
+            f"{name} of {file} must have shape (n_sequences, n_times) as current has; "
+            f"got {array.shape} and {shape}."
+        )
+    if name in _LABELS and array.shape != shape[:1]:
+        raise ValueError(f"{name} of {file} must have shape ({shape[0]},), got {array.shape}.")
+    if name in _CONSTANTS and (array.size != 1 or not float(array.ravel()[0]) > 0):
+        raise ValueError(f"{name} of {file} must be one positive number, got {array}.")
 
 
 def _without_copies(arrays: dict[str, NDArray[Any]]) -> NDArray[np.intp]:

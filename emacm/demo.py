@@ -330,7 +330,12 @@ def _draw(
     model = models[MISSED[0]]
     psd = model[:2].transform(recordings)
     (screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
-    marks = fault_orders({"screw": screw, "BPFI": ring}, harmonics=3, max_order=model[2].max_order)
+    marks = {  # Eq. (2.4): in the current, a fault modulates the supply at order 6
+        "current_a": {"screw-6": screw - 6, "6+BPFI": 6 + ring, "6+screw": 6 + screw},
+        "accelerometer": fault_orders(
+            {"screw": screw, "BPFI": ring}, harmonics=3, max_order=model[2].max_order
+        ),
+    }
     for ax, (channel, unit) in zip(spectra, _CHANNELS.items(), strict=True):
         OrderSpectrumDisplay.from_table(
             psd,
@@ -338,7 +343,7 @@ def _draw(
             labels=labels,
             unit=unit,
             max_order=model[2].max_order,
-            fault_orders=marks if channel == "accelerometer" else None,
+            fault_orders=marks[channel],
             ax=ax,
         )
     names = ("principal component 1", "principal component 2")

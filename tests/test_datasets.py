@@ -66,7 +66,7 @@ def test_a_file_that_is_not_there_says_where_recordings_come_from(tmp_path):
 def test_a_file_without_an_array_names_it(tmp_path):
     arrays = sequences()
     del arrays["lead_mm"]
-    with pytest.raises(ValueError, match=r"actuator\.npz lacks lead_mm; expected were"):
+    with pytest.raises(ValueError, match=r"actuator\.npz lacks lead_mm; expected are"):
         load_cranfield(written(tmp_path, arrays))
 
 
@@ -79,9 +79,40 @@ def test_arrays_that_do_not_fit_are_named(tmp_path):
         load_cranfield(written(tmp_path, arrays))
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("current", np.full((6, 60), "0.1"), "real numbers, got dtype <U3"),
+        ("set_point", np.full((6, 60), 1 + 2j), "real numbers, got dtype complex128"),
+        ("run", np.array(list("123456")), "real numbers, got dtype <U1"),
+        ("load_kgf", np.full(6, True), "real numbers, got dtype bool"),
+        ("state", np.arange(6), "array of text, got dtype int64"),
+        ("fs", np.array([25.0, 25.0]), "one positive number, got"),
+        ("lead_mm", np.array(-5.0), "one positive number, got -5.0"),
+        ("fs", np.array("25"), "real numbers, got dtype <U2"),
+        ("position_error", np.where(np.arange(360) == 75, np.nan, 0).reshape(6, 60), "got nan at"),
+        ("current", np.zeros(360), "must have shape"),
+    ],
+)
+def test_an_array_of_another_kind_is_named_with_its_file(tmp_path, name, value, message):
+    arrays = sequences() | {name: value}
+    with pytest.raises(ValueError, match=rf"^{name} of actuator\.npz .*{message}"):
+        load_cranfield(written(tmp_path, arrays))
+
+
+@pytest.mark.parametrize("name", ["position_error", "state"])
+def test_an_array_of_objects_is_named_with_its_file(tmp_path, name):
+    arrays = sequences()
+    arrays[name] = arrays[name].astype(object)
+    with pytest.raises(ValueError, match=rf"^actuator\.npz: {name} cannot be read .*Object arrays"):
+        load_cranfield(written(tmp_path, arrays))
+
+
 def test_a_file_of_another_kind_is_told_apart(tmp_path):
     (tmp_path / "notes.npz").write_text("no arrays")
-    with pytest.raises(ValueError, match=r"notes\.npz cannot be read as an \.npz file"):
+    with pytest.raises(
+        ValueError, match=r"notes\.npz: its directory cannot be read from an \.npz file"
+    ):
         load_cranfield(tmp_path / "notes.npz")
 
 
