@@ -33,6 +33,7 @@ KINDS = [
     StrokeProfile(3, basis="mean"),
     ShaftHarmonics((1, 2.5)),
     ShaftHarmonics((1,), phase=None, n_sections=2),
+    ShaftHarmonics((1, 2), phase="relative", n_sections=2),
 ]
 KINDS_OVER_TIME = [*KINDS, RecordingStatistics(sections=("start", "stroke", "stop", "rest"))]
 kinds = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: str(kind))
@@ -96,6 +97,35 @@ def test_pandas_output_has_the_names_and_the_same_numbers(kind):
     frame = clone(kind).set_output(transform="pandas").fit_transform(FLEET)
     assert list(frame.columns) == list(clone(kind).fit(FLEET).get_feature_names_out())
     np.testing.assert_array_equal(frame.to_numpy(), clone(kind).fit_transform(FLEET))
+
+
+@kinds_over_time
+@pytest.mark.parametrize("resampled", [False, True])
+def test_each_column_contains_the_channel_and_the_direction_of_its_name(kind, resampled):
+    if resampled and "rest" in getattr(kind, "sections", ()):
+        pytest.skip("rest has no shaft angle")
+    X = over_angle(FLEET, min_speed=10) if resampled else FLEET
+    both = clone(kind).set_params(channels=["position", "current"])
+    both.set_output(transform="pandas")
+    table = both.fit_transform(X)
+    for channel in ("current", "position"):
+        own = clone(both).set_params(channels=[channel]).fit_transform(X)
+        np.testing.assert_array_equal(table[own.columns], own)
+    assert table.columns[0].startswith("position")
+    if kind.get_params().get("phase") == "relative":
+        return  # reverse strokes alone have another reference
+    # A reversed shaft: what was forward is reverse.
+    backwards = [
+        Recording(x.signals, x.fs, angle=-np.asarray(x.angle), shaft_fs=500, meta=x.meta)
+        for x in FLEET
+    ]
+    backwards = over_angle(backwards, min_speed=10) if resampled else backwards
+    turned = clone(both).fit_transform(backwards)
+    absolute = kind.get_params().get("phase") == "absolute"
+    for name in table:
+        other = name.translate(str.maketrans("+-", "-+"))
+        sign = -1 if absolute and ":sin" in name else 1
+        np.testing.assert_allclose(turned[other], sign * table[name], rtol=1e-6, atol=1e-6)
 
 
 @kinds_over_time
