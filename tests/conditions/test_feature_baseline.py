@@ -8,6 +8,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.utils import get_tags
 from strokes_under_load import THETA_S, made_fleet
 
 from emacm import (
@@ -17,6 +18,7 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    SignalBaseline,
 )
 from emacm.orders.columns import OrderTable
 
@@ -162,3 +164,18 @@ def test_baseline_recordings_that_can_be_read_only_once_are_refused():
     ):
         model.fit([constant(20)], ["normal"])
     assert len([*once]) == 2  # nothing of it was read
+
+
+@pytest.mark.parametrize("kind", [SignalBaseline(), FeatureBaseline(Levels())])
+def test_labels_are_required_if_healthy_is_a_label(kind):
+    required = {
+        name: get_tags(clone(kind).set_params(healthy=healthy)).target_tags.required
+        for name, healthy in {
+            "label": "new",
+            "labels": ["new", "run in"],
+            "meta": {"hours": 0},
+            "function": lambda run: True,
+        }.items()
+    }
+    assert required == {"label": True, "labels": True, "meta": False, "function": False}
+    assert not get_tags(kind).input_tags.two_d_array

@@ -162,3 +162,11 @@ def test_what_are_no_orders_is_refused(orders, kind, message):
 def test_more_orders_than_samples_are_refused_before_anything_is_computed():
     with pytest.raises(ValueError, match=r"100000 orders have 200000 coefficients, .* fewer"):
         harmonic_coefficients([EVEN], [lines(EVEN)], np.linspace(1, 9, 100_000))
+
+
+def test_as_many_orders_as_the_samples_determine_are_found():
+    angle = TURN * np.arange(9) / 8  # 8 coefficients of 9 samples, level and trend included
+    signal = 5 + angle + np.cos(angle) - 2 * np.sin(2 * angle) + 3 * np.cos(3 * angle)
+    found = harmonic_coefficients([angle], [signal], (1, 2, 3))
+    np.testing.assert_allclose(found.cosines, [1, 0, 3], atol=1e-9)
+    np.testing.assert_allclose(found.sines, [0, -2, 0], atol=1e-9)

@@ -418,3 +418,16 @@ def test_names_are_asked_for_with_as_many_channels_as_there_are():
     assert len(fitted.get_feature_names_out(["current", "position"])) == 24
     with pytest.raises(ValueError, match="should have length equal to what fit saw"):
         fitted.get_feature_names_out(["current"])
+
+
+@pytest.mark.parametrize("resampled", [False, True])
+def test_min_revolutions_counts_revolutions(resampled):
+    turns = [3, 5, 4.5, 2.9]  # forward, reverse, forward, reverse
+    speed = np.concatenate([[sign * 20.0] * round(k * 500 * TURN / 20) for k, sign in
+                            zip(turns, (1, -1, 1, -1), strict=True)])  # fmt: skip
+    angle = np.cumsum(speed) / 500
+    number = np.repeat(np.arange(4.0), [round(k * 500 * TURN / 20) for k in turns])
+    X = [Recording({"stroke": number}, 500, angle=angle)]
+    X = over_angle(X) if resampled else X
+    levels = RecordingStatistics(("mean",), min_revolutions=4).fit_transform(X)
+    np.testing.assert_allclose(levels, [[2, 1]], atol=0.02)  # not 0 and 3
