@@ -1,10 +1,10 @@
-"""A control for `real_actuator.py`: a method that rests on where waves stand on the screw fails it.
+"""Control for `real_actuator.py`: dependence of a method on the phase of the 1x component.
 
-In the recordings every stroke begins and ends at the same place of the screw, and the angle is
-counted from there. On a machine put together anew neither would be so. The control cuts each
-stroke at both of its ends and counts the angle from another zero: alike in all recordings, or in
-each one at random over a whole revolution. What a method loses from the first to the second, in
-training and in test, it owed to the phase of the wave once per revolution.
+In the recordings every stroke starts and ends at the same position of the screw, and the angle is
+counted from there. After reassembly both would be different. The control cuts off both ends of
+each stroke and changes the zero of the angle: equally in all recordings, or at random over
+a whole revolution in each. The accuracy that a method loses between the two, in training and
+test, was due to the phase of the 1x component.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FEWEST, MOST = 4, 8  # samples cut off; any of these five, as a revolution is 5.
 
 
 def cut_alike(recordings: list[Recording]) -> list[Recording]:
-    """Cut the strokes of all recordings at the same places."""
+    """Cut the strokes of all recordings at the same positions."""
     shape = len(recordings), 4
     return _cut_all(recordings, np.full(shape, (FEWEST + MOST) // 2), np.zeros(shape[0]))
 
@@ -41,10 +41,10 @@ def _cut_all(
 
 
 def _cut(recording: Recording, lost: NDArray[np.integer], zero: float) -> Recording:
-    """Cut samples off at the ends of both strokes; methods that look at the rest cannot be asked.
+    """Cut off samples at the ends of both strokes; not for methods that use the rest.
 
-    Between the strokes the angle runs evenly over a rest three times as long: within the rest as
-    it was, the shaft would seem to turn.
+    Between the strokes the angle changes evenly over a rest three times as long: within the
+    original rest, the shaft would seem to turn.
     """
     out = np.arange(OUT[0] + lost[0], OUT[1] - lost[1])
     rest = np.repeat(np.arange(OUT[1], BACK[0]), 3)

@@ -1,4 +1,4 @@
-"""The methods that `real_actuator.py` compares: what each makes of recordings."""
+"""The methods that `real_actuator.py` compares: features and classifier of each."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from emacm import (
 )
 from emacm.recipes import actuator_recipe
 
-# Sampled at 5.2 samples per revolution, the screw stands when slower than its noise.
+# At 5.2 samples per revolution, speeds below this are noise of the shaft reference at rest.
 RECIPE = {"min_speed": 3.0, "n_jobs": 2}
-# Of features, all on runs 1 to 7. The searches, nested in splits by run, chose scattered small
-# changes that did not carry over to the runs they had not seen, so the start was kept; the last
-# ten were about what may be taken away: starts, stops, rests and peaks, which cost nothing.
+# Sets of features, all on runs 1 to 7. The nested searches selected small changes that did not
+# generalise to the held-out runs, so the initial set was kept; the last ten removed starts, stops,
+# rests and peaks without loss.
 TRIED = "about 440 (220 by hand, 220 by nested searches), after 476 on the same runs before"
 
 
 class Fold(NamedTuple):
-    """What may be learnt from, and what is held out."""
+    """Training and held-out recordings, as masks."""
 
     train: NDArray[np.bool_]
     test: NDArray[np.bool_]
@@ -40,33 +40,33 @@ class Fold(NamedTuple):
 
 
 class Method:
-    """A table of features for each fold, kept while it may be asked for again."""
+    """A table of features for each fold, cached while it may be used again."""
 
     def __init__(self) -> None:
         self._kept: dict[Any, Any] = {}
 
     def table(self, known: Any, fold: Fold, load: Any) -> NDArray:
-        """Return a row for each recording, by what may be learnt from the fold's training."""
+        """Return one row per recording, from what is fitted on the training recordings."""
         key = self.key(fold, load)
         if key not in self._kept:
             self._kept[key] = self.features(known, fold, load)
         return self._kept[key]
 
     def forget(self, fold: Fold) -> None:
-        """Free the memory of what depends on the fold."""
+        """Remove the cached tables of a fold."""
         for key in [key for key in self._kept if key and fold.name in key]:
             del self._kept[key]
 
     def key(self, fold: Fold, load: Any) -> Any:
-        """Say what the features depend on: nothing."""
+        """Return what the features depend on: nothing."""
         return None
 
     def features(self, known: Any, fold: Fold, load: Any) -> NDArray:
-        """Make the table."""
+        """Compute the table."""
         raise NotImplementedError
 
     def classifier(self, answers: dict[str, str]) -> Any:
-        """Return an unfitted classifier; answers say what each label counts as."""
+        """Return an unfitted classifier; `answers` maps labels to those they are scored as."""
         raise NotImplementedError
 
 
@@ -79,11 +79,11 @@ class Recipe(Method):
         self.learns = "healthy" in options
 
     def key(self, fold: Fold, load: Any) -> Any:
-        """Without a baseline, the features of a recording depend on that recording alone."""
+        """Without a baseline, the features of a recording depend on this recording only."""
         return (fold.name,) if self.learns else None
 
     def features(self, known: Any, fold: Fold, load: Any) -> NDArray:
-        """Make the table."""
+        """Compute the table."""
         union = self.recipe[0]
         rows = np.flatnonzero(fold.train)
         union.fit([known.X[i] for i in rows], known.state[rows])
@@ -94,7 +94,7 @@ class Recipe(Method):
         return [str(name) for name in self.recipe[0].get_feature_names_out()]
 
     def classifier(self, answers: dict[str, str]) -> Any:
-        """Return all that follows the features, with the costs of the task."""
+        """Return the steps after the features, with the costs of the task."""
         groups: dict[str, list[str]] = {}
         for label, answer in answers.items():
             groups.setdefault(answer, []).append(label)
@@ -118,7 +118,7 @@ class Thesis(Recipe):
         self.recipe = make_pipeline(chain, CostSensitiveGaussianBayes(shrinkage="oas"))
 
     def classifier(self, answers: dict[str, str]) -> Any:
-        """Return all that follows the bins."""
+        """Return the steps after the bins."""
         scaler, gaussians = super().classifier(answers)
         return make_pipeline(scaler, PCA(8), gaussians)
 
@@ -127,7 +127,7 @@ class RawLDA(Method):
     """Shrinkage LDA on the samples of the current."""
 
     def features(self, known: Any, fold: Fold, load: Any) -> NDArray:
-        """Return the current; all sequences are of one length and one set point."""
+        """Return the current; all sequences have one length and one set point."""
         return np.stack([x.signals["current"] for x in known.X]).astype(float)
 
     def classifier(self, answers: dict[str, str]) -> Any:
@@ -138,8 +138,8 @@ class RawLDA(Method):
 class Rocket(Method):
     """Random convolutions of the current and a ridge classifier, as aeon's classifiers do it.
 
-    The convolutions do not look at labels, so one set serves all tasks of a fold. In per-load
-    models they are those of that load.
+    The convolutions do not depend on labels, so one set serves all tasks of a fold. Models per
+    load have their own convolutions.
     """
 
     def __init__(self, name: str) -> None:
@@ -164,7 +164,7 @@ class Rocket(Method):
         return table
 
     def classifier(self, answers: dict[str, str]) -> Any:
-        """Return the ridge classifier that aeon puts behind its convolutions."""
+        """Return the ridge classifier that aeon uses after its convolutions."""
         ridge = RidgeClassifierCV(alphas=np.logspace(-3, 3, 10))
         return make_pipeline(StandardScaler(with_mean=False), ridge)
 
@@ -181,12 +181,12 @@ if find_spec("aeon") is not None:
 
 
 def missing_methods() -> list[str]:
-    """Return the methods that cannot be run here."""
+    """Return the methods that are not installed."""
     return [name for name in ROCKETS if name not in METHODS]
 
 
 def separations(known: Any, fold: Fold) -> tuple[pd.Series, pd.Series]:
-    """Return which kinds of features, and which orders, tell states apart in models of one load.
+    """Return the kinds of features, and the orders, that separate the states in models per load.
 
     A feature's share of the squared distance (in the Gaussians' own metric) of two states, over
     all pairs of states and all loads; kinds and orders are sums of those.
@@ -214,7 +214,7 @@ def explain_shares(gaussians: CostSensitiveGaussianBayes) -> NDArray[np.float64]
 
 
 def kind_of(name: str) -> str:
-    """Return what a column is of, without orders and numbers."""
+    """Return the kind of a column, without orders and numbers."""
     channel, _, quantity = name.partition(":")
     if "@" in name:
         pair = quantity.partition("@")[0].rstrip("+-") if "*" in name else "power"

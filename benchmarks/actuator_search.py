@@ -1,9 +1,9 @@
-"""Settings of the recipe for the real actuator, chosen inside training runs only.
+"""Settings of the recipe for the real actuator, selected within training runs only.
 
-What `real_actuator.py` shows was settled with all runs in sight, which flatters. Here a
-search chooses revolutions, highest order and lowest speed anew for each held-out run, and for the
-last three, by leaving out each of the other runs in turn; the held-out runs score what was chosen,
-and have chosen nothing. 13 states, a classifier per load, without and with phase.
+The settings in `real_actuator.py` were selected with knowledge of all runs, which is optimistic.
+Here a nested search selects revolutions, highest order and lowest speed for each held-out run,
+and for the last three, by leaving out each of the other runs in turn; the held-out runs
+score the selected settings only. 13 states, one classifier per load, without and with phase.
 
     python benchmarks/actuator_search.py [--train FILE] [--json FILE] [--quick]
 """
@@ -30,7 +30,7 @@ N_LATER = 3
 
 
 def inner_folds(known: Recordings, outer: Fold) -> list[Fold]:
-    """Leave out each run that may be learnt from in turn."""
+    """Leave out each training run in turn."""
     runs = np.unique(known.run[outer.train])
     return [
         Fold(outer.train & (known.run != run), outer.train & (known.run == run), f"inner {run}")
@@ -39,7 +39,7 @@ def inner_folds(known: Recordings, outer: Fold) -> list[Fold]:
 
 
 def score(method: Recipe, known: Recordings, folds: list[Fold]) -> float:
-    """Return the balanced accuracy over all recordings that the folds hold out."""
+    """Return the balanced accuracy over all recordings held out by the folds."""
     decided = decide_all(method, [ASKED], known, folds)[ASKED]
     return row(ASKED[0], known, decided)["balanced_accuracy"]
 
@@ -47,7 +47,7 @@ def score(method: Recipe, known: Recordings, folds: list[Fold]) -> float:
 def searched(
     methods: list[Recipe], settings: list[dict], known: Recordings, outer: list[Fold]
 ) -> Iterator[dict[str, Any]]:
-    """Yield for each outer fold what was chosen and what that decides on it."""
+    """Yield for each outer fold the selected settings and the decisions on it."""
     for fold in outer:
         inner = inner_folds(known, fold)
         scores = [score(method, known, inner) for method in methods]
@@ -57,10 +57,10 @@ def searched(
 
 
 def compare(known: Recordings, grid: dict, phase: bool) -> list[dict]:
-    """Search by run and for the last runs; beside it the settled recipe."""
+    """Search by run and for the last runs, and score the published settings as well."""
     settings = list(ParameterGrid(grid))
     methods = [Recipe(phase=phase, **setting) for setting in settings]
-    settled = Recipe(phase=phase)
+    published = Recipe(phase=phase)
     plans = {"each run in turn": folds_by_run(known)}
     runs = np.unique(known.run)
     if len(runs) > 2 * N_LATER:
@@ -72,13 +72,13 @@ def compare(known: Recordings, grid: dict, phase: bool) -> list[dict]:
         for chosen in searched(methods, settings, known, outer):
             fold = chosen.pop("fold")
             decided[fold.test] = chosen.pop("decided")[fold.test]
-            print(f"phase {phase}, without {fold.name}: {chosen}", flush=True)
+            print(f"phase {phase}, {fold.name} held out: {chosen}", flush=True)
         rows.append(
             {
                 "held out": plan,
                 "phase": phase,
-                "chosen inside": row(ASKED[0], known, decided)["balanced_accuracy"],
-                "settled": score(settled, known, outer),
+                "selected inside training": row(ASKED[0], known, decided)["balanced_accuracy"],
+                "published settings": score(published, known, outer),
             }
         )
     return rows

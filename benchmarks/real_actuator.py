@@ -1,24 +1,25 @@
-"""Diagnosis of a real actuator, beside what a user would take instead.
+"""Diagnosis of a real actuator, compared with methods that a user could choose instead.
 
 The recordings are those of `emacm.datasets.load_cranfield`: 13 states of a ball screw, three
-loads. Methods are `actuator_recipe` without and with the phase of the screw, the chain of
-the thesis (spectra, bins, PCA, a Gaussian for each class), shrinkage LDA on the raw current, and
-MiniRocket and MultiRocket with a ridge classifier (aeon, the extra `bench`; left out without).
+loads. The methods are `actuator_recipe` without and with the absolute phase of the 1x component,
+the chain of the thesis (spectra, bins, PCA, a Gaussian for each class), shrinkage LDA on the raw
+current, and MiniRocket and MultiRocket with a ridge classifier (package aeon, the extra `bench`).
 
 Tasks: all 13 states; four families; normal and the worst state of each fault; the family of a
-state that was in no training ("unseen state": mean over its three families). Schemes: a model per
-load; one model for all loads, not told the load; load left out, with healthy recordings of
-that load in training. All methods are trained on the 13 states (in one model: on state and
-load), as that is better for each of them; families are the sums of their states.
+state that is absent from training ("unseen state": mean over its three families). Schemes: one
+model per load; one model for all loads, without the load as input; load left out, with healthy
+recordings of that load in training. All methods are trained on the 13 states (in one model: on
+pairs of state and load), which is better for each of them; families are the sums of their states.
 
-Without --test each run is left out in turn. With it, all of --train is trained on, and
-sequences of the test file that are copies of one in the training file are left out. Intervals
-(95 %) come from drawing runs anew, or repetitions (`group`) where there are fewer than five runs.
+Without --test each run is left out in turn. With --test the models are trained on all of --train,
+and sequences of the test file that are copies of a training sequence are left out. Confidence
+intervals (95 %) are bootstrapped over runs, or over repetitions (`group`) if there are fewer
+than five runs.
 
-Each state is one assembly on this rig: no figure here tells a fault from an assembly, and those
-"with phase" are for the same assemblies only. Without phase no feature depends on where the wave
-once per revolution stands on the screw, as the control at the end shows (`actuator_control`).
-How it stands on the way back is kept, and may be a mark of the assembly as well.
+Each state is one assembly on this rig, so no figure here separates a fault from an assembly, and
+those "with phase" hold for the same assemblies only. Without phase, no feature depends on the
+shaft angle of the 1x component, as the control at the end shows (`actuator_control`). The phase
+of 1x in reverse strokes relative to forward ones is used, and may be assembly-specific too.
 
     python benchmarks/real_actuator.py [--train FILE] [--test FILE] [--json FILE] [--quick]
 """
@@ -55,15 +56,15 @@ PLAN = {
     "unseen state": ("per load", "one model"),
 }
 REMARKS = """
-Each state is one assembly here: no figure tells a fault from an assembly. "emacm with phase" uses
-where on the screw the wave once per revolution stands: for the same assemblies only. "emacm" does
-not, but knows how that wave stands on the way back beside the way out."""
+Each state is one assembly: no figure separates a fault from an assembly. "emacm with phase" uses
+the phase of the 1x component against the screw: for the same assemblies only. "emacm" does not,
+but uses the phase of 1x in reverse strokes relative to forward ones."""
 COPY = 1e-5  # A, as in load_cranfield
 FEW_RUNS = 5
 
 
 class Recordings(NamedTuple):
-    """Recordings, with what is known of each."""
+    """Recordings, with the state, load, run and repetition of each."""
 
     X: list[Any]
     state: NDArray[np.str_]
@@ -78,12 +79,12 @@ class Recordings(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What one fit learns from, and what it decides on."""
+    """Training and test recordings of one fit."""
 
     train: NDArray[np.bool_]
     test: NDArray[np.bool_]
     labels: NDArray[Any]
-    answers: dict[str, str]  # label: what it counts as
+    answers: dict[str, str]  # {label: label that it is scored as}
     load: Any  # the load, if the model is of one load
 
 
@@ -121,7 +122,7 @@ def cases(task: str, scheme: str, known: Recordings, fold: Fold) -> Iterator[Cas
 
 
 def decide(method: Any, task: str, scheme: str, known: Recordings, fold: Fold) -> NDArray:
-    """Return a decision for each recording, "" for those that were not asked about."""
+    """Return a decision for each recording, "" for those that are not tested."""
     decided = np.full(len(known.X), "", dtype="U40")
     for case in cases(task, scheme, known, fold):
         table = method.table(known, fold, case.load)
@@ -171,7 +172,7 @@ def _weights(names: NDArray[Any], cells: NDArray[np.intp]) -> NDArray[np.float64
 
 
 def read(path: Path) -> Recordings:
-    """Read a file, saying what the loader says."""
+    """Read a file, and print the warnings of the loader."""
     with warnings.catch_warnings(record=True) as remarks:
         warnings.simplefilter("always")
         X, states, frame = load_cranfield(path)
@@ -181,13 +182,13 @@ def read(path: Path) -> Recordings:
 
 
 def joined(train: Recordings, test: Recordings) -> tuple[Recordings, list[Fold]]:
-    """Put two files together, without copies, and hold the second out."""
+    """Join two files, without copies, and hold out the second."""
     currents = [np.stack([x.signals["current"] for x in part.X]) for part in (test, train)]
     new = cdist(*currents, "chebyshev").min(axis=1) > COPY
     if not new.all():
         print(f"{np.sum(~new)} test sequences are copies of training sequences and were left out.")
     test = test.take(new)
-    # A later file may count runs and repetitions from 1 again.
+    # A later file may number runs and repetitions from 1 again.
     run, group = (column.astype(int) + 100_000 for column in (test.run, test.group))
     apart = test._replace(run=run, group=group)
     both = Recordings(
@@ -204,11 +205,11 @@ def folds_by_run(known: Recordings) -> list[Fold]:
 
 
 def chosen_file(options: argparse.Namespace) -> Path:
-    """Return the file that is stated, or that in the folder that EMACM_DATA names, or end."""
+    """Return the given file, or the one below EMACM_DATA, or exit."""
     folder = os.environ.get("EMACM_DATA")
     files = sorted(Path(folder).glob("cranfield_ema/cranfield*.npz")) if folder else []
     if options.train is None and not files:
-        print("no recordings: state --train FILE, or set EMACM_DATA to the folder that holds them")
+        print("no recordings: give --train FILE, or set EMACM_DATA to the folder that has them")
         raise SystemExit(0 if options.quick else 2)
     return options.train or files[0]
 
@@ -232,7 +233,7 @@ def compare(known: Recordings, folds: list[Fold], quick: bool) -> list[dict]:
 
 
 def control(known: Recordings, folds: list[Fold], draws: int) -> pd.DataFrame:
-    """Measure whether the recipe rests on where the wave once per revolution stands."""
+    """Measure whether the recipe depends on the shaft angle of the 1x component."""
     cuts = {"alike": cut_alike(known.X)}
     cuts |= {f"at random, draw {k}": cut_at_random(known.X, k) for k in range(1, draws + 1)}
     asked = "13 states", "per load"
@@ -247,7 +248,7 @@ def control(known: Recordings, folds: list[Fold], draws: int) -> pd.DataFrame:
 
 
 def print_table(rows: list[dict]) -> None:
-    """Print a line for each task and scheme, a column for each method."""
+    """Print one row for each task and scheme, one column for each method."""
     frame = pd.DataFrame(rows)
     frame["cell"] = [f"{r['balanced_accuracy']:.3f} ({r['low']:.2f}-{r['high']:.2f})" for r in rows]
     table = frame.pivot_table(
@@ -258,7 +259,7 @@ def print_table(rows: list[dict]) -> None:
 
 
 def main() -> None:
-    """Measure, print the table and what carries the decisions, and write the figures."""
+    """Measure, print the table and the relevant features, and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, help="file; default: the one below EMACM_DATA")
     parser.add_argument("--test", type=Path, help="file of later runs; default: each run in turn")
@@ -276,19 +277,21 @@ def main() -> None:
     else:
         folds = folds_by_run(known)
     print(f"{len(known.X)} recordings; held out: {', '.join(fold.name for fold in folds)}")
-    print(f"variants tried until the recipe stood: {TRIED}")
+    print(f"variants tried until the recipe was fixed: {TRIED}")
     for name in missing_methods():
         print(f"{name} left out: aeon is not installed (pip install 'emacm[bench]')")
-    with threadpool_limits(1):  # many small problems: threads would wait for one another
+    with threadpool_limits(1):  # many small problems, for which threads are slower
         rows = compare(known, folds, options.quick)
         print_table(rows)
         found = control(known, folds, 1 if options.quick else 3).round(3)
     print(
-        f"\ncontrol: 13 states per load, when each stroke is cut at its ends\n{found.to_string()}"
+        f"\ncontrol: 13 states per load, with the ends of all strokes cut off\n{found.to_string()}"
     )
     kinds, orders = separations(known, folds[0])
-    print("\nwhat tells the states apart (emacm, per load): shares of the squared distances")
-    print(f"{kinds.round(3).to_string()}\n\nof these by order\n{orders.round(3).to_string()}")
+    print("\nfeatures that separate the states (emacm, per load): shares of squared distances")
+    print(
+        f"{kinds.round(3).to_string()}\n\nspectral features by order\n{orders.round(3).to_string()}"
+    )
     print(REMARKS)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")

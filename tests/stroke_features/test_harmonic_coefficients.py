@@ -170,3 +170,11 @@ def test_as_many_orders_as_the_samples_determine_are_found():
     found = harmonic_coefficients([angle], [signal], (1, 2, 3))
     np.testing.assert_allclose(found.cosines, [1, 0, 3], atol=1e-9)
     np.testing.assert_allclose(found.sines, [0, -2, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("section", range(3))
+def test_whole_revolutions_do_not_depend_on_where_the_travel_starts(section):
+    travel = np.sort(np.random.default_rng(0).uniform(0, 12.7 * TURN, 900))
+    known = whole_revolutions(travel, section, 3)
+    assert whole_revolutions(travel + 5.3 * TURN, section, 3) == known
+    assert known.stop - known.start > 200
