@@ -103,7 +103,7 @@ def test_the_columns_say_what_they_are():
 
 
 def test_strokes_of_a_single_angle_have_no_profile():
-    (row,) = OrderResampler(4.0).fit_transform(
+    (row,) = OrderResampler(3.1).fit_transform(
         [Recording({"force": np.arange(100.0)}, FS, velocity=np.full(100, 30.0))]
     )
     with pytest.raises(ValueError, match="channel 'force', strokes: no stroke contains two"):
