@@ -60,6 +60,11 @@ def check_parameters(covariance: Any, shrinkage: Any, temperature: Any) -> None:
     elif shrinkage is not None:
         name = 'shrinkage, if not None, "oas" or "auto",'
         check_number(shrinkage, name, at_least=0, at_most=1)
+    check_temperature(temperature)
+
+
+def check_temperature(temperature: Any) -> None:
+    """Raise if a temperature is neither None, "groups" nor a positive number."""
     if isinstance(temperature, str):
         check_choice(temperature, "temperature as a word", ("groups",))
     elif temperature is not None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_softmax
 from sklearn import get_config
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
@@ -14,18 +15,25 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._saved import SavedEstimator
-from emacm.decisions.costs import cost_table
+from emacm.decisions.fit_checks import check_temperature, warn_without_groups
 from emacm.decisions.labels import check_classes
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
+from emacm.decisions.left_out import group_numbers
+from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
 from emacm.decisions.metrics import positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.pipelines import final_estimator, weight_parameter
-from emacm.decisions.priors import check_possible, class_priors
+from emacm.decisions.priors import check_possible
+from emacm.decisions.refits import Refits, as_rows, log_likelihoods, parameters_of_rows, parts_of
+from emacm.decisions.truths import UNKNOWN_PRIOR, truth_cost_table, truth_priors
+from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
 
 
-class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator):
+class LeastRiskClassifier(
+    LeftOutMixin, LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, SavedEstimator
+):
     """Decide by least conditional risk, given the posterior probabilities of any classifier.
 
     Parameters
@@ -38,17 +46,32 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
     priors : None, "uniform", array-like or mapping, default=None
         Probability of each class in service, as for `CostSensitiveGaussianBayes`. None: those
         within the posterior probabilities of the estimator.
+    unknown : label, default=None
+        Label of one more true state, without recordings, as for `CostSensitiveGaussianBayes`. Its
+        probability follows from `detector`.
+    temperature : None, float or "groups", default=None
+        Likelihoods, posterior over prior, are raised to the power of 1 / temperature. "groups":
+        the value of least log loss for groups that are left out. None: 1.
+    detector : estimator, default=None
+        Outlier detector or pipeline with `score_samples`, such as `IsolationForest`: the larger the
+        score, the more like the training. It is fitted to X without classes.
 
     Attributes
     ----------
     classes_ : ndarray of shape (n_classes,)
         The possible true classes, sorted.
+    truths_ : ndarray of shape (n_truths,)
+        `classes_`, followed by `unknown` if it is given.
     decisions_ : ndarray of shape (n_decisions,)
         Possible results of `predict`; of equal risks the first is returned.
-    cost_ : ndarray of shape (n_decisions, n_classes)
-        Cost of each of `decisions_` under each of `classes_`.
+    cost_ : ndarray of shape (n_decisions, n_truths)
+        Cost of each of `decisions_` under each of `truths_`.
     priors_ : ndarray of shape (n_classes,)
-        Prior probabilities in effect.
+        Prior probabilities in effect, given that the true state is one of the classes.
+    unknown_prior_ : float
+        Prior probability of the unknown state.
+    temperature_ : float
+        Temperature in effect.
     estimator_ : estimator
         The fitted classifier.
     n_features_in_ : int
@@ -79,12 +102,24 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
     array(['worn'], dtype='<U4')
     """
 
-    def __init__(self, estimator: Any, cost: Any = None, *, priors: Any = None):
+    def __init__(
+        self,
+        estimator: Any,
+        cost: Any = None,
+        *,
+        priors: Any = None,
+        unknown: Any = None,
+        temperature: Any = None,
+        detector: Any = None,
+    ):
         self.estimator = estimator
         self.cost = cost
         self.priors = priors
+        self.unknown = unknown
+        self.temperature = temperature
+        self.detector = detector
 
-    def fit(self, X, y, sample_weight=None, **fit_params):
+    def fit(self, X, y, sample_weight=None, groups=None, **fit_params):
         """Fit a clone of the estimator.
 
         Parameters
@@ -95,6 +130,10 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             True class of each recording.
         sample_weight : array-like of shape (n_recordings,), default=None
             How often each recording counts; in a pipeline, passed to the last step.
+        groups : array-like of shape (n_recordings,), default=None
+            Labels of recordings that were measured together (unit, run): the estimator and the
+            detector are fitted again without each group. None: ten parts. Without a detector
+            and ``temperature="groups"``, passed to the estimator.
         **fit_params : dict
             Further arguments of the estimator's `fit`; with metadata routing enabled, what
             it requests.
@@ -120,12 +159,17 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         y = column_or_1d(y, warn=True)
         check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
-        cost_table(self.cost, classes)
+        truth_cost_table(self.cost, classes, self.unknown)
+        self._check_calibration_parameters()
+        by_groups = isinstance(self.temperature, str)
+        calibrated = by_groups or self.detector is not None
+        if groups is not None and not calibrated:
+            fit_params = {**fit_params, "groups": groups}
         fit_params = self._fit_params(sample_weight, fit_params)
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[0] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)
-        class_priors(self.priors, classes, counts)
+        truth_priors(self.priors, classes, counts, self.unknown)
         fitted = clone(self.estimator).fit(X, y, **fit_params)
         if not hasattr(fitted, "predict_proba"):
             raise TypeError(
@@ -140,7 +184,22 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             )
         self.classes_, self.estimator_ = classes, fitted
         self._training_frequencies = counts / counts.sum()
+        self._calibration = LeftOutCalibration(None, None)
         check_possible(self.priors_, self.estimator_priors_, classes)
+        if calibrated:
+            warn_without_groups(groups, stacklevel=2)
+            numbers = parts_of(codes) if groups is None else group_numbers(groups, y, codes)
+            table = as_rows(X)
+
+            def refit(others: Any, rows: Any) -> Array:
+                some = parameters_of_rows(fit_params, others, len(y))
+                other = LeastRiskClassifier(self.estimator)
+                other.fit(chosen_rows(table, others), y[others], **some)
+                logs = other.estimator_log_posterior(chosen_rows(table, rows))
+                return log_likelihoods(logs, other.estimator_priors_)
+
+            refits = Refits(table, codes, numbers, weight, refit)
+            self._calibration = refits.calibrate(self.detector, temperature=by_groups)
         return self
 
     @property
@@ -151,13 +210,6 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             if hasattr(final, attribute):
                 return np.asarray(getattr(final, attribute), dtype=np.float64)
         return self._training_frequencies
-
-    @property
-    def priors_(self) -> Array:
-        """Prior probabilities in effect, shape (n_classes,)."""
-        if self.priors is None:
-            return self.estimator_priors_
-        return class_priors(self.priors, self.classes_, self._training_frequencies)
 
     def predict_log_proba(self, X):
         """Return the logarithm of the posterior under `priors_`.
@@ -174,10 +226,14 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
         """
         check_is_fitted(self)
         logs = self.estimator_log_posterior(X)
-        if self.priors is None:
+        if self.priors is None and self.temperature is None:
             return logs
         check_possible(self.priors_, self.estimator_priors_, self.classes_)
-        return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
+        if self.temperature is None:
+            return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
+        with np.errstate(divide="ignore"):
+            joint = log_likelihoods(logs, self.estimator_priors_) / self.temperature_
+            return log_softmax(joint + np.log(self.priors_), axis=1)
 
     def estimator_log_posterior(self, X: Any) -> Array:
         """Return the logarithm of the estimator's own posterior.
@@ -232,6 +288,29 @@ class LeastRiskClassifier(LeastRiskMixin, MetaEstimatorMixin, ClassifierMixin, S
             inner.classifier_tags.multi_class
         )
         return tags
+
+    def _checked_features(self, X: Any) -> Any:
+        check_is_fitted(self)
+        return X
+
+    def _truth_priors(self) -> tuple[Array, float]:
+        own = self.estimator_priors_
+        if self.priors is None:
+            return own, 0.0 if self.unknown is None else UNKNOWN_PRIOR
+        return truth_priors(self.priors, self.classes_, self._training_frequencies, self.unknown)
+
+    def _check_calibration_parameters(self) -> None:
+        check_temperature(self.temperature)
+        if self.detector is not None and not hasattr(self.detector, "score_samples"):
+            raise TypeError(
+                f"detector must be an outlier detector with score_samples, such as "
+                f"sklearn.ensemble.IsolationForest(), got {self.detector!r}."
+            )
+        if self.unknown is not None and self.detector is None:
+            raise ValueError(
+                f"unknown = {self.unknown!r} needs detector=, an outlier detector with "
+                f"score_samples, such as sklearn.ensemble.IsolationForest()."
+            )
 
     def _of_the_estimator(self, name: str) -> Any:
         if "estimator_" not in vars(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import LeftOut, Training, all_gaussians, left_out_gaussians
 from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.truths import truth_priors
-from emacm.decisions.typicality import Typicality, fit_typicality
+from emacm.decisions.typicality import fit_typicality
 from emacm.decisions.unknown import unknown_probability
 
 Array = NDArray[np.float64]
@@ -27,13 +28,13 @@ class LeftOutCalibration(NamedTuple):
 
     Attributes
     ----------
-    typicality : Typicality or None
-        None before anything was left out.
+    typicality : Typicality, DetectorTypicality or None
+        A function of features. None before anything was left out.
     temperature : float or None
         Of least log loss; None if it was not asked for.
     """
 
-    typicality: Typicality | None
+    typicality: Callable[[Any], Array] | None
     temperature: float | None
 
 
