@@ -341,6 +341,17 @@ def test_folds_of_several_groups_never_leave_a_label_of_two_groups_out():
         assert found.table.loc["by run", "recordings"] == 48
 
 
+def test_the_first_four_groups_left_out_are_listed():
+    runs = pd.Series(np.repeat(np.arange(14), 2), name="run")
+    y = np.tile(["worn", "new"], 14)
+    X = np.random.default_rng(0).normal(size=(28, 2))
+    found = evaluate(GaussianNB(), X, y, runs=runs, n_splits=2).predictions
+    left_out = found[found["scheme"] == "by run"]["left_out"].unique()
+    assert len(left_out) == 2
+    for text in left_out:
+        assert re.fullmatch(r"run \d+, \d+, \d+, \d+ and 3 more", text)
+
+
 def test_a_class_with_fewer_recordings_than_folds_gives_no_warning():
     runs = np.repeat(np.arange(9), 2)
     y = np.where(np.isin(np.arange(18), [1, 17]), "rare", np.where(runs % 3, "worn", "new"))

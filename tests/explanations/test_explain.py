@@ -623,6 +623,13 @@ def test_orders_are_read_from_the_names_of_columns_only_where_they_are_given():
     assert matched.loc["plain", "fault"] == "none"
 
 
+def test_an_array_is_explained_by_the_names_of_the_fit():
+    model, X, _ = fitted("PCA")
+    pd.testing.assert_frame_equal(
+        explain_decision(model, X.to_numpy()[5]), explain_decision(model, X.iloc[[5]])
+    )
+
+
 def test_an_array_is_explained_by_numbered_columns():
     X, y = powers()
     model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X.to_numpy(), y)
