@@ -133,7 +133,7 @@ def explain_decision(
     else:
         slope = mean_slope_of_cost(classifier, start, end, costs)
         value, baseline = (cost_saved(classifier, z, costs)[0] for z in (end, start))
-        quantity = f"expected cost saved by {decision!r} against {against!r}"
+        quantity = f"expected cost saved by deciding {decision!r} instead of {against!r}"
     table = _ranked(traced.bins, traced.split(step, slope)[0])
     table.attrs = {
         "decision": decision,

@@ -166,7 +166,7 @@ def _is_skipped(step: Any) -> bool:
 
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
     """Return the index of the step that turns recordings into a table, tested with one of them."""
-    sample = list(X[:1])
+    sample, reason = list(X[:1]), "No step turns them into a table."
     try:
         for place, (_, step) in enumerate(steps):
             if not _is_skipped(step):
@@ -174,13 +174,10 @@ def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
                 if len(getattr(sample, "shape", ())) == 2:
                     return place
     except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"X contains recordings, but the steps before the classifier give no table: {error} "
-            f"Pass the table, or the whole pipeline."
-        ) from error
+        reason = str(error)
     raise ValueError(
-        "X contains recordings, but the pipeline has no step that turns them into a table. Pass "
-        "the table, or the whole pipeline."
+        f"X contains recordings, but the steps before the classifier give no table: {reason} "
+        f"Pass the table, or the whole pipeline."
     )
 
 
