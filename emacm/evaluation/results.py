@@ -205,7 +205,7 @@ def _posteriors(
     tables: Sequence[pd.DataFrame | None], rule: ScoringRule
 ) -> NDArray[np.float64] | None:
     found = [label_posteriors(table, rule) for table in tables if table is not None]
-    return np.vstack(found) if found and len(found) == len(tables) else None
+    return np.vstack(found) if found else None
 
 
 def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:

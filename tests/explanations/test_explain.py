@@ -591,6 +591,9 @@ def test_lines_without_bins_are_explained_by_their_orders():
     assert set(table["low"]) == set(psd.orders_)
     over_angle = resampler.transform(KNOCKING)
     pd.testing.assert_frame_equal(explain_model(model[1:], over_angle), table)
+    listed = np.empty(len(KNOCKING), dtype=object)
+    listed[:] = KNOCKING
+    pd.testing.assert_frame_equal(explain_model(model, listed), table)
     pd.testing.assert_frame_equal(
         explain_decision(model[1:], over_angle[3]), explain_decision(model, KNOCKING[3])
     )
@@ -751,9 +754,7 @@ def test_recordings_need_bins_and_tables_need_two_dimensions():
     ):
         explain_decision(model, recording)
     bare = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, fitted("log")[2])
-    with pytest.raises(
-        ValueError, match=r"steps .* give no table: No step turns .* Pass the table"
-    ):
+    with pytest.raises(ValueError, match=r"give no table: No step turns .* Pass the table"):
         explain_decision(bare, recording)
     with pytest.raises(ValueError, match=r"a table of recordings, got shape \(8,\)"):
         explain_model(model, X.to_numpy()[0])
