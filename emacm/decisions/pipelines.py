@@ -83,6 +83,35 @@ def weight_parameter(estimator: Any) -> str:
     return f"{prefix}sample_weight"
 
 
+def groups_parameter(estimator: Any) -> str | None:
+    """Return the name under which `fit` accepts the groups that a classifier leaves out.
+
+    Returns
+    -------
+    str or None
+        As "costsensitivegaussianbayes__groups"; None if nothing is learned from left-out groups.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> classifier = CostSensitiveGaussianBayes(unknown="unknown")
+    >>> groups_parameter(make_pipeline(StandardScaler(), classifier))
+    'costsensitivegaussianbayes__groups'
+    """
+    if isinstance(estimator, Pipeline):
+        step, last = estimator.steps[-1]
+        name = groups_parameter(last)
+        return None if name is None else f"{step}__{name}"
+    if has_fit_parameter(estimator, "groups"):
+        unknown, temperature = (getattr(estimator, n, None) for n in ("unknown", "temperature"))
+        return "groups" if unknown is not None or temperature == "groups" else None
+    # Searches and routers pass what `fit` gets on to the estimator inside.
+    inner = getattr(estimator, "estimator", None)
+    return None if inner is None else groups_parameter(inner)
+
+
 def search_estimator(estimator: Any) -> Any:
     """Return the best estimator of a search, before the fit its template; others unchanged.
 

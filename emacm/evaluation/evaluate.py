@@ -70,7 +70,8 @@ def evaluate(
         True classes.
     runs : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Run of each recording: a key of `meta` (a column, if X is a DataFrame), a tuple of keys,
-        a function of the recording, or an array. Recordings of one run are held out together.
+        a function of the recording, or an array. Recordings of one run are held out together, and
+        passed as `groups` to a classifier with an unknown state (without runs: units).
     units : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Machine or assembly of each recording.
     conditions : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
@@ -167,8 +168,15 @@ def evaluate(
         "n_resamples": n_resamples,
         "random_state": random_state,
     }
+    together = groupings["runs"] or groupings["units"]
     schemes, decided = decide_held_out(
-        estimator, X, classes, schemes, n_jobs=n_jobs, verbose=verbose
+        estimator,
+        X,
+        classes,
+        schemes,
+        groups=None if together is None else together.labels,
+        n_jobs=n_jobs,
+        verbose=verbose,
     )
     scores = {
         scheme.name: score_scheme(scheme, folds, classes, rule, bootstrap)

@@ -17,6 +17,7 @@ from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, Stra
 from emacm._checks import located
 from emacm._progress import run
 from emacm.decisions.costs import narrow_costs
+from emacm.decisions.pipelines import groups_parameter
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label
 
 Indices = NDArray[np.intp]
@@ -184,6 +185,7 @@ def decide_held_out(
     y: NDArray[Any],
     schemes: Sequence[Scheme],
     *,
+    groups: NDArray[Any] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
 ) -> tuple[list[Scheme], list[list[Decided]]]:
@@ -199,6 +201,8 @@ def decide_held_out(
         Their classes.
     schemes : sequence of Scheme
         Those that are `impossible` are skipped.
+    groups : ndarray of shape (n_recordings,), optional
+        Recordings that were measured together, for classifiers that learn from left-out groups.
     n_jobs : int, optional
         Number of folds processed in parallel.
     verbose : bool or int
@@ -229,7 +233,7 @@ def decide_held_out(
         if not scheme.impossible
         for number, fold in enumerate(scheme.folds)
     ]
-    decide = partial(_decide, estimator, X, y)
+    decide = partial(_decide, estimator, X, y, groups)
     found = iter(
         run(
             decide,
@@ -254,13 +258,21 @@ def decide_held_out(
 
 
 def _decide(
-    estimator: Any, X: Any, y: NDArray[Any], fold: Fold, where: str, may_refuse: bool
+    estimator: Any,
+    X: Any,
+    y: NDArray[Any],
+    groups: NDArray[Any] | None,
+    fold: Fold,
+    where: str,
+    may_refuse: bool,
 ) -> Decided | str:
     where += f" ({fold.left_out} left out)" if fold.left_out else ""
     with located(where):
         classes = np.unique(y[fold.train])
         model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
-        model.fit(chosen_rows(X, fold.train), y[fold.train])
+        name = None if groups is None else groups_parameter(model)
+        options = {} if name is None else {name: groups[fold.train]}
+        model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
         held_out = chosen_rows(X, fold.test)
         try:
             decisions = np.asarray(model.predict(held_out))

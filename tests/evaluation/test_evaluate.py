@@ -690,3 +690,21 @@ def test_a_class_of_one_recording_cannot_be_held_out():
         evaluate(GaussianNB(), [[0.0], [1.0]], ["a", "b"])
     found = evaluate(GaussianNB(), [[0.0], [1.0], [2.0]], ["a", "a", "b"])
     assert "'random split' cannot be scored" in found.caveats[0]
+
+
+def test_a_classifier_with_an_unknown_state_leaves_out_units_of_the_training_data():
+    rng = np.random.default_rng(2)
+    units = np.repeat(np.arange(8), 5)
+    y = np.where(units % 2, "worn", "healthy")
+    X = rng.normal(size=(40, 3)) + np.where(units % 2, 6.0, 0.0)[:, np.newaxis]
+    seen = []
+
+    class Recorded(CostSensitiveGaussianBayes):
+        def fit(self, X, y, sample_weight=None, groups=None):
+            seen.append(set(groups))
+            return super().fit(X, y, sample_weight, groups)
+
+    model = make_pipeline(StandardScaler(), Recorded(unknown="unknown", covariance="tied"))
+    result = evaluate(model, X, y, units=units, healthy="healthy", n_splits=4)
+    assert all(len(groups) in (6, 8) for groups in seen)  # by unit: two of eight held out
+    assert result.table.loc["by unit", "false_alarm_rate"] == 0
