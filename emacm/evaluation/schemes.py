@@ -270,8 +270,8 @@ def _decide(
     with located(where):
         classes = np.unique(y[fold.train])
         model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
-        name = None if groups is None else groups_parameter(model)
-        options = {} if name is None else {name: groups[fold.train]}
+        name = groups_parameter(model)
+        options = {name: groups[fold.train]} if name and groups is not None else {}
         model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
         held_out = chosen_rows(X, fold.test)
         try:
