@@ -229,6 +229,7 @@ def _from_array(cost: Any, known: list[Any]) -> NDArray[np.float64]:
 
 def _from_frame(cost: pd.DataFrame, known: list[Any]) -> tuple[list[Any], NDArray[np.float64]]:
     rows, columns = plain_labels(cost.index), plain_labels(cost.columns)
+    _check_named(rows)
     check_distinct(rows, "decisions in the index of cost")
     check_distinct(columns, "classes in the columns of cost")
     if not rows:
@@ -251,6 +252,7 @@ def _from_mapping(
 ) -> tuple[list[Any], NDArray[np.float64]]:
     check_pairs(cost)
     named = dict.fromkeys(plain_labels(decision for decision, _ in cost))
+    _check_named(list(named))
     rows = known + [decision for decision in named if decision not in known]
     table = np.full((len(rows), len(known)), None, dtype=object)
     table[: len(known)] = 1.0 - np.eye(len(known))
@@ -277,6 +279,12 @@ def _numbers(table: NDArray[Any], rows: list[Any], columns: list[Any]) -> NDArra
         name = f"cost[{i}, {k}] (deciding {rows[i]!r} when {columns[k]!r} is true)"
         matrix[i, k] = check_number(table[i, k], name)
     return matrix
+
+
+def _check_named(decisions: list[Any]) -> None:
+    for label in decisions:
+        if pd.api.types.is_scalar(label) and pd.isna(label):
+            raise ValueError(f"cost must name every decision (row), got {label!r}. Name it.")
 
 
 def _refuse_class(label: Any, known: list[Any]) -> NoReturn:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, located
+from emacm._checks import check_number, located, once_hint
 from emacm.decisions.costs import cost_table
 from emacm.decisions.labels import label_array, label_list, plain_labels
 
@@ -17,7 +17,7 @@ _FORMS = (
     "families must map each state to its family, as {'worn1': 'worn'}, or each family to its "
     "states, as {'worn': ['worn1', 'worn2']}"
 )
-_COLLECTIONS = list | tuple | set | frozenset | np.ndarray | pd.Series | pd.Index
+_COLLECTIONS = list | tuple | set | frozenset | range | np.ndarray | pd.Series | pd.Index
 
 
 def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
@@ -41,10 +41,10 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     Raises
     ------
     TypeError
-        If `families` is not a mapping.
+        If `families` is not a mapping, or a state or a family is not a label.
     ValueError
-        If there is no family, a family has no states, a state has no family or two, the two forms
-        are mixed, or a family has the name of a state of another family.
+        If there is no family, a label is missing, a family has no states, a state has no family
+        or two, the two forms are mixed, or a family has the name of a state of another family.
 
     Examples
     --------
@@ -58,6 +58,8 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     if not len(families):
         raise ValueError("families must contain at least one family, got none.")
     entries = [(plain_labels([name])[0], content) for name, content in families.items()]
+    for name, content in entries:
+        _check_hashable(name, content)
     if any(isinstance(content, _COLLECTIONS) for _, content in entries):
         pairs = [(state, name) for name, content in entries for state in _states(name, content)]
         names = [state for state, _ in pairs]
@@ -67,8 +69,11 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
         repeated = None  # the index of a Series may repeat a state with the same family
     family_of: dict[Any, Any] = {}
     for state, family in pairs:
-        if pd.isna(family):
-            raise ValueError(f"families has no family for {state!r}: got {family!r}.")
+        if pd.isna(family) or pd.isna(state):
+            raise ValueError(
+                f"families must name every state and its family, got the state {state!r} of the "
+                f"family {family!r}. Leave it out, or name it."
+            )
         if family_of.setdefault(state, family) != family or state == repeated is not None:
             others = [other for name, other in pairs if name == state]
             raise ValueError(
@@ -208,6 +213,17 @@ def family_costs(
         rows, matrix = [*rows, decision], np.vstack([matrix, np.full(len(states), value)])
     index, columns = (pd.Index(labels, tupleize_cols=False) for labels in (rows, states))
     return pd.DataFrame(matrix, index=index, columns=columns)
+
+
+def _check_hashable(name: Any, content: Any) -> None:
+    """Raise a TypeError if an entry contains neither a label nor a collection of labels."""
+    listed = isinstance(content, _COLLECTIONS)
+    for label in content if listed else [content]:
+        if isinstance(label, Iterator) or not isinstance(label, Hashable):
+            raise TypeError(
+                f"{_FORMS}; got {label!r} under {name!r}, which is neither a label nor a list of "
+                f"labels.{once_hint(label)}"
+            )
 
 
 def _states(family: Any, content: Any) -> list[Any]:

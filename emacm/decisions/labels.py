@@ -29,7 +29,7 @@ def label_list(labels: ArrayLike, name: str = "y") -> list[Any]:
     Raises
     ------
     ValueError
-        If `labels` is not one-dimensional.
+        If `labels` is not one-dimensional, or a label is missing (the message gives its position).
 
     Examples
     --------
@@ -39,6 +39,13 @@ def label_list(labels: ArrayLike, name: str = "y") -> list[Any]:
     array = np.asarray(labels, dtype=object if isinstance(labels, list | tuple) else None)
     if array.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}.")
+    missing = pd.isna(array)
+    if missing.any():
+        position = int(np.argmax(missing))
+        raise ValueError(
+            f"{name} must contain a label everywhere, but position {position} has "
+            f"{array[position]!r}. Leave such entries out."
+        )
     return plain_labels(array.tolist())
 
 

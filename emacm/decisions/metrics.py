@@ -251,9 +251,9 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
     -5.0
     """
     final = final_estimator(estimator)
-    if not hasattr(final, "cost_"):
+    if isinstance(final, type) or not hasattr(final, "cost_"):
         raise TypeError(
-            f"neg_expected_cost uses the cost of the classifier, but {type(final).__name__} "
+            f"neg_expected_cost uses the cost of the classifier, but {final!r} "
             f"has no cost_ (is it fitted?). For other classifiers, give the cost: "
             f"make_scorer(expected_cost, greater_is_better=False, cost=...)."
         )

@@ -1,4 +1,4 @@
-"""Moments of the recordings of each class: counts, means and scatter, which merge exactly."""
+"""Counts, means and scatter of the recordings of each class, which merge exactly."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class ClassMoments:
     Attributes
     ----------
     counts : ndarray of shape (n_classes,)
-        Sum of the weights of the recordings, their number if every weight is 1.
+        Sum of the weights of the recordings; their number if every weight is 1.
     means : ndarray of shape (n_classes, n_features)
         Mean of each class, Eq. (2.45); zero for a class without recordings.
     scatter : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
-        Sum of the outer products of the deviations from the mean of the class; without
-        the products of two features in the second shape.
+        Sum of the outer products of the deviations from the mean of the class; in the second
+        shape, of their squares only.
     pooled : bool
         If True, the scatter is summed over all classes (`n_groups` = 1).
     """
@@ -47,7 +47,7 @@ class ClassMoments:
         """
         if self.scatter.shape != other.scatter.shape or self.pooled != other.pooled:
             raise ValueError(
-                f"Moments to be merged must be of one kind, got scatter of shapes "
+                f"Moments can be merged if they have the same kind of scatter, got the shapes "
                 f"{self.scatter.shape} and {other.scatter.shape}."
             )
         counts = self.counts + other.counts
@@ -63,19 +63,19 @@ class ClassMoments:
 
     @property
     def group_counts(self) -> Array:
-        """Number of recordings behind each scatter, shape (n_groups,)."""
+        """Number of recordings of each scatter, shape (n_groups,)."""
         return self.counts.sum(keepdims=True) if self.pooled else self.counts
 
     @property
     def divisors(self) -> Array:
-        """N - 1 of each class, Eq. (2.46), or N - K of the K classes seen, if pooled."""
+        """N - 1 of each class, Eq. (2.46); if pooled, N - K of the K classes with recordings."""
         if self.pooled:
             return self.group_counts - np.count_nonzero(self.counts)
         return self.counts - 1
 
     @property
     def feature_variances(self) -> Array:
-        """Variance of each feature over all recordings, whatever their class, divided by N."""
+        """Variance of each feature over the recordings of all classes, divided by N."""
         shares = self.counts / self.counts.sum()
         spread = self.means - shares @ self.means
         return diagonals(self.scatter).sum(axis=0) / self.counts.sum() + shares @ spread**2
@@ -90,7 +90,7 @@ def class_moments(
     pooled: bool = False,
     variances_only: bool = False,
 ) -> ClassMoments:
-    """Count, average and spread of the recordings of each class.
+    """Return counts, means and scatter of the recordings of each class.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ def class_moments(
     codes : ndarray of shape (n_recordings,)
         Number of the class of each recording, 0..n_classes-1.
     n_classes : int
-        Number of classes; some may have no recordings.
+        Number of classes, including those without recordings.
     sample_weight : ndarray of shape (n_recordings,), default=None
-        How often each recording counts; None counts each once.
+        How often each recording counts; None: once.
     pooled : bool, default=False
         Sum the scatter over the classes.
     variances_only : bool, default=False
-        Leave out the products of two features.
+        Omit the products of different features.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def moments_for(
 
 
 def diagonals(matrices: Array) -> Array:
-    """Return the diagonals of a stack of matrices, or a stack of diagonals as it is.
+    """Return the diagonals of a stack of matrices; a stack of diagonals is returned unchanged.
 
     Examples
     --------

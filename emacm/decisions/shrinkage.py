@@ -1,4 +1,4 @@
-"""Shrinkage of covariances: how much, and towards what."""
+"""Shrinkage of covariances: coefficients and target."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ Array = NDArray[np.float64]
 
 
 def oas_coefficient(scatter: ArrayLike, count: float) -> float:
-    """Coefficient of Oracle Approximating Shrinkage, from second moments alone [1]_.
+    """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
 
     Parameters
     ----------
     scatter : array-like of shape (n_features, n_features)
-        Scatter or covariance; its scale does not matter.
+        Scatter or covariance, in any scale.
     count : float
         Number of recordings.
 
     Returns
     -------
     coefficient : float
-        Share of the spherical target, 0..1, as in `sklearn.covariance.oas`.
+        Fraction of the spherical target, 0 to 1, as in `sklearn.covariance.oas`.
 
     References
     ----------
@@ -50,9 +50,9 @@ def oas_coefficient(scatter: ArrayLike, count: float) -> float:
 def ledoit_wolf_coefficients(
     X: Array, codes: NDArray[np.intp], means: Array, *, pooled: bool
 ) -> tuple[Array, Array]:
-    """Ledoit-Wolf shrinkage of standardised features, as in scikit-learn's LDA.
+    """Return Ledoit-Wolf coefficients of standardised features, as in scikit-learn's LDA.
 
-    Needs the recordings themselves: the coefficient depends on their fourth moments.
+    The coefficient depends on fourth moments of the recordings.
 
     Parameters
     ----------
@@ -68,9 +68,9 @@ def ledoit_wolf_coefficients(
     Returns
     -------
     coefficients : ndarray of shape (n_groups,)
-        Share of the target in each covariance, 0..1.
+        Fraction of the target in each covariance, 0 to 1.
     squared_scales : ndarray of shape (n_groups, n_features)
-        Variances the features were standardised by; 1 for a constant feature.
+        Variances by which the features were standardised; 1 for a constant feature.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def ledoit_wolf_coefficients(
     >>> ledoit_wolf_coefficients(X, np.zeros(8, int), X.mean(axis=0)[None], pooled=False)[0]
     array([1.])
     """
-    # Imported here, as it takes a tenth of a second and few ask for it.
+    # Imported here: it takes 0.1 s and is rarely needed.
     from sklearn.covariance import ledoit_wolf_shrinkage
     from sklearn.preprocessing import StandardScaler
 
@@ -129,7 +129,7 @@ def ledoit_wolf_coefficient(scatter: Array, count: float, fourth: float) -> floa
 
 
 def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
-    """Mix covariances with uncorrelated features of equal (scaled) variance.
+    """Shrink covariances towards uncorrelated features of equal (scaled) variance.
 
     (1 - c) S + c m diag(v), where m is the mean over the features of S_jj / v_j. With
     v = 1 this is `sklearn.covariance.shrunk_covariance`.

@@ -826,7 +826,11 @@ def test_the_scorer_serves_decisions_of_mixed_kinds():
 
 def test_a_classifier_without_a_cost_is_told_of_make_scorer():
     X, y = draw()
-    remedy = r"GaussianNB has no cost_.*make_scorer\(expected_cost, greater_is_better=False, cost="
+    with pytest.raises(TypeError, match="CostSensitiveGaussianBayes'> has no cost_"):
+        neg_expected_cost(CostSensitiveGaussianBayes, X, y)
+    remedy = (
+        r"GaussianNB\(\) has no cost_.*make_scorer\(expected_cost, greater_is_better=False, cost="
+    )
     with pytest.raises(TypeError, match=remedy):
         neg_expected_cost(make_pipeline(StandardScaler(), GaussianNB()).fit(X, y), X, y)
     cost = pd.DataFrame(COST, index=NAMES, columns=NAMES)

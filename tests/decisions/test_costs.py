@@ -149,6 +149,14 @@ def test_decisions_that_are_all_classes_have_the_dtype_of_the_classes():
             r"columns.*more than once: \['ball'\]",
         ),
         (pd.DataFrame(MATRIX[:0], columns=CLASSES), ValueError, "at least one decision"),
+        (
+            pd.DataFrame(MATRIX, index=["a", np.nan, "b"], columns=CLASSES),
+            ValueError,
+            "name every decision.*got nan",
+        ),
+        ({(None, k): 1 for k in CLASSES}, ValueError, "name every decision.*got None"),
+        ("ab", ValueError, r"square array of shape \(3, 3\).*got shape \(\)"),
+        ({"ab": 1}, TypeError, "tuples .decision, true class., got 'ab'"),
         (pd.DataFrame("low", index=CLASSES, columns=CLASSES), TypeError, "must be a number.*'low'"),
     ],
 )
@@ -256,6 +264,8 @@ def test_the_mean_cost_serves_make_scorer():
     [
         ([0, 1], [0], {}, "equally long, got 2 and 1"),
         ([], [], {}, "at least one label"),
+        ([0, None], [0, 1], {}, "y_true must contain a label everywhere, but position 1 has None"),
+        ([0, 1], [np.nan, 1], {}, "y_pred must contain a label everywhere, but position 0 has"),
         ([[0], [1]], [0, 1], {}, r"y_true must be one-dimensional, got shape \(2, 1\)"),
         ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur.*Give labels"),
         ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred contains 5 at position 1.*no known decision"),

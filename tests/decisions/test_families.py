@@ -149,7 +149,11 @@ def test_labels_of_families_keep_their_kind():
         ({"a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
         ({"a": ["x", "x"]}, {}, ValueError, "state 'x' into 'a' and into 'a'"),
         ({"a": ["x", "y"], "b": "z"}, {}, ValueError, r"ambiguous.*'b': 'z'.*Write 'b': \['z'\]"),
-        ({"x": "a", "y": None}, {}, ValueError, "no family for 'y'"),
+        ({"x": "a", "y": None}, {}, ValueError, "every state .* the state 'y' of the family None"),
+        ({"a": [4.5, np.nan]}, {}, ValueError, "every state .* the state nan of the family 'a'"),
+        ({"a": (x for x in "xy")}, {}, TypeError, r"under 'a', which is .* write list\(\.\.\.\)"),
+        ({"a": {"x": 1}}, {}, TypeError, r"\{'x': 1\} under 'a', which is neither a label"),
+        ({"a": [["x"]]}, {}, TypeError, r"\['x'\] under 'a', which is neither a label"),
         ({"a": "b", "b": "c"}, {}, ValueError, "a family 'b' and a state 'b' that belongs to 'c'"),
         (
             FAMILIES,
@@ -204,6 +208,10 @@ def test_a_series_may_repeat_a_state_with_the_same_family():
 def test_a_class_without_a_family_is_named():
     with pytest.raises(ValueError, match=r"a family for every class; missing: \['backlash1'\]"):
         family_mapping({"normal": ["normal"], "worn": ["spalling1", "spalling2"]}, STATES)
+
+
+def test_a_range_is_a_collection_of_states():
+    assert family_mapping({"low": range(2), "high": [7]}) == {0: "low", 1: "low", 7: "high"}
 
 
 def test_labels_of_numpy_are_those_of_python():

@@ -87,6 +87,12 @@ def test_costs_that_differ_by_rounding_are_equally_cheap():
     assert correct_decisions(["fly", "ground"], [4, 2], cost)[4] == ("fly", "ground")
 
 
+def test_where_all_decisions_are_free_each_of_them_is_correct():
+    correct = correct_decisions(["fly", "ground"], [4, 2], [[0.0, 7.0], [0.0, 1.0]])
+    assert correct[4] == ("fly", "ground")
+    assert correct[2] == ("ground",)
+
+
 def test_a_class_decided_for_another_of_its_family_is_correct():
     correct = correct_decisions(FAMILIES, STATES, COST)
     found = are_correct(["dry 1", "dry 1", "spall"], ["dry 2", "spall", "spalled"], correct)
