@@ -68,6 +68,11 @@ class LeftOutMixin:
             return self._calibrated("temperature")
         return 1.0 if self.temperature is None else float(self.temperature)
 
+    @property
+    def distances_(self) -> Any:
+        """The `ClassDistances` that `typicality` is based on."""
+        return self._calibrated("typicality").distances
+
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.
 

@@ -98,6 +98,19 @@ class ClassDistances:
             np.log(largest + _RESOLUTION),
         )
 
+    def nearest(self, X: Array) -> NDArray[np.intp]:
+        """Return the number of the class that is nearest inside the discriminant space."""
+        return self.log_squares(X)[0].argmin(axis=1)
+
+    def squares(self, X: Array, code: int) -> Array:
+        """Return the squared distances to one class over all features, shape (n_recordings,)."""
+        white = (X - self.means[code]) @ self.factor
+        return np.einsum("rf,rf->r", white, white)
+
+    def square_gradient(self, X: Array, code: int) -> Array:
+        """Return the gradient of `squares`, shape (n_recordings, n_features)."""
+        return 2 * (X - self.means[code]) @ self.factor @ self.factor.T
+
 
 @dataclass(frozen=True)
 class Typicality:

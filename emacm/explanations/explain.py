@@ -85,6 +85,9 @@ def explain_decision(
     decision (decisions are families, classes are their states), two decisions are always compared
     by cost, even if they have the names of classes.
 
+    If one of the two is the unknown state, the squared distance from the nearest class is
+    explained, in the metric of `CostSensitiveGaussianBayes.typicality`; the baseline is that class.
+
     A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
     Any other is explained by the columns of the step that turns recordings into a table, such as
     a `FeatureUnion` of order bins, `RecordingStatistics` and others, by their names and with
@@ -117,7 +120,10 @@ def explain_decision(
     classifier = opened.classifier
     traced = _Traced.of(opened, x)
     decision, against = _question(classifier, traced.features, decision, against)
-    costs, code = _saved_costs(classifier, decision, against)
+    if _with_unknown(classifier, decision, against):
+        costs, code = None, int(classifier.distances_.nearest(traced.features)[0])
+    else:
+        costs, code = _saved_costs(classifier, decision, against)
     centre = None
     if background is not None:
         values = opened.table(background)[0]
@@ -125,7 +131,12 @@ def explain_decision(
             raise ValueError("background must contain at least one recording, got none.")
         centre = traced.trace.positions(values).mean(axis=0)
     step, start, end = traced.lines(classifier, code, centre)
-    if costs is None:
+    if _with_unknown(classifier, decision, against):
+        distances, nearest = classifier.distances_, classifier.classes_.tolist()[code]
+        slope = distances.square_gradient((start + end) / 2, code)
+        value, baseline = (distances.squares(z, code)[0] for z in (end, start))
+        quantity = f"squared distance from {nearest!r}, the nearest class [standard deviations]"
+    elif costs is None:
         own = classifier.classes_.tolist().index(decision)
         slope = mean_slope_of_log_odds(classifier, start, end, own, code)
         value, baseline = (log_odds(classifier, z, own, code)[0] for z in (end, start))
@@ -310,6 +321,11 @@ def _as_classes(classifier: CostSensitiveGaussianBayes, *labels: Any) -> bool:
     return classes.issuperset(labels) and (classes <= decisions or not decisions.issuperset(labels))
 
 
+def _with_unknown(classifier: CostSensitiveGaussianBayes, *labels: Any) -> bool:
+    """Return whether one of the labels is the unknown state, which has no density."""
+    return classifier.unknown is not None and classifier.unknown in labels
+
+
 def _saved_costs(
     classifier: CostSensitiveGaussianBayes, decision: Any, against: Any
 ) -> tuple[Array | None, int]:
@@ -319,8 +335,8 @@ def _saved_costs(
     """
     if _as_classes(classifier, decision, against):
         return None, classifier.classes_.tolist().index(against)
-    decisions = classifier.decisions_.tolist()
-    cost = classifier.cost_
+    decisions, known = classifier.decisions_.tolist(), len(classifier.classes_)
+    cost = classifier.cost_[:, :known]  # given that the true state is one of the classes
     saved = cost[decisions.index(against)] - cost[decisions.index(decision)]
     return saved, int(np.argmin(np.where(classifier.priors_ > 0, saved, np.inf)))
 
