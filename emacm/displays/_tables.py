@@ -91,7 +91,7 @@ def predicted_lines(
 
     Parameters
     ----------
-    fault_orders : DataFrame of `fault_orders`, mapping of str to float, or None
+    fault_orders : DataFrame of `emacm.fault_orders`, mapping of str to float, or None
         Orders by name. In a mapping every order may slip.
     slip : float
         Share of its order by which a line that slips may be lower or higher.
@@ -104,7 +104,7 @@ def predicted_lines(
     Raises
     ------
     TypeError
-        If `fault_orders` is neither a table of `fault_orders` nor a mapping.
+        If `fault_orders` is neither a table of `emacm.fault_orders` nor a mapping.
     ValueError
         If an order is not positive, or `slip` is not within [0, 1).
     """

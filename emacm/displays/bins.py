@@ -41,9 +41,9 @@ class OrderBinsDisplay(PowerDisplay):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_channels,)
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

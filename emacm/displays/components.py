@@ -30,7 +30,7 @@ class ExplainedVarianceDisplay(Display):
     Attributes
     ----------
     ax_, figure_
-        Axes and figure, set by `plot`.
+        Axes and figure, set when the display is drawn.
 
     Raises
     ------
@@ -126,9 +126,9 @@ class LoadingsDisplay(Display):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_components,)
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

@@ -27,7 +27,7 @@ class ContributionsDisplay(OrderDisplay):
         edges [orders] of the bins of one channel.
     contributions : array-like of shape (n_columns,)
         Contribution of each bin, signed: positive values are evidence for the decision.
-    fault_orders : DataFrame of `fault_orders`, or mapping of str to float, optional
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are marked. Those outside of the bins are not drawn.
     slip : float
         Share of its order by which a line that slips may be lower or higher: this range is shaded.
@@ -40,9 +40,9 @@ class ContributionsDisplay(OrderDisplay):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_channels,)
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class FeatureDensityDisplay(PlaneDisplay):
     Attributes
     ----------
     ax_, figure_
-        Axes and figure, set by `plot`.
+        Axes and figure, set when the display is drawn.
 
     Raises
     ------

@@ -58,9 +58,9 @@ class EvaluationDisplay(Display):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (2,) or (3,)
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

@@ -52,10 +52,10 @@ class OrderMapDisplay(OrderDisplay):
     channel, unit : str
         Name and unit of the channel.
     envelope : {"amplitude", "squared"}, optional
-        The channel is an envelope of this kind, and `unit` that of the measured channel.
+        The channel is an envelope of this kind, and its unit is that of the measured channel.
     max_order : float, optional
         Highest order to draw.
-    fault_orders : DataFrame of `fault_orders`, or mapping of str to float, optional
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are named. Those above `max_order` are not drawn.
     slip : float
         Share of its order by which a line that slips may be lower or higher: a bar beside the map
@@ -64,7 +64,7 @@ class OrderMapDisplay(OrderDisplay):
     Attributes
     ----------
     ax_, figure_
-        Axes and figure, set by `plot`.
+        Axes and figure, set when the display is drawn.
     colorbar_ : Colorbar
         The colour scale.
 

@@ -45,9 +45,9 @@ class OutcomesDisplay(Display):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_signals,)
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

@@ -49,9 +49,9 @@ class RecordingDisplay(Display):
     Attributes
     ----------
     ax_ : ndarray of Axes, shape (n_channels + 1,)
-        Set by `plot`; the last is that of the shaft speed.
+        Set when the display is drawn; the last is that of the shaft speed.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

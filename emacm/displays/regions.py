@@ -43,7 +43,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
     Attributes
     ----------
     ax_, figure_
-        Axes and figure, set by `plot`.
+        Axes and figure, set when the display is drawn.
 
     Raises
     ------
@@ -70,10 +70,12 @@ class DecisionRegionsDisplay(PlaneDisplay):
         shape = (len(self.second), len(self.first))
         if min(shape) < 2:
             raise ValueError(f"first and second must hold at least two values, got {shape[::-1]}.")
-        self.regions = _tables.check_values(self.regions, "regions", shape, least=0).astype(int)
-        if self.regions.max() >= len(self.decisions):
+        numbers = _tables.check_values(self.regions, "regions", shape, least=0)
+        self.regions = numbers.astype(int)
+        wrong = numbers[(numbers != self.regions) | (numbers >= len(self.decisions))]
+        if len(wrong):
             raise ValueError(
-                f"regions hold decision number {self.regions.max()}, but there are "
+                f"regions hold decision number {wrong[0]:g}, but there are "
                 f"{len(self.decisions)} decisions, counted from 0."
             )
         self._check_points(self.decisions)

@@ -34,10 +34,10 @@ class OrderSpectrumDisplay(PowerDisplay):
         Unit of the channel, or of each.
     envelopes : mapping of str to {"amplitude", "squared"}, optional
         Channels that are envelopes, see `EnvelopeDetector`: their axes show the envelope order
-        spectrum and its unit. `unit` holds the unit of the measured channel.
+        spectrum and its unit. The unit to be given is that of the measured channel.
     max_order : float, optional
         Highest order to draw.
-    fault_orders : DataFrame of `fault_orders`, or mapping of str to float, optional
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are marked. Those above `max_order` are not drawn.
     slip : float
         Share of its order by which a line that slips may be lower or higher: this range is shaded.
@@ -52,9 +52,9 @@ class OrderSpectrumDisplay(PowerDisplay):
     Attributes
     ----------
     ax_ : Axes, or ndarray of Axes of shape (n_channels,) if `channel` is a sequence
-        Set by `plot`.
+        Set when the display is drawn.
     figure_ : Figure
-        Figure of `ax_`.
+        Figure of these Axes.
 
     Raises
     ------

@@ -141,6 +141,8 @@ def test_a_single_recording_has_a_plane_around_it(ax):
 def test_numbers_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="hold decision number 2, but there are 2 decisions"):
         regions([[0, 2], [0, 0]], ["a", "b"])
+    with pytest.raises(ValueError, match=r"hold decision number 0\.5, but there are 2 decisions"):
+        regions([[0, 0.5], [0, 0]], ["a", "b"])
     with pytest.raises(ValueError, match=r"regions must have shape \(2, 2\), got \(2, 3\)"):
         regions([[0, 0, 0], [0, 0, 0]], ["a"])
     with pytest.raises(ValueError, match="regions must be at least 0"):
