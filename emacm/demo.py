@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import sys
 import tempfile
@@ -80,7 +81,7 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
 
     others, truths, _ = simulate_fleet(8, 3, severity=_SEVERITY, seed=1, first_unit=8)
     print("\nTest: 24 further actuators, 3 runs each")
-    models = {missed: _with_cost(model, missed, recordings, states) for missed in MISSED}
+    models = {missed: _with_cost(model, missed) for missed in MISSED}
     for missed, priced in models.items():
         print_decisions(truths, priced.predict(others), cost_matrix(classes, missed), HEALTHY)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
@@ -206,14 +207,10 @@ def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame, healt
     print(f"mean cost per recording: {expected_cost(truths, decisions, cost=cost):.3f}")
 
 
-def _with_cost(
-    model: Pipeline, missed: float, recordings: Sequence[Recording], labels: Labels
-) -> Pipeline:
-    """Return a pipeline with the same transformers and another cost matrix."""
+def _with_cost(model: Pipeline, missed: float) -> Pipeline:
+    """Return a copy of a fitted pipeline with another cost matrix: it is applied in `predict`."""
     cost = cost_matrix(model.classes_, missed)
-    classifier = clone(model[-1]).set_params(cost=cost)
-    classifier.fit(model[:-1].transform(recordings), labels)
-    return Pipeline([*model.steps[:-1], (model.steps[-1][0], classifier)])
+    return copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
 
 
 def _progress(what: str, total: int) -> Callable[[], None]:

@@ -1,4 +1,4 @@
-"""The actuator of the laboratory bench in numbers, and how single units differ from it."""
+"""Constants of the actuator on the laboratory bench, and unit-to-unit variation."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ RATED_CURRENT = 15.6 * float(np.sqrt(2))  # A peak, Table 4.1
 class Actuator:
     """Constants of one electro-mechanical actuator on the bench.
 
-    The thesis gives the poles (12), the peak speed (4572 RPM at 220 V), and 3700 lbf at
-    15.6 A RMS (Table 4.1). All that follows is assumed.
+    The thesis states 12 poles, a peak speed of 4572 RPM at 220 V, and 3700 lbf at 15.6 A RMS
+    (Table 4.1). All constants below are assumed.
 
     Attributes
     ----------
@@ -27,49 +27,49 @@ class Actuator:
         Travel per revolution [in]. With the efficiency below, 220 V between phases hold 4572 RPM
         and 3700 lbf at 15.6 A for 0.17 in at most; 0.2 in is the nearest common lead.
     efficiency : float
-        Of the ball screw; what is lost is friction in proportion to the load.
+        Efficiency of the ball screw; the loss is friction in proportion to the load.
     inertia : float
-        Of all that turns [kg m²].
+        Moment of inertia of all rotating parts [kg m²].
     coulomb, viscous : float
-        Friction without load [N m], [N m s/rad].
+        Coulomb [N m] and viscous friction [N m s/rad] without load.
     stiffness : float
-        Of nut, rod and clevis [N/m].
+        Stiffness of nut, rod and clevis [N/m].
     max_current : float
-        At which the controller limits [A].
+        Current limit of the controller [A].
     torque_gain : float
-        Torque constant over that of Table 4.1.
+        Torque constant relative to that of Table 4.1.
     position_gain : float
-        Velocity command over position error [1/s].
+        Velocity command per position error [1/s].
     velocity_bandwidth : float
-        Of the velocity loop [Hz].
+        Bandwidth of the velocity loop [Hz].
     ripple : float
-        Torque that varies once per revolution (alignment) [N m].
+        Amplitude of the 1x torque ripple (alignment) [N m].
     cogging : float
         Cogging torque [N m], at order 36: the least common multiple of 12 poles and 18 slots.
     unbalance : float
         Mass times radius of the rotor [kg m]; 4e-5 is the balance grade G 6.3 of 3 kg.
     rolling_noise : float
-        RMS force of the balls on the housing, white up to 24 kHz, at peak speed when load and
-        preload together are the rated force [N].
+        RMS force of the rolling elements on the housing, white up to 24 kHz, at peak speed and
+        with load and preload equal to the rated force [N].
     housing_mass : float
-        That the forces shake [kg].
+        Mass of the housing [kg].
     resonance, damping : float
-        Of the fixture, the first mode of the housing [Hz], share of critical.
+        Frequency [Hz] and damping ratio of the first mode of the housing (fixture).
     lvdt_gain, lvdt_offset : float
-        Reading over position, and reading at 0 [in].
+        Reading per position, and reading at position 0 [in].
     accelerometer_gain : float
-        Reading over acceleration.
+        Reading per acceleration.
     phase_mismatch : float
-        Share by which phase A carries more current than its due.
+        Relative excess of the current of phase A.
     electrical_noise : float
-        Of the motor in the cables of LVDT and velocity, over the usual.
+        Electrical noise of the motor in the cables of LVDT and velocity, relative to the default.
     mark : float
-        Angle from which the unit's ripple, unbalance and defects count [rad].
+        Angular position of ripple, unbalance and defects on the shaft [rad].
 
     Raises
     ------
     TypeError, ValueError
-        If a constant is no number or not in its range.
+        If a constant is not a number or out of its range.
 
     Examples
     --------
@@ -115,7 +115,7 @@ class Actuator:
 
     @property
     def torque_per_force(self) -> float:
-        """Torque that holds a force without friction [m]: ``lead / 2 pi``."""
+        """Torque per force without friction [m]: ``lead / 2 pi``."""
         return self.screw_lead * INCH / (2 * np.pi)
 
     @property
@@ -126,12 +126,12 @@ class Actuator:
 
     @property
     def max_torque(self) -> float:
-        """Torque at which the controller limits [N m]."""
+        """Torque at the current limit [N m]."""
         return self.torque_constant * self.max_current
 
     @property
     def angle_per_inch(self) -> float:
-        """Shaft angle per travel [rad/in]."""
+        """Shaft angle per position [rad/in]."""
         return 2 * np.pi / self.screw_lead
 
 
@@ -139,8 +139,8 @@ _MAY_BE_0 = ("coulomb", "viscous", "ripple", "cogging", "unbalance", "rolling_no
     "electrical_noise",
 )
 
-# Standard deviations of the logarithm, from unit to unit and from run to run. Assumed: parts made
-# to one drawing agree within per cents, friction and what comes from faults of shape do not.
+# Standard deviations of the logarithm, from unit to unit and from run to run. Assumed: parts of the
+# same design agree within per cents, except for friction and the effects of shape deviations.
 _OF_UNITS = {
     "coulomb": 0.15,
     "viscous": 0.15,
@@ -159,16 +159,16 @@ _OF_RUNS = {"coulomb": 0.03, "viscous": 0.03, "rolling_noise": 0.03, "electrical
 
 
 def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
-    """Draw one unit made to a drawing.
+    """Draw the constants of one unit.
 
     Parameters
     ----------
     nominal : Actuator
-        The drawing.
+        Nominal constants.
     rng : Generator
-        Of the unit.
+        Random numbers of the unit.
     spread : float
-        Of units, over the usual; 0 gives the nominal actuator.
+        Unit-to-unit variation relative to the default; 0 gives the nominal actuator.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.
     Raises
     ------
     TypeError, ValueError
-        If `spread` is no number or negative.
+        If `spread` is not a number or negative.
 
     Examples
     --------
@@ -196,16 +196,16 @@ def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.
 
 
 def draw_run(unit: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
-    """Draw the state of a unit in one run: its temperature moves friction, its cables the noise.
+    """Draw the constants of a unit in one run: friction and electrical noise vary.
 
     Parameters
     ----------
     unit : Actuator
-        The unit.
+        Constants of the unit.
     rng : Generator
-        Of the run.
+        Random numbers of the run.
     spread : float
-        Of runs, over the usual; 0 gives the unit itself.
+        Run-to-run variation relative to the default; 0 gives the unit itself.
 
     Returns
     -------
@@ -214,7 +214,7 @@ def draw_run(unit: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -
     Raises
     ------
     TypeError, ValueError
-        If `spread` is no number or negative.
+        If `spread` is not a number or negative.
     """
     spread = check_number(spread, "run_spread", at_least=0)
     return _scattered(unit, rng, _OF_RUNS, spread)

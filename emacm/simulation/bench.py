@@ -21,11 +21,11 @@ from emacm.simulation.sensors import SHAFT_DECIMATION, cable_noise, measured, re
 from emacm.simulation.vibration import housing_acceleration, housing_force
 
 PHASES = ("a", "b", "c")
-_BEFORE = 0.1  # s that are simulated before a recording, for all that rings to settle
+_BEFORE = 0.1  # s simulated before the recording, so that filters and resonances settle
 
 
 class BenchTruth(NamedTuple):
-    """What happens on the bench in one run, as no sensor sees it; it starts 0.1 s early.
+    """True quantities of one run, before any sensor; it starts 0.1 s before the recording.
 
     Attributes
     ----------
@@ -38,17 +38,17 @@ class BenchTruth(NamedTuple):
     force : ndarray of shape (n_times,)
         Load against positive motion [lbf].
     position : ndarray of shape (n_times,)
-        Of the rod [in].
+        Position of the rod [in].
     currents : ndarray of shape (3, n_times)
-        Of the phases [A].
+        Phase currents [A].
     acceleration : ndarray of shape (n_times,)
-        Of the housing [g].
+        Acceleration of the housing [g].
     passages : dict of str to Passage
-        How balls pass each defect.
+        Passages of rolling elements over each defect.
     position_command : ndarray of shape (n_times,)
-        Position that is asked for [in].
+        Commanded position [in].
     load_command : ndarray of shape (n_times,)
-        Load that is asked for where the rod is: bias and spring of Table 4.3 [lbf].
+        Commanded load at the position of the rod: bias and spring of Table 4.3 [lbf].
     """
 
     actuator: Actuator
@@ -65,44 +65,43 @@ class BenchTruth(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class LaboratoryBench:
-    """The laboratory of the thesis, chapter 4, with one unit on the bench.
+    """The laboratory of chapter 4 of the thesis, with one unit on the bench.
 
     An actuator (synchronous motor of 12 poles, resolver, ball screw) follows the position
-    commands of Table 4.3 against a load, scaled and limited as Table 4.2 says, filtered at
-    15 kHz and sampled at 48 kHz. Every part is mechanics, with its source or "assumed" beside
-    it; no constant was chosen by what a classifier makes of it.
+    commands of Table 4.3 against a load. Signals are scaled and limited as in Table 4.2, filtered
+    at 15 kHz and sampled at 48 kHz. Every part is a mechanical or electrical model; constants
+    state their source or "assumed". No constant was chosen by the result of a classifier.
 
     Parameters
     ----------
     unit : int
-        Number of the unit. The same number is the same unit, whatever its faults: before
-        and after.
+        Number of the unit. The same number is the same unit, before and after a fault.
     faults : None, str or mapping of str to float
         Severities in [0, 1] of the faults in `FAULTS`; a name alone is severity 1.
     actuator : Actuator
-        The drawing to which units are made; its `screw_lead` is not in the thesis.
+        Nominal constants; the `screw_lead` is not in the thesis.
     electrical_noise : float
-        Noise of the motor in the cables of LVDT and velocity, over the usual.
+        Electrical noise of the motor in the cables of LVDT and velocity, relative to the default.
     unit_spread, run_spread : float
-        How much units differ, and runs of one unit, over the usual; 0: not at all.
+        Unit-to-unit and run-to-run variation, relative to the default; 0: none.
     phases : str
-        Phase currents that are recorded: "a" as in the thesis, or "abc".
+        Recorded phase currents: "a" as in the thesis, or "abc".
     commands : bool
-        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They say what
-        the bench was told, and nothing of the unit's health: keep them from a classifier.
+        Whether to record the commands and the load too (Fig. 4.5 of the thesis). They describe
+        the test and not the health of the unit: do not give them to a classifier.
     duration : float
-        Length of a recording [s]. The text of the thesis does not give it; assumed.
+        Length of a recording [s]; not in the thesis, assumed.
     fs : float
         Sampling rate [Hz].
     cutoff : float
-        Of the conditioning filter [Hz].
+        Cut-off frequency of the conditioning filter [Hz].
     seed : int
-        Of all units and runs.
+        Seed of all units and runs.
 
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not what it should be.
+        If a parameter is invalid.
 
     Examples
     --------
@@ -167,13 +166,13 @@ class LaboratoryBench:
 
     @property
     def built(self) -> Actuator:
-        """The unit as it was made: `actuator`, but for what sets units apart; no run's state."""
+        """Constants of this unit: `actuator` with its unit-to-unit variation."""
         return draw_unit(self.actuator, self._rng("unit"), spread=self.unit_spread)
 
     def record(self, condition: int, run: int = 1) -> Recording:
-        """Make one recording.
+        """Simulate one recording.
 
-        The same bench, condition and run give the same recording, whatever was asked before.
+        The same bench, condition and run always give the same recording.
 
         Parameters
         ----------
@@ -186,18 +185,17 @@ class LaboratoryBench:
         -------
         Recording
             Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or as `phases` says)
-            and "accelerometer" [g], in float32, which holds what 16 bits say; with `commands`
-            also "position_command" [in], "load_command" [lbf] and what the load cell reads
-            against it, "load_cell" [lbf]. The shaft reference
-            is the angle of the resolver at a tenth of the rate: it is what the actuator
-            itself measures, it does not drift, and it is free of the electrical noise that
-            the velocity channel has. `meta` holds unit, condition, run, label, severity,
+            and "accelerometer" [g], in float32, which is sufficient for 16 bits; with `commands`
+            also "position_command" [in], "load_command" [lbf] and the reading of the load cell,
+            "load_cell" [lbf]. The shaft reference is the angle of the resolver at a tenth of the
+            rate: the actuator itself measures it, and it has neither drift nor the electrical
+            noise of the velocity channel. `meta` contains unit, condition, run, label, severity,
             faults and orders.
 
         Raises
         ------
         TypeError, ValueError
-            If there is no such condition or run.
+            If the condition or run does not exist.
         """
         truth = self.truth(condition, run)
         current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
@@ -213,12 +211,12 @@ class LaboratoryBench:
         signals = {}
         for name, values in quantities.items():
             sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
-            mark = truth.actuator.mark + len(sensor)  # each cable has a phase of its own
+            mark = truth.actuator.mark + len(sensor)  # different phases in different cables
             cable = cable_noise(sensor, truth.torques.angle, current, level, mark)
             signals[name] = measured(
                 sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable
             )[kept]
-        if self.commands:  # numbers of the computer that gives them: no sensor, no noise
+        if self.commands:  # digital values: no sensor, no noise
             for name in ("position_command", "load_command"):
                 signals[name] = getattr(truth, name)[kept].astype(np.float32)
         return Recording(
@@ -230,7 +228,7 @@ class LaboratoryBench:
         )
 
     def truth(self, condition: int, run: int = 1) -> BenchTruth:
-        """Simulate one run, and return what no sensor sees.
+        """Simulate one run, and return the true quantities.
 
         Parameters
         ----------
@@ -244,7 +242,7 @@ class LaboratoryBench:
         Raises
         ------
         TypeError, ValueError
-            If there is no such condition or run.
+            If the condition or run does not exist.
         """
         row, faults = CONDITIONS[_known(condition)], self._present
         check_count(run, "run")
@@ -287,7 +285,7 @@ class LaboratoryBench:
         )
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:
-        """Return what the recording of a run will hold as `meta`; nothing is simulated.
+        """Return the `meta` of the recording of a run, without simulating it.
 
         Parameters
         ----------
@@ -301,7 +299,7 @@ class LaboratoryBench:
         Raises
         ------
         TypeError, ValueError
-            If there is no such condition or run.
+            If the condition or run does not exist.
         """
         return {
             "unit": self.unit,
@@ -324,5 +322,5 @@ class LaboratoryBench:
 
 
 def _known(condition: Any) -> int:
-    """Return the number of a condition that exists."""
+    """Return the number of an existing condition."""
     return check_choice(check_count(condition, "condition"), "condition", tuple(CONDITIONS))

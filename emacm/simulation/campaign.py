@@ -1,4 +1,4 @@
-"""Sets of bench recordings that are simulated only when read."""
+"""Sets of bench recordings that are simulated when they are read."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Run = tuple[LaboratoryBench, int, int]
 
 
 class LaboratoryRecordings(Sequence[Recording]):
-    """Recordings of laboratory benches, one simulated whenever one is asked for.
+    """Recordings of laboratory benches, each simulated when it is read.
 
-    It holds benches, conditions and numbers of runs, and nothing else: it is small, it pickles,
-    and whoever reads it one by one never has two recordings in memory. An index gives a
-    recording; a slice, an array of indices or a mask gives a smaller set, still not
-    simulated, that any estimator takes as `X`.
+    Only benches, conditions and numbers of runs are stored: the set is small and can be pickled,
+    and read one by one it needs the memory of one recording. An index gives a recording; a slice,
+    an array of indices or a mask gives a smaller set that is not yet simulated. Any estimator
+    accepts a set as `X`.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class LaboratoryRecordings(Sequence[Recording]):
     Raises
     ------
     TypeError, ValueError
-        If an entry is no such triple, or the condition or run does not exist.
+        If an entry is not such a triple, or the condition or run does not exist.
 
     Notes
     -----
-    Estimators that are given the whole set hold all of it while they work. Where that is too
-    much, bring the recordings to features one by one, and search and decide on these:
+    Estimators hold all recordings of a set while they process it. Where that is too much memory,
+    compute the features one by one, and search and decide on these:
     ``np.vstack([features.transform(runs[i : i + 1]) for i in range(len(runs))])``.
 
     Examples
@@ -58,7 +58,7 @@ class LaboratoryRecordings(Sequence[Recording]):
             bench, condition, run = entry
             if not isinstance(bench, LaboratoryBench):
                 raise TypeError(f"bench of run {index} must be a LaboratoryBench, got {bench!r}.")
-            bench.meta(condition, run)  # asks whether they exist
+            bench.meta(condition, run)  # raises an error if they do not exist
             checked.append((bench, int(condition), int(run)))
         self._runs: tuple[Run, ...] = tuple(checked)
 
@@ -71,7 +71,7 @@ class LaboratoryRecordings(Sequence[Recording]):
     @overload
     def __getitem__(self, index: Any) -> Any: ...
     def __getitem__(self, index: Any) -> Any:
-        """Simulate a recording, or choose some without simulating them."""
+        """Simulate a recording, or select some without simulating them."""
         if isinstance(index, int | np.integer) and not isinstance(index, bool):
             bench, condition, run = self._runs[index]
             return bench.record(condition, run)
@@ -108,7 +108,7 @@ class LaboratoryRecordings(Sequence[Recording]):
 
     @property
     def labels(self) -> NDArray[np.str_]:
-        """What each unit had: the `y` of a classifier."""
+        """State of each unit: the `y` of a classifier."""
         return np.array([bench.label for bench, _, _ in self._runs], dtype=np.str_)
 
     @property
@@ -118,7 +118,7 @@ class LaboratoryRecordings(Sequence[Recording]):
 
     @property
     def frame(self) -> pd.DataFrame:
-        """What is known of each recording: unit, condition, run, label and severity."""
+        """One row per recording: unit, condition, run, label and severity."""
         columns = ["unit", "condition", "run", "label", "severity"]
         metas = [bench.meta(condition, run) for bench, condition, run in self._runs]
         return pd.DataFrame(
@@ -138,16 +138,16 @@ def thesis_benches(
     Parameters
     ----------
     severity : float
-        Of the defect of the inner ring. The thesis does not size it; assumed.
+        Severity of the defect of the inner ring; not in the thesis, assumed.
     grease : float
-        Share of the usual grease in that bearing; chapter 4 says 0.75.
+        Fraction of the grease in that bearing; 0.75 in chapter 4.
     electrical_noise : (float, float)
-        In the cables of the healthy and of the degraded unit. Section 4.5 finds it in LVDT and
-        velocity of the healthy unit, and less in the other (the ratio is assumed); so a
-        classifier tells the units apart by noise that is none of the fault. Make both equal
-        for a study without that trap.
+        Electrical noise in the cables of the healthy and of the degraded unit. Section 4.5
+        reports it for LVDT and velocity of the healthy unit, and less for the other (the ratio is
+        assumed): a classifier can distinguish the units by noise that is unrelated to the fault.
+        Use equal values for a study without this confounding.
     **constants
-        Of both benches, as for `LaboratoryBench`.
+        Parameters of both benches, as for `LaboratoryBench`.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def thesis_benches(
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not what it should be.
+        If a parameter is invalid.
 
     Examples
     --------
@@ -184,7 +184,7 @@ def laboratory_recordings(
     n_runs: int = 20,
     first_run: int = 1,
 ) -> LaboratoryRecordings:
-    """Return the recordings of a test campaign, to be simulated when read.
+    """Return the recordings of a test campaign, which are simulated when they are read.
 
     Parameters
     ----------
@@ -193,19 +193,19 @@ def laboratory_recordings(
     conditions : iterable of int
         Rows of Table 4.3.
     n_runs : int
-        Runs of each unit in each condition; 20 in the thesis, of which it learns from 1 to 10.
+        Runs of each unit in each condition; 20 in the thesis, of which 1 to 10 are for training.
     first_run : int
         Number of the first run.
 
     Returns
     -------
     LaboratoryRecordings
-        Bench by bench, in each condition by condition, in each run by run.
+        Sorted by bench, condition and run.
 
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not what it should be.
+        If a parameter is invalid.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What the laboratory bench is told to do, and the scales of its transducers: Tables 4.2, 4.3."""
+"""Commands of the laboratory bench and scales of its transducers: Tables 4.2 and 4.3."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Condition(NamedTuple):
     Attributes
     ----------
     shape : {"sine", "triangle"}
-        Form of the position command.
+        Shape of the position command.
     bias, amplitude : float
         Centre and amplitude of the position [in].
     frequency : float
-        Of the command [Hz].
+        Frequency of the command [Hz].
     spring_rate : float
-        Load force over position [lbf/in], counted from position 0 (assumed: the middle of
-        the stroke, where the LVDT reads 0).
+        Load force per position [lbf/in], relative to position 0 (assumed: the middle of the
+        stroke, where the LVDT reads 0).
     load_bias : float
         Load force at position 0 [lbf].
     """
@@ -60,7 +60,7 @@ class Transducer(NamedTuple):
     scale : float
         Units per volt.
     peak : float
-        Full scale, in these units.
+        Full scale, in the same units.
     unit : str
         Unit of the channel.
     """
@@ -84,7 +84,7 @@ TRANSDUCERS: Mapping[str, Transducer] = MappingProxyType(
 def position_command(
     condition: Condition, times: NDArray[np.floating], phase: float = 0.0
 ) -> NDArray[np.floating]:
-    """Return the position that is asked for.
+    """Return the commanded position.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def position_command(
     times : ndarray of shape (n_times,)
         Times [s].
     phase : float
-        Of the command at time 0 [rad].
+        Phase of the command at time 0 [rad].
 
     Returns
     -------
@@ -114,7 +114,7 @@ def position_command(
 def load_force(
     condition: Condition, position: NDArray[np.floating], share: float = 1.0
 ) -> NDArray[np.floating]:
-    """Return the force by which the load actuator resists motion to larger positions.
+    """Return the force of the load actuator against motion to larger positions.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def load_force(
     position : ndarray of shape (n_times,)
         Position of the rod [in].
     share : float
-        Part of the commanded load that is reached.
+        Actual load relative to the commanded load.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def load_force(
 
 
 def load_error(n_times: int, fs: float, rng: np.random.Generator) -> NDArray[np.floating]:
-    """Return what the loop of the load actuator leaves: 3 lbf RMS below 10 Hz (assumed).
+    """Return the control error of the load actuator: 3 lbf RMS below 10 Hz (assumed).
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def load_error(n_times: int, fs: float, rng: np.random.Generator) -> NDArray[np.
     fs : float
         Sampling rate [Hz].
     rng : Generator
-        Of the run.
+        Random numbers of the run.
 
     Returns
     -------
@@ -157,5 +157,5 @@ def load_error(n_times: int, fs: float, rng: np.random.Generator) -> NDArray[np.
     """
     decay = np.exp(-2 * np.pi * 10.0 / fs)
     white = 3.0 * np.sqrt(1 - decay**2) * rng.standard_normal(n_times)
-    white[0] /= np.sqrt(1 - decay**2)  # as if it had gone on for ever
+    white[0] /= np.sqrt(1 - decay**2)  # stationary from the first sample
     return filters.lfilter([1.0], [1.0, -decay], white)

@@ -1,4 +1,4 @@
-"""From what happens to what is recorded: sensors, cables, conditioning filter, converter."""
+"""Sensors, cables, conditioning filter and analogue-to-digital converter."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from emacm.shaft.angle import angle_from_resolver
 from emacm.simulation.conditions import TRANSDUCERS
 from emacm.simulation.faults import POLE_PAIRS
 
-# RMS of a sensor's own noise over half the sampling rate at 48 kHz [V]; assumed.
+# RMS noise of each sensor up to half of 48 kHz [V]; assumed.
 NOISE = {"lvdt": 1e-3, "velocity": 2e-3, "current": 5e-3, "accelerometer": 3e-3, "load": 1e-3}
-# The motor in the cables [V at rated current], at 2 and 6 times the electrical order: section 4.5
-# of the thesis finds orders 12 and 36. Sizes assumed.
+# Electrical noise of the motor in the cables [V at rated current], at 2 and 6 times the electrical
+# order: section 4.5 of the thesis reports orders 12 and 36. Sizes assumed.
 PICKUP = {"lvdt": (2e-3, 1.5e-3), "velocity": (6e-3, 4e-3)}
 PICKUP_ORDERS = (2.0 * POLE_PAIRS, 6.0 * POLE_PAIRS)
-_PICKUP_FLOOR = 0.3  # share that stays without current; assumed
-_RANGE, _BITS = 10.0, 16  # of the converter [V]; assumed
-_FILTER_ORDER = 4  # of the conditioning filter, Butterworth; assumed
-_NOISE_RATE = 48_000.0  # Hz, at which the noise is stated
-SHAFT_DECIMATION = 10  # samples of the channels to one of the shaft
-_RESOLVER_NOISE = 5e-5  # RMS, in amplitudes: a 14-bit chain; assumed
-_RESOLVER_MISMATCH = 2e-4  # of the two amplitudes; assumed
+_PICKUP_FLOOR = 0.3  # fraction without current; assumed
+_RANGE, _BITS = 10.0, 16  # range [V] and resolution of the converter; assumed
+_FILTER_ORDER = 4  # Butterworth conditioning filter; assumed
+_NOISE_RATE = 48_000.0  # Hz: sampling rate to which NOISE refers
+SHAFT_DECIMATION = 10  # samples of the channels per sample of the shaft angle
+_RESOLVER_NOISE = 5e-5  # RMS relative to the amplitude: 14 bits; assumed
+_RESOLVER_MISMATCH = 2e-4  # relative difference of the two amplitudes; assumed
 
 
 def cable_noise(
@@ -32,22 +32,22 @@ def cable_noise(
     level: float,
     mark: float,
 ) -> NDArray[np.floating] | float:
-    """Return the motor's electrical noise in the cable of a sensor.
+    """Return the electrical noise of the motor in the cable of a sensor.
 
-    It stands at orders 12 and 36, twice and six times the electrical order: what unequal
-    phases and the dead time of an inverter leave. It belongs to a unit and its cables, not
-    to its health (thesis, section 4.5).
+    It has orders 12 and 36, twice and six times the electrical order, caused by unequal phases
+    and the dead time of the inverter. It depends on a unit and its cables, not on its health
+    (thesis, section 4.5).
 
     Parameters
     ----------
     sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
-        Current, accelerometer and load cell pick up nothing.
+        Current, accelerometer and load cell are not affected.
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     current : ndarray of shape (n_times,)
-        Length of the current vector, over the rated one.
+        Length of the current vector, relative to the rated current.
     level : float
-        Over the usual.
+        Level relative to the default.
     mark : float
         Phase [rad].
 
@@ -74,30 +74,30 @@ def measured(
     cutoff: float,
     cable: NDArray[np.floating] | float = 0.0,
 ) -> NDArray[np.float32]:
-    """Return what the data acquisition records of a quantity.
+    """Return a quantity as recorded by the data acquisition.
 
-    Scales and full scales are those of Table 4.2; then come the sensor's white noise, the
-    conditioning filter and a converter of 16 bits over 10 V (both assumed but for the cutoff).
+    Scales and full scales are those of Table 4.2, followed by the white noise of the sensor, the
+    conditioning filter and a converter of 16 bits and 10 V (assumed, except for the cut-off).
 
     Parameters
     ----------
     sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
-        Which transducer.
+        Transducer.
     values : ndarray of shape (n_times,)
-        The true quantity, in the transducer's unit.
+        True quantity, in the unit of the transducer.
     rng : Generator
-        Of the noise.
+        Random numbers of the noise.
     fs : float
         Sampling rate [Hz].
     cutoff : float
-        Of the conditioning filter [Hz].
+        Cut-off frequency of the conditioning filter [Hz].
     cable : ndarray of shape (n_times,) or float
-        Noise of the cable [V].
+        Electrical noise in the cable [V].
 
     Returns
     -------
     ndarray of shape (n_times,), float32
-        The recorded quantity, in the transducer's unit.
+        Recorded quantity, in the unit of the transducer.
 
     Examples
     --------
@@ -116,20 +116,20 @@ def measured(
 
 
 def resolver_angle(angle: NDArray[np.floating], rng: np.random.Generator) -> NDArray[np.floating]:
-    """Return the shaft angle as the resolver tells it, at a tenth of the channels' rate.
+    """Return the shaft angle measured by the resolver, at a tenth of the rate of the channels.
 
     Parameters
     ----------
     angle : ndarray of shape (n_times,)
-        Shaft angle at the channels' rate [rad].
+        Shaft angle at the rate of the channels [rad].
     rng : Generator
-        Of the noise.
+        Random numbers of the noise.
 
     Returns
     -------
     ndarray of shape (ceil(n_times / 10),)
-        Angle [rad], cumulative, the first within half a revolution of 0. It errs by noise, and at
-        order 2 by unequal amplitudes.
+        Cumulative angle [rad], the first within half a revolution of 0, with noise and with an
+        error at order 2 caused by unequal amplitudes.
     """
     turned = angle[::SHAFT_DECIMATION]
     noise = _RESOLVER_NOISE * rng.standard_normal((2, len(turned)))

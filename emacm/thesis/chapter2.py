@@ -27,16 +27,16 @@ def reproduce_chapter2(
     Parameters
     ----------
     quick : bool
-        Whether to draw 20 sets of two overlapping classes in place of 200.
+        Whether to draw 20 sets of two overlapping classes instead of 200.
     n_jobs : int, optional
-        Has no say: all is done in a few seconds.
+        Not used: the chapter takes a few seconds.
     report : callable, optional
-        Is told in a line what is being done.
+        Receives lines of progress.
 
     Returns
     -------
     Chapter
-        Figures 2.3 to 2.7 and 2.10 to 2.14, Table 2.1 and what else is comparable.
+        Figures 2.3 to 2.7 and 2.10 to 2.14, Table 2.1 and other comparable numbers.
 
     References
     ----------
@@ -45,13 +45,13 @@ def reproduce_chapter2(
     tell = report or (lambda line: None)
     n_errors = 20 if quick else _N_DRAWS
     chapter = Chapter(2, "Feature extraction and classification, by example")
-    tell("chapter 2: a ramp in time, in angle, in hertz and in orders")
+    tell("chapter 2: speed ramp over time, angle, frequency and order")
     compare_resampling(chapter)
     compare_sine(chapter)
     compare_smearing(chapter)
     tell(f"chapter 2: {_N_DRAWS} draws of Table 2.1")
     compare_components(chapter, _N_DRAWS)
-    tell(f"chapter 2: {n_errors} draws of two classes, decided under three cost matrices")
+    tell(f"chapter 2: {n_errors} draws of two classes, three cost matrices")
     compare_decisions(chapter, n_errors)
     compare_equations(chapter)
     return chapter

@@ -24,13 +24,13 @@ _EIGENVECTORS = np.array([
     [0.007, -0.997, -0.074, 0.010],
     [-0.999, -0.006, -0.009, -0.005],
     [-0.010, -0.054, 0.799, 0.599],
-])  # fmt: skip  # Table 2.1: a row a component of y, a column an eigenvector
+])  # fmt: skip  # Table 2.1: one row per component of y, one column per eigenvector
 
-_PRINTED_ERRORS = {"0-1": (12, 11), "Eq. (2.48)": (2, 36)}  # of 1000: as w1, as w2
+_PRINTED_ERRORS = {"0-1": (12, 11), "Eq. (2.48)": (2, 36)}  # of 1000: decided as w1, as w2
 _COSTS: dict[str, Any] = {
     "0-1": None,
     "Eq. (2.48)": {("w1", "w2"): 10.0},
-    "Eq. (2.48), as the words have it": {("w2", "w1"): 10.0},
+    "Eq. (2.48), as described in words": {("w2", "w1"): 10.0},
 }
 _SAMPLING = "median and range of {n} draws of the stated distributions, rounded as printed"
 
@@ -63,13 +63,13 @@ def compare_components(chapter: Chapter, n_draws: int) -> None:
                     f"Table 2.1, e{i + 1}, y{j + 1}, magnitude",
                     abs(float(_EIGENVECTORS[j, i])),
                     weights[:, i, j].round(3),
-                    f"{note}; the sign of an eigenvector is free",
+                    f"{note}; the sign of an eigenvector is arbitrary",
                 )
     plane = np.hypot(weights[:, 2:, 0], weights[:, 2:, 3])
     chapter.remarks.append(
-        "y1 and y4 have the same variance in both classes, so e3 and e4 may lie anywhere in their "
-        "plane: 0.596 and 0.799 of e3, -0.801 and 0.599 of e4 are one draw's turn, and cannot "
-        f"be compared. Their lengths in that plane can: published "
+        "y1 and y4 have the same variance in both classes, so the direction of e3 and e4 in their "
+        "plane is random: 0.596 and 0.799 of e3, -0.801 and 0.599 of e4 cannot be compared. Their "
+        f"lengths in that plane can: published "
         f"{np.hypot(0.596, 0.799):.3f} and {np.hypot(0.801, 0.599):.3f}, ours "
         f"{np.median(plane[:, 0]):.3f} and {np.median(plane[:, 1]):.3f}."
     )
@@ -78,12 +78,12 @@ def compare_components(chapter: Chapter, n_draws: int) -> None:
 
 
 def _table_2_1(fit: PCA) -> pd.DataFrame:
-    """Lay out one draw as the thesis does, beside the published one."""
+    """Return one draw in the form of the published table, and the published one."""
     ours = np.vstack([
         fit.explained_variance_, 100 * fit.explained_variance_ratio_, fit.components_.T
     ])  # fmt: skip
     published = np.vstack([_EIGENVALUES, _SHARES, _EIGENVECTORS])
-    # Signs are free: those of the largest entries follow the published ones.
+    # Signs of eigenvectors are arbitrary: those of the largest entries follow the published ones.
     turn = np.sign(np.sum(ours[2:] * published[2:], axis=0))
     ours[2:] *= turn
     names = [f"e{i + 1}" for i in range(4)]
@@ -116,7 +116,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
         label_axes(ax, f"y{k + 1}", f"density of y{k + 1}")
     legend_above(axes[0, 1])
     chapter.draw(
-        "Fig. 2.10", figure, "Densities of Eqs. (2.33) and (2.34): the classes part in y3 alone."
+        "Fig. 2.10", figure, "Densities of Eqs. (2.33) and (2.34): the classes differ only in y3."
     )
     values, labels = _draw_of_table_2_1(0)
     plane = fit.transform(values)[:, :2]
@@ -133,7 +133,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
         "Fig. 2.11",
         figure,
         "One draw of Table 2.1 in the plane of its first two components, with ellipses that "
-        "hold 50 and 90 % of each class: the first alone tells them apart.",
+        "contain 50 and 90 % of each class: the first component separates them.",
     )
 
 
@@ -141,7 +141,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
 
 
 def _separation() -> float:
-    """Return how far apart two classes of unit variance lie that are as often confused."""
+    """Return the distance of two classes of unit variance with the error rate of Fig. 2.13."""
     return float(2 * stats.norm.isf(sum(_PRINTED_ERRORS["0-1"]) / 2000))
 
 
@@ -153,7 +153,7 @@ def _two_classes(seed: int) -> tuple[NDArray[np.floating], NDArray[np.str_]]:
 
 
 def _errors(cost: Any, seed: int) -> tuple[int, int]:
-    """Count what was wrongly decided as w1, and as w2."""
+    """Count the wrong decisions for w1 and for w2."""
     points, labels = _two_classes(seed)
     decided = CostSensitiveGaussianBayes(cost, priors="uniform").fit(points, labels).predict(points)
     wrong = decided != labels
@@ -168,7 +168,7 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
     }
     chapter.tables["Figs. 2.13 and 2.14, errors of 1000"] = _error_table(counts)
     note = (
-        "two Gaussian classes of equal covariance, as far apart as the errors of Fig. 2.13 say; "
+        "two Gaussian classes of equal covariance, with the distance that follows from Fig. 2.13; "
         f"range of {n_draws} draws"
     )
     for column, decided in enumerate(("w1", "w2")):
@@ -179,10 +179,10 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
             note,
         )
     chapter.remarks.append(
-        f"The parameters of Figs. 2.12 to 2.14 are not published. Two Gaussian classes of equal "
-        f"covariance need only one, the distance of their means: {_separation():.2f} standard "
-        f"deviations give the 12 and 11 errors of Fig. 2.13, which therefore are no finding. "
-        f"Those of Fig. 2.14, 2 and 36, follow without another assumption about the classes."
+        "The parameters of Figs. 2.12 to 2.14 are not published. Two Gaussian classes of equal "
+        f"covariance have one parameter, the distance of their means: {_separation():.2f} standard "
+        "deviations were chosen to give the 12 and 11 errors of Fig. 2.13, which are therefore "
+        "not a finding. The errors of Fig. 2.14, 2 and 36, need no further assumption."
     )
     points, labels = _two_classes(0)
     names = ("z1 [1]", "z2 [1]")
@@ -191,10 +191,10 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
     FeatureDensityDisplay.from_estimator(
         model, points, labels, shares=(), names=names, ax=axes[0, 0]
     )
-    chapter.draw("Fig. 2.12", figure, "1000 of each of two classes that overlap.")
+    chapter.draw("Fig. 2.12", figure, "1000 draws of each of two overlapping classes.")
     for name, cost, words in (
         ("Fig. 2.13", None, "under the 0-1 cost"),
-        ("Fig. 2.14", _COSTS["Eq. (2.48)"], "when deciding w1 wrongly costs 10"),
+        ("Fig. 2.14", _COSTS["Eq. (2.48)"], "if a wrong decision for w1 costs 10"),
     ):
         figure, axes = offscreen_panels(height=4.6)
         model = CostSensitiveGaussianBayes(cost, priors="uniform").fit(points, labels)

@@ -39,7 +39,7 @@ def _ramp_over_angle() -> list[Any]:
 
 
 def compare_resampling(chapter: Chapter) -> None:
-    """Compare the ramp over time and over the angle, Figs. 2.3 and 2.4."""
+    """Compare the speed ramp over time and over the angle, Figs. 2.3 and 2.4."""
     ramp, (turned,) = _ramp(), _ramp_over_angle()
     angle = angle_from_velocity(ramp.velocity, _FS)
     figure, axes = offscreen_panels(3, height=5.6)
@@ -48,7 +48,7 @@ def compare_resampling(chapter: Chapter) -> None:
     axes[2].plot(angle, ramp.signals["x1"], color=PLAIN, linewidth=0.8)
     label_axes(axes[2], "cumulative motor angle [rad]", "x1 [1]")
     chapter.draw(
-        "Fig. 2.3", figure, "sin(6θ) on a ramp of 100t rad/s: not periodic in time, but in angle."
+        "Fig. 2.3", figure, "sin(6θ) at a speed of 100t rad/s: periodic in angle, not in time."
     )
     (stroke,) = turned.strokes
     figure, axes = offscreen_panels(height=3.4)
@@ -102,13 +102,13 @@ def compare_sine(chapter: Chapter) -> None:
     chapter.draw(
         "Fig. 2.5",
         figure,
-        "A sine of 40 Hz, at 640 Hz and by sample, with its density and its power; L = 32, "
+        "A sine of 40 Hz sampled at 640 Hz, its density and its power spectrum; L = 32, "
         "rectangular window.",
     )
 
 
 def compare_smearing(chapter: Chapter) -> None:
-    """Compare the ramp's spectra in hertz and in orders, Figs. 2.6 and 2.7."""
+    """Compare the spectra of the ramp in hertz and in orders, Figs. 2.6 and 2.7."""
     ramp, turned = _ramp(), _ramp_over_angle()
     signal = ramp.signals["x1"]
     hertz, density = order_psd(
@@ -125,31 +125,32 @@ def compare_smearing(chapter: Chapter) -> None:
         "Fig. 2.7, order of the peak",
         6,
         orders[spectrum.argmax()],
-        "highest line of 256 samples; the range is half a step either way",
+        "highest line of 256 samples; the range is half a step on either side",
         slack=step / 2,
     )
     chapter.compare(
         "Fig. 2.7, order step",
         0.1172,
         round(step, 4),
-        "The thesis divides the highest order, 30, by L = 256; the step is the 60 samples per "
-        "revolution over L. Its own Eqs. (2.14) and (2.22) say so, and so does Fig. 2.5.",
+        "The thesis divides the highest order, 30, by L = 256; by its Eqs. (2.14) and (2.22) and "
+        "Fig. 2.5 the step is 60 samples per revolution divided by L.",
     )
     below = hertz[np.searchsorted(density.cumsum() / density.sum(), 0.99)]
     end = 6 * ramp.velocity[-1] / TURN
     half, narrow = _half_width(hertz, density), _half_width(orders, spectrum)
     chapter.remarks.append(
         f"Fig. 2.6 is described as smeared from 0 to about 100 Hz. The frequency of the ramp rises "
-        f"to {end:.1f} Hz; 99 % of the power lies below {below:.0f} Hz. The fewest lines that hold "
-        f"half of the power are {half:.0f} Hz wide, {half / end:.0%} of the way; in orders "
-        f"{narrow:.2f} orders. How far a smear reaches to the eye is no number to be compared."
+        f"to {end:.1f} Hz; 99 % of the power lies below {below:.0f} Hz, which does not agree. The "
+        f"fewest lines that contain half of the power cover {half:.0f} Hz, {half / end:.0%} of the "
+        f"range; in orders {narrow:.2f} orders."
     )
     (stroke,) = turned[0].strokes
     chapter.remarks.append(
-        f"The ramp of 0.5 s holds {stroke.revolutions:.2f} revolutions, {stroke.n_angles} samples "
-        f"at 60 per revolution. A transform of 256 samples, as the thesis has it, means zeros "
-        f"added: lines lie {step:.3f} orders apart, but two revolutions resolve half an order. "
-        f"The sampling rate in time is not given; {_FS:g} Hz was assumed."
+        f"The ramp of 0.5 s contains {stroke.revolutions:.2f} revolutions, {stroke.n_angles} "
+        "samples at 60 per revolution. A transform of 256 samples, as in the thesis, requires "
+        f"zero padding: the distance of lines is {step:.3f} orders, but the resolution of two "
+        f"revolutions is half an order. The sampling rate in time is not given; {_FS:g} Hz is "
+        "assumed."
     )
 
 
@@ -167,7 +168,7 @@ def _draw_smearing(
     axes[1, 0].plot(*over_hertz, color=PLAIN, linewidth=1.2)
     axes[1, 0].set(xlim=(0, 150), ylim=(0, None))
     label_axes(axes[1, 0], "frequency [Hz]", "PSD of x1 [1/Hz]")
-    chapter.draw("Fig. 2.6", figure, "Over time the ramp smears: its power is spread over 50 Hz.")
+    chapter.draw("Fig. 2.6", figure, "In frequency the ramp is smeared over 50 Hz.")
     figure, axes = offscreen_panels(2, height=4.6)
     axes[0, 0].plot(
         stroke.angles, stroke.signals[0], ".-", color=PLAIN, linewidth=0.6, markersize=3
@@ -178,20 +179,20 @@ def _draw_smearing(
     ).plot(ax=axes[1, 0])
     display.ax_.get_legend().remove()
     display.ax_.set_ylabel("PSD of x1 [1/order]")
-    chapter.draw("Fig. 2.7", figure, "Over the shaft angle it is one narrow peak, at order 6.")
+    chapter.draw("Fig. 2.7", figure, "In orders it is one narrow peak at order 6.")
 
 
 def _half_width(axis: NDArray[np.floating], psd: NDArray[np.floating]) -> float:
-    """Return the width of the fewest lines that hold half of the power."""
+    """Return the width of the fewest lines that contain half of the power."""
     share = np.sort(psd)[::-1].cumsum() / psd.sum()
     return float((np.searchsorted(share, 0.5) + 1) * axis[1])
 
 
-# Where the chapter contradicts itself
+# Equations with misprints
 
 
 def compare_equations(chapter: Chapter) -> None:
-    """Set equations as printed beside what was meant."""
+    """Compare equations as printed with their corrected form."""
     ramp, (turned,) = _ramp(), _ramp_over_angle()
     angle = angle_from_velocity(ramp.velocity, _FS)
     resampled = {
@@ -202,8 +203,8 @@ def compare_equations(chapter: Chapter) -> None:
         name: float(np.max(np.abs(values - np.sin(6 * TURN / _SAMPLES_PER_REV * np.arange(120)))))
         for name, values in resampled.items()
     }
-    swinging = np.resize([1.0, -1.0], 64)  # all power at half the sampling rate
-    _, power = order_psd(swinging, 1, n_per_segment=64, window="boxcar", scaling="spectrum")
+    alternating = np.resize([1.0, -1.0], 64)  # all power at half the sampling rate
+    _, power = order_psd(alternating, 1, n_per_segment=64, window="boxcar", scaling="spectrum")
     rows = [
         ("Eq. (2.9)", "angle of the ramp after 0.5 s [rad]", 12.5, angle[-1],
          printed_angle(ramp.velocity, _FS)[-1]),
@@ -217,10 +218,11 @@ def compare_equations(chapter: Chapter) -> None:
     chapter.remarks += [
         "Eq. (2.9) lacks parentheses around the two speeds; Eq. (2.13) starts from x(k) but "
         "measures the angle from the sample before; Eq. (2.20) doubles the line at half the "
-        "sampling rate, which has no twin. The table sets both readings side by side.",
+        "sampling rate, which occurs only once. The table contains both forms.",
         "Eq. (2.1) is called the frequency of the inner race. With a minus it is that of the outer "
-        "race (BPFO); the inner race has a plus (BPFI), and emacm.Bearing reads it so.",
-        "Section 2.2.1 says in words that deciding w2 when w1 is true costs 10. By Eq. (2.39) rows "
-        "of Eq. (2.48) are decisions, so it is deciding w1 when w2 is true, a missed detection; "
-        "only so do errors as w1 fall from 12 to 2. The table of errors holds both.",
+        "race (BPFO); that of the inner race (BPFI) has a plus, as in emacm.Bearing.",
+        "Section 2.2.1 states in words that deciding w2 when w1 is true costs 10. By Eq. (2.39) "
+        "rows of Eq. (2.48) are decisions, so this is the cost of deciding w1 when w2 is true, a "
+        "missed detection; only then do wrong decisions for w1 fall from 12 to 2. The table of "
+        "errors contains both.",
     ]

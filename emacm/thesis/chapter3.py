@@ -1,4 +1,4 @@
-"""Chapter 3 of the thesis: a simulated motor current, sound and with two defects."""
+"""Chapter 3 of the thesis: a simulated motor current, healthy and with two defects."""
 
 from __future__ import annotations
 
@@ -52,16 +52,16 @@ def reproduce_chapter3(
     Parameters
     ----------
     quick : bool
-        Whether to draw the noise 3 times in place of 20, and judge 10 new runs in place of 40.
+        Whether to draw the noise 3 times instead of 20, and to test 10 new runs instead of 40.
     n_jobs : int, optional
-        Draws to be worked on at the same time.
+        Number of processes.
     report : callable, optional
-        Is told in a line what is being done.
+        Receives lines of progress.
 
     Returns
     -------
     Chapter
-        Figures 3.1 to 3.10, and every figure of the text, under several readings.
+        Figures 3.1 to 3.10, and every number of the text, under several readings.
 
     References
     ----------
@@ -70,10 +70,10 @@ def reproduce_chapter3(
     tell = report or (lambda line: None)
     seeds = range(3 if quick else 20)
     chapter = Chapter(3, "Simulation: a motor current at varying speed")
-    # In processes: so much of the work is Python's that threads would only wait for each other.
+    # Processes: most of the work holds the interpreter lock, so threads would not help.
     tasks = (delayed(draw)(seed, 10 if quick else N_RUNS) for seed in seeds)
     draws = []
-    # A quick run is over before other processes have begun.
+    # A quick run takes less time than starting processes.
     for found in Parallel(n_jobs=None if quick else n_jobs, return_as="generator")(tasks):
         draws.append(found)
         tell(f"chapter 3: draw {len(draws)} of {len(seeds)}")
@@ -92,7 +92,7 @@ def reproduce_chapter3(
     return chapter
 
 
-# Published figures beside ours
+# Published figures and ours
 
 
 def _compare_steps(chapter: Chapter) -> None:
@@ -119,7 +119,7 @@ def _compare_steps(chapter: Chapter) -> None:
 
 
 def _compare_lines(chapter: Chapter, seeds: Sequence[int]) -> None:
-    """Find where the spectra of the first runs have their lines."""
+    """Compare the orders of the lines in the spectra of the first runs."""
     peaks: dict[str, list[float]] = {label: [] for label in CHAPTER3_ORDERS}
     chain = thesis_pipeline()[:2]
     for seed in seeds:
@@ -140,8 +140,8 @@ def _compare_lines(chapter: Chapter, seeds: Sequence[int]) -> None:
             published,
             peaks[label],
             f"highest line of one run of {len(seeds)} draws"
-            + ("" if label == "healthy" else ", orders 5 to 7 left out")
-            + "; the range is half a step wider either way",
+            + ("" if label == "healthy" else ", without orders 5 to 7")
+            + "; the range is extended by half a step on either side",
             slack=chain[-1].order_step_ / 2,
         )
 
@@ -154,7 +154,7 @@ def _compare_components(chapter: Chapter, tables: dict[str, pd.DataFrame]) -> No
         72,
         ours[share].round(),
         f"{n_draws} draws, rounded as printed. One second of signal, as Figs. 3.1 to 3.3 show, "
-        f"gives {_range(tables[SECOND.name][share])}; an angle half a sample late "
+        f"gives {_range(tables[SECOND.name][share])}; an angle that is late by half a sample "
         f"{_range(tables[RECTANGLE.name][share])}; noise of variance 0.25 "
         f"{_range(tables[VARIANCE.name][share])}.",
     )
@@ -171,9 +171,9 @@ def _compare_components(chapter: Chapter, tables: dict[str, pd.DataFrame]) -> No
                 float(bins.min()),
                 float(bins.max()),
                 leader in set(bins),
-                f"most often bin {most}, in {times} of {n_draws} draws; either defect may lead, as "
-                f"they are equally strong. With an angle half a sample late bin {leader} leads in "
-                f"{np.sum(late == leader)}.",
+                f"most often bin {most}, in {times} of {n_draws} draws; the published bin leads in "
+                f"{np.sum(bins == leader)}, because both defects are equally strong. With an angle "
+                f"that is late by half a sample, bin {leader} leads in {np.sum(late == leader)}.",
             )
         )
         name = f"largest weight of PC{number}"
@@ -196,16 +196,16 @@ def _compare_decisions(chapter: Chapter, tables: dict[str, pd.DataFrame]) -> Non
             for reading in (SECOND, VARIANCE)
         )
         chapter.compare(
-            f"§3.2, {label} decided rightly, of 40",
+            f"§3.2, {label} classified correctly, of 40",
             published,
             ours[name],
-            f"runs that were learnt from, {len(ours)} draws. Of all 120, published 119, ours "
-            f"{_range(total)}; which class errs is chance. {others[0].upper()}{others[1:]}.",
+            f"training runs, {len(ours)} draws. Of all 120: published 119, ours {_range(total)}; "
+            f"in which class the errors occur is random. {others[0].upper()}{others[1:]}.",
         )
 
 
 def _range(values: pd.Series) -> str:
-    """Write median and range."""
+    """Return median and range as text."""
     low, middle, high = values.min(), values.median(), values.max()
     return f"{middle:.3g} ({low:.3g} to {high:.3g})"
 
@@ -225,7 +225,7 @@ def _keep_tables(chapter: Chapter, tables: dict[str, pd.DataFrame], ablation: pd
     )
     chapter.tables["Hertz against orders"] = pd.DataFrame({
         "median": ablation.median(), "low": ablation.min(), "high": ablation.max()
-    }).rename_axis("decided rightly")  # fmt: skip
+    }).rename_axis("classified correctly")  # fmt: skip
     chapter.tables["Hertz against orders, each draw"] = ablation
     chapter.remarks += _remarks(tables, ablation)
 
@@ -236,22 +236,22 @@ def _remarks(tables: dict[str, pd.DataFrame], ablation: pd.DataFrame) -> list[st
     new = {name: _range(ablation[f"{name}, new runs [%]"]) for name in ("orders", "Hz", NO_LOW_HZ)}
     guessed = 100 / len(CHAPTER3_ORDERS)
     return [
-        "Eq. (3.6) writes N(0, .25), in the thesis' own notation a variance. Its results are those "
-        "of a standard deviation of 0.25, which is taken here; the table of readings holds both.",
-        "One Hann window of 4096 samples at 2 kHz, and of 2^14 at 1000 per revolution, need "
-        "2.048 s; the figures show 1 s. With one second both windows are filled up with zeros: the "
-        "steps stay, the lines are wider, and the share of two components is lower.",
-        "The thesis finds bins 6, 7 and 8 moderate contributors and takes it for leakage. A Hann "
-        f"window does not leak so far: as emacm reads it their weight is {moderate[TAKEN]}. An "
-        "angle that runs half a time sample behind the signal, as by the rectangle rule, or a "
-        "whole one, as by Eq. (2.13) as printed, modulates the fundamental as the speed varies, "
-        "and puts side lines at 5.5 and 6.5 orders, beside the stop band: their weight is "
-        f"{moderate[RECTANGLE]} by the rectangle rule. It also lowers the share of two components, "
-        "and lets bin 11 lead the first, as published. What was done in the thesis is not known.",
-        "The filter of section 3.1 is called band-pass; it has a stop band, and stops.",
-        "What resampling is worth: the same bins, components and classifier on the spectrum in "
-        "hertz, with bins of 10 Hz, which is order 1 at the mean speed, decide "
-        f"{new['Hz']} % of new runs rightly, where guessing has {guessed:.0f} %; in orders "
-        f"{new['orders']} %. With all below 130 Hz, where the fundamental smears, taken out as "
-        f"well: {new[NO_LOW_HZ]} %.",
+        "Eq. (3.6) states N(0, .25), a variance in the notation of the thesis. Its results "
+        "correspond to a standard deviation of 0.25, which was chosen here for this reason; the "
+        "table of readings contains both.",
+        "One Hann window of 4096 samples at 2 kHz, and of 2^14 at 1000 per revolution, requires "
+        "2.048 s; the figures show 1 s. With one second both windows are zero-padded: the steps "
+        "are unchanged, the lines are wider, and the share of two components is lower.",
+        "The thesis reports moderate weights of bins 6, 7 and 8 and explains them by leakage. A "
+        f"Hann window does not leak so far: their weight is {moderate[TAKEN]} here. An angle that "
+        "is late by half a time sample (rectangle rule), or by a whole one (Eq. (2.13) as "
+        "printed), modulates the fundamental while the speed varies, with sidebands at orders "
+        f"5.5 and 6.5 beside the stop band: then their weight is {moderate[RECTANGLE]} (rectangle "
+        "rule). It also lowers the share of two components, and bin 11 leads the first, as "
+        "published. Whether the thesis did so is not known.",
+        "The filter of section 3.1 is called band-pass, but it is a band-stop filter.",
+        "Effect of resampling: the same bins, components and classifier on the spectrum in hertz, "
+        f"with bins of 10 Hz (order 1 at the mean speed), classify {new['Hz']} % of new runs "
+        f"correctly, where guessing has {guessed:.0f} %; in orders {new['orders']} %; in hertz "
+        f"without the range below 130 Hz, where the fundamental smears, {new[NO_LOW_HZ]} %.",
     ]

@@ -37,14 +37,14 @@ _COMPONENTS = ("principal component 1 [A²]", "principal component 2 [A²]")
 
 
 def draw_signals(chapter: Chapter) -> None:
-    """Draw the parts of the current of each class, Figs. 3.1 to 3.3."""
-    sound = chapter3_recording("healthy", sigma=0)
+    """Draw the components of the current of each class, Figs. 3.1 to 3.3."""
+    healthy = chapter3_recording("healthy", sigma=0)
     for number, label in enumerate(CHAPTER3_ORDERS, start=1):
         clean = chapter3_recording(label, sigma=0)
         whole = chapter3_recording(label)
         parts = {
-            "x_f": sound.signals["current"],
-            "x_d": clean.signals["current"] - sound.signals["current"],
+            "x_f": healthy.signals["current"],
+            "x_d": clean.signals["current"] - healthy.signals["current"],
             "x_n": whole.signals["current"] - clean.signals["current"],
             "x": whole.signals["current"],
         }
@@ -55,9 +55,7 @@ def draw_signals(chapter: Chapter) -> None:
             between=(0, 1),
             ax=axes[:, 0],
         )
-        caption = (
-            f"{label}: fundamental, defect, noise, their sum, and the motor's speed; Eq. (3.3)."
-        )
+        caption = f"{label}: fundamental, defect, noise, their sum, and the motor speed; Eq. (3.3)."
         chapter.draw(f"Fig. 3.{number}", figure, caption[0].upper() + caption[1:])
 
 
@@ -70,12 +68,14 @@ def draw_features(chapter: Chapter) -> None:
     pca = PCA().fit(bins)
     figure, axes = offscreen_panels(height=3.8)
     ExplainedVarianceDisplay.from_estimator(pca, ax=axes[0, 0])
-    caption = "Share of the variance that each component holds, and their sum."
+    caption = "Explained variance of each component, and cumulative sum."
     chapter.draw("Fig. 3.6", figure, caption)
     figure, axes = offscreen_panels(2, height=5.0)
     LoadingsDisplay.from_estimator(pca, list(bins.columns), ax=axes[:, 0])
     chapter.draw(
-        "Fig. 3.7", figure, "Weights of the bins in the first two components: those of the defects."
+        "Fig. 3.7",
+        figure,
+        "Weights of the bins in the first two components: the bins of the defects dominate.",
     )
     plane = pca.transform(bins)[:, :2]
     model = CostSensitiveGaussianBayes(priors="uniform").fit(plane, labels)
@@ -115,8 +115,8 @@ def _draw_spectra(
     chapter.draw(
         "Fig. 3.4",
         figure,
-        "One run of each class before resampling (top: the defects do not show) and after (bottom: "
-        "lines at 3.125 and 10.5 orders).",
+        "One run of each class before resampling (top: the defects are not visible) and after "
+        "(bottom: lines at orders 3.125 and 10.5).",
     )
     figure, axes = offscreen_panels(2, height=6.0)
     orders = chain[1].orders_
@@ -125,13 +125,11 @@ def _draw_spectra(
     OrderBinsDisplay.from_estimator(
         chain, recordings, "current", labels=labels, unit="A", ax=axes[1, 0]
     )
-    chapter.draw(
-        "Fig. 3.5", figure, "The same runs without orders 5.6 to 6.4, and gathered into 50 bins."
-    )
+    chapter.draw("Fig. 3.5", figure, "The same runs without orders 5.6 to 6.4, and in 50 bins.")
 
 
 def draw_ablation(chapter: Chapter, ablation: pd.DataFrame) -> None:
-    """Draw how many new runs are decided rightly in hertz and in orders."""
+    """Draw the share of new runs that are classified correctly in hertz and in orders."""
     names = [name for name in ablation.columns if "new runs" in name]
     figure, axes = offscreen_panels(height=2.8)
     ax = axes[0, 0]

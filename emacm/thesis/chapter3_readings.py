@@ -1,4 +1,4 @@
-"""Chapter 3 of the thesis, read in several ways: from recordings to decisions."""
+"""Chapter 3 of the thesis from recordings to decisions, under several readings of the text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from emacm.thesis.printed_equations import printed_resampling, rectangle_angle
 
 TURN = 2 * np.pi
 FS = 2000.0  # Hz
-N_RUNS = 40  # of each class to learn from
+N_RUNS = 40  # training runs of each class
 THETA_S = TURN / 1000
 N_ANGLES = 2**14
 N_TIMES = 4096
@@ -32,19 +32,19 @@ NO_LOW_HZ = "Hz without 0-130 Hz"  # where the fundamental smears
 
 @dataclass(frozen=True)
 class Reading:
-    """A way to read chapter 3.
+    """One reading of chapter 3.
 
     Attributes
     ----------
     name : str
-        What sets it apart.
+        Name.
     sigma : float
         Standard deviation of the noise [A].
     duration : float
         Length of a recording [s].
     angle : {"trapezoid", "rectangle", "printed", "band-limited"}
-        How the current is brought to the shaft angle: by Eq. (2.13) from x(k-1), with the angle by
-        the trapezoid or the rectangle rule; by Eq. (2.13) as printed; or as emacm does by default.
+        Resampling: Eq. (2.13) from x(k-1), with the angle by the trapezoidal or the rectangle
+        rule; Eq. (2.13) as printed; or the default of emacm.
     """
 
     name: str
@@ -70,7 +70,7 @@ def thesis_pipeline(reading: Reading = TAKEN) -> Pipeline:
     Parameters
     ----------
     reading : Reading
-        How the chapter is read.
+        Reading of the chapter.
 
     Returns
     -------
@@ -89,19 +89,19 @@ def thesis_pipeline(reading: Reading = TAKEN) -> Pipeline:
 
 
 def draw(seed: int, n_new: int = N_RUNS) -> dict[str, dict[str, float]]:
-    """Draw the noise once and judge under every reading.
+    """Draw the noise once, and evaluate every reading.
 
     Parameters
     ----------
     seed : int
-        Of the noise.
+        Seed of the noise.
     n_new : int
-        Runs of each class to judge that were not learnt from.
+        Test runs of each class.
 
     Returns
     -------
     dict of str to dict
-        The `outcome` by name of the reading; and by "hertz", how spectra in hertz compare.
+        The `outcome` by name of the reading; "hertz": comparison with spectra in hertz.
     """
     drawn, found = {}, {}
     for reading in READINGS:
@@ -119,7 +119,7 @@ def draw(seed: int, n_new: int = N_RUNS) -> dict[str, dict[str, float]]:
 def outcome(
     bins: NDArray[np.floating], labels: NDArray[np.str_], known: NDArray[np.bool_]
 ) -> dict[str, float]:
-    """Learn from known runs, and judge them and others.
+    """Train on known runs, and classify known and new runs.
 
     Parameters
     ----------
@@ -128,13 +128,13 @@ def outcome(
     labels : ndarray of shape (n_recordings,)
         Class of each run.
     known : ndarray of bool, shape (n_recordings,)
-        Which runs to learn from.
+        Training runs.
 
     Returns
     -------
     dict of str to float
-        Share of the variance, the leading bins and their weights, the greatest weight
-        of bins 6 to 8, known runs decided rightly by class, and the share of new ones.
+        Explained variance, the leading bins and their weights, the largest weight of bins 6 to
+        8, correct training runs by class, and the share of correct test runs.
     """
     pca = PCA().fit(bins[known])
     weights = np.abs(pca.components_[:2])
@@ -148,15 +148,15 @@ def outcome(
     for label in CHAPTER3_ORDERS:
         found[f"correct, {label}"] = np.sum((truths == label) & (decided == label))
     missed = np.sum((truths == "defect 1") & (decided == "healthy"))
-    found["defect 1 taken for healthy"] = missed
-    found["new runs decided rightly [%]"] = 100 * model.score(bins[~known], labels[~known])
+    found["defect 1 classified as healthy"] = missed
+    found["new runs classified correctly [%]"] = 100 * model.score(bins[~known], labels[~known])
     return {name: float(value) for name, value in found.items()}
 
 
 def _runs(
     seed: int, n_new: int, **constants: Any
 ) -> tuple[list[Recording], NDArray[Any], NDArray[Any]]:
-    """Return recordings, their labels, and which of them are for learning."""
+    """Return recordings, their labels, and which of them are for training."""
     recordings, labels = chapter3_recordings(N_RUNS + n_new, seed=seed, **constants)
     known = np.array([recording.meta["run"] < N_RUNS for recording in recordings])
     return recordings, labels, known
@@ -191,9 +191,9 @@ def _hertz_against_orders(
     known: NDArray[np.bool_],
     order_bins: NDArray[np.floating],
 ) -> dict[str, float]:
-    """Judge by bins in hertz and in orders; 10 Hz is order 1 at the mean speed."""
+    """Classify by bins in hertz and in orders; 10 Hz is order 1 at the mean speed."""
     rows = np.array([recording.signals["current"] for recording in recordings])
-    # 2000 samples a second in the place of samples a revolution: hertz in the place of orders.
+    # 2000 samples per second instead of samples per revolution: hertz instead of orders.
     spectra = np.asarray(OrderPSD(n_per_segment=N_TIMES, theta_s=TURN / FS).fit_transform(rows))
     step = FS / N_TIMES
     tables = {"orders": order_bins}

@@ -1,4 +1,4 @@
-"""What a reproduction found: published figures beside ours, tables and pictures."""
+"""Results of a reproduction: published figures and ours, tables and pictures."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from numpy.typing import ArrayLike
 
 
 class Finding(NamedTuple):
-    """One published number beside ours.
+    """One published number and ours.
 
     Attributes
     ----------
     where : str
-        Where it stands in the publication, such as "Table 2.1, eigenvalue 1".
+        Place in the publication, such as "Table 2.1, eigenvalue 1".
     published : float
         The published number.
     ours : float
-        Ours; the median where there are several seeds.
+        Our number; the median of several seeds.
     low, high : float
-        Range of ours, or what is allowed around it.
+        Range of our numbers, including a tolerance for rounding in print.
     agrees : bool
         Whether the published number lies within the range.
     note : str
-        How it was obtained, and, where it does not agree, why.
+        Method and, where the numbers do not agree, the reason.
     """
 
     where: str
@@ -41,26 +41,26 @@ class Finding(NamedTuple):
 
 @dataclass
 class Chapter:
-    """What one chapter of a reproduction gave.
+    """Results of one chapter.
 
     Attributes
     ----------
     number : int
-        Of the chapter in the publication.
+        Number of the chapter in the publication.
     title : str
         Its title.
     remarks : list of str
-        Paragraphs for the reader, in plain text, in order.
+        Paragraphs of plain text, in order.
     findings : list of Finding
-        Published figures beside ours.
+        Published figures and ours.
     tables : dict of str to DataFrame
         Tables by name.
     figures : dict of str to matplotlib Figure
         Pictures by name, such as "Fig. 2.7"; with their captions in `captions`.
     captions : dict of str to str
-        What a picture shows.
+        Captions of the pictures.
     opening : str
-        What the reader must know before anything else; empty if nothing.
+        Text at the beginning of the report and of the chapter; may be empty.
     """
 
     number: int
@@ -73,32 +73,32 @@ class Chapter:
     opening: str = ""
 
     def draw(self, name: str, figure: Any, caption: str) -> None:
-        """Keep a picture and what it shows."""
+        """Keep a picture and its caption."""
         self.figures[name] = figure
         self.captions[name] = caption
 
     def compare(
         self, where: str, published: float, values: ArrayLike, note: str, *, slack: float = 0.0
     ) -> Finding:
-        """Set a published number beside our values of it, one for each seed.
+        """Compare a published number with our values of it, one for each seed.
 
         Parameters
         ----------
         where : str
-            Where it stands.
+            Place in the publication.
         published : float
             The published number.
         values : float or array-like
             Ours.
         note : str
-            How they were obtained.
+            Method.
         slack : float
-            What is allowed beyond the range of the values, for rounding in print.
+            Tolerance beyond the range of the values, for rounding in print.
 
         Returns
         -------
         Finding
-            Also kept in `findings`.
+            Also appended to `findings`.
         """
         ours = np.atleast_1d(np.asarray(values, dtype=float))
         low, high = float(ours.min()) - slack, float(ours.max()) + slack
@@ -109,5 +109,5 @@ class Chapter:
 
 
 def findings_frame(findings: Sequence[Finding]) -> pd.DataFrame:
-    """Return findings as a table, a row each."""
+    """Return findings as a table, one row each."""
     return pd.DataFrame(list(findings), columns=list(Finding._fields))

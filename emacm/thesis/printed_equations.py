@@ -1,4 +1,4 @@
-"""Equations of the thesis as they are printed, where emacm reads them otherwise."""
+"""Equations of the thesis as printed, where emacm uses a corrected form."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from emacm._checks import check_number, check_signal
 def printed_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
     """Integrate the shaft speed by Eq. (2.9) as printed [1]_.
 
-    The sum lacks parentheses around the two speeds: it runs over the first alone, and the
-    second is added once, unscaled. `emacm.angle_from_velocity` is what was meant.
+    The sum lacks parentheses around the two speeds: only the first is summed, and the second is
+    added once, without scaling. `emacm.angle_from_velocity` is the corrected form.
 
     Parameters
     ----------
@@ -24,12 +24,12 @@ def printed_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
     Returns
     -------
     ndarray of shape (n_times,)
-        What the equation gives; no angle, as its units differ.
+        Result of the equation; its units are inconsistent.
 
     Raises
     ------
     TypeError, ValueError
-        If the speed is no finite signal, or `fs` not positive.
+        If the speed is not a finite signal, or `fs` not positive.
 
     References
     ----------
@@ -47,11 +47,11 @@ def printed_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
 
 
 def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> NDArray[np.float64]:
-    """Resample by Eq. (2.13) as printed [1]_, which adds the slope to the sample after.
+    """Resample by Eq. (2.13) as printed [1]_, which adds the slope to the following sample.
 
-    The angle is measured from the sample before. At low orders this is the signal a time
-    sample early, and so a line is modulated wherever the speed varies.
-    `emacm.resampling.interpolation.interpolated` starts from the sample before, as linear
+    The angle is measured from the preceding sample. At low orders the result is the signal one
+    time sample early, so that a line is modulated while the speed varies.
+    `emacm.resampling.interpolation.interpolated` starts from the preceding sample, as linear
     interpolation does.
 
     Parameters
@@ -59,19 +59,19 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
     signal : array-like of shape (n_times,)
         Signal in any unit.
     angle : array-like of shape (n_times,)
-        Shaft angle [rad] that never falls, from which angles are counted.
+        Nondecreasing shaft angle [rad]; angles are relative to the first.
     theta_s : float
         Angle between samples [rad].
 
     Returns
     -------
     ndarray of shape (n_angles,)
-        Signal at angles `theta_s` apart, from the first one.
+        Signal at multiples of `theta_s`, from the first angle.
 
     Raises
     ------
     TypeError, ValueError
-        If either is no finite signal, they differ in length, or the angle falls.
+        If either is not a finite signal, they differ in length, or the angle decreases.
 
     References
     ----------
@@ -87,10 +87,13 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
     theta_s = check_number(theta_s, "theta_s", above=0, unit="rad")
     if len(values) != len(turned):
         raise ValueError(
-            f"signal and angle must be equally long, got {len(values)} and {len(turned)} samples."
+            f"signal and angle must have the same length, got {len(values)} and "
+            f"{len(turned)} samples."
         )
     if np.any(np.diff(turned) < 0):
-        raise ValueError("angle must not fall; Eq. (2.13) is not defined where the shaft reverses.")
+        raise ValueError(
+            "angle must not decrease; Eq. (2.13) is not defined where the shaft reverses."
+        )
     turned = turned - turned[0]
     places = theta_s * np.arange(int(np.floor(turned[-1] / theta_s + 1e-9)) + 1)
     after = np.clip(np.searchsorted(turned, places, side="right"), 1, len(turned) - 1)
@@ -99,9 +102,9 @@ def printed_resampling(signal: ArrayLike, angle: ArrayLike, theta_s: float) -> N
 
 
 def rectangle_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
-    """Integrate the shaft speed by the rectangle rule, half a sample behind the trapezoid rule.
+    """Integrate the shaft speed by the rectangle rule, half a sample late.
 
-    Not in the thesis: a slip that is easily made, to see what it does.
+    Not in the thesis: a frequent error, to show its effect.
 
     Parameters
     ----------
@@ -118,7 +121,7 @@ def rectangle_angle(velocity: ArrayLike, fs: float) -> NDArray[np.float64]:
     Raises
     ------
     TypeError, ValueError
-        If the speed is no finite signal, or `fs` not positive.
+        If the speed is not a finite signal, or `fs` not positive.
 
     Examples
     --------

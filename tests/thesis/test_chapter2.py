@@ -58,7 +58,7 @@ def test_table_2_1_is_laid_out_as_published(chapter):
 
 def test_read_as_its_words_say_the_cost_of_eq_2_48_swaps_the_errors(chapter):
     errors = chapter.tables["Figs. 2.13 and 2.14, errors of 1000"]["ours"]
-    equation, words = errors["Eq. (2.48)"], errors["Eq. (2.48), as the words have it"]
+    equation, words = errors["Eq. (2.48)"], errors["Eq. (2.48), as described in words"]
     assert equation["decided as w1"] < 10 < 25 < equation["decided as w2"]
     assert words["decided as w2"] < 10 < 25 < words["decided as w1"]
 
