@@ -42,6 +42,7 @@ def test_calibrated_probabilities_equal_the_frequencies():
     deviation = np.sqrt(curve["confidence"] * (1 - curve["confidence"]) / curve["count"])
     assert (np.abs(curve["frequency"] - curve["confidence"]) < 4 * deviation).all()
     assert curve["count"].sum() == 50_000
+    assert curve.columns.tolist() == ["from", "to", "confidence", "frequency", "count"]
 
 
 def test_overconfident_probabilities_exceed_the_frequencies():

@@ -271,6 +271,54 @@ def test_the_table_describes_each_line():
     assert table["part"]["mesh"] == "Gear"
 
 
+def test_every_line_names_its_component_and_its_part():
+    parts = (Bearing(9, 7.94, 39.04, name="rear"), Motor(4, 9), Gear(8, 42))
+    parts += (BallScrew(17, 3.175, 20, 5, circuit_balls=60), {"belt": 0.7})
+    table = fault_orders(*parts)
+    assert table["kind"].to_dict() == {
+        "rear BPFO": "outer ring",
+        "rear BPFI": "inner ring",
+        "rear BSF": "ball",
+        "rear 2xBSF": "ball",
+        "rear FTF": "cage",
+        "shaft": "imbalance or eccentricity",
+        "supply": "supply",
+        "cogging": "cogging",
+        "mesh": "mesh",
+        "pinion": "pinion",
+        "wheel": "wheel",
+        "hunting": "hunting tooth",
+        "phase": "assembly phase",
+        "screw": "shaft of the screw",
+        "nut race": "nut",
+        "thread": "screw",
+        "spin": "ball",
+        "2xspin": "ball",
+        "orbit": "balls",
+        "circuit": "recirculation",
+        "belt": "given",
+    }
+    owners = ["rear"] * 5 + ["Motor"] * 3 + ["Gear"] * 5 + ["BallScrew"] * 7 + ["given"]
+    assert table["part"].tolist() == owners
+    assert table.columns.tolist() == ["order", "part", "kind", "harmonic", "sideband", "slips"]
+
+
+def test_lines_in_the_current_lie_beside_the_supply_and_the_supply_itself_is_kept():
+    table = fault_orders(Motor(5), {"belt": 0.7}, harmonics=2, sidebands=1, signal="current")
+    assert table["order"].round(9).to_dict() == {
+        "supply+shaft": 6,
+        "supply-shaft": 4,
+        "supply+2xshaft": 7,
+        "supply-2xshaft": 3,
+        "supply": 5,
+        "2xsupply": 10,
+        "supply+belt": 5.7,
+        "supply-belt": 4.3,
+        "supply+2xbelt": 6.4,
+        "supply-2xbelt": 3.6,
+    }
+
+
 def test_the_lines_of_rolling_elements_slip_and_those_of_shafts_do_not():
     table = fault_orders(Bearing(9, 7.94, 39.04), BallScrew(17, 3.175, 20, 5, circuit_balls=60))
     assert table.index[~table["slips"]].tolist() == ["screw"]
@@ -394,6 +442,13 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
         ),
         (lambda: order_bands([6.1]), TypeError, "a table from fault_orders or a mapping"),
         (lambda: order_bands(pd.DataFrame({"order": [1]})), ValueError, "no column 'slips'"),
+        (lambda: fault_orders(Motor(6), max_order=0), ValueError, "max_order must be a number of"),
+        (lambda: fault_orders(Motor(6), sidebands=-1), ValueError, "sidebands must be a whole"),
+        (
+            lambda: order_bands({"a": 1.0}, min_width=-1),
+            ValueError,
+            "min_width must be a number of",
+        ),
         (lambda: order_bands({"a": 1.0}, slip=1.0), ValueError, "slip must be a number"),
         (lambda: order_bands({"a": 1.0}, on_overlap="no"), ValueError, "on_overlap must be one of"),
     ],
