@@ -1,10 +1,9 @@
-"""Time of decisions and risks, against the classifiers of scikit-learn with the same Gaussians.
+"""Time of decisions and risks, compared with classifiers of scikit-learn with the same densities.
 
-One table for each covariance: "full" beside QuadraticDiscriminantAnalysis, "tied" beside
-LinearDiscriminantAnalysis, "diag" beside GaussianNB. `predict` is set beside theirs, and `risk`,
-which weighs costs on top, beside their `predict_proba`. Prints medians of interleaved repeats and
-their ratios, and the largest difference of posteriors, once theirs has been given the divisor of
-our covariances, so that nothing fast is wrong. Run from the repository:
+One table for each covariance: "full" is compared with QuadraticDiscriminantAnalysis, "tied" with
+LinearDiscriminantAnalysis, "diag" with GaussianNB: `predict` with `predict`, and `risk`, which also
+applies the costs, with `predict_proba`. Prints medians of interleaved repeats, their ratios, and
+the largest difference of posteriors for covariances with the same divisor. Run from the repository:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/classifier.py [--quick] [--json FILE]
 """
@@ -46,7 +45,7 @@ def recordings(
 
 
 def quadratic(ours: CostSensitiveGaussianBayes, X: NDArray, y: NDArray) -> Any:
-    """Scikit-learn's; its divisor is N since 1.8, N - 1 before."""
+    """Return that of scikit-learn, whose divisor is N since 1.8, N - 1 before."""
     theirs = QuadraticDiscriminantAnalysis(store_covariance=True).fit(X, y)
     for k, covariance in enumerate(theirs.covariance_):
         theirs.scalings_[k] = theirs.scalings_[k] * (
@@ -56,25 +55,25 @@ def quadratic(ours: CostSensitiveGaussianBayes, X: NDArray, y: NDArray) -> Any:
 
 
 class Given(BaseEstimator):
-    """Covariance estimator that answers with a given matrix."""
+    """Covariance estimator that returns a given matrix."""
 
     def __init__(self, covariance: NDArray):
         self.covariance = covariance
 
     def fit(self, X: NDArray) -> Given:
-        """Learn nothing."""
+        """Set the covariance."""
         self.covariance_ = self.covariance
         return self
 
 
 def linear(ours: CostSensitiveGaussianBayes, X: NDArray, y: NDArray) -> Any:
-    """Scikit-learn's; its divisor depends on solver and version, so it is given ours."""
+    """Return that of scikit-learn with our covariance; its divisor depends on the solver."""
     given = Given(ours.covariances_)
     return LinearDiscriminantAnalysis(solver="lsqr", covariance_estimator=given).fit(X, y)
 
 
 def naive(ours: CostSensitiveGaussianBayes, X: NDArray, y: NDArray) -> Any:
-    """Scikit-learn's; it divides by N."""
+    """Return that of scikit-learn, which divides by N."""
     theirs = GaussianNB(var_smoothing=0).fit(X, y)
     theirs.var_ *= (theirs.class_count_ / (theirs.class_count_ - 1))[:, np.newaxis]
     return theirs
@@ -133,7 +132,7 @@ def main() -> None:
                 print_line(row)
         for figure in FIGURES:
             ratios = [row[f"{figure} ratio"] for row in table]
-            print(f"{figure}: ratio {min(ratios):.2f} at the least, {np.median(ratios):.2f} median")
+            print(f"{figure}: ratio {min(ratios):.2f} minimum, {np.median(ratios):.2f} median")
         rows += table
     write_json(options.json, rows)
 

@@ -1,4 +1,4 @@
-"""Costs of decisions: the forms in which they are stated, and the table they are read as.
+"""Costs of decisions: the forms in which they are given, and the table that results.
 
 Orientation, everywhere: rows are decisions, columns are true classes. ``cost[i, k]`` is the cost
 of deciding ``i`` when ``k`` is true, C(w_i | w_k) in [1]_, Eqs. (2.39) and (2.48).
@@ -102,7 +102,7 @@ def stated_cost(estimator: Any) -> Any:
     """Return the cost by which an estimator decides, found among its parameters.
 
     The cost of an estimator inside another one that has a cost (a member of a
-    `PosteriorProduct`, say) does not count: the outer one decides.
+    `PosteriorProduct`, for example) does not count: the outer one decides.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def stated_cost(estimator: Any) -> Any:
     return next(iter(outer.values()), None)
 
 
-def cost_of_some(cost: Any, known: Sequence[Any], everything: Sequence[Any]) -> Any:
+def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
     """Remove classes that do not occur from a cost.
 
     The posterior probability of a class that is absent from training is 0, and so is its
@@ -143,7 +143,7 @@ def cost_of_some(cost: Any, known: Sequence[Any], everything: Sequence[Any]) -> 
         As for `cost_table`.
     known : sequence
         Classes that occur.
-    everything : sequence
+    all_classes : sequence
         All classes, sorted.
 
     Returns
@@ -151,14 +151,14 @@ def cost_of_some(cost: Any, known: Sequence[Any], everything: Sequence[Any]) -> 
     None, array-like, DataFrame or mapping
         A DataFrame without the columns of absent classes, and with every decision; a mapping
         without pairs that name an absent class; an array without their rows and columns. A cost
-        that does not fit `everything` is returned unchanged.
+        that does not fit `all_classes` is returned unchanged.
 
     Examples
     --------
     >>> cost_of_some({("ok", "worn"): 10, ("ok", "dry"): 5}, ["dry", "ok"], ["dry", "ok", "worn"])
     {('ok', 'dry'): 5}
     """
-    absent = [label for label in everything if label not in known]
+    absent = [label for label in all_classes if label not in known]
     if cost is None or not absent:
         return cost
     if isinstance(cost, pd.DataFrame):
@@ -169,22 +169,22 @@ def cost_of_some(cost: Any, known: Sequence[Any], everything: Sequence[Any]) -> 
             for key, value in cost.items()
             if not (isinstance(key, tuple) and set(key) & set(absent))
         }
-    kept = [place for place, label in enumerate(everything) if label in known]
-    if np.shape(cost) == (len(everything) + 1,) * 2:  # the last is the unknown state
-        kept.append(len(everything))
-    elif np.shape(cost) != (len(everything),) * 2:
+    kept = [place for place, label in enumerate(all_classes) if label in known]
+    if np.shape(cost) == (len(all_classes) + 1,) * 2:  # the last is the unknown state
+        kept.append(len(all_classes))
+    elif np.shape(cost) != (len(all_classes),) * 2:
         return cost
     return np.asarray(cost)[np.ix_(kept, kept)]
 
 
-def narrow_costs(estimator: Any, known: Sequence[Any], everything: Sequence[Any]) -> Any:
+def narrow_costs(estimator: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
     """Restrict all costs of an estimator, nested ones included, to the classes that occur.
 
     Parameters
     ----------
     estimator : estimator
         It is changed; pass a clone.
-    known, everything : sequence
+    known, all_classes : sequence
         As for `cost_of_some`.
 
     Returns
@@ -193,7 +193,7 @@ def narrow_costs(estimator: Any, known: Sequence[Any], everything: Sequence[Any]
         The same object.
     """
     costs = {name: cost for name, cost in cost_parameters(estimator).items() if cost is not None}
-    narrow = {name: cost_of_some(cost, known, everything) for name, cost in costs.items()}
+    narrow = {name: cost_of_some(cost, known, all_classes) for name, cost in costs.items()}
     return estimator.set_params(**narrow) if narrow else estimator
 
 

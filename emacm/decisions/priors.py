@@ -1,4 +1,4 @@
-"""Prior probabilities of the classes: the forms in which they are stated, and checks."""
+"""Prior probabilities of the classes: the forms in which they are given, and checks."""
 
 from __future__ import annotations
 
