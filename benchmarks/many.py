@@ -77,7 +77,7 @@ def main() -> None:
             row["ms per recording"] = 1e3 * spent[1] / len(recordings)
             row |= {f"{n} threads": spent[1] / spent[n] for n in cores[1:]}
             rows.append(row | {"memory of 24 [recordings]": memory})
-    print(f"16 recordings of {seconds:g} s, medians of {repeats}; with threads: gain over one")
+    print(f"16 recordings of {seconds:g} s, medians of {repeats}; threads: speed relative to one")
     print(table(rows))
     write_json(options.json, rows)
 

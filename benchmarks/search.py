@@ -88,7 +88,7 @@ def searched(steps: Pipeline, grid: dict[str, Any], X: Any, y: Any, **options: A
 
 @contextmanager
 def counted() -> Iterator[list[int]]:
-    """Count the calls of the function that resamples a recording and estimates its spectra."""
+    """Count the calls of the method that resamples a recording and estimates its spectra."""
     original, calls = SegmentPlan.spectra_of, []
 
     def counting(*args: Any, **kwargs: Any) -> Any:
