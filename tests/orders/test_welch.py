@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
+from emacm.orders import segments
 from emacm.orders.segment_plan import segment_plan
 from emacm.orders.welch import order_psd
 
@@ -287,8 +288,11 @@ def reversing_recording(fault):
     length=st.integers(8, 300),
     overlap=st.sampled_from([0.0, 0.25, 0.5, 0.9]),
     average=st.sampled_from(["mean", "median"]),
+    joined=st.sampled_from([0, 1000, 1 << 20]),  # bytes of blocks that are joined with a rest
 )
-def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average):
+@example(sizes=[100, 100], length=100, overlap=0.5, average="mean", joined=0)
+@example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median", joined=0)
+def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average, joined):
     signal = np.random.default_rng(sum(sizes)).standard_normal((2, sum(sizes)))
     plan = segment_plan(32.0, n_per_segment=length, overlap=overlap, average=average)
     cuts = np.cumsum(sizes)[:-1]
@@ -298,7 +302,10 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
             plan.average_of([iter(blocks)])
         return
     expected = plan.average_of([signal])
-    np.testing.assert_allclose(plan.average_of([iter(blocks)]), expected, rtol=1e-9, atol=1e-15)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(segments, "_JOINED_BYTES", joined)
+        found = plan.average_of([iter(blocks)])
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
 def test_by_direction_a_fault_of_forward_strokes_stands_in_forward_columns_only():
@@ -441,3 +448,9 @@ def test_signals_without_a_segment_are_refused(average):
     plan = segment_plan(32, revolutions=4, average=average)
     with pytest.raises(ValueError, match="no signal holds a segment of 128 samples"):
         plan.average_of([np.ones((1, 127))])
+
+
+@pytest.mark.parametrize("signal", [1.0, [], np.ones((0, 1000)), np.ones((3, 0))])
+def test_an_array_without_samples_is_refused(signal):
+    with pytest.raises(ValueError, match=r"signal of shape .* holds no segment of 800 samples"):
+        order_psd(signal, 50)

@@ -10,7 +10,7 @@ from emacm._kernels.numpy.resampling import reach
 
 # Large blocks: with small ones, threads wait for one another more often.
 BLOCK = 1 << 18  # time samples that are spread
-READ_BLOCK = 3 << 16  # time samples that are interpolated
+READ_BLOCK = 1 << 17  # time samples that are interpolated
 
 _AT_ONCE = 8  # signals that are spread in one pass
 _PART = 1 << 15  # samples that are spread before the complete points are decimated
