@@ -123,7 +123,8 @@ def single(recording: Recording) -> Recording:
 def errors(variant: Bins, seconds: float) -> dict[str, float]:
     """Error [dB] of a tone's power and of the noise floor, and power of the aliased tone [dB]."""
     found = {}
-    for kind, chosen in (("tone", slice(47, 50)), ("noise", slice(1, 48)), ("aliased", slice(0, 50))):
+    parts = {"tone": slice(47, 50), "noise": slice(1, 48), "aliased": slice(0, 50)}
+    for kind, chosen in parts.items():
         recording, true = made(seconds, kind, n_channels=1)
         bins = variant(recording)[chosen]
         power = bins.mean() if kind == "noise" else bins.sum()

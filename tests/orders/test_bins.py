@@ -412,3 +412,28 @@ def test_the_logarithm_of_bins_without_power_names_recording_and_bin():
         np.log10(bins.transform(table))
     assert type(np.log10(bins.transform(table[::2]))) is np.ndarray
     assert type(2 * bins.transform(table)) is np.ndarray
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("form", [list, np.asarray, pd.DataFrame])
+def test_a_value_that_is_not_finite_is_named_with_recording_and_column(form, value):
+    columns = [f"z@{k}" for k in range(3)]
+    psd = pd.DataFrame(np.ones((4, 3)), columns=columns)
+    bins = BinTransformer(max_order=2).fit(psd if form is pd.DataFrame else form(psd.to_numpy()))
+    psd.iloc[2, 1] = value
+    where = "'z@1'" if form is pd.DataFrame else "1"
+    bad = psd if form is pd.DataFrame else form(psd.to_numpy())
+    for use in (bins.transform, bins.fit):
+        with pytest.raises(ValueError, match=rf"X must be finite.*recording 2.*{where}"):
+            use(bad)
+
+
+def test_the_orders_of_a_plain_table_may_end_below_one():
+    psd = np.ones((2, 9))
+    bins = BinTransformer(0.3, max_order=0.8).fit(psd)
+    assert bins.get_feature_names_out().tolist() == [
+        "signal@0-0.3",
+        "signal@0.3-0.6",
+        "signal@0.6-0.8",
+    ]
+    np.testing.assert_allclose(bins.transform(psd)[1], [0.3, 0.3, 0.2], rtol=1e-12)

@@ -125,7 +125,7 @@ def test_the_response_is_that_of_the_drive(over_angle):
     table = frame(estimator.set_params(max_order=8), over_angle)
     gain = table.filter(like="response.magnitude").to_numpy()
     assert gain.shape == (3, 8)
-    np.testing.assert_allclose(gain[:, 1:].mean(axis=0), 2, rtol=0.2)
+    np.testing.assert_allclose(gain[:, 1:].mean(axis=0), 2, rtol=0.07)
 
 
 def test_the_phase_between_channels_is_blind_to_the_shaft_angle_at_the_start():
@@ -142,8 +142,12 @@ def test_a_delay_lags_on_forward_and_reverse_strokes_alike(over_angle):
     table = frame(estimator, over_angle)
     names = ["log", "phase"]
     assert list(table) == [f"torque*current:response.{q}{s}@low" for q in names for s in "+-"]
-    assert (table.iloc[:, 2:] < -0.3).to_numpy().all()
-    assert np.allclose(table.iloc[:, 2], table.iloc[:, 3], atol=0.3)
+    phase = table.iloc[:, 2:].to_numpy()
+    # 6 ms at order 4 and at the highest speed, or the mean of the speed over the angle.
+    fastest = TURN * 8
+    assert np.all((phase > -4 * fastest * 0.006) & (phase < -4 * fastest * np.pi / 4 * 0.006))
+    np.testing.assert_allclose(phase[:, 0], phase[:, 1], atol=0.06)
+    np.testing.assert_allclose(table.iloc[:, :2], np.log(2), atol=0.1)
 
 
 def test_the_logarithm_is_that_of_the_magnitude(over_angle):
