@@ -267,7 +267,7 @@ def test_tied_oas_is_that_of_the_residuals():
 # Decisions
 
 
-def test_a_dear_missed_detection_trades_misses_for_false_alarms():
+def test_expensive_missed_detections_become_rarer_and_false_alarms_more_frequent():
     # The example of section 2.2.1, with rows as decisions (Eqs. 2.47, 2.48).
     rng = np.random.default_rng(2013)
     X = np.r_[rng.normal([0, 0], 1, (1000, 2)), rng.normal([3.2, 3.2], 1, (1000, 2))]
@@ -374,7 +374,7 @@ def by_hand(decided, y):
     return FAMILIES.to_numpy()[rows, columns], decided == np.array([FAMILY[k] for k in y])
 
 
-def test_families_decided_for_sub_states_are_right_if_they_are_the_family():
+def test_a_decision_on_the_family_of_a_state_is_correct():
     X, y = states(30)
     model = CostSensitiveGaussianBayes(FAMILIES, covariance="tied").fit(X, y)
     _, right = by_hand(model.predict(X), y)
@@ -402,7 +402,7 @@ def test_families_are_cross_validated_scored_and_searched_for():
     assert search.score(X, y) == -by_hand(search.predict(X), y)[0].mean()
 
 
-def test_posteriors_of_sub_states_need_no_cost_and_decide_for_families_afterwards():
+def test_posteriors_of_states_can_be_used_to_decide_on_families_afterwards():
     X, y = states(32)
     model = CostSensitiveGaussianBayes(covariance="tied")
     posterior = cross_val_predict(model, X, y, cv=4, method="predict_proba")
@@ -419,7 +419,7 @@ def test_a_sub_state_never_trained_on_cannot_be_scored_but_its_family_can():
     assert model.score(X[:2], ["dry", "dry"]) == np.mean(model.predict(X[:2]) == "dry")
 
 
-def test_accuracy_counts_other_decisions_as_wrong_whatever_the_labels():
+def test_accuracy_counts_decisions_that_are_not_classes_as_wrong():
     X, y = draw(11)
     numbers = np.searchsorted(NAMES, y)
     model = CostSensitiveGaussianBayes({("inspect", k): 0.2 for k in range(3)}).fit(X, numbers)
@@ -526,7 +526,7 @@ def test_a_class_of_prior_zero_is_never_decided():
         (["a", "b", "c"], TypeError, "priors must be numeric"),
     ],
 )
-def test_priors_that_fit_no_classes_are_refused(priors, error, message):
+def test_priors_that_do_not_fit_the_classes_are_refused(priors, error, message):
     with pytest.raises(error, match=message):
         CostSensitiveGaussianBayes(priors=priors).fit(*draw())
 
@@ -537,7 +537,7 @@ def test_priors_that_fit_no_classes_are_refused(priors, error, message):
 @pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
 @given(cuts=st.lists(st.integers(1, 89), unique=True, max_size=5), seed=st.integers(0, 99))
 @settings(max_examples=10)
-def test_any_pieces_give_what_one_fit_gives(covariance, shrinkage, cuts, seed):
+def test_any_division_into_parts_gives_the_result_of_one_fit(covariance, shrinkage, cuts, seed):
     X, y = draw(seed)
     model = CostSensitiveGaussianBayes(COST, covariance=covariance, shrinkage=shrinkage)
     pieces = clone(model)
@@ -616,7 +616,7 @@ def test_partial_fit_refuses_what_it_cannot_merge():
         model.set_params(covariance="tied").partial_fit(X, y)
 
 
-def test_a_refused_piece_is_not_counted():
+def test_recordings_that_were_refused_are_not_counted():
     X, y = draw()
     model = CostSensitiveGaussianBayes(cost=np.ones((2, 2)))
     with pytest.raises(ValueError, match="square array"):
@@ -625,7 +625,7 @@ def test_a_refused_piece_is_not_counted():
     assert model.class_count_.tolist() == [30, 30, 30]
 
 
-def test_automatic_shrinkage_refuses_pieces_and_weights_and_says_why():
+def test_automatic_shrinkage_refuses_partial_fit_and_weights_with_the_reason():
     X, y = draw()
     model = CostSensitiveGaussianBayes(shrinkage="auto")
     assert not hasattr(model, "partial_fit")
@@ -718,7 +718,7 @@ def test_a_class_of_one_recording_has_no_covariance_to_shrink(shrinkage):
     assert tied.fit(X[keep], y[keep]).class_count_[2] == 1
 
 
-def test_pieces_complain_of_singular_covariances_when_they_are_used():
+def test_after_partial_fit_singular_covariances_are_reported_by_predict():
     X, y = singular("full")
     floored = CostSensitiveGaussianBayes().partial_fit(X, y, NAMES)
     with pytest.warns(UserWarning, match="class 'screw' is singular"):
@@ -824,7 +824,7 @@ def test_the_scorer_serves_decisions_of_mixed_kinds():
     assert neg_expected_cost(model, X, numbers) == neg_expected_cost(named, X, y)
 
 
-def test_a_classifier_without_a_cost_is_told_of_make_scorer():
+def test_for_a_classifier_without_a_cost_the_message_names_make_scorer():
     X, y = draw()
     with pytest.raises(TypeError, match="CostSensitiveGaussianBayes'> has no cost_"):
         neg_expected_cost(CostSensitiveGaussianBayes, X, y)

@@ -22,7 +22,7 @@ posteriors = arrays(float, (6, 3), elements=st.integers(0, 8).map(float)).map(
 )
 
 
-def test_no_cost_is_zero_for_right_and_one_for_wrong():
+def test_the_default_cost_is_0_for_correct_decisions_and_1_for_others():
     decisions, matrix = cost_table(None, CLASSES)
     assert decisions.tolist() == CLASSES
     np.testing.assert_array_equal(matrix, [[0, 1, 1], [1, 0, 1], [1, 1, 0]])
@@ -160,7 +160,7 @@ def test_decisions_that_are_all_classes_have_the_dtype_of_the_classes():
         (pd.DataFrame("low", index=CLASSES, columns=CLASSES), TypeError, "must be a number.*'low'"),
     ],
 )
-def test_a_cost_that_makes_no_table_is_refused_with_its_place(cost, error, message):
+def test_invalid_costs_are_refused_with_their_position(cost, error, message):
     with pytest.raises(error, match=message):
         cost_table(cost, CLASSES)
 
@@ -242,14 +242,14 @@ def test_the_mean_cost_is_the_same_for_every_form_of_cost():
     assert means == {(5 + 7 + 3) / 3}
 
 
-def test_a_decision_that_is_no_class_has_its_price():
+def test_a_decision_that_is_not_a_class_has_its_own_costs():
     inspect = {("inspect", 0): 0.2, ("inspect", 1): 0.4}
     assert expected_cost([0, 1, 1], ["inspect", "inspect", 0], cost=inspect) == pytest.approx(
         1.6 / 3
     )
 
 
-def test_a_class_that_was_never_true_may_be_decided_without_a_price():
+def test_a_class_that_is_never_true_needs_no_cost():
     assert expected_cost(["a", "b"], ["c", "b"], cost={("a", "b"): 5}) == 0.5
 
 

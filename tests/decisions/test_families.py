@@ -57,7 +57,7 @@ def test_costs_between_families_hold_for_all_their_states():
     np.testing.assert_array_equal(frame, [[0, 10, 10, 1], [1, 0, 0, 1], [2, 1, 1, 0]])
 
 
-def test_a_frame_of_costs_may_have_decisions_that_are_no_family():
+def test_a_frame_of_costs_may_have_decisions_that_are_not_families():
     costs = pd.DataFrame(
         [[0, 9, 5], [1, 0, 0]], index=["fly", "repair"], columns=["normal", "spalling", "backlash"]
     )
@@ -66,7 +66,7 @@ def test_a_frame_of_costs_may_have_decisions_that_are_no_family():
     assert frame.loc["fly"].tolist() == [0, 9, 9, 5]
 
 
-def test_a_further_decision_costs_the_same_whatever_is_true():
+def test_the_cost_of_another_decision_does_not_depend_on_the_true_state():
     frame = family_costs(FAMILIES, other_decisions={"inspect": 0.3})
     assert frame.loc["inspect"].tolist() == [0.3] * 4
     assert frame.loc["normal"].tolist() == [0, 1, 1, 1]
@@ -77,7 +77,7 @@ def test_missed_faults_and_false_alarms_refer_to_the_healthy_family():
     np.testing.assert_array_equal(frame, [[0, 10, 10, 10], [2, 0, 0, 1], [2, 1, 1, 0]])
 
 
-def test_a_price_of_its_own_goes_before_that_of_all_missed_faults():
+def test_a_single_cost_takes_precedence_over_that_of_all_missed_detections():
     frame = family_costs(FAMILIES, {("normal", "backlash"): 50}, healthy="normal", missed=10)
     assert frame.loc["normal"].tolist() == [0, 10, 10, 50]
 
@@ -120,7 +120,7 @@ def test_the_metric_takes_states_as_truths_and_families_as_decisions():
     assert expected_cost(["spalling2", "normal"], ["normal", "normal"], cost=cost) == 5
 
 
-def test_a_search_over_costs_and_covariances_takes_them(states):
+def test_costs_of_families_can_be_used_in_a_search(states):
     X, y = states
     model = CostSensitiveGaussianBayes(family_costs(FAMILIES))
     search = GridSearchCV(model, {"covariance": ["tied", "diag"]}, scoring=neg_expected_cost)
@@ -182,7 +182,7 @@ def test_invalid_families_and_costs_are_refused(families, options, error, messag
         family_costs(families, **options)
 
 
-def test_a_label_of_no_family_is_named_with_its_place():
+def test_a_label_without_a_family_is_reported_with_its_position():
     with pytest.raises(ValueError, match="y contains 'wear' at position 1, which is in no family"):
         as_families(["normal", "wear"], FAMILIES)
 

@@ -57,7 +57,7 @@ def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
 @pytest.mark.parametrize("kind", KINDS)
 @given(st.lists(st.integers(0, 60), max_size=6), st.integers(0, 1000))
 @settings(max_examples=30)
-def test_moments_of_pieces_merge_exactly(kind, cuts, seed):
+def test_moments_of_parts_merge_exactly(kind, cuts, seed):
     X, codes = draw(seed)
     X += 1e3
     merged = class_moments(X[:0], codes[:0], 3, **kind)
@@ -86,7 +86,7 @@ def test_moments_of_two_kinds_do_not_merge():
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.1, 7))
-def test_a_constant_feature_has_no_spread_at_all(value, weight):
+def test_the_variance_of_a_constant_feature_is_exactly_zero(value, weight):
     X = np.full((7, 1), value)
     moments = class_moments(X, np.zeros(7, int), 1, sample_weight=np.full(7, weight))
     merged = moments.merge(class_moments(X[:2], np.zeros(2, int), 1))
@@ -94,7 +94,7 @@ def test_a_constant_feature_has_no_spread_at_all(value, weight):
     assert merged.scatter == 0
 
 
-def test_features_whose_square_overflows_are_refused_with_their_place():
+def test_features_whose_square_overflows_are_refused_with_their_position():
     X = np.ones((3, 2))
     X[2, 1] = -1e200
     with pytest.raises(ValueError, match="got -1e\\+200 at recording 2, feature 1"):

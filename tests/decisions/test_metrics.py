@@ -18,13 +18,13 @@ def correctness(truths, decided, decisions, classes, cost):
     return correct
 
 
-def test_a_state_is_decided_rightly_by_its_family():
+def test_the_family_of_a_state_is_its_correct_decision():
     decided = ["healthy", "dry", "healthy", "spalled"]
     right = correctness(STATES, decided, FAMILIES, STATES, COST)
     np.testing.assert_array_equal(right, [True, True, False, True])
 
 
-def test_where_decisions_are_classes_only_the_true_class_is_right_whatever_it_costs():
+def test_where_decisions_are_classes_only_the_true_class_is_correct_for_any_cost():
     # Deciding "worn" costs nothing, but is not true of the healthy.
     cost = [[0, 1], [0, 0]]
     classes = ["healthy", "worn"]
@@ -33,7 +33,7 @@ def test_where_decisions_are_classes_only_the_true_class_is_right_whatever_it_co
     np.testing.assert_array_equal(right, [True, False])
 
 
-def test_decisions_that_cost_the_same_least_are_right_alike():
+def test_several_decisions_with_the_least_cost_are_all_correct():
     cost = [[5, 2], [5, 2], [7, 3]]
     right = correctness([0, 0, 1], ["a", "b", "c"], ["a", "b", "c"], [0, 1], cost)
     np.testing.assert_array_equal(right, [True, True, False])
@@ -44,7 +44,7 @@ def test_a_family_given_as_the_truth_is_compared_by_name():
     np.testing.assert_array_equal(right, [True, False])
 
 
-def test_a_truth_that_no_class_and_no_decision_names_is_refused():
+def test_a_truth_that_is_neither_a_class_nor_a_decision_is_refused():
     message = "y contains 'dry 3' at recording 0, which is none of the classes .* leave such"
     with pytest.raises(ValueError, match=f"(?i){message}"):
         correctness(["dry 1", "dry 3"], ["dry", "dry"], FAMILIES, STATES, COST)

@@ -29,7 +29,7 @@ def test_the_product_is_bayes_rule_by_hand():
     )
 
 
-def test_members_of_other_priors_say_the_same_once_their_priors_are_divided_out():
+def test_members_with_different_priors_agree_once_their_priors_are_divided_out():
     rng = np.random.default_rng(0)
     likelihoods = rng.normal(size=(3, 20, 4))
     priors = rng.dirichlet(np.ones(4), size=3)
@@ -87,7 +87,7 @@ def test_certain_contradictions_cancel_and_leave_the_prior():
     np.testing.assert_allclose(np.exp(pooled), [[0.3, 0.7]], rtol=1e-12)
 
 
-def test_what_reads_zero_is_no_more_probable_than_what_is_known_to_be_less():
+def test_a_posterior_of_zero_is_at_most_the_smallest_of_its_row():
     logs = np.array([[0.0, -1e5, -np.inf]])
     pooled = pooled_log_posterior([logs], [[1 / 3] * 3], [1 / 3] * 3)
     assert pooled[0, 2] <= pooled[0, 1] == -1e5

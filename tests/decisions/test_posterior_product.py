@@ -139,7 +139,7 @@ def test_one_member_per_feature_is_naive_bayes():
     )
 
 
-def test_it_is_no_mean_of_posteriors_as_soft_voting_is():
+def test_the_product_differs_from_soft_voting():
     X, y = table(4)
     members = product().estimators
     voted = VotingClassifier(members, voting="soft").fit(X, y).predict_proba(X)
@@ -243,13 +243,13 @@ def test_decisions_are_those_of_least_risk():
     assert set(fused.predict(X)) == {"fly", "grease", "change"}
 
 
-def test_costs_of_members_play_no_part():
+def test_costs_of_members_have_no_effect():
     X, y = table(9)
     priced = product(CostSensitiveGaussianBayes(FAMILIES)).fit(X, y)
     np.testing.assert_array_equal(priced.predict(X), product().fit(X, y).predict(X))
 
 
-def test_it_is_scored_by_cost_and_by_right_families_inside_scikit_learn():
+def test_scores_in_cross_validation_are_those_of_costs_and_correct_families():
     X, y = table(10)
     fused, cv = product(cost=FAMILIES), StratifiedKFold(3)
     decided = cross_val_predict(fused, X, y, cv=cv)
@@ -313,7 +313,7 @@ def test_a_search_chooses_parameters_of_members():
     assert search.fit(X, y).best_params_ == {"a__gaussiannb__var_smoothing": 1e-9}
 
 
-def test_files_change_no_number(tmp_path):
+def test_a_saved_product_gives_the_same_risks(tmp_path):
     X, y = table(14)
     fused = product(cost=FAMILIES).fit(X, y)
     joblib.dump(fused, tmp_path / "model.joblib")
@@ -383,7 +383,7 @@ def test_a_weight_of_two_is_a_recording_twice():
     np.testing.assert_allclose(weighted.priors_, twice.priors_)
 
 
-def test_weights_for_a_member_that_takes_none_are_refused():
+def test_weights_for_a_member_without_sample_weight_are_refused():
     X, y = table(17)
     fused = product(KNeighborsClassifier())
     with pytest.raises(TypeError, match="member 'current': KNeighborsClassifier accepts no"):
@@ -416,7 +416,7 @@ def test_a_stacked_gaussian_decides_by_least_risk_as_the_one_member_of_a_product
         CostSensitiveGaussianBayes(priors=dict.fromkeys(STATES, 0.25)),
     ],
 )
-def test_parts_of_scikit_learn_number_the_classes_and_the_error_says_so(named):
+def test_where_scikit_learn_numbers_the_classes_the_message_gives_the_remedy(named):
     X, y = table(19)
     plain, hint = CostSensitiveGaussianBayes(shrinkage=0.1), "by numbers .*LeastRiskClassifier"
     for numbering in (
@@ -550,7 +550,7 @@ def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
         ({"cost": np.eye(2)}, ValueError, r"square array of shape \(4, 4\)"),
     ],
 )
-def test_wrong_parameters_are_refused(options, error, message):
+def test_invalid_parameters_are_refused(options, error, message):
     X, y = table(20)
     with pytest.raises(error, match=message):
         product().set_params(**options).fit(X, y)
@@ -566,7 +566,7 @@ def test_members_that_know_other_classes_are_refused():
         fused.fit(X, y)
 
 
-def test_errors_of_members_say_whose_they_are():
+def test_errors_of_a_member_contain_its_name():
     X, y = table(20)
     with pytest.raises(ValueError, match="member 'position': shrinkage"):
         product().set_params(position__costsensitivegaussianbayes__shrinkage=2).fit(X, y)
@@ -577,7 +577,7 @@ def test_errors_of_members_say_whose_they_are():
         fused.fit(X, y[:-1])
 
 
-def test_a_member_that_answers_nan_is_refused():
+def test_a_member_whose_posterior_is_nan_is_refused():
     X, y = table(20)
 
     class Ignorant(GaussianNB):
@@ -599,6 +599,6 @@ def test_a_member_that_answers_nan_is_refused():
 @pytest.mark.parametrize(
     "model", [PosteriorProduct([("all", GaussianNB())]), CostSensitiveGaussianBayes()]
 )
-def test_no_text_is_made_of_a_label_that_is_none(model, odd, error, message):
+def test_missing_and_mixed_labels_are_refused(model, odd, error, message):
     with pytest.raises(error, match=message):
         model.fit([[0.0], [1.0], [2.0], [4.0]], ["new", "new", "worn", odd])
