@@ -21,6 +21,7 @@ from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
 
 _STROKE = 1.0  # revolutions; anything shorter is noise of the shaft reference at rest
+_MAX_BINS = 1000  # two channels then have 10,000 features, and their covariance 0.8 GB
 _OVERSAMPLED = 2.4  # samples per cycle of the highest order: there the filter is still flat
 
 
@@ -105,7 +106,14 @@ def actuator_recipe(
     """
     check_choice(phase, "phase", (True, False))
     check_number(revolutions, "revolutions", above=0)
-    check_number(max_order, "max_order", above=0)
+    check_number(max_order, "max_order", at_least=2 / _OVERSAMPLED)
+    if revolutions * max_order > _MAX_BINS:
+        raise ValueError(
+            f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
+            f"{revolutions * max_order:.0f} bins for each channel, pair and direction, and the "
+            f"covariance of all features would not fit into memory; at most {_MAX_BINS} are "
+            f"possible. Lower either of them."
+        )
     if healthy is not None and not phase:
         raise ValueError(
             f"healthy = {healthy!r} needs phase=True: the residual of the 1x component depends on "

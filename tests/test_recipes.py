@@ -160,3 +160,15 @@ def test_a_dead_channel_is_named_with_its_recording(channel, level):
     for call in (lambda: model.predict(X), lambda: recipe().fit(X, y)):
         with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
             call()
+
+
+def test_more_features_than_fit_into_memory_are_refused():
+    with pytest.raises(
+        ValueError, match=r"revolutions = 8 and max_order = 500 make 4000 bins.*Low"
+    ):
+        actuator_recipe(revolutions=8, max_order=500)
+
+
+def test_a_highest_order_that_needs_less_than_two_samples_per_revolution_is_refused():
+    with pytest.raises(ValueError, match=r"max_order must be a number at least 0\.83\d*, got 0\.5"):
+        actuator_recipe(max_order=0.5)

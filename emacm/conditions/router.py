@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -15,10 +16,10 @@ from sklearn.metrics import accuracy_score
 from sklearn.utils import get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.metaestimators import available_if
-from sklearn.utils.parallel import Parallel, delayed
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
+from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.conditions.present_costs import narrowed, present_cost_table, with_present_costs
 from emacm.conditions.rows import (
@@ -161,10 +162,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
         inner = self._inner(X)
-        fitted = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(fit_on_rows)(self._clone(y, rows), inner, y, rows, fit_params, name)
-            for rows, name in zip(groups, names, strict=True)
-        )
+        fit_one = partial(fit_on_rows, X=inner, y=y, fit_params=fit_params, config=get_config())
+        models = [self._clone(y, rows) for rows in groups]
+        fitted = run(fit_one, models, groups, names, n_jobs=self.n_jobs, unit="condition")
         self.__dict__.pop("pooled_", None)  # of an earlier fit
         if self.unseen == "pooled":
             self.pooled_ = fitted[-1]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn import config_context
 
 from emacm._checks import located
 from emacm.decisions.labels import check_classes
@@ -103,18 +104,23 @@ def aligned_columns(
 
 def fit_on_rows(
     model: Any,
+    rows: Rows,
+    name: str,
+    *,
     X: Any,
     y: Any,
-    rows: NDArray[np.intp],
     fit_params: Mapping[str, Any],
-    name: str,
+    config: Mapping[str, Any],
 ) -> Any:
-    """Fit on some recordings, with their rows of all other arguments."""
+    """Fit on some recordings, with their rows of all other arguments.
+
+    `config` is the configuration of scikit-learn in the calling thread.
+    """
     cut = {
         key: chosen_rows(value, rows) if _per_recording(value, len(y)) else value
         for key, value in fit_params.items()
     }
-    with located(f"among the recordings {name}"):
+    with located(f"among the recordings {name}"), config_context(**config):
         return model.fit(chosen_rows(X, rows), chosen_rows(y, rows), **cut)
 
 

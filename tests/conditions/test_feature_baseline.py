@@ -5,6 +5,7 @@ import pandas as pd
 import polars as pl
 import pytest
 from sklearn.base import BaseEstimator, clone
+from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -179,3 +180,10 @@ def test_labels_are_required_if_healthy_is_a_label(kind):
     }
     assert required == {"label": True, "labels": True, "meta": False, "function": False}
     assert not get_tags(kind).input_tags.two_d_array
+
+
+@pytest.mark.parametrize("method", ["transform", "get_feature_names_out"])
+def test_nothing_is_subtracted_before_the_fit(method):
+    for kind in (FeatureBaseline(Levels()), SignalBaseline()):
+        with pytest.raises(NotFittedError):
+            getattr(kind, method)([constant(20)])

@@ -693,3 +693,29 @@ def test_a_cost_that_a_search_selected_stays():
     np.testing.assert_array_equal(
         router.predict(LOADED.iloc[:4]), router.estimators_[20].predict(LOADED[["level"]].iloc[:4])
     )
+
+
+@pytest.mark.parametrize("n_jobs", [0, 1.5, "2", True])
+def test_a_number_of_jobs_that_is_none_is_refused(n_jobs):
+    with pytest.raises((TypeError, ValueError), match="n_jobs must"):
+        ConditionRouter(LogisticRegression(), n_jobs=n_jobs).fit(LOADED, STATES)
+
+
+def test_workers_see_the_configuration_of_scikit_learn():
+    weight = np.arange(1.0, 9)
+    with sklearn.config_context(enable_metadata_routing=True):
+        model = CostSensitiveGaussianBayes(covariance="tied").set_fit_request(sample_weight=True)
+        pipe = make_pipeline(StandardScaler(), model)
+        router = ConditionRouter(pipe, n_jobs=2).fit(LOADED, STATES, sample_weight=weight)
+    assert router.estimators_[20][-1].class_count_.tolist() == [3, 7]
+    assert router.estimators_[40][-1].class_count_.tolist() == [11, 15]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [ConditionRouter(LogisticRegression()), ConditionRouter(gaussian(None), unseen="pooled")],
+)
+def test_nothing_is_decided_before_the_fit(kind):
+    for method in ("predict", "predict_proba"):
+        with pytest.raises(NotFittedError):
+            getattr(kind, method)(LOADED)
