@@ -166,6 +166,8 @@ def test_every_decision_that_is_correct_for_a_fault_is_a_false_alarm_on_a_health
     assert row["inspection_rate"] == 1 / 7
     assert row["missed_detection_rate"] == 1 / 5
     assert row["accuracy"] == 6 / 12
+    assert row["balanced_accuracy"] == pytest.approx((3 / 7 + 3 / 5) / 2)
+    assert found.confusions["random split"].index.tolist() == ["fly", "ground", "repair", "inspect"]
 
 
 def test_without_a_healthy_class_no_rate_is_computed():

@@ -396,7 +396,11 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
         (lambda: Bearing(9, 0.0, 8.0), ValueError, "ball_diameter must be a number above"),
         (lambda: Bearing(9, -3.0, 8.0), ValueError, "ball_diameter must be a number above"),
         (lambda: Bearing(9, 8.0, -39.0), ValueError, "pitch_diameter must be a number above 8"),
-        (lambda: Bearing(9, 8.0, 39.0, -0.1), ValueError, "contact_angle must be a number of rad"),
+        (
+            lambda: Bearing(9, 8.0, 39.0, -0.1),
+            ValueError,
+            "contact_angle must .* of rad, at least 0",
+        ),
         (lambda: Gear(18, 42, ratio=-2.0), ValueError, "ratio must be a number at least"),
         (
             lambda: BallScrew(9, 0.0, 20.0, 5.0),
