@@ -177,6 +177,6 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[
 
 
 def _codes(values: Any, labels: list[Any]) -> NDArray[np.intp]:
-    """Return the index of each value among the labels; -1 for another decision."""
+    """Return the index of each value among the labels."""
     place = {label: number for number, label in enumerate(labels)}
-    return np.array([place.get(value, -1) for value in values], np.intp)
+    return np.array([place[value] for value in values], np.intp)

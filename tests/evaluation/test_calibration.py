@@ -60,6 +60,8 @@ def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
 
 def test_the_mean_of_a_bin_lies_within_it():
     curve = reliability(*stated(500, 3), n_bins=7)
+    assert np.allclose(curve["to"] - curve["from"], 1 / 7)
+    assert curve["to"].tolist()[-1] == 1
     assert ((curve["from"] <= curve["confidence"]) & (curve["confidence"] <= curve["to"])).all()
 
 

@@ -399,7 +399,7 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
         (
             lambda: Bearing(9, 8.0, 39.0, -0.1),
             ValueError,
-            "contact_angle must .* of rad, at least 0",
+            "contact_angle .* of rad, at least 0",
         ),
         (lambda: Gear(18, 42, ratio=-2.0), ValueError, "ratio must be a number at least"),
         (
