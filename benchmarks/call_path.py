@@ -14,7 +14,7 @@ emacm:
 
 Run from the repository:
 
-    python benchmarks/call_path.py [--json FILE] [--calls]
+    python benchmarks/call_path.py [--quick] [--json FILE] [--calls]
 """
 
 from __future__ import annotations
@@ -117,6 +117,7 @@ def recording(seed: int) -> Recording:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="no difference: it takes seconds")
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--calls", action="store_true", help="list changes of module and calls")
     options = parser.parse_args()
