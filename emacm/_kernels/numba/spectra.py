@@ -26,7 +26,7 @@ from scipy import fft
 from emacm._kernels.numba.compilation import compiled
 from emacm._kernels.numpy.spectra import batches, powers, windowed
 
-SEGMENT_BYTES = 2 << 20  # of the segments transformed at a time
+SEGMENT_BYTES = 1 << 20  # of the segments transformed at a time
 # Of the low pass; the tests measure what it lets alias onto the lines wanted.
 _DECIMATION = 4  # samples for each one that is kept
 _HIGHEST = 1 / 16  # of the sampling rate: highest line wanted, half of what is left can represent
