@@ -278,3 +278,12 @@ def test_by_default_a_segment_is_16_revolutions_long():
     psd = OrderPSD(theta_s=TURN / 25).fit(rows)
     assert psd.n_per_segment_ == 400
     np.testing.assert_array_equal(psd.transform(rows)[0], order_psd(rows[0], 25)[1])
+
+
+@pytest.mark.parametrize("estimator", [OrderPSD, OrderCrossSpectrum])
+def test_a_stroke_of_a_single_sample_cannot_be_padded(estimator):
+    signals = {"z": RNG.standard_normal(300), "a": RNG.standard_normal(300)}
+    X = OrderResampler(3.0).fit_transform([Recording(signals, 300, velocity=np.full(300, 1.0))])
+    assert [stroke.n_angles for stroke in X[0].strokes] == [1]
+    with pytest.raises(ValueError, match=r"recording 0: no stroke holds a segment .*longest"):
+        estimator(n_per_segment=8, short="pad").fit_transform(X)
