@@ -223,6 +223,15 @@ def test_different_priors_of_members_are_refused_unless_one_is_stated():
     fused.set_params(priors="uniform").fit(X, y)
 
 
+def test_priors_that_differ_in_two_classes_only_are_different():
+    X, y = table(8)
+    fused = product().set_params(
+        position__costsensitivegaussianbayes__priors=[0.25, 0.25, 0.4, 0.1]
+    )
+    with pytest.raises(ValueError, match=r"'position' has \[0.25, 0.25, 0.4, 0.1\]"):
+        fused.fit(X, y)
+
+
 def test_a_member_that_cannot_know_a_class_is_refused():
     X, y = table(8)
     fused = product(CostSensitiveGaussianBayes(priors=[0, 0.3, 0.3, 0.4]), priors="uniform")
