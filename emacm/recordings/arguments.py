@@ -15,7 +15,9 @@ from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.motion import Series
 
 _FEW = 10  # samples; of a shorter angle, a single step may be most of the range
-_INDEX_TOLERANCE = 0.6  # sampling intervals by which a time index may deviate from the rate
+_FARTHEST = 1e15  # rad; beyond, float64 resolves no tenth of a radian
+_FASTEST = 1e9  # rad/s
+_OFF = 0.6  # sampling intervals by which a time of an index may deviate from the rate
 
 
 def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
@@ -64,10 +66,18 @@ def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
             f"emacm.shaft compute one from a tachometer, a resolver, a position or currents."
         )
     if angle is None:
-        return "velocity", immutable(check_signal(velocity, "velocity"))
+        speed = check_signal(velocity, "velocity")
+        place = int(np.abs(speed).argmax())
+        if abs(speed[place]) > _FASTEST:
+            raise ValueError(
+                f"velocity must be in rad/s, got {speed[place]:.4g} at sample {place}, which no "
+                f"shaft reaches. Check its unit, or repair the sample."
+            )
+        return "velocity", immutable(speed)
     shaft = check_signal(angle, "angle")
+    _check_resolution(shaft)
     if is_wrapped(shaft):
-        return "angle", angle_from_wrapped(shaft)
+        return "angle", immutable(angle_from_wrapped(shaft))
     steps = np.abs(np.diff(shaft))
     if len(shaft) >= _FEW and steps.max() > max(np.ptp(shaft) / 2, np.pi):
         raise ValueError(
@@ -76,6 +86,24 @@ def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
             f"with noise? Pass emacm.angle_from_wrapped(angle, period=...), in rad."
         )
     return "angle", immutable(shaft)
+
+
+def _check_resolution(angle: NDArray[np.floating]) -> None:
+    """Raise a ValueError where the steps of an angle are lost in the rounding of its values."""
+    largest = float(np.abs(angle).max())
+    if largest > _FARTHEST:
+        raise ValueError(
+            f"angle must be in rad, got values up to {largest:.4g}, which no shaft reaches. "
+            f"Check its unit, and subtract the angle of the first sample."
+        )
+    dtype, rounding = angle.dtype, float(np.spacing(angle.dtype.type(largest)))
+    step = float(np.ptp(angle)) / (len(angle) - 1)
+    if rounding > 1e-9 and rounding > step * (1e-2 if dtype == np.float64 else 1):
+        raise ValueError(
+            f"angle reaches {largest:.4g} rad, where {dtype} resolves {rounding:.2g} rad, but "
+            f"the shaft turns by {step:.2g} rad from sample to sample. Subtract the angle of the "
+            f"first sample before it is rounded, or pass velocity."
+        )
 
 
 def check_shaft_rate(shaft_fs: Any, rates: dict[str, float]) -> float:
@@ -128,3 +156,98 @@ def immutable(array: NDArray[np.floating]) -> NDArray[np.floating]:
     if isinstance(buffer, mmap.mmap) and memoryview(buffer).readonly:
         return array
     return np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+
+
+def check_indices(
+    signals: Any, shaft: Any, rates: Mapping[str, float], shaft_fs: float, reference: str
+) -> None:
+    """Check that the indices of pandas objects agree with the rates and with one another.
+
+    Parameters
+    ----------
+    signals : mapping of str to array-like, or DataFrame
+        The channels as given; those without an index are not checked.
+    shaft : array-like
+        The shaft reference as given.
+    rates : mapping of str to float
+        Sampling rates of the channels [Hz].
+    shaft_fs : float
+        Sampling rate of the shaft reference [Hz].
+    reference : {"angle", "velocity"}
+        Its name.
+
+    Raises
+    ------
+    ValueError
+        If times of an index have gaps or contradict the rate, if channels and shaft do not start
+        at the same time, or if equally sampled ones have different indices.
+    """
+    indexed = {
+        f"channel {name!r}": (values.index, rates[name])
+        for name, values in ((name, signals[name]) for name in signals)
+        if _has_index(values)
+    }
+    if _has_index(shaft):
+        indexed[reference] = (shaft.index, shaft_fs)
+    first: tuple[str, pd.Index, float] | None = None
+    checked: set[tuple[int, float]] = set()
+    for name, (index, rate) in indexed.items():
+        if (id(index), rate) not in checked:
+            checked.add((id(index), rate))
+            _check_times(index, rate, name)
+        if first is None:
+            first = (name, index, rate)
+        elif index is not first[1]:
+            _check_same_time(name, index, rate, first)
+
+
+def _has_index(values: Any) -> bool:
+    """Tell whether these are samples with an index that is more than their numbers from 0."""
+    if not isinstance(values, pd.Series):
+        return False
+    index = values.index
+    return not (isinstance(index, pd.RangeIndex) and index.start == 0 and index.step == 1)
+
+
+def _is_time(index: pd.Index) -> bool:
+    return isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
+
+
+def _check_times(index: pd.Index, rate: float, name: str) -> None:
+    if not _is_time(index) or len(index) < 2:
+        return
+    if index.hasnans:
+        raise ValueError(f"the index of {name} has missing times (NaT). Repair it, or drop it.")
+    seconds = (index - index[0]).to_numpy() / np.timedelta64(1, "s")
+    steps = np.diff(seconds)
+    resolution = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    if (steps > 0).all() or resolution < 1 / rate:
+        resolution = 0.0  # otherwise several samples have one time: it is coarser than the rate
+    off = np.abs(seconds - np.arange(len(index)) / rate) > _OFF / rate + resolution
+    if off.any():
+        place = int(np.argmax(off))
+        mean = (len(index) - 1) / seconds[-1] if seconds[-1] else np.inf
+        raise ValueError(
+            f"the index of {name} contradicts fs = {rate:g} Hz: sample {place} is at "
+            f"{seconds[place]:.6g} s, expected was {place / rate:.6g} s (mean rate of the index: "
+            f"{mean:.6g} Hz). Correct fs, or resample to uniform times and fill the gaps."
+        )
+
+
+def _check_same_time(
+    name: str, index: pd.Index, rate: float, first: tuple[str, pd.Index, float]
+) -> None:
+    other, other_index, other_rate = first
+    if _is_time(index) and type(index) is type(other_index):
+        apart = abs((index[0] - other_index[0]).total_seconds())
+        differ = apart > max(1 / rate, 1 / other_rate)
+        places = f"{name} starts at {index[0]}, {other} at {other_index[0]}"
+    else:
+        differ = rate == other_rate and len(index) == len(other_index)
+        differ = differ and not index.equals(other_index)
+        places = f"{name} starts with {index[0]!r}, {other} with {other_index[0]!r}"
+    if differ:
+        raise ValueError(
+            f"{name} and {other} have different indices: {places}. Channels and shaft must start "
+            f"at the same time. Align them by their index, or pass .to_numpy() if they are aligned."
+        )

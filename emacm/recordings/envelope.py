@@ -257,7 +257,14 @@ class EnvelopeSeries(LazySeries):
         return self._signal[np.abs((np.arange(start, stop) + last) % (2 * last) - last)]
 
     def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
-        return analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
+        if not np.isfinite(size).all() or (analytic.any() and not size.any()):
+            raise ValueError(
+                f"the envelope exceeds the range of {self.dtype}. State the channel in another "
+                f"unit, or set squared=False."
+            )
+        return size
 
 
 def envelope(

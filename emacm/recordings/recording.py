@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.recordings.arguments import (
     check_durations,
+    check_indices,
     check_rates,
     check_shaft,
     check_shaft_rate,
@@ -22,6 +23,7 @@ from emacm.recordings.arguments import (
 )
 from emacm.recordings.remembered import Remembered
 from emacm.shaft.angle import angle_from_velocity
+from emacm.shaft.jumps import Jump, largest_jump
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
     IntegratedAngle,
@@ -131,7 +133,7 @@ class Recording:
         reference, shaft = check_shaft(angle, velocity)
         if meta is not None and not isinstance(meta, Mapping):
             raise TypeError(f"meta must be a mapping such as {{'unit': 'A'}}, got {meta!r}.")
-        state = {
+        state: dict[str, Any] = {
             "_series": channels,
             "_fs": rates,
             "_shaft": shaft,
@@ -139,6 +141,8 @@ class Recording:
             "reference": reference,
             "shaft_fs": check_shaft_rate(shaft_fs, rates),
         }
+        given = velocity if angle is None else angle
+        check_indices(signals, given, rates, state["shaft_fs"], reference)
         self._set(state)
         check_durations(self._timed())
 
@@ -205,8 +209,15 @@ class Recording:
     def motion(self) -> tuple[Series, Series]:
         """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
         if self.reference == "angle":
-            return self._shaft, DifferentiatedVelocity(self._shaft, self.shaft_fs)
-        return IntegratedAngle(self._shaft, self.shaft_fs), self._shaft
+            return self._shaft, self._speed
+        return IntegratedAngle(self._shaft, self.shaft_fs), self._speed
+
+    @property
+    def _speed(self) -> Series:
+        """Shaft velocity [rad/s] at `shaft_fs`, to be read slice by slice."""
+        if self.reference == "velocity":
+            return self._shaft
+        return DifferentiatedVelocity(self._shaft, self.shaft_fs)
 
     def strokes(self, min_speed: float = 0.0) -> list[Stroke]:
         """Return the sections in which the shaft turns in one direction.
@@ -221,11 +232,13 @@ class Recording:
         list of Stroke
             As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
         """
-        velocity: Series = self._shaft
-        if self.reference == "angle":
-            velocity = DifferentiatedVelocity(self._shaft, self.shaft_fs)
-        find = partial(strokes_of, velocity, min_speed)
+        find = partial(strokes_of, self._speed, min_speed)
         return self._remembered.once(("strokes", min_speed), find, most=_MANY)
+
+    @property
+    def jump(self) -> Jump | None:
+        """Largest isolated jump of the shaft reference, see `emacm.shaft.jumps`; None if none."""
+        return self._remembered.once("jump", lambda: largest_jump(self._speed, self.shaft_fs))
 
     def paths(self, direction: str = "strokes", min_speed: float = 0.0) -> list[ShaftPath]:
         """Return the travel of the shaft along each of its strokes.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -30,7 +31,7 @@ from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.interpolation import INTERPOLATIONS
-from emacm.resampling.quality import recording_quality
+from emacm.resampling.quality import jump_warning, recording_quality
 from emacm.shaft.strokes import DIRECTIONS
 
 
@@ -43,7 +44,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     Parameters
     ----------
     theta_s : float
-        Angle between samples of the result [rad]. Orders up to π/theta_s exist.
+        Angle between samples of the result [rad], at most π: 2π over the samples per
+        revolution. Orders up to π/theta_s exist.
     interpolation : {"cubic", "linear"}
         Used only with ``antialias=False``. "linear" is the thesis, Eq. (2.13).
     antialias : bool
@@ -163,8 +165,14 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Raises
         ------
         TypeError, ValueError
-            If a recording lacks a channel or has others, or if its shaft never
-            turns (in the wanted direction) faster than `min_speed`.
+            If a recording lacks a channel or has others, if its shaft never
+            turns (in the wanted direction) faster than `min_speed`, or if its shaft
+            reference has an isolated jump of more than half a revolution.
+
+        Warns
+        -----
+        UserWarning
+            If the shaft reference has an isolated jump of more than `theta_s`.
         """
         check_is_fitted(self)
         self._check_parameters()
@@ -172,12 +180,13 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_channels(recordings, self.channels_, others=self.channels is not None)
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
-                self._check_turning(recording)
+                self._check_motion(recording, index)
+        theta_s = check_angle_step(self.theta_s)
         return [
             AngleRecording(
                 recording,
                 self.channels_,
-                check_angle_step(self.theta_s),
+                theta_s,
                 self.interpolation,
                 bool(self.antialias),
                 self.direction,
@@ -215,7 +224,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         quality = partial(
             recording_quality,
             channels=channels,
-            theta_s=self.theta_s,
+            theta_s=check_angle_step(self.theta_s),
             min_speed=self.min_speed,
             direction=self.direction,
         )
@@ -292,17 +301,22 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
         return chosen
 
-    def _check_turning(self, recording: Recording) -> None:
+    def _check_motion(self, recording: Recording, index: int) -> None:
+        """Check that the shaft turns, and that its reference has no impossible jump."""
         signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
-        if any(stroke.direction in signs for stroke in recording.strokes(float(self.min_speed))):
-            return
-        way = f" {self.direction}" if len(signs) == 1 else ""
-        velocity = recording.velocity
-        raise ValueError(
-            f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
-            f"its speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
-            f"Leave the recording out, or check its shaft reference and min_speed."
-        )
+        if not any(s.direction in signs for s in recording.strokes(float(self.min_speed))):
+            way = f" {self.direction}" if len(signs) == 1 else ""
+            velocity = recording.velocity
+            raise ValueError(
+                f"the shaft never turns{way} faster than min_speed = {self.min_speed:g} rad/s; "
+                f"its speed is between {velocity.min():.4g} and {velocity.max():.4g} rad/s. "
+                f"Leave the recording out, or check its shaft reference and min_speed."
+            )
+        jump, text = jump_warning(recording)
+        if jump > np.pi:
+            raise ValueError(text)
+        if jump > self.theta_s:
+            warnings.warn(f"{described(recording, index)}: {text}", UserWarning, stacklevel=3)
 
 
 def _bare_channels(entry: Any) -> dict[str, Any]:

@@ -63,8 +63,22 @@ def recording_quality(
         "max_order": max_order,
     }
     n_short = sum(length < 1 for length in turned)
-    row["warnings"] = "; ".join(_warnings(row, slowest, n_short, fastest / fs, theta_s))
+    found = _warnings(row, slowest, n_short, fastest / fs, theta_s)
+    jump, text = jump_warning(recording)
+    row["warnings"] = "; ".join([*found, text] if jump > theta_s else found)
     return row
+
+
+def jump_warning(recording: Recording) -> tuple[float, str]:
+    """Return the size of the largest isolated jump of the shaft [rad], and a description."""
+    jump = recording.jump
+    if jump is None:
+        return 0.0, ""
+    return jump.angle, (
+        f"the shaft's {recording.reference} jumps by {jump.angle:.3g} rad at sample {jump.sample} "
+        f"({jump.sample / recording.shaft_fs:.6g} s), faster than a shaft can move: an encoder "
+        f"that slips, or a spike. Repair it, or cut the recording there"
+    )
 
 
 def _warnings(

@@ -16,6 +16,8 @@ from emacm._checks import check_count, check_number, check_real_array, check_sig
 
 Angle = NDArray[np.float64]
 
+_WIDEST = 1.25  # periods that a wrapped angle spans, with noise
+
 
 def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0) -> Angle:
     """Integrate the shaft speed by the trapezoid rule [1]_.
@@ -56,7 +58,9 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
     speed = check_signal(velocity, "velocity").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
     initial = check_number(initial, "initial", unit="rad")
-    return initial + cumulative_trapezoid(speed, dx=1 / fs, initial=0)  # Eq. (2.9)
+    with np.errstate(over="ignore", invalid="ignore"):
+        angle = initial + cumulative_trapezoid(speed, dx=1 / fs, initial=0)  # Eq. (2.9)
+    return _in_range(angle, "velocity must be in rad/s")
 
 
 def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
@@ -81,7 +85,9 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
     Raises
     ------
     ValueError, TypeError
-        If the angle is not a finite numeric signal, or `period` is not positive.
+        If the angle is not a finite numeric signal, `period` is not positive, or the angle cannot
+        be wrapped at this period: it spans more (by over a quarter, which allows for noise)
+        and steps by more than half of it.
 
     Examples
     --------
@@ -90,7 +96,16 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
     """
     period = check_number(period, "period", above=0)
     values = check_signal(angle, "angle").astype(np.float64)
-    return np.unwrap(values, period=period) * (2 * np.pi / period)
+    with np.errstate(over="ignore", invalid="ignore"):
+        span, steps = np.ptp(values), np.abs(np.diff(values))
+    if span > _WIDEST * period and steps.max() > period / 2:
+        raise ValueError(
+            f"an angle that is wrapped at period = {period:.6g} spans at most that, but this one "
+            f"spans {span:.6g} (from {values.min():.6g} to {values.max():.6g}) and steps by "
+            f"{steps.max():.6g} after sample {int(steps.argmax())}. Set period to one revolution "
+            f"in the unit of the angle: 360 for degrees, the number of counts for an encoder."
+        )
+    return _in_range(np.unwrap(values, period=period) * (2 * np.pi / period), "check period")
 
 
 def is_wrapped(angle: ArrayLike) -> bool:
@@ -210,7 +225,9 @@ def angle_from_position(position: ArrayLike, lead: float) -> Angle:
         raise ValueError(
             "lead must be the travel per revolution, in the unit of position and not 0, got 0."
         )
-    return check_signal(position, "position").astype(np.float64) * (2 * np.pi / lead)
+    with np.errstate(over="ignore", invalid="ignore"):
+        angle = check_signal(position, "position").astype(np.float64) * (2 * np.pi / lead)
+    return _in_range(angle, "position and lead must be in one unit")
 
 
 def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0.05) -> Angle:
@@ -264,6 +281,9 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
     phases = _phases(currents)
     pole_pairs = check_count(pole_pairs, "pole_pairs")
     weak = check_number(weak, "weak", at_least=0, below=1)
+    largest = max(float(np.abs(phase).max()) for phase in phases)
+    # By a power of 2, which is exact: so no product overflows, and no square underflows.
+    phases = [np.ldexp(phase, -int(np.frexp(largest)[1])) for phase in phases]
     a, b, c = phases if len(phases) == 3 else (*phases, -phases[0] - phases[1])
     vector = (2 * a - b - c) / 3 + 1j * (b - c) / np.sqrt(3)  # Clarke
     length = np.abs(vector)
@@ -275,6 +295,16 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
         )
     doubled = _unwrapped_over_gaps(np.angle(vector[strong] ** 2), strong)
     return np.interp(np.arange(len(length)), strong, doubled / 2) / pole_pairs
+
+
+def _in_range(angle: Angle, remedy: str) -> Angle:
+    """Return the angle, or raise an error where it exceeds the range of float64."""
+    bad = ~np.isfinite(angle)
+    if bad.any():
+        raise ValueError(
+            f"the angle exceeds the range of float64 at sample {int(np.argmax(bad))}; {remedy}."
+        )
+    return angle
 
 
 def _phases(currents: ArrayLike) -> list[Angle]:

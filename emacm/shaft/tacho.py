@@ -187,6 +187,7 @@ def angle_from_pulses(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     instants = np.arange(check_count(n_times, "n_times")) / fs
     per_rev = check_number(pulses_per_rev, "pulses_per_rev", above=0)
+    check_choice(repair, "repair", (True, False))
     _check_pulses(pulses, instants[-1])
     kept, double = _without_doubles(pulses)
     number, missing = _numbered(kept)

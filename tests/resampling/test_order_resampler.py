@@ -16,6 +16,8 @@ from sklearn.utils import get_tags
 import emacm.resampling.angle_recording
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm._kernels import using
+from emacm.resampling.spreading import spread_rows
+from emacm.shaft.paths import ShaftPath
 
 FS = 1000
 THETA_S = 2 * np.pi / 32
@@ -604,12 +606,56 @@ def test_quality_serves_bare_arrays():
 # What would mislead is refused
 
 
-def test_a_jump_of_the_shaft_is_named_with_its_time():
+def slipping(slip, at=10_000, reference="angle"):
+    """A steady shaft at 5 rev/s; its encoder slips by some rad within one sample."""
     time = np.arange(20_000) / 1000
-    angle = 2 * np.pi * 5 * time + 100 * (time > 10)
-    over_angle = OrderResampler().fit_transform([Recording({"a": time}, 1000, angle=angle)])
+    angle = 2 * np.pi * 5 * time + slip * (np.arange(20_000) > at)
+    shaft = angle if reference == "angle" else np.gradient(angle) * 1000
+    return Recording({"a": time}, 1000, **{reference: shaft}, meta={"unit": "B"})
+
+
+@pytest.mark.parametrize("reference", ["angle", "velocity"])
+@pytest.mark.parametrize("slip", [12.0, -12.0, 100.0])
+def test_a_slip_of_the_encoder_is_refused_with_its_time(slip, reference):
+    resampler = OrderResampler().fit([slipping(0.0)])
+    message = rf"recording 1 \(unit='B'\): the shaft's {reference} jumps by \d+.* \(10 s\).*Repair"
+    with pytest.raises(ValueError, match=message):
+        resampler.transform([slipping(0.0), slipping(slip, reference=reference)])
+
+
+def test_a_small_slip_gives_a_warning_in_transform_and_quality():
+    resampler = OrderResampler(2 * np.pi / 32).fit([slipping(0.0)])
+    with pytest.warns(
+        UserWarning, match=r"recording 0 \(unit='B'\): the shaft's angle jumps by 0.8"
+    ):
+        resampler.transform([slipping(0.8)])
+    assert "angle jumps by 0.8" in resampler.quality([slipping(0.8)])["warnings"][0]
+    assert "12" in resampler.quality([slipping(12.0)])["warnings"][0]
+
+
+def test_no_warning_is_given_of_a_jump_below_the_angle_between_samples():
+    resampler = OrderResampler(1.0).fit([slipping(0.0)])
+    assert len(resampler.transform([slipping(0.8)])) == 1
+    assert not resampler.quality([slipping(0.8)])["warnings"][0]
+
+
+def test_a_jump_below_a_hand_made_path_is_named_with_its_time():
+    time = np.arange(20_000) / 1000
+    path = ShaftPath(2 * np.pi * 5 * time + 100 * (time > 10), 1000.0, 0.0, 0.0, 1)
     with pytest.raises(ValueError, match=r"turns by 100 rad within one of its samples, at 10 s"):
-        _ = over_angle[0].strokes[0].signals
+        next(spread_rows([time], 1000.0, path, 2 * np.pi / 128))
+
+
+def test_samples_per_revolution_in_place_of_theta_s_are_refused():
+    with pytest.raises(ValueError, match=r"at most pi, got 64.*write theta_s=2 \* np.pi / 64"):
+        OrderResampler(64).fit([slipping(0.0)])
+
+
+def test_theta_s_in_float32_means_the_samples_per_revolution_that_it_was_made_of():
+    single = OrderResampler(np.float32(2 * np.pi / 64)).fit_transform([slipping(0.0)])
+    assert single[0].theta_s == 2 * np.pi / 64
+    spectra = OrderPSD(4).fit_transform(single)
+    assert BinTransformer(max_order=32).fit_transform(spectra).shape == (1, 32)
 
 
 def test_transposed_arrays_are_refused():
