@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from emacm.shaft.motion import BLOCK, Series
 
 _NEAR, _FAR = 2, 12  # samples: a jump is at most as wide as the first on either side
-_ABOVE_NEIGHBOURS = 10.0  # times the highest speed from _NEAR to _FAR samples away
-_ABOVE_MEDIAN = 20.0  # times the median speed while turning: more than a count of an encoder
-_ABOVE_MEAN = 5.0  # times the mean speed; where no speed is higher, nothing is searched for
+_ABOVE_NEIGHBOURS = 6.0  # times the highest speed from _NEAR to _FAR samples away
+_ABOVE_MEDIAN = 10.0  # times the median speed while turning: more than a count of an encoder
+_ABOVE_MEAN = 4.0  # times the mean speed; where no speed is higher, nothing is searched for
 
 
 class Jump(NamedTuple):
@@ -34,8 +34,8 @@ class Jump(NamedTuple):
 def largest_jump(velocity: Series, fs: float) -> Jump | None:
     """Return the largest isolated jump of the shaft angle.
 
-    A jump is a speed, for at most three samples, of more than ten times the highest speed in the
-    eleven samples on either side of them, and more than twenty times the median speed. No shaft
+    A jump is a speed, for at most three samples, of more than six times the highest speed in the
+    eleven samples on either side of them, and more than ten times the median speed. No shaft
     accelerates and brakes so fast; an encoder that slips or an electrical spike looks like this.
     Steps of a stepping motor and counts of a coarse encoder are no jumps, as there are many.
 
@@ -83,8 +83,11 @@ def _largest(speed: NDArray[np.floating], fs: float) -> Jump | None:
 
 
 def _neighbours(speed: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the highest speed from `_NEAR` to `_FAR` samples away, on either side."""
+    """Return the highest speed from `_NEAR` to `_FAR` samples away, on either side.
+
+    Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
+    """
     width = _FAR - _NEAR + 1
     width = _FAR - _NEAR + 1
-    highest = sliding_window_view(np.pad(speed, _FAR), width).max(axis=-1)
+    highest = sliding_window_view(np.pad(speed, _FAR, mode="edge"), width).max(axis=-1)
     return np.maximum(highest[: len(speed)], highest[_FAR + _NEAR :][: len(speed)])

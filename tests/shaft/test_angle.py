@@ -293,3 +293,55 @@ def test_no_function_changes_its_input():
     angle_from_wrapped(values)
     angle_from_position(values, 5)
     np.testing.assert_array_equal(values, before)
+
+
+# Inputs that would give meaningless angles
+
+
+@pytest.mark.parametrize(
+    ("values", "period", "words"),
+    [
+        ("degrees", 2 * np.pi, "360 for degrees"),
+        ("counts", 4096, "number of counts"),
+    ],
+)
+def test_an_angle_that_spans_more_than_its_period_cannot_be_wrapped_at_it(values, period, words):
+    turned = 300 * np.arange(2000) / 1000
+    wrapped = {"degrees": np.rad2deg(turned) % 360, "counts": turned * 8192 / TURN % 8192}[values]
+    with pytest.raises(ValueError, match=rf"spans .*after sample \d+.*{words}"):
+        angle_from_wrapped(wrapped, period=period)
+
+
+def test_noise_of_an_encoder_where_it_wraps_is_no_contradiction():
+    turned = 3 * np.arange(2000) / 100
+    noise = 0.2 * np.random.default_rng(1).standard_normal(2000)
+    found = angle_from_wrapped(turned % TURN + noise)
+    np.testing.assert_allclose(found, turned + noise, atol=1e-9)
+
+
+def test_an_angle_that_is_cumulative_already_stays():
+    turned = 3 * np.arange(2000) / 100
+    np.testing.assert_allclose(angle_from_wrapped(turned), turned, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: angle_from_velocity([1e308, 1e308, 1e308], fs=1e-3), "sample 1; velocity"),
+        (lambda: angle_from_position([0.0, 1e308], lead=1e-9), "sample 1; position and lead"),
+        (lambda: angle_from_wrapped([0.0, 1.0], period=1e-320), "spans|exceeds the range"),
+    ],
+)
+def test_an_angle_beyond_what_a_float_can_represent_is_refused(call, words):
+    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(ValueError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-165, 1e-20, 1e20, 1e160, 3e307])
+def test_the_scale_of_currents_changes_no_angle(scale):
+    electrical = 2 * np.pi * 13 * np.arange(500) / 1000
+    phases = np.array([np.cos(electrical - k * TURN / 3) for k in range(3)]) / 2
+    expected = angle_from_currents(phases, pole_pairs=3)
+    np.testing.assert_allclose(
+        angle_from_currents(scale * phases, pole_pairs=3), expected, atol=1e-9
+    )

@@ -327,3 +327,32 @@ def test_neither_function_changes_its_input():
     angle_from_tacho(tacho, 1)
     np.testing.assert_array_equal(times, before[0])
     np.testing.assert_array_equal(tacho, before[1])
+
+
+@pytest.mark.parametrize("repair", ["no", None, 2])
+def test_repair_is_yes_or_no(repair):
+    with pytest.raises(ValueError, match="repair must be one of True, False; got"):
+        angle_from_pulses(np.arange(9.0), 10, 50, repair=repair)
+
+
+# The outermost intervals, where neighbours are on one side only
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_double_pulse_in_the_outermost_interval_of_a_ramp_is_taken_out(sign):
+    intervals = 0.1 * np.exp(-0.2 * np.arange(9))
+    clean = np.concatenate([[0.0], np.cumsum(intervals[::sign])])
+    stray = 0.15 * intervals[0]
+    stray = clean[-1] - stray if sign < 0 else stray
+    spoilt = np.sort(np.append(clean, stray))
+    found = angle_from_pulses(spoilt, 1000, int(1000 * clean[-1]))
+    assert len(found.missing) == 0
+    np.testing.assert_allclose(found.double, [stray])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_shaft_that_slows_down_unevenly_from_its_first_pulse_has_no_double_pulse(sign):
+    intervals = [0.05, 0.1, 0.102, 0.131, 0.133, 0.134, 0.135, 0.136]
+    pulses = np.concatenate([[0.0], np.cumsum(intervals[::sign])])
+    found = angle_from_pulses(pulses, 1000, int(1000 * pulses[-1]))
+    assert len(found.double) == len(found.missing) == 0
