@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from emacm import Recording
 from emacm.recordings import digests
@@ -652,3 +653,212 @@ def test_a_recording_that_a_worker_maps_from_disk_hashes_alike(tmp_path):
     joblib.dump(recording, tmp_path / "recording.joblib")
     mapped = joblib.load(tmp_path / "recording.joblib", mmap_mode="r")
     assert joblib.hash(mapped) == joblib.hash(recording)
+
+
+# Buffers that somebody else can write to
+
+
+def windows():
+    buffer = np.arange(50.0)
+    return buffer, sliding_window_view(buffer, 20)[3]
+
+
+def strided():
+    buffer = np.arange(50.0)
+    return buffer, as_strided(buffer, shape=(20,), strides=(16,), writeable=False)
+
+
+def of_a_bytearray():
+    buffer = np.arange(20.0)
+    stored = bytearray(buffer.tobytes())
+    view = np.frombuffer(stored)
+    view.flags.writeable = False
+    return np.frombuffer(stored), view
+
+
+def made_writeable_again():
+    buffer = np.arange(20.0)
+    buffer.flags.writeable = False
+    return buffer, buffer
+
+
+@pytest.mark.parametrize("make", [windows, strided, of_a_bytearray, made_writeable_again])
+def test_a_buffer_that_is_refilled_changes_no_recording(make):
+    buffer, given = make()
+    expected = given.copy()
+    recording = Recording({"b": given, "a": given[::-1]}, 10, velocity=given + 1)
+    angled = Recording({"b": given}, 10, angle=given)
+    before = recording.digest
+    buffer.flags.writeable = True
+    buffer[:] = -7.0
+    np.testing.assert_array_equal(recording.signals["b"], expected)
+    np.testing.assert_array_equal(recording.signals["a"], expected[::-1])
+    np.testing.assert_array_equal(angled.angle, expected)
+    assert recording.digest == before
+
+
+@pytest.mark.parametrize("again", [lambda r: r, lambda r: pickle.loads(pickle.dumps(r))])
+def test_nobody_makes_a_channel_writeable(again):
+    recording = again(sine())
+    for array in (recording.signals["current"], recording.velocity):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.setflags(write=True)
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.view().setflags(write=True)
+        assert not isinstance(array.base, np.ndarray) or not array.base.flags.writeable
+
+
+def test_channels_of_a_recording_are_shared_with_one_that_is_made_of_them():
+    recording = sine()
+    again = Recording(recording.signals, recording.fs, velocity=recording.velocity, shaft_fs=100)
+    assert again.signals["current"] is recording.signals["current"]
+
+
+def test_a_file_that_is_rewritten_and_set_back_in_time_has_another_digest(tmp_path):
+    file = tmp_path / "long.npy"
+    recording = mapped_sine(file)
+    before, stamp = recording.digest, os.stat(file)
+    np.save(file, np.cos(TIMES))
+    os.utime(file, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    assert os.stat(file).st_size == stamp.st_size
+    assert recording.digest == in_memory(recording).digest != before
+
+
+def test_a_digest_that_came_with_a_pickle_is_not_trusted():
+    state = sine().__getstate__() | {"_digest": ("1", "0" * 64)}
+    received = Recording.__new__(Recording)
+    received.__setstate__(state)
+    assert received.digest == sine().digest
+
+
+# Indices of pandas objects
+
+
+def table(times, **columns):
+    rng = np.random.default_rng(8)
+    names = columns or {"torque": 0, "current": 1}
+    return pd.DataFrame({name: rng.normal(size=len(times)) for name in names}, index=times)
+
+
+def clock(n_times=400, fs=100.0, start="2024-05-01 12:00:00"):
+    return pd.Timestamp(start) + pd.to_timedelta(np.arange(n_times) / fs, unit="s")
+
+
+def test_a_time_index_that_agrees_with_the_rate_is_accepted():
+    frame = table(clock())
+    speed = pd.Series(np.full(400, 3.0), index=frame.index)
+    assert Recording(frame, 100, velocity=speed).channels == ("torque", "current")
+    assert Recording(frame, 100, velocity=speed.to_numpy()).duration == 4
+    elapsed = frame.set_axis(frame.index - frame.index[0])
+    assert Recording(elapsed, 100, velocity=np.full(400, 3.0)).duration == 4
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (clock(fs=1000.0), r"sample 1 is at 0.001 s, expected was 0.01 s .*1000 Hz"),
+        (clock(fs=10.0), r"sample 1 is at 0.1 s"),
+        (clock(401).delete(123), r"sample 123 is at 1.24 s, expected was 1.23 s"),
+        (clock(fs=99.0), r"sample \d+ .*mean rate of the index: 99 Hz.*Correct fs"),
+        (clock()[::-1], r"sample 1 is at -0.01 s"),
+        (clock().insert(7, pd.NaT).delete(399), "missing times"),
+    ],
+)
+def test_a_time_index_that_contradicts_the_rate_is_refused(times, words):
+    with pytest.raises(ValueError, match=f"the index of channel 'torque'.*{words}|{words}"):
+        Recording(table(times), 100, velocity=np.full(400, 3.0))
+
+
+def test_a_clock_coarser_than_the_rate_is_no_contradiction():
+    coarse = clock(4000, fs=1000.0).floor("10ms")
+    assert Recording(table(coarse), 1000, velocity=np.full(4000, 3.0)).duration == 4
+    with pytest.raises(ValueError, match="contradicts fs = 500 Hz"):
+        Recording(table(coarse), 500, velocity=np.full(4000, 3.0))
+
+
+def test_the_time_index_of_the_shaft_is_checked_with_its_own_rate():
+    frame = table(clock())
+    slow = pd.Series(np.full(40, 3.0), index=clock(40, fs=10.0))
+    assert Recording(frame, 100, velocity=slow, shaft_fs=10).shaft_fs == 10
+    late = slow.set_axis(slow.index + pd.Timedelta("5s"))
+    with pytest.raises(
+        ValueError, match=r"velocity and channel 'torque' have different indices: .*12"
+    ):
+        Recording(frame, 100, velocity=late, shaft_fs=10)
+    gap = slow.set_axis(clock(41, fs=10.0).delete(9))
+    with pytest.raises(ValueError, match="the index of velocity contradicts fs = 10 Hz: sample 9"):
+        Recording(frame, 100, velocity=gap, shaft_fs=10)
+
+
+@pytest.mark.parametrize("reference", ["velocity", "angle"])
+def test_a_shaft_whose_index_is_not_that_of_the_channels_is_refused(reference):
+    frame = table(np.arange(100, 500))
+    shaft = pd.Series(np.linspace(1, 9, 400), index=np.arange(101, 501))
+    with pytest.raises(ValueError, match=rf"{reference} and channel 'torque'.*101.*100.*Align"):
+        Recording(frame, 100, **{reference: shaft})
+    assert Recording(frame, 100, **{reference: shaft.to_numpy()}).duration == 4
+    assert Recording(frame, 100, **{reference: shaft.reset_index(drop=True)}).duration == 4
+    assert Recording(frame, 100, **{reference: shaft.set_axis(frame.index)}).duration == 4
+
+
+def test_channels_of_different_indices_are_refused():
+    one, other = table(clock())["torque"], table(clock(start="2024-05-01 12:00:03"))["current"]
+    with pytest.raises(ValueError, match="channel 'a' and channel 'b' have different indices"):
+        Recording({"b": one, "a": other}, 100, velocity=np.full(400, 3.0))
+
+
+# Angles and speeds that no shaft has
+
+
+@pytest.mark.parametrize("offset", [1e12, -1e12, 1e14])
+def test_an_angle_whose_steps_are_lost_in_rounding_is_refused(offset):
+    angle = offset + 0.006 * np.arange(500)
+    with pytest.raises(
+        ValueError, match=r"float64 resolves .* rad.*Subtract the angle of the first"
+    ):
+        Recording({"a": np.zeros(500)}, 100, angle=angle)
+    assert Recording({"a": np.zeros(500)}, 100, angle=angle - angle[0]).duration == 5
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3, 1e8])
+def test_an_angle_with_an_offset_that_float64_resolves_is_accepted(offset):
+    angle = offset + 0.006 * np.arange(500)
+    assert Recording({"a": np.zeros(500)}, 100, angle=angle).angle[0] == offset
+
+
+def test_a_standing_shaft_with_a_large_angle_is_accepted():
+    assert Recording({"a": np.zeros(50)}, 100, angle=np.full(50, 1e5)).angle[-1] == 1e5
+
+
+def test_an_angle_in_float32_is_refused_only_where_steps_vanish():
+    angle = 0.006 * np.arange(500) + 900
+    assert Recording({"a": np.zeros(500)}, 100, angle=angle.astype(np.float32)).duration == 5
+    with pytest.raises(ValueError, match="float32 resolves"):
+        Recording({"a": np.zeros(500)}, 100, angle=(angle + 1e6).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("shaft", "words"),
+    [
+        ({"angle": [0.0, 1e16]}, "angle must be in rad, got values up to 1e.16"),
+        ({"velocity": [0.0, -1e10]}, "velocity must be in rad/s, got -1e.10 at sample 1"),
+    ],
+)
+def test_a_shaft_reference_beyond_any_shaft_is_refused(shaft, words):
+    with pytest.raises(ValueError, match=words):
+        Recording({"a": np.zeros(2)}, 100, **shaft)
+
+
+# Durations and short angles
+
+
+def test_of_channels_the_longest_is_compared_whatever_its_name():
+    signals = {"b": np.zeros(100), "a": np.zeros(130), "c": np.zeros(100)}
+    with pytest.raises(ValueError, match=r"channel 'b' lasts 1 s and channel 'a' 1.3 s"):
+        Recording(signals, 100, velocity=np.ones(100))
+
+
+@pytest.mark.parametrize("n_times", [2, 5, 9])
+def test_a_short_angle_may_step_by_most_of_its_range(n_times):
+    angle = np.concatenate([[0.0], np.full(n_times - 1, 9.0)])
+    assert Recording({"a": np.zeros(n_times)}, 100, angle=angle).angle[-1] == 9

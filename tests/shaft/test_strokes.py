@@ -12,6 +12,8 @@ from hypothesis.extra.numpy import arrays
 from motions import stroke_paths
 
 from emacm.shaft.angle import angle_from_velocity
+from emacm.shaft.motion import IntegratedAngle
+from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import find_strokes
 
 FS = 1000.0
@@ -193,3 +195,31 @@ def test_what_is_no_speed_is_refused(velocity, options, error, message):
 def test_an_unknown_direction_is_refused_with_those_there_are():
     with pytest.raises(ValueError, match="'strokes', 'forward', 'reverse', 'travel'; got 'back'"):
         paths_of([1.0, 1.0], direction="back")
+
+
+# What is known of the travel of a stroke
+
+
+def test_a_measured_angle_that_reverses_slightly_is_known_to_reverse():
+    angle = np.concatenate(
+        [np.linspace(0, 5, 300), np.linspace(5, 4.98, 5), np.linspace(4.98, 9, 300)]
+    )
+    (path,) = stroke_paths(angle, np.full(len(angle), 7.0), FS)
+    assert path.max_reversal == pytest.approx(0.02)
+
+
+def test_an_integrated_angle_may_reverse_below_min_speed():
+    velocity = np.concatenate([np.full(300, 7.0), np.full(50, -0.5), np.full(300, 7.0)])
+    angle = IntegratedAngle(velocity, FS)
+    (path,) = stroke_paths(angle, velocity, FS, min_speed=1.0)
+    assert path.max_reversal == pytest.approx(0.5 * 49 / FS, rel=0.3)
+    (path,) = stroke_paths(angle, np.abs(velocity), FS)
+    assert path.max_reversal == 0
+
+
+def test_a_stroke_between_two_samples_of_a_slow_channel_is_read_around_it():
+    (path,) = stroke_paths(np.linspace(0, 1, 41), np.full(41, 25.0), FS)
+    moved = ShaftPath(path.travel, FS, 0.512, 0.0, 1)  # from 0.512 to 0.552 s
+    assert moved.sample_range(10.0, 50) == (6, 8)
+    assert moved.sample_range(10.0, 6) == (4, 6)
+    assert moved.sample_range(100.0, 500) == (52, 56)
