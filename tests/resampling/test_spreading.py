@@ -551,3 +551,28 @@ def test_a_theta_s_that_would_make_too_many_samples_is_refused(resample):
     message = r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"
     with pytest.raises(ValueError, match=message):
         resample(np.zeros(1000), 1000.0, path, theta_s=1e-12)
+
+
+def test_a_theta_s_too_fine_for_the_rate_of_the_signal_is_refused_before_memory_is_taken():
+    _, path = steady(8.0, 1000.0, 2.0)  # 100.5 rad: 2e9 samples, for which 3e9 are computed
+    with pytest.raises(
+        ValueError, match=r"5e-08 rad is too fine for signals at 1000 Hz.*Raise the"
+    ):
+        next(spread_rows([np.zeros(2000)], 1000.0, path, 5e-8))
+
+
+@pytest.mark.parametrize("name", ["numpy", "numba"])
+def test_blocks_whose_mirror_images_hold_no_sample_near_the_end_change_nothing(name, monkeypatch):
+    pytest.importorskip(name)
+    steps = np.full(900, 0.31 * THETA_S)
+    steps[200:204] = -0.02 * THETA_S  # it reverses a little
+    steps *= (np.floor(steps.sum() / THETA_S) + 0.9) * THETA_S / steps.sum()
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    path = ShaftPath(travel, 1000.0, 0.0, 0.0, 1)
+    signal = np.random.default_rng(3).standard_normal((3, len(travel)))
+    with using(name):
+        _, whole = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
+        for size in (1, 2, 5):
+            monkeypatch.setattr(kernels(), "BLOCK", size)
+            _, cut = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
+            np.testing.assert_allclose(cut, whole, atol=1e-12)

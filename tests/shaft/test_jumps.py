@@ -1,4 +1,4 @@
-"""Facts about isolated jumps of a shaft: what is one, and what is a motion that a shaft can make."""
+"""Facts about isolated jumps of a shaft: what is one, and what is a motion a shaft can make."""
 
 import numpy as np
 import pytest
