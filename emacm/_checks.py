@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from numbers import Integral, Real
 from typing import Any
 
@@ -101,7 +101,7 @@ def check_number(
     except OverflowError:
         number = np.inf
     if (
-        not math.isfinite(number)
+        not isfinite(number)
         or (above is not None and not number > above)
         or (at_least is not None and not number >= at_least)
         or (below is not None and not number < below)

@@ -19,7 +19,9 @@ resampler = OrderResampler(2 * np.pi / 16).fit(X)
 def read_all():
     for row in SignalCache().fit_transform(resampler.transform(X)):
         for stroke in row.strokes:
-            assert stroke.path.fastest > 0 and stroke.path.max_reversal >= 0 and stroke.signals.any()
+            assert stroke.path.fastest > 0
+            assert stroke.path.max_reversal >= 0
+            assert stroke.signals.any()
 
 def read_for_ever():
     while not done:
