@@ -1,7 +1,4 @@
-"""Shaft angle from a tacho: its pulses, their repair, and the angle between them.
-
-The angle that leaves here is cumulative, in radians and float64.
-"""
+"""Shaft angle from a tachometer (keyphasor): pulses, their repair, the angle between them [rad]."""
 
 from __future__ import annotations
 
@@ -398,7 +395,5 @@ def _interpolated(pulses: Angle, angle: Angle, instants: Angle) -> Angle:
 
 
 def _listed(times: Angle) -> str:
-    if not len(times):
-        return "0"
     shown = ", ".join(f"{time:.6g}" for time in times[:5])
-    return f"{len(times)} (at {shown}{', ...' if len(times) > 5 else ''} s)"
+    return f"{len(times)} (at {shown}{', ...' if len(times) > 5 else ''} s)" if shown else "0"
