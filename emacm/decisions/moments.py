@@ -137,7 +137,9 @@ def class_moments(
         rows, w = X[chosen], weight[chosen]
         counts[k] = w.sum()
         means[k] = w @ rows / counts[k]
-        means[k] += w @ (rows - means[k]) / counts[k]  # a constant feature has no spread
+        means[k] += w @ (rows - means[k]) / counts[k]
+        constant = (rows == rows[0]).all(axis=0)
+        means[k, constant] = rows[0, constant]  # without rounding, so that it has no spread
         deviations = rows - means[k]
         _check_deviations(deviations, k)
         scaled = deviations * np.sqrt(w)[:, np.newaxis]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
@@ -80,12 +80,13 @@ def test_a_weight_of_k_is_k_recordings_and_zero_is_none(kind):
 def test_moments_of_two_kinds_do_not_merge():
     X, codes = draw(4)
     with pytest.raises(
-        ValueError, match=r"one kind, got scatter of shapes \(3, 4, 4\) and \(1, 4, 4\)"
+        ValueError, match=r"same kind of scatter, got the shapes \(3, 4, 4\) and \(1, 4, 4\)"
     ):
         class_moments(X, codes, 3).merge(class_moments(X, codes, 3, pooled=True))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.1, 7))
+@example(2.2250738585e-313, 0.25)
 def test_the_variance_of_a_constant_feature_is_exactly_zero(value, weight):
     X = np.full((7, 1), value)
     moments = class_moments(X, np.zeros(7, int), 1, sample_weight=np.full(7, weight))
