@@ -246,6 +246,7 @@ def in_a_new_process(code, **environment):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["numpy", "numba"])
 def test_the_environment_chooses(name):
     code = "from emacm._kernels import kernels; print(kernels().__name__)"
@@ -266,6 +267,7 @@ def test_without_numba_its_kernels_name_the_extra():
     assert "install emacm[fast]" in in_a_new_process(code).stderr
 
 
+@pytest.mark.slow
 def test_numba_is_imported_only_when_something_is_computed_over_angle():
     code = (
         "import sys, emacm, numpy as np\n"

@@ -312,6 +312,7 @@ def test_files_and_hashes_know_the_baseline(fleet, tmp_path):
     np.testing.assert_array_equal(again.strokes[0].signals, left.strokes[0].signals)
 
 
+@pytest.mark.slow
 def test_processes_change_nothing(fleet):
     X, y = fleet
     left = SignalBaseline().fit_transform(over_angle(X), y)

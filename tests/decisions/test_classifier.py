@@ -314,6 +314,7 @@ costs = st.lists(st.integers(-30, 30), min_size=12, max_size=12).map(
 )
 
 
+@pytest.mark.slow
 @given(
     costs,
     st.sampled_from([1e-6, 0.3, 7.0, 1e9]),
@@ -546,6 +547,7 @@ def test_any_division_into_parts_gives_the_result_of_one_fit(covariance, shrinka
     assert_same_model(pieces, model.fit(X, y), X)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
 def test_recordings_may_come_one_by_one(covariance, shrinkage):
     X, y = draw(15)

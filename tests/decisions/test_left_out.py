@@ -74,6 +74,7 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
         assert part.seen.all()
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), n_groups=st.integers(2, 12))
 def test_every_recording_is_left_out_once(seed, n_groups):
     training = draw(seed, n_recordings=30, n_groups=n_groups)

@@ -102,6 +102,7 @@ def test_probabilities_of_0_have_a_finite_temperature():
     assert np.isfinite(model.predict_log_proba(X)).all()
 
 
+@pytest.mark.slow
 def test_it_works_in_a_search_and_with_pipelines():
     X, y, units = draw(8)
     detector = make_pipeline(StandardScaler(), IsolationForest(random_state=0))

@@ -76,6 +76,7 @@ def test_the_tail_tells_far_from_farther_than_any_left_out_recording():
     assert (found[1:] < 0.1 * found[:-1]).all()
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 50))
 def test_units_offsets_and_order_change_no_typicality(seed):
     rng = np.random.default_rng(seed)

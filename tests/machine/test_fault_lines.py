@@ -122,6 +122,7 @@ def test_other_columns_than_those_of_fit_are_refused():
         lines.transform(table(spectrum([])).iloc[:, ::-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [1.0, 6.0, 40.0])
 def test_background_alone_is_named_as_often_as_its_p_value_says(shape):
     series = [fault for fault in fault_series(BEARING, 3) if fault.name != "FTF"]
