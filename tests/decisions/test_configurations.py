@@ -1,6 +1,7 @@
 """Every check of scikit-learn in every configuration of the Gaussian classifier."""
 
 import pytest
+import sklearn
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes
@@ -14,6 +15,7 @@ CONFIGURATIONS = [
     for priors in (None, "uniform")
     if (shrinkage, priors) != ("auto", "uniform")
 ]
+OLD_CHECKS = sklearn.__version__.startswith("1.6.")  # they draw other recordings
 SINGULAR = "its recordings have singular covariances, which are an error with any shrinkage"
 WEIGHTS = 'its recordings have weights, which shrinkage="auto" refuses'
 
@@ -27,6 +29,9 @@ def expected_failures(model):
     if shrinkage == 0:
         failures["check_sample_weights_shape"] = SINGULAR
         failures["check_sample_weights_not_overwritten"] = SINGULAR
+    if shrinkage == 0 and not tied and OLD_CHECKS and model.covariance == "full":
+        failures["check_n_features_in_after_fitting"] = SINGULAR
+        failures["check_dtype_object"] = SINGULAR
     if shrinkage == "auto":
         names = ["list", "shape", "not_overwritten"]
         failures = {f"check_sample_weights_{name}": WEIGHTS for name in names}
