@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 import signal
 import sys
 import threading
@@ -12,6 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from emacm._version import __version__
+
+_INTERRUPTED = 130  # exit code, as of a shell
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _end_workers()
         end_of_progress = "\n" if sys.stderr.isatty() else ""
         print(f"{end_of_progress}emacm: interrupted.", file=sys.stderr)
-        return 130
+        return _INTERRUPTED
     return 0
 
 
@@ -175,5 +178,16 @@ def _writable_folder(folder: Path) -> Path:
     return folder
 
 
+def run() -> None:
+    """Run a command and end the process with its exit code."""
+    code = main()
+    if code == _INTERRUPTED:
+        # A thread may still be in compiled code, and would abort the end of the interpreter.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    run()
