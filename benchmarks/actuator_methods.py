@@ -19,9 +19,9 @@ from emacm import (
     CostSensitiveGaussianBayes,
     OrderPSD,
     OrderResampler,
+    actuator_recipe,
     family_costs,
 )
-from emacm.recipes import actuator_recipe
 
 # At 5.2 samples per revolution, speeds below this are noise of the shaft reference at rest.
 RECIPE = {"min_speed": 3.0, "n_jobs": 2}

@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 from measure import header, table, write_json
 
-from emacm import OrderPSD, OrderResampler, Recording
-from emacm.recipes import actuator_recipe
+from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe
 
 FINDING = {("emacm.shaft.strokes", "strokes_of")}
 RESAMPLING = {

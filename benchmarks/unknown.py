@@ -39,9 +39,14 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from threadpoolctl import threadpool_limits
 from wrong_inputs import OWN, WRONG, new_lines
 
-from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    actuator_recipe,
+)
 from emacm.datasets import load_cranfield
-from emacm.recipes import actuator_recipe
 from emacm.simulation import simulate_fleet
 
 Array = NDArray[np.float64]

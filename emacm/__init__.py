@@ -69,6 +69,9 @@ if TYPE_CHECKING:
     from emacm.machine.parts import (
         Motor as Motor,
     )
+    from emacm.models.actuator_recipe import (
+        actuator_recipe as actuator_recipe,
+    )
     from emacm.orders.bin_transformer import (
         BinTransformer as BinTransformer,
     )
@@ -77,9 +80,6 @@ if TYPE_CHECKING:
     )
     from emacm.orders.order_psd import (
         OrderPSD as OrderPSD,
-    )
-    from emacm.recipes import (
-        actuator_recipe as actuator_recipe,
     )
     from emacm.recordings.envelope_detector import (
         EnvelopeDetector as EnvelopeDetector,
@@ -221,7 +221,7 @@ _PUBLIC = {
     "explanations.fault_matches": [
         "match_fault_orders",
     ],
-    "recipes": [
+    "models.actuator_recipe": [
         "actuator_recipe",
     ],
 }

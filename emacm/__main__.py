@@ -178,9 +178,9 @@ def _writable_folder(folder: Path) -> Path:
     return folder
 
 
-def run() -> None:
+def run(arguments: Sequence[str] | None = None) -> None:
     """Run a command and end the process with its exit code."""
-    code = main()
+    code = main(arguments)
     if code == _INTERRUPTED:
         # A thread may still be in compiled code, and would abort the end of the interpreter.
         sys.stdout.flush()

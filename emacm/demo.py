@@ -30,9 +30,9 @@ from emacm.displays import DecisionRegionsDisplay, EvaluationDisplay, OrderSpect
 from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.evaluate import evaluate
 from emacm.machine.fault_orders import fault_orders
+from emacm.models.actuator_recipe import actuator_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
-from emacm.recipes import actuator_recipe
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation import FAULT_ORDERS, simulate_fleet

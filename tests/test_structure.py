@@ -29,7 +29,7 @@ ORDER = [
     "conditions",
     "evaluation",
     "explanations",
-    "recipes",
+    "models",
     "simulation",
     "datasets",
     "displays",

@@ -2,6 +2,6 @@
 
 import sys
 
-from emacm.__main__ import main
+from emacm.__main__ import run
 
-sys.exit(main(["reproduce", *sys.argv[1:]]))
+run(["reproduce", *sys.argv[1:]])

@@ -19,8 +19,8 @@ from emacm import (
     SignalBaseline,
     SignalCache,
     StrokeProfile,
+    actuator_recipe,
 )
-from emacm.recipes import actuator_recipe
 
 FS = {"torque": 900.0, "current": 600.0, "force": 600.0}
 LENGTHS = (6.5, -6.5, 5.3, -2.2)  # revolutions of the strokes

@@ -6,7 +6,7 @@ import pytest
 from sklearn.base import clone
 
 from emacm import ConditionRouter, Recording, ShaftHarmonics, family_costs
-from emacm.recipes import actuator_recipe
+from emacm.models.actuator_recipe import actuator_recipe
 
 FS, TURN = 100.0, 2 * np.pi
 STATES = ("normal", "worn1", "worn2")

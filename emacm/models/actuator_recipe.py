@@ -98,8 +98,7 @@ def actuator_recipe(
 
     Examples
     --------
-    >>> from emacm import ConditionRouter
-    >>> from emacm.recipes import actuator_recipe
+    >>> from emacm import ConditionRouter, actuator_recipe
     >>> model = ConditionRouter(actuator_recipe(max_order=20), condition="load")
     >>> [name for name, _ in model.estimator.steps]
     ['featureunion', 'standardscaler', 'costsensitivegaussianbayes']

@@ -1,0 +1,1 @@
+"""Recipes: whole pipelines for a kind of machine."""
