@@ -42,7 +42,9 @@ class AngleRecording:
     direction : {"strokes", "forward", "reverse", "travel"}
         What counts as a stroke.
     min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
+        Speed up to which the measured shaft counts as standing still [rad/s].
+    ratio : float
+        Revolutions of the shaft of interest per revolution of the measured shaft.
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -52,6 +54,7 @@ class AngleRecording:
     antialias: bool = True
     direction: str = "strokes"
     min_speed: float = 0.0
+    ratio: float = 1.0
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, for pickle and joblib's hash; no kept signals."""
@@ -75,12 +78,14 @@ class AngleRecording:
 
     @property
     def paths(self) -> list[ShaftPath]:
-        """Travel of the shaft along each stroke, in order of time."""
-        if self.kept is None:
-            return self.measured.paths(self.direction, self.min_speed)
-        if self.kept.paths is None:
-            self.kept.paths = self.measured.paths(self.direction, self.min_speed)
-        return self.kept.paths
+        """Travel of the shaft of interest along each stroke, in order of time."""
+        if self.kept is not None and self.kept.paths is not None:
+            return self.kept.paths
+        measured = self.measured.paths(self.direction, self.min_speed)
+        paths = [path.geared(self.ratio) for path in measured]
+        if self.kept is not None:
+            self.kept.paths = paths
+        return paths
 
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:

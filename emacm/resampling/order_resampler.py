@@ -34,6 +34,8 @@ from emacm.resampling.interpolation import INTERPOLATIONS
 from emacm.resampling.quality import jump_warning, recording_quality
 from emacm.shaft.strokes import DIRECTIONS
 
+_LARGEST_RATIO = 1_000_000  # as of the parts of a machine
+
 
 class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Resample recordings from uniform time to uniform shaft angle.
@@ -56,8 +58,12 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         own motion; "forward" and "reverse" keep one kind; "travel" is one path
         over the integral of the speed, which folds phases at each turn.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s]. Set it above
+        Speed up to which the measured shaft counts as standing [rad/s]. Set it above
         the noise of the shaft reference at rest.
+    ratio : float
+        Revolutions of the shaft of interest per revolution of the measured shaft, such as 13/35
+        for the output shaft of a pinion of 13 teeth and a wheel of 35. Angles, revolutions and
+        orders of the result are those of the shaft of interest.
     channels : sequence of str, optional
         Channels to keep, in this order. Default: those of the first recording.
     fs : float, optional
@@ -105,6 +111,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         antialias: bool = True,
         direction: str = "strokes",
         min_speed: float = 0.0,
+        ratio: float = 1.0,
         channels: Sequence[str] | None = None,
         fs: float | None = None,
         reference: int | str | None = None,
@@ -116,6 +123,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self.antialias = antialias
         self.direction = direction
         self.min_speed = min_speed
+        self.ratio = ratio
         self.channels = channels
         self.fs = fs
         self.reference = reference
@@ -191,6 +199,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
                 bool(self.antialias),
                 self.direction,
                 float(self.min_speed),
+                float(self.ratio),
             )
             for recording in recordings
         ]
@@ -208,11 +217,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         DataFrame
             A row for each recording, with columns
 
-            - ``revolutions``: angle run in strokes [revolutions],
+            - ``revolutions``: angle run in strokes [revolutions of the shaft of interest],
             - ``strokes``: their number,
             - ``longest_stroke`` [revolutions],
             - ``standing``: share of the time at or below `min_speed`,
-            - ``slowest``, ``fastest``: range of the speed in strokes [rad/s],
+            - ``slowest``, ``fastest``: range of its speed in strokes [rad/s],
             - ``max_order``: highest order that the sampling rates support at
               the highest speed; above it there is nothing but images,
             - ``warnings``: what to mind, in words; empty if nothing.
@@ -227,6 +236,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             theta_s=check_angle_step(self.theta_s),
             min_speed=self.min_speed,
             direction=self.direction,
+            ratio=float(self.ratio),
         )
         return pd.DataFrame(run(quality, recordings, n_jobs=self.n_jobs))
 
@@ -242,6 +252,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_choice(self.antialias, "antialias", (True, False))
         check_choice(self.direction, "direction", DIRECTIONS)
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
+        check_number(self.ratio, "ratio", at_least=1 / _LARGEST_RATIO, at_most=_LARGEST_RATIO)
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
         if isinstance(self.reference, bool) or not isinstance(
             self.reference, str | int | np.integer | None
@@ -315,7 +326,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         jump, text = jump_warning(recording)
         if jump > np.pi:
             raise ValueError(text)
-        if jump > self.theta_s:
+        if jump * self.ratio > self.theta_s:
             warnings.warn(f"{described(recording, index)}: {text}", UserWarning, stacklevel=3)
 
 

@@ -19,6 +19,7 @@ def recording_quality(
     theta_s: float,
     min_speed: float,
     direction: str,
+    ratio: float = 1.0,
 ) -> dict[str, Any]:
     """Return the row of `OrderResampler.quality` of one recording.
 
@@ -34,6 +35,8 @@ def recording_quality(
         Speed up to which the shaft counts as standing still [rad/s].
     direction : {"strokes", "forward", "reverse", "travel"}
         What counts as a stroke.
+    ratio : float
+        Revolutions of the shaft of interest per revolution of the measured shaft.
 
     Returns
     -------
@@ -43,10 +46,10 @@ def recording_quality(
     velocity, fs = recording.velocity, recording.shaft_fs
     if direction == "travel":
         direction = "strokes"  # which is what travel joins
-    paths = recording.paths(direction, min_speed)
+    paths = [path.geared(ratio) for path in recording.paths(direction, min_speed)]
     starts = [round(path.start_time * fs) for path in paths]
     speeds = [
-        np.abs(velocity[start : start + path.n_times])
+        ratio * np.abs(velocity[start : start + path.n_times])
         for start, path in zip(starts, paths, strict=True)
     ]
     turned = [path.length / (2 * np.pi) for path in paths]
@@ -63,9 +66,9 @@ def recording_quality(
         "max_order": max_order,
     }
     n_short = sum(length < 1 for length in turned)
-    found = _warnings(row, slowest, n_short, fastest / fs, theta_s)
+    found = _warnings(row, slowest, n_short, fastest / ratio / fs, theta_s)
     jump, text = jump_warning(recording)
-    row["warnings"] = "; ".join([*found, text] if jump > theta_s else found)
+    row["warnings"] = "; ".join([*found, text] if jump * ratio > theta_s else found)
     return row
 
 

@@ -240,6 +240,33 @@ class JoinedTravel(LazySeries):
         return np.where(index < self._stops[stroke], moved, self._after[stroke])
 
 
+class GearedTravel(LazySeries):
+    """Angle travelled by another shaft, which a gear or a belt connects to the measured one.
+
+    Parameters
+    ----------
+    travel : Series
+        Angle travelled by the measured shaft [rad].
+    ratio : float
+        Revolutions of the other shaft per revolution of the measured one.
+
+    Attributes
+    ----------
+    known : dict of str to float
+        Attributes of a `ShaftPath` that are known without reading the travel.
+    """
+
+    def __init__(self, travel: Series, ratio: float) -> None:
+        super().__init__(len(travel))
+        self._travel, self._ratio = travel, ratio
+        known = getattr(travel, "known", {})
+        self.known = {name: x if name == "n_times" else ratio * x for name, x in known.items()}
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the travel at samples `start` to `stop` (exclusive) [rad]."""
+        return self._ratio * np.asarray(self._travel[start:stop], np.float64)
+
+
 def parts(start: int, stop: int, at_most: int) -> Iterator[tuple[int, int]]:
     """Divide a range into as few parts as possible, of about equal length.
 

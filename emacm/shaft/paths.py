@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.shaft.motion import LazySeries, Series, blocks
+from emacm.shaft.motion import GearedTravel, LazySeries, Series, blocks
 
 _MOST_SAMPLES = 1 << 31  # over the angle of one path
 
@@ -91,6 +91,13 @@ class ShaftPath:
     def max_reversal(self) -> float:
         """Largest angle by which the shaft reverses on its way [rad]; 0 if it never does."""
         return self._extremes[2]
+
+    def geared(self, ratio: float) -> ShaftPath:
+        """Return the travel of a shaft that turns `ratio` times as far."""
+        if ratio == 1:
+            return self
+        start = self.start_time, ratio * self.start_angle
+        return ShaftPath(GearedTravel(self.travel, ratio), self.fs, *start, self.direction)
 
     def largest_step(self) -> tuple[float, int]:
         """Return the largest angle between two samples [rad], and the number of the first."""

@@ -27,6 +27,7 @@ PARAMETERS = {
     "antialias": False,
     "direction": "forward",
     "min_speed": 0.5,
+    "ratio": 13 / 35,
     "channels": ["b"],
     "fs": 2000.0,
     "reference": "speed",
@@ -730,3 +731,64 @@ def test_recordings_that_can_be_read_only_once_are_refused():
     runs = [Recording({"a": [0.0, 1, 2]}, 1, velocity=[1.0, 1, 1])]
     with pytest.raises(TypeError, match=r"got a list_iterator.*only once; write list\(...\)"):
         OrderResampler().fit(iter(runs))
+
+
+def geared_run(ratio, reference):
+    """A tone at order 3 of a shaft that turns `ratio` times as far as the measured one."""
+    times = np.arange(6000) / FS
+    velocity = 2 * np.pi * (11 + 4 * np.sin(2 * times))
+    angle = np.cumsum(velocity) / FS + 0.7
+    shaft = {"velocity": velocity} if reference == "velocity" else {"angle": angle}
+    return Recording({"b": np.cos(3 * ratio * angle), "a": np.sin(angle)}, FS, **shaft)
+
+
+@pytest.mark.parametrize("reference", ["velocity", "angle"])
+@pytest.mark.parametrize("ratio", [13 / 35, 2.6])
+def test_a_tone_of_another_shaft_stands_at_its_order_of_that_shaft(ratio, reference):
+    resampler = OrderResampler(2 * np.pi / 32, ratio=ratio)
+    over_angle = resampler.fit_transform([geared_run(ratio, reference)])
+    psd = OrderPSD(5, scaling="spectrum").fit(over_angle)
+    orders = np.array([float(name.split("@")[1]) for name in psd.get_feature_names_out()])
+    n_orders = len(orders) // 2
+    power = psd.transform(over_angle)[0, :n_orders]
+    assert orders[power.argmax()] == 3
+    np.testing.assert_allclose(power.max(), 0.5, rtol=0.01)
+
+
+def test_a_ratio_equals_a_recording_of_the_other_shaft():
+    measured = run(n_times=5000)
+    other = Recording(measured.signals, FS, velocity=4 * measured.velocity)
+    geared = OrderResampler(THETA_S, ratio=4.0).fit_transform([measured])
+    assert_equal(geared, OrderResampler(THETA_S).fit_transform([other]))
+    for stroke, expected in zip(
+        geared[0].strokes, OrderResampler(THETA_S).fit_transform([other])[0].strokes, strict=True
+    ):
+        np.testing.assert_allclose(stroke.angles, expected.angles, rtol=1e-12)
+        assert stroke.path == expected.path
+        assert stroke.path.fastest == expected.path.fastest
+
+
+def test_quality_describes_the_shaft_of_interest():
+    measured = run(n_times=5000)
+    quality = OrderResampler(THETA_S).quality([measured]).iloc[0]
+    geared = OrderResampler(THETA_S, ratio=2.5).quality([measured]).iloc[0]
+    for column in ("revolutions", "longest_stroke", "slowest", "fastest"):
+        np.testing.assert_allclose(geared[column], 2.5 * quality[column])
+    np.testing.assert_allclose(geared["max_order"], quality["max_order"] / 2.5)
+    assert geared["strokes"] == quality["strokes"]
+
+
+def test_min_speed_refers_to_the_measured_shaft():
+    strokes = [
+        OrderResampler(THETA_S, ratio=ratio, min_speed=15).fit_transform([run()])[0].strokes
+        for ratio in (1.0, 0.1)
+    ]
+    assert len(strokes[0]) == len(strokes[1]) > 0
+    for stroke, slower in zip(*strokes, strict=True):
+        np.testing.assert_allclose(slower.revolutions, stroke.revolutions / 10)
+
+
+@pytest.mark.parametrize("ratio", [0, -2.0, np.inf])
+def test_a_ratio_is_positive(ratio):
+    with pytest.raises(ValueError, match="ratio must be a number at least 1e-06"):
+        OrderResampler(ratio=ratio).fit([run()])
