@@ -57,17 +57,23 @@ if TYPE_CHECKING:
     from emacm.machine.fault_orders import (
         order_bands as order_bands,
     )
-    from emacm.machine.parts import (
-        BallScrew as BallScrew,
-    )
-    from emacm.machine.parts import (
-        Bearing as Bearing,
-    )
-    from emacm.machine.parts import (
+    from emacm.machine.gears import (
         Gear as Gear,
     )
-    from emacm.machine.parts import (
+    from emacm.machine.gears import (
+        PlanetaryGear as PlanetaryGear,
+    )
+    from emacm.machine.motors import (
+        InductionMotor as InductionMotor,
+    )
+    from emacm.machine.motors import (
         Motor as Motor,
+    )
+    from emacm.machine.rolling import (
+        BallScrew as BallScrew,
+    )
+    from emacm.machine.rolling import (
+        Bearing as Bearing,
     )
     from emacm.models.actuator_recipe import (
         actuator_recipe as actuator_recipe,
@@ -181,10 +187,16 @@ _PUBLIC = {
     "conditions.router": [
         "ConditionRouter",
     ],
-    "machine.parts": [
+    "machine.rolling": [
         "BallScrew",
         "Bearing",
+    ],
+    "machine.gears": [
         "Gear",
+        "PlanetaryGear",
+    ],
+    "machine.motors": [
+        "InductionMotor",
         "Motor",
     ],
     "machine.fault_lines": [

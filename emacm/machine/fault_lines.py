@@ -25,7 +25,7 @@ class FaultLines(OrderTableTransformer):
     Parameters
     ----------
     parts : part, or sequence of parts
-        `Bearing`, `Motor`, `Gear`, `BallScrew`, or a mapping of fault names to orders.
+        `Bearing`, `Gear`, `Motor` and so on, or a mapping of fault names to orders.
     harmonics : int
         Number of lines of each fault: its order, twice its order, and so on.
     slip : float

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import check_choice, check_count, check_number, located
-from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
+from emacm.machine.motors import InductionMotor, Motor
+from emacm.machine.parts import Line, Part
 from emacm.orders.bins import Band, round_edge
 
-_PARTS = (Bearing, Motor, Gear, BallScrew)
+_MOTORS = (Motor, InductionMotor)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
 _MOST_LINES = 100_000
 _HIGHEST = 1e9  # order
@@ -29,8 +30,8 @@ def fault_orders(
 
     Parameters
     ----------
-    *parts : Bearing, Motor, Gear, BallScrew or mapping of str to float
-        Parts of the machine, at least one; a mapping gives known orders by name.
+    *parts : Bearing, BallScrew, Gear, PlanetaryGear, Motor, InductionMotor, or mapping
+        Parts of the machine, at least one; a mapping of str to float gives known orders by name.
     harmonics : int
         Number of harmonics of each order, the order itself included. Twice as many are given for
         the spin of a ball, whose lines start at the second harmonic.
@@ -41,7 +42,7 @@ def fault_orders(
     signal : {"vibration", "current"}
         "vibration": the mechanical orders f (also those of torque, speed and position).
         "current": ``|supply ± f|``, Eqs. (2.2) and (2.4) of [1]_, and multiples of the
-        supply; this requires the `Motor` among the parts.
+        supply; this requires a `Motor` or `InductionMotor` among the parts.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def fault_orders(
         If a part is of another type.
     ValueError
         If there is no part, two lines have the same name, an order is not positive, the table
-        would have more than 100,000 lines, or "current" is requested without exactly one Motor.
+        would have more than 100,000 lines, or "current" is requested without exactly one motor.
 
     Notes
     -----
@@ -93,7 +94,7 @@ def fault_orders(
         _check_line_count(len(rows), line, harmonics, sidebands)
         rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
-        rows = list(_in_current(rows, [part for part in parts if isinstance(part, Motor)]))
+        rows = list(_in_current(rows, [part for part in parts if isinstance(part, _MOTORS)]))
     _check_distinct([row[0] for row in rows])
     table = pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("name")
     return table if max_order is None else table[table["order"] <= max_order]
@@ -243,6 +244,15 @@ def named_orders(
     return names, np.array(values)
 
 
+def check_part(part: Any, number: int) -> None:
+    """Raise a TypeError if the part of this number is none."""
+    if not isinstance(part, Part):
+        raise TypeError(
+            f"part {number} must be a Bearing, BallScrew, Gear, PlanetaryGear, Motor, "
+            f"InductionMotor or a mapping of names to orders, got {part!r}."
+        )
+
+
 def _lines(part: Any, number: int) -> list[tuple[str, str, Line]]:
     """Return prefix of the names, owner and line, for each line of a part."""
     if isinstance(part, Mapping):
@@ -250,11 +260,7 @@ def _lines(part: Any, number: int) -> list[tuple[str, str, Line]]:
             names, orders = named_orders(part)
         pairs = zip(names, orders.tolist(), strict=True)
         return [("", "given", Line(name, "given", order, slips=True)) for name, order in pairs]
-    if not isinstance(part, _PARTS):
-        raise TypeError(
-            f"part {number} must be a Bearing, Motor, Gear, BallScrew or a mapping of names to "
-            f"orders, got {part!r}."
-        )
+    check_part(part, number)
     prefix = f"{part.name} " if part.name else ""
     return [(prefix, part.name or type(part).__name__, line) for line in part.lines()]
 
@@ -286,14 +292,14 @@ def _rows(
                     yield full, side, owner, line.kind, harmonic, number, line.slips
 
 
-def _in_current(rows: list[tuple[Any, ...]], motors: list[Motor]) -> Iterator[tuple[Any, ...]]:
+def _in_current(rows: list[tuple[Any, ...]], motors: list[Any]) -> Iterator[tuple[Any, ...]]:
     """Yield the lines in the current of each mechanical line, Eqs. (2.2) and (2.4)."""
     if len(motors) != 1:
         raise ValueError(
-            f'signal="current" needs exactly one Motor among the parts, whose supply is modulated; '
-            f"got {len(motors)}."
+            f'signal="current" needs exactly one Motor or InductionMotor among the parts, whose '
+            f"supply is modulated; got {len(motors)}."
         )
-    supply = float(motors[0].pole_pairs)
+    supply = motors[0].supply_order
     for name, order, owner, kind, harmonic, sideband, slips in rows:
         if kind == "supply":
             yield name, order, owner, kind, harmonic, sideband, slips

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from emacm._checks import check_count, check_number
-from emacm.machine.fault_orders import named_orders
-from emacm.machine.parts import BallScrew, Bearing, Gear, Line, Motor, Part
+from emacm.machine.fault_orders import check_part, named_orders
+from emacm.machine.parts import Line, Part
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def fault_series(
     Parameters
     ----------
     parts : part, or sequence of parts
-        `Bearing`, `Motor`, `Gear`, `BallScrew`, or mappings of fault names to orders.
+        `Bearing`, `Gear`, `Motor` and so on, or mappings of fault names to orders.
     harmonics : int
         Number of lines of each series. A defect of a ball strikes both rings in each turn, so its
         series has the multiples 2, 4, ... of BSF.
@@ -83,7 +83,7 @@ def fault_series(
     FTF [0.398, 0.797]
     """
     check_count(harmonics, "harmonics", at_most=100)
-    single = isinstance(parts, (Bearing, Motor, Gear, BallScrew, Mapping))
+    single = isinstance(parts, Part | Mapping)
     found: list[FaultSeries] = []
     for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
         for line in _lines(part, number):
@@ -109,11 +109,7 @@ def _lines(part: Any, number: int) -> list[Line]:
             Line(name, "given", float(order), slips=True)
             for name, order in zip(names, orders, strict=True)
         ]
-    if not isinstance(part, (Bearing, Motor, Gear, BallScrew)):
-        raise TypeError(
-            f"part {number} must be a Bearing, Motor, Gear, BallScrew or a mapping of names to "
-            f"orders, got {part!r}."
-        )
+    check_part(part, number)
     prefix = f"{part.name} " if part.name else ""
     return [line._replace(name=prefix + line.name) for line in part.lines()]
 

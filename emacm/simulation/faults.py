@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
-from emacm.machine.parts import Bearing
+from emacm.machine.rolling import Bearing
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))

@@ -14,7 +14,7 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.explanations.explain import explain_model
 from emacm.explanations.fault_matches import match_fault_orders
 from emacm.machine.fault_orders import fault_orders
-from emacm.machine.parts import Motor
+from emacm.machine.motors import Motor
 from emacm.orders.columns import parse_order_columns
 from emacm.simulation.faults import BEARING, POLE_PAIRS
 from emacm.thesis.chapter4_spectra import READINGS, REVOLUTIONS, SIGNALS, Campaign, Signal

@@ -425,7 +425,7 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
         (lambda: Gear(20, 2.5), TypeError, "mating_teeth must be a whole number"),
         (lambda: BallScrew(30, 3.0, 20.0, 5.0), ValueError, "30 balls of diameter 3 do not fit"),
         (lambda: BallScrew(9, 3.0, 20.0, 0.0), ValueError, "lead must be a number above 0"),
-        (lambda: fault_orders(6.123), TypeError, "part 0 must be a Bearing, Motor"),
+        (lambda: fault_orders(6.123), TypeError, "part 0 must be a Bearing, BallScrew"),
         (lambda: fault_orders({"BPFI": -1.0}), ValueError, "the order of 'BPFI' must be a number"),
         (
             lambda: fault_orders({"BPFI": 6.1}, signal="current"),

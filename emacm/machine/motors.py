@@ -1,0 +1,205 @@
+"""Electric motors: synchronous, and induction motors with their slip."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from math import lcm, pi
+
+from emacm._checks import check_count, check_number
+from emacm.machine.parts import MOST, Line, Part, check_mounting
+
+
+@dataclass(frozen=True)
+class Motor(Part):
+    """A permanent-magnet synchronous motor; orders refer to its shaft.
+
+    Parameters
+    ----------
+    pole_pairs : int
+        Half the number of poles; this is the order of the currents, Eq. (2.3) of Chirico.
+    slots : int, optional
+        Number of stator slots; required for the order of cogging.
+    name : str
+        Prefix of the names of its lines.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range.
+
+    Notes
+    -----
+    Imbalance, a bent shaft, an eccentric rotor and, by Chirico (section 4.5), possibly poor
+    lubrication appear at multiples of the shaft order, and in the current at the supply order plus
+    and minus these [1]_; the order does not distinguish them. Electrical noise appears at harmonics
+    of the supply: magnetic pull at 2x, torque ripple from the 5th and 7th harmonics of the current
+    at 6x. The number of cogging periods per revolution is lcm(slots, poles) [2]_.
+
+    References
+    ----------
+    .. [1] Le Roux, Harley and Habetler, Detecting rotor faults in low power permanent
+       magnet synchronous machines, IEEE Trans. Power Electron. 22 (2007).
+    .. [2] Zhu and Howe, Influence of design parameters on cogging torque in permanent
+       magnet machines, IEEE Trans. Energy Convers. 15 (2000).
+
+    Examples
+    --------
+    >>> [(line.name, line.order) for line in Motor(6, slots=36).lines()]
+    [('shaft', 1.0), ('supply', 6.0), ('cogging', 36.0)]
+    """
+
+    pole_pairs: int
+    slots: int | None = None
+    _: KW_ONLY
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_count(self.pole_pairs, "pole_pairs", at_most=MOST)
+        if self.slots is not None:
+            check_count(self.slots, "slots", at_least=2, at_most=MOST)
+        check_mounting(self)
+
+    @property
+    def supply_order(self) -> float:
+        """Periods of the supply per revolution of the shaft."""
+        return float(self.pole_pairs)
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the lines of the shaft, the supply and, if `slots` is given, of cogging."""
+        shaft = (("shaft", 1.0),)
+        lines = [
+            Line("shaft", "imbalance or eccentricity", 1.0),
+            Line("supply", "supply", float(self.pole_pairs), shaft),
+        ]
+        if self.slots is not None:
+            periods = float(lcm(self.slots, 2 * self.pole_pairs))
+            lines.append(Line("cogging", "cogging", periods, shaft))
+        return tuple(lines)
+
+
+@dataclass(frozen=True)
+class InductionMotor(Part):
+    """An induction motor with a squirrel cage; orders refer to its shaft.
+
+    Parameters
+    ----------
+    pole_pairs : int
+        Half the number of poles.
+    slip : float
+        Slip s: speed of the rotor below the synchronous speed, as a share of it. It changes with
+        the load; `from_speed` computes it.
+    bars : int, optional
+        Number of rotor bars; required for the order at which they pass.
+    name : str
+        Prefix of the names of its lines.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range.
+
+    Notes
+    -----
+    A revolution contains p / (1 - s) periods of the supply. Broken bars, a cracked end ring, or
+    any other asymmetry of the cage modulate at twice the slip frequency ("pole pass"): the
+    current has lines at (1 ± 2 k s) times the supply frequency, the vibration sidebands of the
+    shaft order; the order does not distinguish bar and ring [1]_. Eccentricity is at supply ±
+    shaft in the current. With R bars, the rotor bars pass at order R; in the current this gives
+    the rotor slot harmonics R ± p / (1 - s), with sidebands of the shaft if the eccentricity is
+    dynamic [2]_.
+
+    ``fault_orders(motor, harmonics=2, signal="current")`` gives the lines in the current.
+
+    References
+    ----------
+    .. [1] Nandi, Toliyat and Li, Condition monitoring and fault diagnosis of electrical motors,
+       a review, IEEE Trans. Energy Convers. 20 (2005).
+    .. [2] Thomson and Fenger, Current signature analysis to detect induction motor faults,
+       IEEE Ind. Appl. Mag. 7 (2001).
+
+    Examples
+    --------
+    At 50 Hz and 1440 rpm the slip is 4 %, and broken bars give lines at 46 and 54 Hz:
+
+    >>> from math import pi
+    >>> from emacm import fault_orders
+    >>> motor = InductionMotor.from_speed(2, speed=1440 * pi / 30, mains=50)
+    >>> round(motor.slip, 6)
+    0.04
+    >>> orders = fault_orders(motor, signal="current")["order"] * 1440 / 60
+    >>> orders[["supply-pole pass", "supply+pole pass"]].round(6).tolist()
+    [46.0, 54.0]
+    """
+
+    pole_pairs: int
+    slip: float
+    bars: int | None = None
+    _: KW_ONLY
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_count(self.pole_pairs, "pole_pairs", at_most=MOST)
+        check_number(self.slip, "slip", above=0, at_most=0.5)
+        if self.bars is not None:
+            check_count(self.bars, "bars", at_least=2, at_most=MOST)
+        check_mounting(self)
+
+    @classmethod
+    def from_speed(
+        cls,
+        pole_pairs: int,
+        *,
+        speed: float,
+        mains: float,
+        bars: int | None = None,
+        name: str = "",
+    ) -> InductionMotor:
+        """Return the motor with the slip that follows from a measured speed.
+
+        Parameters
+        ----------
+        pole_pairs : int
+            Half the number of poles.
+        speed : float
+            Speed of the shaft [rad/s].
+        mains : float
+            Frequency of the supply [Hz].
+        bars, name
+            As for the class.
+
+        Returns
+        -------
+        InductionMotor
+            With slip = 1 - pole_pairs speed / (2 pi mains).
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not below the synchronous one, or less than half of it.
+        """
+        check_count(pole_pairs, "pole_pairs", at_most=MOST)
+        synchronous = 2 * pi * check_number(mains, "mains", above=0, unit="Hz") / pole_pairs
+        turning = check_number(
+            speed, "speed", at_least=synchronous / 2, below=synchronous, unit="rad/s"
+        )
+        return cls(pole_pairs, 1 - turning / synchronous, bars, name=name)
+
+    @property
+    def supply_order(self) -> float:
+        """Periods of the supply per revolution of the shaft."""
+        return self.pole_pairs / (1 - self.slip)
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the lines of the shaft, the supply and the cage, and of `bars` if given."""
+        poles, shaft = ("pole pass", 2 * self.slip * self.supply_order), ("shaft", 1.0)
+        lines = [
+            Line("shaft", "imbalance or eccentricity", 1.0, (poles,)),
+            Line("supply", "supply", self.supply_order, (shaft,)),
+            Line("pole pass", "broken bar or end ring", poles[1]),
+        ]
+        if self.bars is not None:
+            modulations = (shaft, ("2xsupply", 2 * self.supply_order))
+            lines.append(Line("bar pass", "rotor bars", float(self.bars), modulations))
+        return tuple(lines)

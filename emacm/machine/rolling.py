@@ -1,0 +1,221 @@
+"""Parts with rolling elements: bearings and ball screws."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from math import asin, atan, cos, pi
+
+from emacm._checks import check_choice, check_count, check_number
+from emacm.machine.parts import MOST, Line, Part, check_mounting
+
+_FULL = pi * (1 + 1e-9)  # sum of half angles of balls that touch one another on the whole circle
+
+
+@dataclass(frozen=True)
+class Bearing(Part):
+    """A ball or roller bearing.
+
+    Parameters
+    ----------
+    n_balls : int
+        Number n of balls or rollers in one row.
+    ball_diameter, pitch_diameter : float
+        BD and PD, in the same unit of length.
+    contact_angle : float
+        φ [rad]; for 15 degrees, write ``math.radians(15)``.
+    ratio : float
+        Revolutions of the rotating ring per revolution of the motor shaft.
+    rotating : {"inner", "outer"}
+        The rotating ring; the other one is stationary.
+    name : str
+        Prefix of the names of its lines; distinguishes two bearings.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range, or the balls do not fit.
+
+    Notes
+    -----
+    With γ = BD/PD cos φ: BPFO = n/2 (1 - γ), BPFI = n/2 (1 + γ), BSF = PD/(2 BD) (1 - γ²),
+    FTF = (1 - γ)/2 [1]_. Eq. (2.1) of Chirico attributes the first formula to the inner ring;
+    it is that of the outer ring. If the outer ring rotates, FTF = (1 + γ)/2 (mean of the raceway
+    speeds); the others depend only on the difference in speed of the rings [2]_.
+
+    BSF counts turns of a ball relative to the cage. A defect of a ball strikes both rings in each
+    turn, so its lines start at 2 BSF, and twice as many harmonics of BSF are given. The load is
+    assumed stationary: it modulates the rotating ring once per revolution, and a ball by the cage.
+
+    References
+    ----------
+    .. [1] Randall and Antoni, Rolling element bearing diagnostics, a tutorial, Mech. Syst.
+       Signal Process. 25 (2011), section 2.
+    .. [2] Harris and Kotzalas, Essential Concepts of Bearing Technology (2006), ch. 10.
+
+    Examples
+    --------
+    >>> for line in Bearing(9, 7.94, 39.04).lines():  # 6205
+    ...     print(f"{line.name} {line.order:.4f}")
+    BPFO 3.5848
+    BPFI 5.4152
+    BSF 2.3567
+    FTF 0.3983
+    """
+
+    n_balls: int
+    ball_diameter: float
+    pitch_diameter: float
+    contact_angle: float = 0.0
+    _: KW_ONLY
+    ratio: float = 1.0
+    rotating: str = "inner"
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the geometry."""
+        check_count(self.n_balls, "n_balls", at_least=2, at_most=MOST)
+        _check_rolling(self)
+        check_choice(self.rotating, "rotating", ("inner", "outer"))
+        if self.n_balls * asin(self.ball_diameter / self.pitch_diameter) > _FULL:
+            raise ValueError(
+                f"{self.n_balls} balls of diameter {self.ball_diameter:g} do not fit on a pitch "
+                f"circle of diameter {self.pitch_diameter:g}. Give the number in one row, and both "
+                f"diameters in the same unit."
+            )
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the lines of both rings, the balls and the cage."""
+        gamma = self.ball_diameter / self.pitch_diameter * cos(self.contact_angle)
+        inner = self.rotating == "inner"
+        cage = self.ratio * (1 - gamma if inner else 1 + gamma) / 2
+        spin = self.ratio * self.pitch_diameter / (2 * self.ball_diameter) * (1 - gamma**2)
+        half = self.ratio * self.n_balls / 2
+        turns = (("shaft", self.ratio),)
+        return (
+            Line("BPFO", "outer ring", half * (1 - gamma), () if inner else turns, slips=True),
+            Line("BPFI", "inner ring", half * (1 + gamma), turns if inner else (), slips=True),
+            Line("BSF", "ball", spin, (("FTF", cage),), slips=True, strikes=2),
+            Line("FTF", "cage", cage, slips=True),
+        )
+
+
+@dataclass(frozen=True)
+class BallScrew(Part):
+    """A ball screw with a rotating screw or a rotating nut.
+
+    Parameters
+    ----------
+    balls_per_turn : float
+        Number n of balls in one turn of the thread; need not be an integer.
+    ball_diameter, pitch_diameter, lead : float
+        BD, PD (circle of the ball centres), and travel per revolution, in the same unit.
+    contact_angle : float
+        Angle φ between contact line and radius [rad].
+    ratio : float
+        Revolutions of the screw (or nut) per revolution of the motor shaft.
+    rotating : {"screw", "nut"}
+        The rotating part; the other one may travel.
+    circuit_balls : int, optional
+        Number of balls in one circuit, including the return.
+    name : str
+        Prefix of the names of its lines.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is out of range, or the balls do not fit.
+
+    Notes
+    -----
+    A bearing with helical raceways. With the lead angle λ = atan(lead / (π PD)) and
+    γ = BD/PD cos φ cos² λ, for rolling without slip at two opposite contacts, n/2 (1 - γ) balls
+    per revolution pass a point of the nut (order of a nut spall, and of the balls entering the
+    return), n/2 (1 + γ) a point of the thread, and a ball spins PD/(2 BD cos λ) (1 - γ²) times.
+    Without lead these are the formulas of `Bearing`. Derived here; kinematics: [1]_. A ball returns
+    ("circuit") once while `circuit_balls` pass. Crowding of balls in the return is neglected.
+
+    References
+    ----------
+    .. [1] Lin, Ravani and Velinsky, Kinematics of the ball screw mechanism, J. Mech. Des.
+       116 (1994).
+
+    Examples
+    --------
+    >>> for line in BallScrew(17, 3.175, 20.0, 5.0, circuit_balls=60).lines():
+    ...     print(f"{line.name} {line.order:.3f}")
+    screw 1.000
+    nut race 7.552
+    thread 9.448
+    spin 3.120
+    orbit 0.444
+    circuit 0.126
+    """
+
+    balls_per_turn: float
+    ball_diameter: float
+    pitch_diameter: float
+    lead: float
+    contact_angle: float = pi / 4
+    _: KW_ONLY
+    ratio: float = 1.0
+    rotating: str = "screw"
+    circuit_balls: int | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the geometry."""
+        check_number(self.balls_per_turn, "balls_per_turn", above=0, at_most=MOST)
+        _check_rolling(self)
+        check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
+        check_choice(self.rotating, "rotating", ("screw", "nut"))
+        turn = pi * self.pitch_diameter / cos(self._lead_angle)
+        if self.balls_per_turn * self.ball_diameter > turn * (1 + 1e-9):
+            raise ValueError(
+                f"{self.balls_per_turn:g} balls of diameter {self.ball_diameter:g} do not fit in a "
+                f"turn of length {turn:g}. All lengths must be in the same unit."
+            )
+        if self.circuit_balls is not None:
+            check_count(self.circuit_balls, "circuit_balls", at_most=MOST)
+
+    @property
+    def _lead_angle(self) -> float:
+        return atan(self.lead / (pi * self.pitch_diameter))
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return the lines of screw, nut and balls, and with `circuit_balls` of the circuit."""
+        size, slope = self.ball_diameter / self.pitch_diameter, cos(self._lead_angle)
+        gamma = size * cos(self.contact_angle) * slope**2
+        screw = self.rotating == "screw"
+        orbit = self.ratio * (1 - gamma if screw else 1 + gamma) / 2
+        half = self.ratio * self.balls_per_turn / 2
+        spin = self.ratio * (1 - gamma**2) / (2 * size * slope)
+        turns = ((self.rotating, self.ratio),)
+        lines = [
+            Line(self.rotating, "shaft of the screw", self.ratio),
+            Line("nut race", "nut", half * (1 - gamma), () if screw else turns, slips=True),
+            Line("thread", "screw", half * (1 + gamma), turns if screw else (), slips=True),
+            Line("spin", "ball", spin, (("orbit", orbit),), slips=True, strikes=2),
+            Line("orbit", "balls", orbit, slips=True),
+        ]
+        if self.circuit_balls is not None:
+            circuit = half * (1 - gamma) / self.circuit_balls
+            lines.append(Line("circuit", "recirculation", circuit, slips=True))
+        return tuple(lines)
+
+
+def _check_rolling(part: Bearing | BallScrew) -> None:
+    """Check the geometry of the rolling elements."""
+    check_number(part.ball_diameter, "ball_diameter", above=0)
+    check_number(part.pitch_diameter, "pitch_diameter", above=part.ball_diameter)
+    if part.ball_diameter * MOST < part.pitch_diameter:
+        raise ValueError(
+            f"ball_diameter must be at least {1 / MOST:g} times pitch_diameter "
+            f"({part.pitch_diameter:g}), got {part.ball_diameter:g}. Both must be in the same unit."
+        )
+    angle = check_number(part.contact_angle, "contact_angle", at_least=0, unit="rad")
+    if angle >= pi / 2:
+        raise ValueError(
+            f"contact_angle must be below pi/2 rad, got {angle:g}. "
+            f"Convert degrees by math.radians({angle:g})."
+        )
+    check_mounting(part)

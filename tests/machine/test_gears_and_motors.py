@@ -1,0 +1,173 @@
+"""Planetary stages and induction motors, compared with kinematics solved as equations."""
+
+from math import gcd, pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from emacm import Gear, InductionMotor, PlanetaryGear, fault_orders
+
+MEMBERS = ("sun", "planet", "ring", "carrier")
+
+
+def orders(*parts, **options):
+    return fault_orders(*parts, **options)["order"].to_dict()
+
+
+def solved_speeds(sun, planet, ring, fixed, driven_by, ratio):
+    """Equal velocities where sun and planet, and planet and ring, touch; radii as the teeth."""
+    arm = sun + planet
+    equations = np.array(
+        [
+            [sun, planet, 0, -arm],  # sun's rim = planet's inner point
+            [0, planet, -ring, arm],  # planet's outer point = ring's rim
+            np.eye(4)[MEMBERS.index(fixed)],
+            np.eye(4)[MEMBERS.index(driven_by)],
+        ]
+    )
+    return np.linalg.solve(equations, [0, 0, 0, ratio])
+
+
+@given(
+    sun=st.integers(11, 60),
+    planet=st.integers(9, 60),
+    members=st.permutations(["sun", "ring", "carrier"]),
+    ratio=st.floats(0.05, 20),
+)
+def test_a_planetary_stage_rolls_without_slip_whichever_member_is_fixed(
+    sun, planet, members, ratio
+):
+    fixed, driven_by, output = members
+    ring = sun + 2 * planet
+    stage = PlanetaryGear(sun, ring, 3, fixed=fixed, driven_by=driven_by, ratio=ratio)
+    expected = solved_speeds(sun, planet, ring, fixed, driven_by, ratio)
+    assert list(stage.speeds) == list(MEMBERS)
+    np.testing.assert_allclose(list(stage.speeds.values()), expected, atol=1e-9 * ratio)
+    assert stage.output_ratio == pytest.approx(abs(expected[MEMBERS.index(output)]))
+    by_sun = sun * abs(expected[0] - expected[3])
+    by_ring = ring * abs(expected[2] - expected[3])
+    found = orders(stage)
+    assert [found["mesh"]] * 2 == pytest.approx([by_sun, by_ring])
+    assert fixed not in found  # a member at rest has no order
+
+
+def test_a_wind_turbine_stage_has_its_published_ratio():
+    # Gearbox Reliability Collaborative (NREL), first stage: sun 21, planets 39, ring 99: 5.714.
+    stage = PlanetaryGear(21, 99, 3, 39, driven_by="carrier")
+    assert stage.output_ratio == pytest.approx(5.714, abs=5e-4)
+    assert orders(stage)["mesh"] == pytest.approx(99)  # each ring tooth once per turn
+
+
+def test_local_faults_of_a_planetary_stage_strike_as_often_as_marked_teeth_meet():
+    # Turn the carrier of a stage with a fixed ring for one revolution, in small steps, and count.
+    sun, planet, ring, n_planets = 20, 16, 52, 4
+    carrier = np.linspace(0, 2 * pi, 200_001)
+    places = carrier[:, np.newaxis] + 2 * pi * np.arange(n_planets) / n_planets
+    sun_angle = carrier * (1 + ring / sun)
+
+    def meetings(marked):
+        """Count how often planets pass a marked tooth at this angle."""
+        turns = (places - marked[:, np.newaxis]) / (2 * pi) + 1e-6
+        return np.abs(np.diff(np.floor(turns), axis=0)).sum()
+
+    found = orders(PlanetaryGear(sun, ring, n_planets, driven_by="carrier"))
+    assert meetings(sun_angle) == pytest.approx(found["sun fault"], abs=1)
+    assert meetings(np.zeros_like(carrier)) == pytest.approx(found["ring fault"], abs=1)
+    assert found["planet fault"] == pytest.approx(ring / planet)
+
+
+def test_the_mesh_of_a_planetary_stage_is_modulated_by_the_passing_planets():
+    found = orders(PlanetaryGear(28, 100, 4), sidebands=1)
+    carrier = 28 / 128
+    assert found["mesh"] == pytest.approx(100 * carrier)
+    assert found["mesh-planet pass"] == pytest.approx(96 * carrier)
+    assert found["mesh+carrier"] == pytest.approx(101 * carrier)
+    assert found["mesh-sun"] == pytest.approx(100 * carrier - 1)
+    star = orders(PlanetaryGear(28, 100, 4, fixed="carrier"), sidebands=1)  # no planet passes
+    assert not [name for name in star if "planet pass" in name or "carrier" in name]
+
+
+def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
+    with pytest.raises(ValueError, match=r"leave 10.5 for a planet.* Give planet_teeth"):
+        PlanetaryGear(30, 51, 3)
+    assert orders(PlanetaryGear(30, 51, 3, 10))["mesh"] == pytest.approx(30 * 51 / 81)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: PlanetaryGear(30, 30, 3), "ring_teeth must be a whole number of at least 34"),
+        (lambda: PlanetaryGear(30, 90, 0), "n_planets must be a whole number"),
+        (lambda: PlanetaryGear(30, 90, 3, 60), "planet_teeth .* at most 31, got 60"),
+        (lambda: PlanetaryGear(30, 90, 3, fixed="planet"), "fixed must be one of 'sun', 'ring'"),
+        (lambda: PlanetaryGear(30, 90, 3, driven_by="ring"), "must differ, got 'ring' for both"),
+        (lambda: PlanetaryGear(30, 90, 3, ratio=0), "ratio must be a number at least"),
+        (lambda: InductionMotor(2, 0.0), "slip must be a number above 0"),
+        (lambda: InductionMotor(2, 4.0), "slip must be a number above 0 and at most 0.5"),
+        (lambda: InductionMotor(2, 0.04, bars=1), "bars must be a whole number of at least 2"),
+        (
+            lambda: InductionMotor.from_speed(2, speed=25.0, mains=50),
+            "speed must be a number of rad/s, at least 78.5398 and below 157.08",
+        ),
+        (lambda: InductionMotor.from_speed(2, speed=160.0, mains=50), "below 157.08, got 160"),
+        (
+            lambda: fault_orders(Gear(9, 20), signal="current"),
+            "exactly one Motor or InductionMotor among the parts",
+        ),
+    ],
+)
+def test_an_invalid_stage_or_motor_is_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_a_pinion_of_13_teeth_drives_a_gear_of_35():
+    # MathWorks, vibration of a gearbox: the pinion turns at 22.5 Hz.
+    gear = Gear(13, 35)
+    found = orders(gear)
+    hertz = [22.5 * found[name] for name in ("mesh", "wheel")]
+    assert hertz == pytest.approx([292.5, 8.357], abs=5e-4)
+    assert gcd(13, 35) == 1
+    assert "phase" not in found
+
+
+def test_gears_on_another_shaft_have_the_orders_of_the_measured_one():
+    found = orders(Gear(8, 42, ratio=20.0))  # faster than the measured shaft
+    values = [found[name] for name in ("pinion", "wheel", "phase", "mesh")]
+    assert values == pytest.approx([20, 3.8095, 80, 160], abs=1e-4)
+
+
+def test_broken_bars_stand_at_multiples_of_twice_the_slip_beside_the_supply():
+    speed, mains = 1470 * pi / 30, 50.0
+    motor = InductionMotor.from_speed(2, speed=speed, mains=mains)
+    assert motor.slip == pytest.approx(0.02)
+    found = orders(motor, harmonics=3, signal="current")
+    for k in (1, 2, 3):
+        name = "pole pass" if k == 1 else f"{k}xpole pass"
+        for sign, factor in (("+", 1 + 2 * k * 0.02), ("-", 1 - 2 * k * 0.02)):
+            hertz = found[f"supply{sign}{name}"] * speed / (2 * pi)
+            assert hertz == pytest.approx(factor * mains)
+
+
+def test_the_pole_pass_frequency_is_the_slip_times_the_number_of_poles():
+    # Four poles, 60 Hz, 1750 rpm: 50 rpm of slip times 4 poles = 200 per minute.
+    motor = InductionMotor.from_speed(2, speed=1750 * pi / 30, mains=60)
+    found = orders(motor, sidebands=1)
+    assert 1750 * found["pole pass"] == pytest.approx(200)
+    assert 1750 * found["shaft-pole pass"] == pytest.approx(1550)
+
+
+def test_rotor_slot_harmonics_agree_with_the_published_formula():
+    # Nandi, Toliyat and Li: f_supply ((R ± n_d) (1 - s) / p ± 1), n_d = 1 if dynamic.
+    pole_pairs, slip, bars, mains = 3, 0.035, 44, 50.0
+    motor = InductionMotor(pole_pairs, slip, bars)
+    shaft = mains * (1 - slip) / pole_pairs
+    found = orders(motor, sidebands=1, signal="current")
+    assert shaft * found["supply"] == pytest.approx(mains)
+    for name, n_d in (("bar pass", 0), ("(bar pass+shaft)", 1), ("(bar pass-shaft)", -1)):
+        for sign in (1, -1):
+            published = mains * ((bars + n_d) * (1 - slip) / pole_pairs + sign)
+            line = f"supply{'+' if sign > 0 else '-'}{name}"
+            assert shaft * found[line] == pytest.approx(published)
