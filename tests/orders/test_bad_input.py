@@ -1,0 +1,446 @@
+"""Facts about bad input of order spectra: what was expected, what came, where, what to do."""
+
+import numpy as np
+from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
+from bad_input import (
+    THETA_S,
+    Case,
+    T,
+    V,
+    check_it_ends,
+    check_refused,
+    each,
+    forward_only,
+    over_angle,
+    psd,
+    run,
+    spoilt,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import sparse
+
+from emacm import OrderPSD, Recording
+
+
+def psd_after_fit(X):
+    return OrderPSD(2).fit(over_angle()).transform(X)
+
+
+def long_rows():
+    return [np.random.default_rng(0).normal(size=300) for _ in range(3)]
+
+
+def one_broken():
+    """The third of four recordings has no stroke long enough."""
+    X = [run(seed, meta={"unit": seed}) for seed in range(4)]
+    X[2] = run(2, velocity=np.where(np.arange(600) < 30, 6.0, 0.0), meta={"unit": "broken"})
+    return X
+
+
+CASES = [
+    Case(
+        "recordings over time",
+        lambda: psd([run(meta={"unit": "A"})]),
+        T,
+        "recording 0 (unit='A')",
+        "over time",
+        "OrderResampler before OrderPSD",
+    ),
+    Case(
+        "a recording over time among others",
+        lambda: psd([*over_angle(), run()]),
+        T,
+        "recording 2",
+        "over time",
+    ),
+    Case(
+        "a single recording over time",
+        lambda: OrderPSD().fit(run()),
+        T,
+        "list of recordings",
+        "single one",
+        "[recording]",
+    ),
+    Case(
+        "a single recording over angle",
+        lambda: OrderPSD().fit(over_angle()[0]),
+        T,
+        "list of recordings",
+        "single one",
+        "[recording]",
+    ),
+    Case(
+        "recordings mixed with rows",
+        lambda: psd([*over_angle(), np.ones(300)]),
+        T,
+        "OrderPSD",
+        "entry 2",
+        "ndarray",
+    ),
+    Case("no rows", lambda: OrderPSD(theta_s=0.1).fit([]), V, "no recording", "at least one"),
+    Case("rows of text", lambda: OrderPSD(theta_s=0.1).fit([["a", "b"]]), T, "row 0", "numeric"),
+    Case(
+        "a nan in a row",
+        lambda: OrderPSD(2, theta_s=0.1).fit([np.ones(300), spoilt(11, np.nan)]),
+        V,
+        "row 1",
+        "finite",
+        "sample 11",
+    ),
+    Case(
+        "complex rows",
+        lambda: OrderPSD(2, theta_s=0.1).fit([np.ones(300) * 1j]),
+        T,
+        "row 0",
+        "real",
+        "complex",
+    ),
+    Case(
+        "too few revolutions",
+        lambda: psd(revolutions=5),
+        V,
+        "recording 0",
+        "no stroke holds a segment of 5 revolutions",
+        "160 samples",
+        "longest stroke holds",
+        "Lower revolutions",
+        "short='pad'",
+    ),
+    Case(
+        "one recording too short among many",
+        lambda: psd(over_angle(one_broken())),
+        V,
+        "recording 2 (unit='broken')",
+        "2 revolutions",
+        "holds 0.28",
+        "short='pad'",
+    ),
+    Case(
+        "no reverse stroke by direction",
+        lambda: psd(over_angle([run(), forward_only()]), revolutions=1, by_direction=True),
+        V,
+        "recording 1 (unit='F7')",
+        "no reverse stroke",
+    ),
+    Case(
+        "no reverse stroke to pad",
+        lambda: psd(over_angle([forward_only()]), by_direction=True, short="pad"),
+        V,
+        "recording 0 (unit='F7')",
+        "no reverse stroke",
+    ),
+    Case(
+        "too short a row",
+        lambda: psd([np.ones(300), np.ones(20)], theta_s=0.1),
+        V,
+        "row 1",
+        "segment of 2",
+        "Lower revolutions",
+    ),
+    Case(
+        "a shorter row than those of fit",
+        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform([np.ones(299), np.ones(10)]),
+        V,
+        "row 1",
+        "100 samples",
+    ),
+    Case(
+        "revolutions too short for a segment",
+        lambda: psd(revolutions=0.01),
+        V,
+        "revolutions = 0.01",
+        "32 samples per revolution",
+        "at least 2",
+        "Raise revolutions",
+    ),
+    Case(
+        "revolutions too short for bare rows",
+        lambda: OrderPSD(0.2).fit(np.ones((2, 50))),
+        V,
+        "revolutions",
+        "at least 2",
+        "0.2",
+    ),
+    Case(
+        "revolutions beyond all memory",
+        lambda: psd(revolutions=1e13),
+        V,
+        "revolutions",
+        "1e+13",
+        "samples",
+    ),
+    Case(
+        "a segment beyond all memory",
+        lambda: psd(n_per_segment=10**14),
+        V,
+        "n_per_segment",
+        "segment",
+        "samples",
+    ),
+    *[
+        Case(
+            f"revolutions={revolutions!r}",
+            lambda r=revolutions: psd(revolutions=r),
+            error,
+            "revolutions",
+            "number",
+            "above 0",
+            came,
+        )
+        for revolutions, error, came in [
+            (0, V, "got 0"),
+            (-1, V, "got -1"),
+            (np.nan, V, "nan"),
+            (np.inf, V, "inf"),
+            ("2", T, "'2'"),
+            (None, T, "None"),
+        ]
+    ],
+    *[
+        Case(
+            f"n_per_segment={n!r}, {kind}",
+            lambda n=n, X=X: OrderPSD(2, n_per_segment=n).fit(X()),
+            error,
+            "n_per_segment",
+            "whole number",
+            "at least 2",
+            came,
+        )
+        for n, error, came in [
+            (1.5, T, "1.5"),
+            (0, V, "got 0"),
+            (1, V, "got 1"),
+            ("a", T, "'a'"),
+            (True, T, "True"),
+            (64.0, T, "64.0"),
+        ]
+        for kind, X in [("recordings", over_angle), ("rows", lambda: np.ones((2, 300)))]
+    ],
+    *[
+        Case(
+            f"overlap={overlap!r}",
+            lambda overlap=overlap: psd(overlap=overlap),
+            error,
+            "overlap",
+            "at least 0 and below 1",
+            came,
+        )
+        for overlap, error, came in [
+            (1, V, "got 1"),
+            (-0.1, V, "-0.1"),
+            (np.nan, V, "nan"),
+            ("half", T, "'half'"),
+        ]
+    ],
+    *[
+        Case(
+            f"unknown {name}",
+            lambda name=name: psd(**{name: "best"}),
+            V,
+            name,
+            "must be one of",
+            choice,
+            "'best'",
+        )
+        for name, choice in [
+            ("detrend", "'constant', 'linear', None, False"),
+            ("scaling", "'density', 'spectrum'"),
+            ("average", "'mean', 'median'"),
+            ("short", "'raise', 'pad'"),
+            ("by_direction", "True, False"),
+        ]
+    ],
+    *[
+        Case(
+            f"window={window!r}",
+            lambda window=window: psd(window=window),
+            (V, T),
+            "window",
+            repr(window),
+            "scipy.signal.get_window",
+        )
+        for window in ["best", ("best", 3), "kaiser", ("kaiser",), ("kaiser", "x"), ("hann", 3), ()]
+    ],
+    Case("a window of nan", lambda: psd(window=("kaiser", np.nan)), V, "window", "finite"),
+    Case(
+        "a window of wrong length",
+        lambda: psd(window=np.ones(7)),
+        V,
+        "window",
+        "64 samples of a segment",
+        "(7,)",
+        "n_per_segment",
+    ),
+    Case("a window with a nan", lambda: psd(window=np.full(64, np.nan)), V, "window", "finite"),
+    Case(
+        "a window that adds up to nothing",
+        lambda: psd(window=np.zeros(64)),
+        V,
+        "window",
+        "sum to 0",
+    ),
+    Case("None for a window", lambda: psd(window=None), T, "window", "None"),
+    Case(
+        "a padded window given as an array",
+        lambda: psd(revolutions=5, window=np.ones(160), short="pad"),
+        V,
+        "recording 0",
+        "window by name",
+    ),
+    Case(
+        "negative max_order",
+        lambda: psd(max_order=-1),
+        V,
+        "max_order",
+        "orders",
+        "at least 0",
+        "-1",
+    ),
+    Case("text for max_order", lambda: psd(max_order="5"), T, "max_order", "number", "'5'"),
+    Case(
+        "theta_s that contradicts the recordings",
+        lambda: psd(theta_s=0.1),
+        V,
+        "theta_s = 0.1",
+        "contradicts",
+        "0.196",
+        "Omit theta_s of OrderPSD",
+    ),
+    Case(
+        "theta_s of zero for rows",
+        lambda: OrderPSD(theta_s=0).fit(np.ones((2, 300))),
+        V,
+        "theta_s",
+        "above 0",
+        "got 0",
+    ),
+    Case(
+        "theta_s far too small for rows",
+        lambda: OrderPSD(2, theta_s=1e-12).fit(long_rows()),
+        V,
+        "segment",
+        "samples",
+        "theta_s",
+    ),
+    Case(
+        "another theta_s than that of fit",
+        lambda: psd_after_fit(over_angle(theta_s=0.1)),
+        V,
+        "recording 0",
+        "theta_s = 0.1",
+        "0.196",
+        "Resample it alike, or fit again",
+    ),
+    Case(
+        "two steps in one list",
+        lambda: psd([*over_angle(), *over_angle(theta_s=0.1)]),
+        V,
+        "recording 2",
+        "theta_s = 0.1",
+        "0.196",
+    ),
+    Case(
+        "other channels than those of fit",
+        lambda: psd_after_fit(over_angle(channels=["b", "a"])),
+        V,
+        "recording 0",
+        "['b', 'a']",
+        "['a', 'b']",
+    ),
+    Case(
+        "rows after a fit on recordings",
+        lambda: psd_after_fit(np.ones((2, 300))),
+        (V, T),
+        "recordings",
+        "rows",
+    ),
+    Case(
+        "rows after a fit on recordings of one channel",
+        lambda: OrderPSD(2).fit(over_angle(channels=["a"])).transform(np.ones((2, 300))),
+        (V, T),
+        "recordings",
+        "rows",
+    ),
+    Case(
+        "recordings after a fit on rows",
+        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform(over_angle()),
+        (V, T),
+        "recording 0",
+        "rows",
+    ),
+    Case(
+        "a nan in a table of rows",
+        lambda: OrderPSD(2, theta_s=0.1).fit(np.stack([np.ones(600), spoilt(11, np.nan)])),
+        V,
+        "NaN",
+        "row 1",
+        "sample 11",
+    ),
+    Case(
+        "directions of a travel",
+        lambda: psd(over_angle(direction="travel"), by_direction=True),
+        V,
+        "by_direction",
+        "'travel'",
+        "direction='strokes'",
+    ),
+    Case(
+        "directions of rows",
+        lambda: OrderPSD(by_direction=True).fit(np.ones((2, 300))),
+        V,
+        "by_direction",
+        "plain rows have no direction",
+        "OrderResampler",
+    ),
+    Case("sparse rows", lambda: OrderPSD().fit(sparse.csr_array(np.eye(5))), T, "dense"),
+    Case("rows of one sample", lambda: OrderPSD().fit(np.ones((5, 1))), V, "minimum of 2"),
+    Case("a row instead of rows", lambda: OrderPSD(2, theta_s=0.1).fit(np.ones(300)), V, "2D"),
+    Case("a table of three dimensions", lambda: OrderPSD().fit(np.ones((2, 3, 50))), V, "dim 3"),
+    Case("spectra before fit", lambda: OrderPSD().transform(over_angle()), V, "not fitted"),
+]
+
+
+@each(CASES)
+def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
+    check_refused(case)
+
+
+def test_a_padded_spectrum_of_strokes_that_are_noise_at_rest_comes_to_an_end():
+    check_it_ends("""
+speed = np.full(2000, 3.0)
+speed[1900:] = 1e-3 * rng.standard_normal(100)
+run = Recording({"a": rng.normal(size=2000)}, 1000, velocity=speed)
+over_angle = OrderResampler(2 * np.pi / 64).fit_transform([run])
+result = OrderPSD(4, short="pad").fit_transform(over_angle)
+""")
+
+
+@FUZZ
+@given(st.lists(NUMBERS, max_size=12), st.lists(NUMBERS, max_size=12), NUMBERS, st.booleans())
+def test_a_run_of_any_numbers_has_a_spectrum_or_is_refused(signal, shaft, fs, as_angle):
+    name = "angle" if as_angle else "velocity"
+
+    def call():
+        made = Recording({"a": signal}, fs, **{name: shaft})
+        return psd(over_angle([made]), revolutions=0.1, short="pad")
+
+    assert not np.isnan(survive(call)).any()
+
+
+@FUZZ
+@given(ANYTHING, st.sampled_from([None, THETA_S]))
+def test_a_spectrum_of_anything_is_estimated_or_refused(X, theta_s):
+    assert not np.isnan(survive(lambda: OrderPSD(2, theta_s=theta_s).fit_transform(X))).any()
+
+
+@FUZZ
+@given(
+    st.sampled_from(sorted(OrderPSD().get_params().keys() - {"n_jobs", "verbose", "memory"})),
+    VALUES,
+    st.sampled_from(["raise", "pad"]),
+)
+def test_any_option_of_the_spectrum_is_taken_or_refused(name, value, short):
+    X = over_angle([run()])
+    options = {"revolutions": 2, "short": short} | {name: value}
+    assert not np.isnan(survive(lambda: OrderPSD(**options).fit_transform(X))).any()

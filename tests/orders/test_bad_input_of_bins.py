@@ -1,0 +1,299 @@
+"""Facts about bad input of order bins: what was expected, what came, where, what to do."""
+
+import numpy as np
+import pandas as pd
+from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
+from bad_input import Case, T, V, check_it_ends, check_refused, each, spectra
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import sparse
+
+from emacm import BinTransformer
+from emacm.orders.columns import OrderTable, order_columns
+
+
+def bins(X=None, **options):
+    return BinTransformer(**({"max_order": 8} | options)).fit_transform(
+        spectra() if X is None else X
+    )
+
+
+CASES = [
+    Case(
+        "orders above the axis",
+        lambda: bins(max_order=50),
+        V,
+        "16-17",
+        "beyond the spectrum",
+        "orders are 0 to 16",
+        "Lower max_order",
+        "theta_s",
+    ),
+    Case(
+        "edges above the axis", lambda: bins(edges=[0, 5, 16.01]), V, "5-16.01", "0 to 16", "edges"
+    ),
+    Case(
+        "edges below the axis",
+        lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["a@1", "a@2", "a@3"]), edges=[0.5, 2]),
+        V,
+        "0.5-2",
+        "1 to 3",
+    ),
+    *[
+        Case(
+            f"{name}={value!r}",
+            lambda name=name, value=value: bins(**{name: value}),
+            error,
+            name,
+            "number",
+            "orders",
+            "above 0",
+            came,
+        )
+        for name in ("bin_size", "max_order")
+        for value, error, came in [
+            (0, V, "got 0"),
+            (-1, V, "got -1"),
+            (np.nan, V, "nan"),
+            (np.inf, V, "inf"),
+            ("1", T, "'1'"),
+            (None, T, "None"),
+            (True, T, "True"),
+        ]
+    ],
+    Case(
+        "tiny bins",
+        lambda: bins(bin_size=1e-300),
+        V,
+        "bin_size = 1e-300",
+        "bins up to order 8",
+        "width of a bin",
+    ),
+    Case(
+        "edges that are not sorted",
+        lambda: bins(edges=[0, 5, 3]),
+        V,
+        "edges",
+        "increase",
+        "5 is followed by 3",
+        "position 2",
+        "Sort",
+    ),
+    Case("an edge twice", lambda: bins(edges=[0, 3, 3]), V, "edges", "3 is followed by 3"),
+    Case(
+        "edges that differ by rounding only",
+        lambda: bins(edges=[0, 1, 1 + 1e-13, 2]),
+        V,
+        "edges",
+        "increase",
+    ),
+    Case("a negative edge", lambda: bins(edges=[-1, 3]), V, "edges", "at least 0", "[-1.0, 3.0]"),
+    Case("an edge that is no number", lambda: bins(edges=[0, np.nan]), V, "edges", "finite", "nan"),
+    Case("one edge", lambda: bins(edges=[3]), V, "edges", "at least two", "[3]"),
+    Case(
+        "edges of two dimensions",
+        lambda: bins(edges=[[0, 1], [1, 2]]),
+        V,
+        "edges",
+        "at least two increasing orders",
+    ),
+    Case("text for edges", lambda: bins(edges=["a", "b"]), T, "edges", "numeric", "'a'"),
+    Case("no bands", lambda: bins(edges={}), V, "edges", "at least one band"),
+    Case(
+        "a band upside down",
+        lambda: bins(edges={"BPFI": (6, 5)}),
+        V,
+        "band 'BPFI'",
+        "lower to a higher",
+        "(6, 5)",
+    ),
+    Case(
+        "a band of one number",
+        lambda: bins(edges={"BPFI": 6}),
+        T,
+        "band 'BPFI'",
+        "pair (low, high)",
+        "6",
+    ),
+    Case(
+        "a band with a number for a name",
+        lambda: bins(edges={6: (5, 6)}),
+        T,
+        "bands",
+        "named by strings",
+        "6",
+    ),
+    Case("a negative band", lambda: bins(edges={"x": (-1, 6)}), V, "band 'x'", "at least 0", "-1"),
+    Case(
+        "a stop band that is not nested",
+        lambda: bins(stop_bands=(5.6, 6.4)),
+        T,
+        "stop_bands",
+        "pairs",
+        "(5.6, 6.4)",
+        "((low, high),)",
+    ),
+    Case(
+        "a stop band upside down",
+        lambda: bins(stop_bands=((6.4, 5.6),)),
+        V,
+        "stop band 0",
+        "lower to a higher",
+        "(6.4, 5.6)",
+    ),
+    Case(
+        "a stop band of three numbers",
+        lambda: bins(stop_bands=((1, 2), (1, 2, 3))),
+        T,
+        "stop band 1",
+        "pair",
+        "(1, 2, 3)",
+    ),
+    Case("text for stop bands", lambda: bins(stop_bands="5-6"), T, "stop_bands", "'5-6'"),
+    Case("a number for stop bands", lambda: bins(stop_bands=5), T, "stop_bands", "5"),
+    Case("None for stop bands", lambda: bins(stop_bands=None), T, "stop_bands", "None"),
+    Case(
+        "a negative stop band",
+        lambda: bins(stop_bands=((-1, 2),)),
+        V,
+        "stop band 0",
+        "at least 0",
+        "-1",
+    ),
+    Case(
+        "a stop band with a nan", lambda: bins(stop_bands=((1, np.nan),)), V, "stop band 0", "nan"
+    ),
+    Case(
+        "all bins stopped",
+        lambda: bins(stop_bands=((0, 8),)),
+        V,
+        "stop_bands",
+        "(0.0, 8.0)",
+        "Remove",
+    ),
+    Case(
+        "a step that contradicts the axis",
+        lambda: bins(order_step=0.25),
+        V,
+        "order_step = 0.25",
+        "contradicts",
+        "0.5",
+        "Leave order_step out",
+    ),
+    Case(
+        "a step of zero",
+        lambda: bins(np.ones((2, 9)), order_step=0),
+        V,
+        "order_step",
+        "above 0",
+        "got 0",
+    ),
+    Case("text for a step", lambda: bins(np.ones((2, 9)), order_step="x"), T, "order_step", "'x'"),
+    Case(
+        "bins beyond a stated step",
+        lambda: bins(np.ones((2, 9)), order_step=0.5),
+        V,
+        "beyond the spectrum",
+        "0 to 4",
+    ),
+    Case("one column", lambda: bins(np.ones((3, 1))), V, "1 feature", "minimum of 2"),
+    Case("sparse spectra", lambda: bins(sparse.csr_array(np.eye(9))), T, "dense"),
+    Case(
+        "a nan in the spectra",
+        lambda: bins(
+            pd.DataFrame(
+                np.where(np.arange(9) == 3, [[1.0], [np.nan]], 1.0),
+                columns=order_columns("a", range(9)),
+            )
+        ),
+        V,
+        "NaN",
+        "recording 1",
+        "'a@3'",
+    ),
+    Case("text in the spectra", lambda: bins([["a"] * 9]), V, "'a'"),
+    Case(
+        "order columns beside others",
+        lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["load", "a@0", "a@1"])),
+        V,
+        "'a@0'",
+        "'load'",
+        "ColumnTransformer",
+    ),
+    Case(
+        "columns out of order",
+        lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["a@0", "a@2", "a@1"])),
+        V,
+        "increase",
+        "'a@1' follows 'a@2'",
+    ),
+    Case(
+        "another axis than that of fit",
+        lambda: (
+            BinTransformer(max_order=8)
+            .fit(spectra())
+            .transform(OrderTable(np.ones((1, 3)), order_columns(["a"], [0, 1, 2])))
+        ),
+        V,
+        "another order axis",
+        "66 columns 'a@0' to 'b@16'",
+        "3 columns 'a@0' to 'a@2'",
+        "Use the same theta_s",
+    ),
+    Case(
+        "columns reordered after fit",
+        lambda: (
+            BinTransformer(max_order=8)
+            .fit(pd.DataFrame(np.ones((1, 18)), columns=order_columns("ab", range(9))))
+            .transform(pd.DataFrame(np.ones((1, 18)), columns=order_columns("ba", range(9))))
+        ),
+        V,
+        "these columns in another order",
+    ),
+    Case(
+        "too few columns after fit",
+        lambda: BinTransformer(max_order=8).fit(np.ones((2, 9))).transform(np.ones((2, 8))),
+        V,
+        "8 features",
+        "9 features",
+    ),
+    Case("bins before fit", lambda: BinTransformer().transform(np.ones((2, 9))), V, "not fitted"),
+]
+
+
+@each(CASES)
+def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
+    check_refused(case)
+
+
+def test_a_table_of_bins_far_narrower_than_the_lines_comes_to_an_end():
+    check_it_ends("""
+try:
+    result = BinTransformer(2e-5, max_order=8).fit_transform(np.ones((2, 33)))
+except ValueError as error:
+    assert "bin_size" in str(error)
+    result = 0
+""")
+
+
+@FUZZ
+@given(ANYTHING)
+def test_bins_of_anything_are_made_or_refused(X):
+    assert not np.isnan(survive(lambda: BinTransformer(max_order=8).fit_transform(X))).any()
+
+
+@FUZZ
+@given(st.sampled_from(sorted(BinTransformer().get_params())), VALUES)
+def test_any_option_of_the_bins_is_taken_or_refused(name, value):
+    table = OrderTable(np.ones((2, 33)), order_columns(["a"], np.arange(33) / 2))
+    options = {"max_order": 8} | {name: value}
+    result = survive(lambda: BinTransformer(**options).fit_transform(table))
+    assert not np.isnan(result).any()
+
+
+@FUZZ
+@given(st.lists(st.tuples(NUMBERS, NUMBERS), max_size=3), st.lists(NUMBERS, max_size=4))
+def test_any_bands_and_edges_make_bins_that_are_not_negative_or_are_refused(stop_bands, edges):
+    table = OrderTable(np.ones((2, 33)), order_columns(["a"], np.arange(33) / 2))
+    bins_of = BinTransformer(edges=edges, stop_bands=stop_bands)
+    assert (survive(lambda: bins_of.fit_transform(table)) >= 0).all()
