@@ -12,7 +12,7 @@ from emacm.machine.lines import LineLevels, fault_series
 from emacm.machine.parts import Part
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.orders.table_transformer import OrderTableTransformer
-from emacm.recordings.inputs import check_channel_names
+from emacm.recordings.inputs import check_channel_names, chosen_channels
 
 
 class FaultLines(OrderTableTransformer):
@@ -117,7 +117,7 @@ class FaultLines(OrderTableTransformer):
             )
         series = fault_series(self.parts, self.harmonics)
         by_channel = {block.channel: block for block in blocks}
-        self.channels_ = tuple(by_channel if self.channels is None else self.channels)
+        self.channels_ = chosen_channels(self.channels, tuple(by_channel))
         check_channel_names(tuple(by_channel), self.channels_, "X")
         self.faults_ = tuple(fault.name for fault in series)
         self._levels = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
 from emacm.recordings.envelope import Band, check_band, envelope_recording
-from emacm.recordings.inputs import as_recordings, described
+from emacm.recordings.inputs import as_recordings, chosen_channels, described
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 
@@ -136,9 +136,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     def _checked_bands(self, first: Sequence[str]) -> dict[str, Band]:
         """Return the band of each channel."""
-        chosen = self.channels
-        if isinstance(chosen, str) or not (chosen is None or isinstance(chosen, Iterable)):
-            raise TypeError(f"channels must be a list of names, got {chosen!r}.")
+        chosen = None if self.channels is None else chosen_channels(self.channels, first)
         if not isinstance(self.band, Mapping):
             band = check_band(self.band)
             bands = dict.fromkeys(first if chosen is None else chosen, band)
@@ -149,7 +147,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
                 raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
             bands = named if chosen is None else {name: named[name] for name in chosen}
         if not bands:
-            raise ValueError("band or channels must name at least one channel.")
+            raise ValueError("band must name at least one channel.")
         return bands
 
     def _detected(self, recordings: list[Recording]) -> list[Recording]:

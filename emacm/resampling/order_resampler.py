@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from emacm.recordings.inputs import (
     as_list,
     check_channel_names,
     check_channels,
+    chosen_channels,
     described,
     received,
 )
@@ -152,7 +153,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         self._check_parameters()
         recordings = self._recordings(X)
-        self.channels_ = self._chosen_channels(recordings[0])
+        self.channels_ = chosen_channels(self.channels, recordings[0].channels)
         check_channels(recordings, self.channels_, others=self.channels is not None)
         return self
 
@@ -228,7 +229,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         self._check_parameters()
         recordings = self._recordings(X)
-        channels = self._chosen_channels(recordings[0])
+        channels = chosen_channels(self.channels, recordings[0].channels)
         check_channels(recordings, channels, others=self.channels is not None)
         quality = partial(
             recording_quality,
@@ -296,21 +297,6 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         if self.reference_kind == "velocity":
             return Recording(channels, self.fs, velocity=shaft)
         return Recording(channels, self.fs, angle=shaft)
-
-    def _chosen_channels(self, first: Recording) -> tuple[str, ...]:
-        if self.channels is None:
-            return first.channels
-        if isinstance(self.channels, str):
-            raise TypeError(f"channels must be a list of names; write [{self.channels!r}].")
-        if not isinstance(self.channels, Iterable):
-            raise TypeError(f"channels must be a list of names, got {self.channels!r}.")
-        chosen = tuple(self.channels)
-        for name in chosen:
-            if not isinstance(name, str):
-                raise TypeError(f"channels must be a list of names, got {name!r} in {chosen!r}.")
-        if not chosen or len(set(chosen)) < len(chosen):
-            raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
-        return chosen
 
     def _check_motion(self, recording: Recording, index: int) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""

@@ -7,7 +7,7 @@ strokes. Orders and bins have other names, ``channel@...``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -20,7 +20,7 @@ from emacm._checks import check_choice, check_number, located
 from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
-from emacm.recordings.inputs import as_recordings, check_channels, described
+from emacm.recordings.inputs import as_recordings, check_channels, chosen_channels, described
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.stroke_features.signals import StrokeSignal, StrokeSignals, cut_into_strokes
@@ -66,7 +66,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        self.channels_ = _chosen_channels(self.channels, rows[0])
+        self.channels_ = chosen_channels(self.channels, rows[0].channels)
         self._over_angle = isinstance(rows[0], AngleRecording)
         self._check_rows(rows)
         names = [":".join(key) for key in self._keys()]
@@ -234,14 +234,3 @@ def _no_stroke(kind: str, min_revolutions: float) -> str:
     if kind != "stroke":
         remedy += ", or use by_direction=False"
     return f"it has no {wanted}. {remedy}."
-
-
-def _chosen_channels(channels: Any, first: Row) -> tuple[str, ...]:
-    if channels is None:
-        return tuple(first.channels)
-    if isinstance(channels, str) or not isinstance(channels, Iterable):
-        raise TypeError(f"channels must be a list of names such as ['current'], got {channels!r}.")
-    chosen = tuple(channels)
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(f"channels must name each channel once, got {list(chosen)}.")
-    return chosen

@@ -5,16 +5,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 import emacm
 from emacm import (
     EnvelopeDetector,
+    FaultLines,
     OrderCrossSpectrum,
     OrderPSD,
     OrderResampler,
     Recording,
     RecordingStatistics,
 )
+from emacm.orders.columns import OrderTable, order_columns
 from emacm.recordings.inputs import as_list, check_channel_names, check_channels
 
 
@@ -108,3 +111,41 @@ def test_messages_do_not_hold_the_data():
     with pytest.raises(TypeError) as caught:
         emacm.OrderResampler().fit({"a": np.zeros(10_000)})
     assert len(str(caught.value)) < 200
+
+
+SPECTRA = OrderTable(
+    np.ones((1, 122)), order_columns(["torque", "current"], np.arange(0, 3.01, 0.05))
+)
+WITH_CHANNELS = [
+    (OrderResampler(), [run()]),
+    (EnvelopeDetector((20, 60)), [run()]),
+    (RecordingStatistics(by_direction=False), [run()]),
+    (FaultLines({"BPFO": 0.7}, harmonics=2), SPECTRA),
+]
+
+
+@pytest.mark.parametrize(("model", "X"), WITH_CHANNELS, ids=lambda v: type(v).__name__)
+@pytest.mark.parametrize(
+    ("channels", "error", "message"),
+    [
+        ("torque", TypeError, r"list of names such as \['torque'\]; got a text"),
+        (2, TypeError, "list of names such as .*, got 2"),
+        ({"torque", "current"}, TypeError, "list of names such as .*, got {'"),
+        (iter(["torque"]), TypeError, "It can be read only once; write list"),
+        ([0], TypeError, r"list of names, got 0 in \(0,\)"),
+        ([], ValueError, "at least one channel"),
+        (["torque", "torque"], ValueError, r"each channel once; got \['torque', 'torque'\]"),
+        (["sound"], ValueError, "no channel 'sound'"),
+    ],
+)
+def test_every_estimator_reads_its_channels_in_the_same_way(model, X, channels, error, message):
+    with pytest.raises(error, match=message):
+        clone(model).set_params(channels=channels).fit(X)
+
+
+@pytest.mark.parametrize(("model", "X"), WITH_CHANNELS, ids=lambda v: type(v).__name__)
+def test_channels_are_chosen_by_a_tuple_or_an_array_of_names(model, X):
+    expected = clone(model).set_params(channels=["current"]).fit(X).get_feature_names_out()
+    for channels in (("current",), np.array(["current"]), pd.Index(["current"])):
+        fitted = clone(model).set_params(channels=channels).fit(X)
+        assert list(fitted.get_feature_names_out()) == list(expected)
