@@ -108,7 +108,7 @@ class PowerDisplay(OrderDisplay):
         ----------
         estimator : OrderPSD, BinTransformer, or Pipeline with such a step
             Fitted. Steps after the one that is drawn are not used. Envelope channels, `scaling`
-            and `stop_bands` are taken from the steps.
+            and `stop_bands` are taken from the steps, units from the first recording.
         X : list of Recording
             Recordings, or the input of the first step.
         channel : str or sequence of str, optional
@@ -136,6 +136,7 @@ class PowerDisplay(OrderDisplay):
         table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
         known["envelopes"] = _tables.envelopes_of(before)
+        known["unit"] = _tables.units_in(X) or "unit"
         return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
 
     def _scaled(self, power: NDArray[np.floating]) -> NDArray[np.floating]:

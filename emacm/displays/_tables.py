@@ -198,6 +198,12 @@ def envelopes_in(recording: Recording) -> dict[str, str]:
     }
 
 
+def units_in(X: Any) -> dict[str, str]:
+    """Return the units of the channels of the first recording; none for other input."""
+    first = X[0] if isinstance(X, Sequence) and len(X) else None
+    return dict(first.units) if isinstance(first, Recording) else {}
+
+
 def as_envelope(quantity: str, unit: str, kind: str | None) -> tuple[str, str]:
     """Return the quantity and the unit of an envelope; those given if `kind` is None.
 

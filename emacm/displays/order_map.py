@@ -179,6 +179,7 @@ class OrderMapDisplay(OrderDisplay):
             )
         parts = (np.concatenate(values) for values in zip(*segments, strict=True))
         known = {"channel": chosen, "envelope": _tables.envelopes_in(recording).get(chosen)}
+        known["unit"] = recording.units.get(chosen, "unit")
         return cls(plan.orders, *parts, max_order=max_order, **(known | options)).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:

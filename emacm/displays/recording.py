@@ -119,7 +119,7 @@ class RecordingDisplay(Display):
         channels : sequence of str, optional
             Channels to draw, from top to bottom. Default: all.
         units : mapping of str to str, optional
-            Unit of each channel.
+            Unit of each channel. Default: those of the recording.
         between : tuple of two float, optional
             Start and end of the interval to draw [s]. Default: the whole recording.
         shade_strokes : bool
@@ -162,7 +162,7 @@ class RecordingDisplay(Display):
             {name: signal for name, (_, signal) in cut.items()},
             shaft_times,
             speed,
-            units=units,
+            units=recording.units if units is None else units,
             envelopes={name: kind for name, kind in known.items() if name in cut},
             strokes=strokes,
         )

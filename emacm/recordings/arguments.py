@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import mmap
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_number, check_signal, check_unique_columns
+from emacm.recordings.column_names import is_time_name
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.motion import Series
 
@@ -25,6 +28,7 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
     if isinstance(signals, pd.DataFrame):
         check_unique_columns(signals, "signals")
         signals = {name: signals[name] for name in signals.columns}
+        _refuse_other_columns(signals)
     if not isinstance(signals, Mapping):
         raise TypeError(
             f"signals must be a mapping of channel name to 1-D array, or a DataFrame; "
@@ -41,6 +45,34 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
     }
 
 
+def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
+    """Raise a ValueError if a column of a table that was passed as a whole is no channel."""
+    for name, values in columns.items():
+        if not isinstance(name, str):
+            continue
+        if is_time_name(name) and values.dtype.kind in "iufmM" and values.is_monotonic_increasing:
+            is_what, remedy = "the time of the samples", ""
+        elif "rpm" in re.findall("[a-z]+", name.lower()):
+            is_what, remedy = "the speed of the shaft", f", velocity=frame[{name!r}] * np.pi / 30"
+        else:
+            continue
+        raise ValueError(
+            f"column {name!r} of signals is named like {is_what}, not like a channel. Pass "
+            f"frame.drop(columns=[{name!r}]){remedy}; if it is a channel, pass a mapping: "
+            f"dict(frame)."
+        )
+
+
+def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: str = "it") -> None:
+    """Raise a ValueError if one of `channels` is not among those that are known."""
+    missing = [name for name in channels if name not in known]
+    if missing:
+        raise ValueError(
+            f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
+            f"were {list(channels)}."
+        )
+
+
 def check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
     """Return the sampling rate of each channel [Hz]."""
     if not isinstance(fs, Mapping):
@@ -55,6 +87,49 @@ def check_rates(fs: Any, channels: tuple[str, ...]) -> dict[str, float]:
         name: check_number(fs[name], f"fs of channel {name!r}", above=0, unit="Hz")
         for name in channels
     }
+
+
+def check_units(units: Any, channels: tuple[str, ...]) -> dict[str, str]:
+    """Return the units of the channels for which one is given."""
+    if units is None:
+        return {}
+    if not isinstance(units, Mapping):
+        raise TypeError(f"units must map channels to units, as {{'current': 'A'}}, got {units!r}.")
+    for name, unit in units.items():
+        if name not in channels:
+            raise ValueError(
+                f"units names {name!r}, which is no channel; the channels are {list(channels)}."
+            )
+        if not isinstance(unit, str) or not unit:
+            raise TypeError(
+                f"the unit of channel {name!r} must be a text such as 'g', got {unit!r}."
+            )
+    return dict(units)
+
+
+def constant_speed(
+    velocity: Any, channels: Mapping[str, Series], rates: Mapping[str, float], shaft_fs: Any
+) -> Any:
+    """Return a velocity that is a number as an array over the duration of the channels.
+
+    Examples
+    --------
+    >>> constant_speed(157.0, {"vibration": np.zeros(3)}, {"vibration": 2.0}, None)
+    array([157., 157., 157.])
+    """
+    if isinstance(velocity, bool | np.bool_) or not isinstance(velocity, Real):
+        return velocity
+    speed = check_number(velocity, "velocity", unit="rad/s")
+    fastest = max(rates, key=lambda name: rates[name])
+    n_times = len(channels[fastest])
+    if shaft_fs is not None:
+        rate = check_number(shaft_fs, "shaft_fs", above=0, unit="Hz")
+        n_times = max(2, round(n_times / rates[fastest] * rate))
+    elif len(set(rates.values())) > 1:
+        raise ValueError(
+            f"shaft_fs must be given where the channels have different rates, got fs={dict(rates)}."
+        )
+    return np.full(n_times, speed)
 
 
 def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:

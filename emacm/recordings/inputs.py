@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import once_hint
+from emacm.recordings.arguments import check_channel_names as check_channel_names
 from emacm.recordings.recording import Recording
 
 _LONG = 200  # characters of meta in a message
@@ -180,16 +181,6 @@ def check_channels(
                 f"{where} has its channels in the order {list(known)}, expected was "
                 f"{list(channels)}. State channels={list(channels)} of OrderResampler."
             )
-
-
-def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: str = "it") -> None:
-    """Raise a ValueError if one of `channels` is not among those that are known."""
-    missing = [name for name in channels if name not in known]
-    if missing:
-        raise ValueError(
-            f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
-            f"were {list(channels)}."
-        )
 
 
 def described(recording: Any, index: int) -> str:

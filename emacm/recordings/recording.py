@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -19,9 +19,14 @@ from emacm.recordings.arguments import (
     check_shaft,
     check_shaft_rate,
     check_signals,
+    check_units,
+    constant_speed,
     immutable,
 )
+from emacm.recordings.content import Arrays, same_content
+from emacm.recordings.excerpts import Excerpts
 from emacm.recordings.remembered import Remembered
+from emacm.recordings.view import recording_html
 from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.jumps import Jump, largest_jump
 from emacm.shaft.motion import (
@@ -35,10 +40,10 @@ from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import Stroke, paths_along, strokes_of
 
 _MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
-_CONTENT = ("_fs", "_meta", "_series", "_shaft", "reference", "shaft_fs")
+CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
 
 
-class Recording:
+class Recording(Excerpts):
     """One measured run: channels over time and the shaft's angle or velocity.
 
     All channels and the shaft reference start at one instant; each may have its
@@ -56,12 +61,14 @@ class Recording:
     angle : array-like of shape (n_shaft_times,), optional
         Shaft angle [rad], cumulative, or wrapped at 2π. It is taken as wrapped
         only if its values span at most 2π and some step exceeds π.
-    velocity : array-like of shape (n_shaft_times,), optional
-        Shaft velocity [rad/s], signed. Exactly one of `angle` and `velocity`
-        must be given; the functions of `emacm.shaft` compute one from a tachometer,
-        a resolver, a position or phase currents.
+    velocity : float or array-like of shape (n_shaft_times,), optional
+        Shaft velocity [rad/s], signed; a number is a constant velocity. Exactly one of `angle`
+        and `velocity` must be given; the functions of `emacm.shaft` compute one from a
+        tachometer, a resolver, a position or phase currents.
     shaft_fs : float, optional
         Sampling rate of the shaft reference [Hz]. Default: that of the channels.
+    units : mapping of str to str, optional
+        Unit of each channel, for the axes of figures: ``{"vibration": "g"}``. Nothing is converted.
     meta : mapping, optional
         Further properties of the run: unit, condition, load, run.
 
@@ -77,6 +84,8 @@ class Recording:
         Sampling rate of the shaft reference [Hz].
     reference : {"angle", "velocity"}
         Which of the two was given.
+    units : mapping of str to str
+        Units of those channels for which one was given; read-only.
     meta : mapping
         What was given as `meta`; read-only.
 
@@ -108,12 +117,13 @@ class Recording:
     19.99
     """
 
-    __slots__ = (*_CONTENT, "_remembered")
+    __slots__ = (*CONTENT, "_remembered")
 
     _series: dict[str, Series]
     _fs: dict[str, float]
     _shaft: NDArray[np.floating]
     _meta: dict[Any, Any]
+    _units: dict[str, str]
     reference: str
     shaft_fs: float
     _remembered: Remembered
@@ -126,10 +136,12 @@ class Recording:
         angle: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         shaft_fs: float | None = None,
+        units: Mapping[str, str] | None = None,
         meta: Mapping[Any, Any] | None = None,
     ) -> None:
         channels = check_signals(signals)
         rates = check_rates(fs, tuple(channels))
+        velocity = constant_speed(velocity, channels, rates, shaft_fs)
         reference, shaft = check_shaft(angle, velocity)
         if meta is not None and not isinstance(meta, Mapping):
             raise TypeError(f"meta must be a mapping such as {{'unit': 'A'}}, got {meta!r}.")
@@ -138,6 +150,7 @@ class Recording:
             "_fs": rates,
             "_shaft": shaft,
             "_meta": copy.deepcopy(dict(meta or {})),
+            "_units": check_units(units, tuple(channels)),
             "reference": reference,
             "shaft_fs": check_shaft_rate(shaft_fs, rates),
         }
@@ -160,8 +173,16 @@ class Recording:
         -------
         Recording
         """
+        units = {name: unit for name, unit in self._units.items() if name in series}
+        return self._changed({"_series": dict(series), "_fs": dict(fs), "_units": units})
+
+    def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
+        """Return the recording with the changes of content that a function returns."""
+        return self._changed(change(self, *arguments))
+
+    def _changed(self, changes: Mapping[str, Any]) -> Recording:
         changed = Recording.__new__(Recording)
-        changed._set(self.__getstate__() | {"_series": dict(series), "_fs": dict(fs)})
+        changed._set({name: getattr(self, name) for name in CONTENT} | {**changes})
         return changed
 
     @property
@@ -174,7 +195,7 @@ class Recording:
         """The channels by name, as read-only arrays; computed ones are computed when read."""
         if all(isinstance(series, np.ndarray) for series in self._series.values()):
             return MappingProxyType(self._series)  # type: ignore[arg-type]
-        return _Arrays(self._series)
+        return Arrays(self._series)
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -185,6 +206,11 @@ class Recording:
     def fs(self) -> Mapping[str, float]:
         """Sampling rate of each channel [Hz]."""
         return MappingProxyType(self._fs)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of the channels, where they were given."""
+        return MappingProxyType(self._units)
 
     @property
     def meta(self) -> Mapping[Any, Any]:
@@ -286,11 +312,15 @@ class Recording:
         ]
         return f"Recording({'; '.join(filter(None, parts))})"
 
+    def _repr_html_(self) -> str:
+        """Return a table of the channels, the shaft and the meta, for notebooks."""
+        return recording_html(self)
+
     def __eq__(self, other: object) -> bool:
-        """Two recordings are equal if channels, rates, shaft and meta are."""
+        """Two recordings are equal if channels, rates, units, shaft and meta are."""
         if not isinstance(other, Recording):
             return NotImplemented
-        return all(_same(getattr(self, name), getattr(other, name)) for name in _CONTENT)
+        return all(same_content(getattr(self, name), getattr(other, name)) for name in CONTENT)
 
     def __hash__(self) -> int:
         """Agree for equal recordings, without reading the signals."""
@@ -317,7 +347,7 @@ class Recording:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the content, for pickle and joblib's hash; nothing that is remembered."""
-        return {name: getattr(self, name) for name in _CONTENT}
+        return {name: getattr(self, name) for name in CONTENT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore checked content."""
@@ -331,7 +361,7 @@ class Recording:
             for name, s in state["_series"].items()
         }
         state = state | {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
-        for name in _CONTENT:
+        for name in CONTENT:
             object.__setattr__(self, name, state[name])
         remembered = Remembered(self._arrays(), just_opened=just_opened)
         object.__setattr__(self, "_remembered", remembered)
@@ -347,42 +377,3 @@ class Recording:
         """Return channels and shaft reference, as messages name them, with their rates [Hz]."""
         channels = {f"channel {n!r}": (s, self._fs[n]) for n, s in self._series.items()}
         return channels | {f"the shaft's {self.reference}": (self._shaft, self.shaft_fs)}
-
-
-class _Arrays(Mapping[str, NDArray[np.floating]]):
-    """Channels as arrays, each computed as a whole when it is read."""
-
-    def __init__(self, series: Mapping[str, Series]) -> None:
-        self._series = series
-
-    def __getitem__(self, name: str) -> NDArray[np.floating]:
-        series = self._series[name]
-        if isinstance(series, np.ndarray):
-            return series
-        whole = series[:]
-        whole.flags.writeable = False
-        return whole
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._series)
-
-    def __len__(self) -> int:
-        return len(self._series)
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Compare values that may hold arrays."""
-    if one is other:
-        return True
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return list(one) == list(other) and all(_same(one[key], other[key]) for key in one)
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        equal_nan = one.dtype.kind in "fc"
-        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
-    if type(one) is not type(other):
-        return bool(np.isscalar(one) and np.isscalar(other) and one == other)
-    if isinstance(one, pd.DataFrame | pd.Series | pd.Index):
-        return bool(one.equals(other))
-    if isinstance(one, list | tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
-    return bool(one == other or (one != one and other != other))

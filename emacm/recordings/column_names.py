@@ -1,0 +1,53 @@
+"""What the name of a column tells: its unit, and whether it is a time or a motion of the shaft."""
+
+from __future__ import annotations
+
+import re
+
+_WITH_UNIT = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "seconds", "elapsed", "datetime"}
+_SHAFT = {"angle", "angular", "encoder", "keyphasor", "resolver", "rpm", "speed", "tacho"}
+_SHAFT |= {"tachometer", "theta", "velocity", "omega"}
+_LINEAR = {"linear", "nut", "slider", "piston"}  # velocities that are not of a shaft
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return the name of a column without its unit, and the unit; "" if it states none.
+
+    Examples
+    --------
+    >>> split_unit("speed [rpm]"), split_unit("vibration (g)"), split_unit("vibration")
+    (('speed', 'rpm'), ('vibration', 'g'), ('vibration', ''))
+    """
+    found = _WITH_UNIT.fullmatch(name.strip())
+    if found is None:
+        return name.strip(), ""
+    return found[1], (found[2] if found[3] is None else found[3]).strip()
+
+
+def is_time_name(name: str) -> bool:
+    """Tell whether a column with this name usually holds the times of the samples.
+
+    Examples
+    --------
+    >>> is_time_name("Time [s]"), is_time_name("time_constant")
+    (True, False)
+    """
+    return set(_words(name)) <= _TIMES | {"s", "sec", "ms"} and bool(set(_words(name)) & _TIMES)
+
+
+def is_shaft_name(name: str) -> bool:
+    """Tell whether a column with this name usually holds the motion of the shaft.
+
+    Examples
+    --------
+    >>> is_shaft_name("shaft_speed"), is_shaft_name("RPM"), is_shaft_name("current")
+    (True, True, False)
+    """
+    words = set(_words(name))
+    return bool(words & _SHAFT) and not words & _LINEAR
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name, without its unit, in lower case."""
+    return re.findall(r"[a-z]+", split_unit(name)[0].lower())

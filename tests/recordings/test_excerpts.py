@@ -1,0 +1,205 @@
+"""Constant speed as a number, units, parts of a recording, other names, and the HTML table."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.pipeline import make_pipeline
+
+from emacm import EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.displays import OrderMapDisplay, OrderSpectrumDisplay, RecordingDisplay
+
+RNG = np.random.default_rng(5)
+
+
+def two_rates(**options):
+    """Ten seconds: vibration at 1200 Hz, current at 50 Hz, shaft at 300 Hz."""
+    options = {"velocity": np.linspace(7.0, 9.0, 3000), "shaft_fs": 300} | options
+    signals = {"vibration": RNG.normal(size=12_000), "current": RNG.normal(size=500)}
+    fs = {"vibration": 1200, "current": 50}
+    return Recording(signals, fs, units={"vibration": "g", "current": "A"}, **options)
+
+
+# A constant speed
+
+
+def test_a_number_is_a_constant_velocity():
+    signal = RNG.normal(size=700)
+    by_number = Recording({"b": signal}, 210.5, velocity=157.0)
+    assert by_number == Recording({"b": signal}, 210.5, velocity=np.full(700, 157.0))
+    assert by_number.duration == 700 / 210.5
+
+
+def test_a_constant_velocity_has_the_rate_of_the_shaft():
+    recording = two_rates(velocity=157)
+    assert recording.shaft_fs == 300
+    np.testing.assert_array_equal(recording.velocity, np.full(3000, 157.0))
+
+
+def test_a_constant_velocity_needs_a_rate_where_channels_differ():
+    with pytest.raises(ValueError, match="shaft_fs must be given"):
+        two_rates(velocity=157, shaft_fs=None)
+
+
+@pytest.mark.parametrize("velocity", [np.nan, np.inf, -np.inf])
+def test_a_constant_velocity_is_finite(velocity):
+    with pytest.raises(ValueError, match="velocity must be a number of rad/s"):
+        Recording({"b": [1.0, 2.0]}, 2, velocity=velocity)
+
+
+# Units
+
+
+def test_units_are_kept_and_compared():
+    recording = two_rates()
+    assert dict(recording.units) == {"vibration": "g", "current": "A"}
+    plain = Recording({"b": [1.0, 2.0]}, 2, velocity=3.0)
+    assert plain != Recording({"b": [1.0, 2.0]}, 2, velocity=3.0, units={"b": "g"})
+    assert plain.digest == Recording({"b": [1.0, 2.0]}, 2, velocity=3.0, units={"b": "g"}).digest
+
+
+@pytest.mark.parametrize(
+    ("units", "error", "message"),
+    [
+        ({"torque": "Nm"}, ValueError, "units names 'torque', which is no channel"),
+        ({"b": 5}, TypeError, "the unit of channel 'b' must be a text"),
+        ("g", TypeError, "units must map channels to units"),
+    ],
+)
+def test_invalid_units_are_refused(units, error, message):
+    with pytest.raises(error, match=message):
+        Recording({"b": [1.0, 2.0]}, 2, velocity=3.0, units=units)
+
+
+def test_figures_take_the_units_of_the_recording():
+    pytest.importorskip("matplotlib")
+    recording = two_rates()
+    labels = [ax.get_ylabel() for ax in RecordingDisplay.from_recording(recording).ax_]
+    assert labels[:2] == ["vibration [g]", "current [A]"]
+    angles = OrderResampler(2 * np.pi / 20, channels=["vibration"])
+    psd = OrderPSD(2.5, max_order=8)
+    model = make_pipeline(angles, psd).fit([recording])
+    display = OrderSpectrumDisplay.from_estimator(model, [recording])
+    assert "g²/order" in np.ravel(display.ax_)[0].get_ylabel()
+    order_map = OrderMapDisplay.from_recording(recording, "vibration", theta_s=2 * np.pi / 20)
+    assert order_map.unit == "g"
+
+
+# Cutting
+
+
+def test_a_part_holds_the_samples_from_start_to_stop():
+    recording = two_rates()
+    part = recording.cut(2.0, 3.5)
+    np.testing.assert_array_equal(
+        part.signals["vibration"], recording.signals["vibration"][2400:4200]
+    )
+    np.testing.assert_array_equal(part.signals["current"], recording.signals["current"][100:175])
+    np.testing.assert_array_equal(part.velocity, recording.velocity[600:1050])
+    assert part.duration == 1.5
+    assert (part.meta, part.units) == (recording.meta, recording.units)
+
+
+def test_a_part_starts_where_the_slowest_channel_has_a_sample():
+    part = two_rates().cut(2.005)  # current is sampled each 0.02 s
+    assert part.duration == pytest.approx(10 - 2.02)
+    assert len(part.signals["vibration"]) == 12_000 - 2424
+
+
+def test_a_part_of_a_wound_angle_keeps_its_values():
+    angle = np.arange(1000) * 0.9  # a step is more than an eighth of a revolution
+    recording = Recording({"b": RNG.normal(size=1000)}, 100, angle=angle)
+    np.testing.assert_array_equal(recording.cut(5, 5.05).angle, angle[500:505])
+
+
+def test_parts_join_to_the_whole():
+    recording = two_rates()
+    parts = [recording.cut(0, 4), recording.cut(4, 10)]
+    joined = np.concatenate([part.signals["vibration"] for part in parts])
+    np.testing.assert_array_equal(joined, recording.signals["vibration"])
+
+
+@pytest.mark.parametrize(("start", "stop"), [(3, 2), (-1, 2), (2, 11), (10, None), (2, 2.001)])
+def test_impossible_parts_are_refused(start, stop):
+    with pytest.raises(ValueError, match=r"start|samples of"):
+        two_rates().cut(start, stop)
+
+
+def test_a_part_of_an_envelope_is_that_of_the_envelope():
+    recording = Recording({"b": RNG.normal(size=3000)}, 1000, velocity=20.0)
+    envelope = EnvelopeDetector({"b": (100, 300)}).fit_transform([recording])[0]
+    part = envelope.cut(1.0, 2.0)
+    whole = envelope.signals["b"]  # filtered in other blocks
+    np.testing.assert_allclose(part.signals["b"], whole[1000:2000], rtol=0, atol=1e-12)
+
+
+# Selecting and renaming
+
+
+def test_channels_are_selected_in_the_order_given():
+    recording = two_rates(meta={"unit": "B"})
+    assert recording.select(["current", "vibration"]).channels == ("current", "vibration")
+    only = recording.select(["current"])
+    assert (only.channels, dict(only.fs), dict(only.units)) == (
+        ("current",),
+        {"current": 50.0},
+        {"current": "A"},
+    )
+    assert only.meta == {"unit": "B"}
+
+
+def test_channels_are_renamed_with_rates_and_units():
+    renamed = two_rates().rename({"vibration": "DE"})
+    assert renamed.channels == ("DE", "current")
+    assert dict(renamed.fs) == {"DE": 1200.0, "current": 50.0}
+    assert dict(renamed.units) == {"DE": "g", "current": "A"}
+
+
+@pytest.mark.parametrize(
+    ("method", "argument", "error", "message"),
+    [
+        ("select", ["torque"], ValueError, r"the recording has no channel 'torque'; its channels"),
+        ("select", "current", TypeError, r"write \['current'\]"),
+        ("select", [], ValueError, "each channel once"),
+        ("select", ["current", "current"], ValueError, "each channel once"),
+        ("select", 3, TypeError, "must be a list of names, got 3"),
+        ("rename", {"torque": "a"}, ValueError, "has no channel 'torque'"),
+        ("rename", {"vibration": "current"}, ValueError, "two channels would have the same name"),
+        ("rename", {"vibration": 3}, TypeError, "channel names must be non-empty strings"),
+        ("rename", ["vibration"], TypeError, "names must map channels to new names"),
+    ],
+)
+def test_invalid_selections_and_names_are_refused(method, argument, error, message):
+    with pytest.raises(error, match=message):
+        getattr(two_rates(), method)(argument)
+
+
+# The table in notebooks
+
+
+def test_the_html_table_states_rates_units_and_ranges():
+    signals = {"a<b": [1.0, -4.0, 2.0], "current": [0.5, 0.5, 0.5]}
+    recording = Recording(signals, 3, velocity=2.0, units={"a<b": "g"}, meta={"unit": "<i>"})
+    html = recording._repr_html_()
+    cells = re.findall("<td>(.*?)</td>", html)
+    assert cells[:7] == ["a&lt;b", "g", "3", "3", "-4", "-0.3333", "2"]
+    assert cells[-7:] == ["shaft velocity", "rad/s", "3", "3", "2", "2", "2"]
+    assert "unit=&#x27;&lt;i&gt;&#x27;" in html
+
+
+# A table passed as a whole
+
+
+@pytest.mark.parametrize("name", ["time", "Time [s]", "t"])
+def test_the_time_column_of_a_table_is_no_channel(name):
+    frame = pd.DataFrame({name: np.arange(5) / 10, "b": np.arange(5.0)})
+    with pytest.raises(ValueError, match=r"named like the time of the samples.*drop\(columns="):
+        Recording(frame, 10, velocity=3.0)
+    assert Recording(dict(frame), 10, velocity=3.0).channels == (name, "b")
+
+
+def test_the_speed_column_of_a_table_is_no_channel():
+    frame = pd.DataFrame({"b": np.arange(5.0), "rpm": np.full(5, 1500.0)})
+    with pytest.raises(ValueError, match=r"named like the speed of the shaft.*velocity=frame"):
+        Recording(frame, 10, velocity=3.0)
