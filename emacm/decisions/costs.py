@@ -114,20 +114,56 @@ def stated_cost(estimator: Any) -> Any:
     ValueError
         If there are several costs that differ.
     """
-    found = cost_parameters(estimator)
-    owners = {name: name.removesuffix("cost") for name in found}
-    outer = {
-        name: cost
-        for name, cost in found.items()
-        if cost is not None
-        and not any(owners[name] != owner and name.startswith(owner) for owner in owners.values())
-    }
-    if len({joblib.hash(cost) for cost in outer.values()}) > 1:
+    stated = _of_deciders(estimator, "cost")
+    if _number_of_kinds(stated) > 1:
         raise ValueError(
-            f"the estimator has several costs that differ, {list(outer)}. Give cost=, the cost "
+            f"the estimator has several costs that differ, {list(stated)}. Give cost=, the cost "
             f"that applies to its decisions."
         )
-    return next(iter(outer.values()), None)
+    return next(iter(stated.values()), None)
+
+
+def stated_truths(estimator: Any) -> tuple[Any, Any]:
+    """Return the label of the unknown state and the priors of an estimator that has a cost.
+
+    Both are found where `stated_cost` finds the cost.
+
+    Returns
+    -------
+    unknown : label or None
+        None if there is no unknown state, or several that differ.
+    priors : None, "uniform", array-like or mapping
+        None if they are not stated, or differ.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> model = CostSensitiveGaussianBayes(unknown="unknown", priors="uniform")
+    >>> stated_truths(make_pipeline(model))
+    ('unknown', 'uniform')
+    """
+    found = [_of_deciders(estimator, name) for name in ("unknown", "priors")]
+    unknown, priors = (
+        next(iter(stated.values())) if _number_of_kinds(stated) == 1 else None for stated in found
+    )
+    return unknown, priors
+
+
+def _of_deciders(estimator: Any, name: str) -> dict[str, Any]:
+    """Return a parameter of each estimator that has a cost and is not inside another such one.
+
+    Parameters that are None are left out.
+    """
+    owners = [cost.removesuffix("cost") for cost in cost_parameters(estimator)]
+    outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
+    given = estimator.get_params(deep=True) if owners else {}
+    names = [owner + name for owner in outer if given.get(owner + name) is not None]
+    return {name: given[name] for name in names}
+
+
+def _number_of_kinds(values: dict[str, Any]) -> int:
+    return len({joblib.hash(value) for value in values.values()})
 
 
 def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:

@@ -13,6 +13,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from scipy.stats import norm, t
 from emacm._checks import check_count, check_number
 
 Array = NDArray[np.float64]
+Combine = Callable[[Array, Array], Array]
 
 _BLOCK = 1 << 22  # numbers of draws held in memory at a time
 _FEW = 5  # groups; with fewer, draws repeat so often that their percentiles are uninformative
@@ -29,7 +31,36 @@ _FEWEST_DRAWS, _MOST_DRAWS = 100, 1_000_000
 _MIN_SHARE = 0.1  # of the draws that must contain every cell, otherwise there is no interval
 
 
-def cell_mean(values: ArrayLike, cells: ArrayLike) -> float:
+def mean_of_cells(sums: Array, counts: Array) -> Array:
+    """Return the mean of each cell, averaged over the cells; NaN if a cell is empty.
+
+    Parameters
+    ----------
+    sums, counts : ndarray of shape (..., n_cells)
+        Sum of the values in each cell, and number of recordings.
+
+    Returns
+    -------
+    ndarray of shape (...)
+    """
+    return (sums / np.where(counts > 0, counts, np.nan)).mean(axis=-1)
+
+
+def gap_of_cells(sums: Array, counts: Array) -> Array:
+    """Return the absolute sums of all cells, added up and divided by the number of recordings.
+
+    With the difference of confidence and correctness as values and bins of confidence as cells,
+    this is the expected calibration error. Parameters are those of `mean_of_cells`.
+
+    Examples
+    --------
+    >>> float(gap_of_cells(np.array([0.5, -1.5]), np.array([3, 5])))
+    0.25
+    """
+    return np.abs(sums).sum(axis=-1) / counts.sum(axis=-1)
+
+
+def cell_mean(values: ArrayLike, cells: ArrayLike, combine: Combine = mean_of_cells) -> float:
     """Compute the mean of each cell, and the mean of these over the cells.
 
     With values 0 or 1 (wrong or correct) and one cell for each class this is the balanced
@@ -41,6 +72,8 @@ def cell_mean(values: ArrayLike, cells: ArrayLike) -> float:
         One number for each recording.
     cells : array-like of int of shape (n_recordings,)
         Cell of each recording; negative: the recording is not counted.
+    combine : callable, default=mean_of_cells
+        Computes the result from sums and counts of the cells that are not empty.
 
     Returns
     -------
@@ -55,19 +88,21 @@ def cell_mean(values: ArrayLike, cells: ArrayLike) -> float:
     0.75
     """
     sums, counts = _by_group(np.asarray(values, float), np.asarray(cells))
-    return float(np.mean(sums.sum(axis=0) / counts.sum(axis=0))) if counts.size else np.nan
+    if not counts.size:
+        return np.nan
+    return float(combine(sums.sum(axis=0), counts.sum(axis=0)))
 
 
-def group_intervals(
+def group_draws(
     values: ArrayLike,
     cells: ArrayLike,
     groups: ArrayLike,
     *,
-    confidence: float = 0.95,
+    combine: Sequence[Combine] | None = None,
     n_resamples: int = 2000,
     random_state: Any = 0,
-) -> Array:
-    """Compute a confidence interval of each of several cell means by a bootstrap over groups.
+) -> list[Array]:
+    """Draw groups with replacement, and compute several figures of merit for each draw.
 
     Parameters
     ----------
@@ -76,7 +111,70 @@ def group_intervals(
     cells : array-like of int of shape (n_figures, n_recordings)
         Cells of each figure of merit, as in `cell_mean`.
     groups : array-like of shape (n_recordings,)
-        Group of each recording (run, unit); recordings of one group are drawn together.
+        Group of each recording (run, unit); recordings of one group are drawn together. Equal
+        groups and seeds give equal draws, so that differences of two results are paired.
+    combine : sequence of callable, optional
+        How the cells of each figure of merit are combined. Default: `mean_of_cells`.
+    n_resamples : int, default=2000
+        Number of bootstrap draws.
+    random_state : int, Generator or None, default=0
+        Seed.
+
+    Returns
+    -------
+    list of ndarray of shape (n_resamples,)
+        For each figure of merit; NaN for draws that miss one of its cells, and empty if it has no
+        cell.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not agree.
+    """
+    values, cells = np.asarray(values, float), np.asarray(cells)
+    codes = np.unique(np.asarray(groups), return_inverse=True)[1]
+    if values.ndim != 2 or values.shape != cells.shape or values.shape[1:] != codes.shape:
+        raise ValueError(
+            f"values and cells must have shape (n_figures, n_recordings), and groups one entry "
+            f"for each recording; got {values.shape}, {cells.shape} and {codes.shape}."
+        )
+    tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
+    combine = [mean_of_cells] * len(tables) if combine is None else combine
+    sums, counts = (np.hstack([table[part] for table in tables]) for part in (0, 1))
+    edges = np.cumsum([table[0].shape[1] for table in tables])[:-1]
+    drawn = []
+    for times in drawn_groups(len(sums), n_resamples, random_state):
+        totals = (np.split(times @ part, edges, axis=1) for part in (sums, counts))
+        parts = zip(combine, *totals, strict=True)
+        drawn.append([f(s, n) if n.shape[1] else np.empty(0) for f, s, n in parts])
+    return [np.concatenate(parts) for parts in zip(*drawn, strict=True)]
+
+
+def drawn_groups(n_groups: int, n_resamples: int, random_state: Any = 0) -> Iterator[Array]:
+    """Yield how often each group is drawn, in blocks of shape (n_draws, n_groups)."""
+    rng, shares = np.random.default_rng(random_state), np.full(n_groups, 1 / n_groups)
+    step = max(1, _BLOCK // n_groups)
+    for start in range(0, n_resamples, step):
+        size = min(step, n_resamples - start)
+        yield rng.multinomial(n_groups, shares, size).astype(float)
+
+
+def group_intervals(
+    values: ArrayLike,
+    cells: ArrayLike,
+    groups: ArrayLike,
+    *,
+    combine: Sequence[Combine] | None = None,
+    confidence: float = 0.95,
+    n_resamples: int = 2000,
+    random_state: Any = 0,
+) -> Array:
+    """Compute a confidence interval of each of several cell means by a bootstrap over groups.
+
+    Parameters
+    ----------
+    values, cells, groups, combine
+        As for `group_draws`.
     confidence : float, default=0.95
         Confidence level, above 0 and below 1.
     n_resamples : int, default=2000
@@ -97,13 +195,9 @@ def group_intervals(
 
     Notes
     -----
-    Percentile intervals of n groups are too narrow by sqrt((n-1)/n), and further by the ratio of
-    the normal to Student's t distribution; the percentiles are moved outwards to correct both
-    ([2]_, "expanded percentile interval"). Percentiles cannot exceed the draws, and few groups
-    give few distinct draws: with fewer than five groups the interval is computed from Student's
-    t distribution and the standard deviation of the draws, and is clipped to the range of the
-    values. Draws that miss a cell are ignored. If all values are equal, the interval has zero
-    width; this does not prove certainty.
+    As `draw_interval`. Draws of `gap_of_cells` are first moved by the difference between their
+    mean and the figure of merit: resampling adds to an absolute value. If all values are equal,
+    the interval has zero width; this does not prove certainty.
 
     Examples
     --------
@@ -115,27 +209,66 @@ def group_intervals(
     array([[0.66, 0.83]])
     """
     check_bootstrap(confidence, n_resamples)
-    values, cells = np.asarray(values, float), np.asarray(cells)
-    codes = np.unique(np.asarray(groups), return_inverse=True)[1]
-    if values.ndim != 2 or values.shape != cells.shape or values.shape[1:] != codes.shape:
-        raise ValueError(
-            f"values and cells must have shape (n_figures, n_recordings), and groups one entry "
-            f"for each recording; got {values.shape}, {cells.shape} and {codes.shape}."
-        )
-    tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
-    replicates = _replicates(tables, n_resamples, np.random.default_rng(random_state))
+    options = {"combine": combine, "n_resamples": n_resamples, "random_state": random_state}
+    replicates = group_draws(values, cells, groups, **options)
+    values, cells, groups = np.asarray(values, float), np.asarray(cells), np.asarray(groups)
     intervals = []
-    for value, cell, (_, counts), drawn in zip(values, cells, tables, replicates, strict=True):
-        n_groups, drawn = int((counts.sum(axis=1) > 0).sum()), drawn[np.isfinite(drawn)]
-        if n_groups < 2 or len(drawn) < _MIN_SHARE * n_resamples:
-            intervals.append((np.nan, np.nan))
-        elif n_groups < _FEW:
-            low, high = _student(cell_mean(value, cell), drawn, n_groups, confidence)
-            extremes = value[cell >= 0].min(), value[cell >= 0].max()
-            intervals.append((max(low, extremes[0]), min(high, extremes[1])))
-        else:
-            intervals.append(_expanded_percentiles(drawn, n_groups, confidence))
+    for place, (value, cell, drawn) in enumerate(zip(values, cells, replicates, strict=True)):
+        counted = value[cell >= 0]
+        n_groups = len(np.unique(groups[cell >= 0]))
+        how = mean_of_cells if combine is None else combine[place]
+        estimate = cell_mean(value, cell, how)
+        limits = (counted.min(), counted.max()) if len(counted) else (np.nan, np.nan)
+        if how is gap_of_cells and len(counted):
+            limits = (0.0, np.abs(counted).max())
+            drawn = np.clip(drawn - np.nanmean(drawn) + estimate, *limits)
+        intervals.append(draw_interval(drawn, estimate, n_groups, limits, confidence))
     return np.array(intervals).reshape(-1, 2)
+
+
+def draw_interval(
+    drawn: Array,
+    estimate: float,
+    n_groups: int,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+    confidence: float = 0.95,
+) -> tuple[float, float]:
+    """Compute a confidence interval from bootstrap draws of groups.
+
+    Parameters
+    ----------
+    drawn : ndarray of shape (n_draws,)
+        The figure of merit in each draw; NaN where it cannot be computed.
+    estimate : float
+        The figure of merit of all recordings.
+    n_groups : int
+        Number of groups.
+    limits : tuple of float
+        Range of possible values; the interval is clipped to it where there are few groups.
+    confidence : float, default=0.95
+        Confidence level.
+
+    Returns
+    -------
+    tuple of float
+        Lower and upper limit. NaN if there are fewer than two groups, or fewer than one in ten
+        draws are known.
+
+    Notes
+    -----
+    Percentile intervals of n groups are too narrow by sqrt((n-1)/n), and further by the ratio of
+    the normal to Student's t distribution; the percentiles are moved outwards to correct both
+    ([2]_, "expanded percentile interval"). Percentiles cannot exceed the draws, and few groups
+    give few distinct draws: with fewer than five groups the interval is computed from Student's
+    t distribution and the standard deviation of the draws. Draws that are not known are ignored.
+    """
+    known = drawn[np.isfinite(drawn)]
+    if n_groups < 2 or not len(known) or len(known) < _MIN_SHARE * len(drawn):
+        return np.nan, np.nan
+    if n_groups >= _FEW:
+        return _expanded_percentiles(known, n_groups, confidence)
+    low, high = _student(estimate, known, n_groups, confidence)
+    return max(low, float(limits[0])), min(high, float(limits[1]))
 
 
 def check_bootstrap(confidence: float, n_resamples: int) -> None:
@@ -163,24 +296,6 @@ def _by_group(
     sums = np.bincount(flat, values[counted], minlength=size).reshape(shape)
     counts = np.bincount(flat, minlength=size).reshape(shape)
     return sums.astype(np.float64), counts.astype(np.float64)
-
-
-def _replicates(
-    tables: list[tuple[Array, Array]], n_resamples: int, rng: np.random.Generator
-) -> list[Array]:
-    """Draw groups with replacement; return the cell means of each draw, NaN for an empty cell."""
-    n_groups = len(tables[0][0]) if tables else 1
-    sizes = [sums.shape[1] for sums, _ in tables]
-    sums, counts = (np.hstack([table[part] for table in tables]) for part in (0, 1))
-    drawn = []
-    step = max(1, _BLOCK // n_groups)
-    for start in range(0, n_resamples, step):
-        shares = np.full(n_groups, 1 / n_groups)
-        times = rng.multinomial(n_groups, shares, min(step, n_resamples - start)).astype(float)
-        totals = times @ counts
-        drawn.append((times @ sums) / np.where(totals > 0, totals, np.nan))
-    ratios = np.split(np.vstack(drawn), np.cumsum(sizes)[:-1], axis=1)
-    return [ratio.mean(axis=1) if ratio.shape[1] else np.empty(0) for ratio in ratios]
 
 
 def _student(mean: float, drawn: Array, n_groups: int, confidence: float) -> tuple[float, float]:

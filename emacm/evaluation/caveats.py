@@ -21,6 +21,11 @@ _CAVEATS = (
         "{}. Rely on the split that holds out what will be new in service.",
     ),
     (
+        lambda row, _: row.get("realised_cost_low", 0) > row.get("predicted_cost_high", np.inf),
+        "The realised cost of {} is above the cost that the posterior probabilities predict: they "
+        'are over-confident. See temperature="groups".',
+    ),
+    (
         lambda row, _: row["resampled"] == "recording",
         "Confidence intervals of {} are from a bootstrap over single recordings, because no runs= "
         "or units= were given; they are too narrow if recordings of one run are alike.",

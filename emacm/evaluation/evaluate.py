@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
 from emacm._checks import check_count, once_hint
-from emacm.decisions.costs import stated_cost
+from emacm.decisions.costs import stated_cost, stated_truths
 from emacm.decisions.labels import check_classes
 from emacm.evaluation.bootstrap import check_bootstrap
 from emacm.evaluation.caveats import confounding_caveats, scheme_caveats, single_unit_labels
+from emacm.evaluation.held_out import decide_held_out
 from emacm.evaluation.results import Evaluation, gather, score_scheme
 from emacm.evaluation.schemes import (
     Scheme,
-    decide_held_out,
     given_scheme,
     group_scheme,
     random_scheme,
@@ -109,10 +109,14 @@ def evaluate(
     Evaluation
         Balanced accuracy (mean over the labels of the fraction recognised) and accuracy. With
         `healthy`: false alarm rate (fraction of the healthy recordings decided to be faulty),
-        inspection rate (fraction of them with a decision that is not a label, such as "inspect")
-        and missed detection rate (fraction of the faulty recordings decided to be healthy). Mean
-        cost of a decision, in the unit of `cost`. With `predict_proba`: log loss [nats] and Brier
-        score (0 to 2).
+        inspection rate (fraction of them with a decision that is not a label, such as "inspect"
+        or "unknown") and missed detection rate (fraction of the faulty recordings decided to be
+        healthy). Mean cost of a decision on these recordings (``expected_cost``), in the unit of
+        `cost`. With `predict_proba`: mean cost that was paid (``realised_cost``) and mean cost
+        that the probabilities predict for the same decisions (``predicted_cost``), where the true
+        classes have the classifier's `priors` as weights; log loss [nats], Brier score (0 to 2)
+        and expected calibration error (0 to 1): the mean over the recordings of the difference of
+        confidence and frequency in ten bins of equal width of the highest posterior [1]_.
 
     Warns
     -----
@@ -133,7 +137,13 @@ def evaluate(
     cover the variation of the recordings held out, not that of the training data.
 
     A classifier whose priors differ from the class frequencies of these recordings is, correctly,
-    not calibrated on them.
+    not calibrated on them. The calibration error of few recordings is too large, because chance
+    differences add up; its interval describes its variation only.
+
+    References
+    ----------
+    .. [1] M. P. Naeini, G. F. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities
+       using Bayesian binning, AAAI 2015.
 
     Examples
     --------
@@ -156,7 +166,9 @@ def evaluate(
     if random_state is not None:
         check_count(random_state, "random_state", at_least=0, at_most=2**32 - 1)
     cost = stated_cost(estimator) if cost is None else cost
-    rule = scoring_rule(np.unique(classes), families=families, healthy=healthy, cost=cost)
+    unknown, priors = stated_truths(estimator)
+    stated = {"healthy": healthy, "cost": cost, "unknown": unknown, "priors": priors}
+    rule = scoring_rule(np.unique(classes), families=families, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = {
         role: read_grouping(values, X, role, _ROLES[role])
@@ -207,7 +219,7 @@ def _schemes(
     if conditions is not None:
         one_at_a_time = options | {"n_splits": None}
         left_out = group_scheme(y, labels, conditions, resampled, **one_at_a_time)
-        schemes.append(replace(left_out, may_refuse=True))
+        schemes.append(replace(left_out, may_refuse=("predict",)))
     if splits is not None and not isinstance(splits, Mapping):
         raise TypeError(
             f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.evaluation.bootstrap import cell_mean, group_intervals
+from emacm.evaluation.bootstrap import (
+    Combine,
+    cell_mean,
+    gap_of_cells,
+    group_intervals,
+    mean_of_cells,
+)
 from emacm.evaluation.calibration import brier_scores, log_losses, most_probable, reliability
 from emacm.evaluation.scoring import ScoringRule
-
-# A value and a cell for each recording; in cell -1 it is not counted (emacm.evaluation.bootstrap).
-Tally = tuple[NDArray[np.float64], NDArray[np.intp]]
 
 FIGURES = (
     "balanced_accuracy",
@@ -22,37 +26,54 @@ FIGURES = (
     "inspection_rate",
     "missed_detection_rate",
     "expected_cost",
+    "realised_cost",
+    "predicted_cost",
     "log_loss",
     "brier",
+    "calibration_error",
 )
 
 
-def tallies(
-    judged: pd.DataFrame, rule: ScoringRule, probabilities: NDArray[np.float64] | None
-) -> dict[str, Tally]:
+class Tally(NamedTuple):
+    """Contribution of each recording to a figure of merit (`emacm.evaluation.bootstrap`).
+
+    Attributes
+    ----------
+    values : ndarray of shape (n_recordings,)
+        One number for each recording.
+    cells : ndarray of int of shape (n_recordings,)
+        Its cell; in cell -1 it is not counted.
+    combine : callable
+        How the cells are combined.
+    """
+
+    values: NDArray[np.float64]
+    cells: NDArray[np.intp]
+    combine: Combine = mean_of_cells
+
+
+def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     """Return the contribution of each recording to each figure of merit.
 
     Parameters
     ----------
     judged : DataFrame
-        From `ScoringRule.judge`.
+        Rows of `Evaluation.predictions`: columns of `ScoringRule.judge`, and, with probabilities,
+        "predicted_cost" and ``P(label)`` for each label.
     rule : ScoringRule
         Without a healthy label, the three rates are left out.
-    probabilities : ndarray of shape (n_recordings, n_labels) or None
-        Posterior probability of each label; None: log loss and Brier score are left out.
 
     Returns
     -------
-    dict of str to (values, cells)
-        Arguments of `emacm.evaluation.bootstrap.cell_mean`.
+    dict of str to Tally
     """
     correct = judged["correct"].to_numpy(float)
     truths = _codes(judged["true_label"], rule.labels)
     one_cell = np.zeros(len(judged), np.intp)
-    found: dict[str, Tally] = {
-        "balanced_accuracy": (correct, truths),
-        "accuracy": (correct, one_cell),
-        "expected_cost": (judged["cost"].to_numpy(float), one_cell),
+    found = {
+        "balanced_accuracy": Tally(correct, truths),
+        "accuracy": Tally(correct, one_cell),
+        "expected_cost": Tally(judged["cost"].to_numpy(float), one_cell),
     }
     if rule.healthy is not None:
         is_healthy = (judged["true_label"] == rule.healthy).to_numpy()
@@ -60,13 +81,40 @@ def tallies(
         called_faulty = judged["decided_label"].isin(rule.alarms).to_numpy() & ~called_healthy
         among_healthy, among_faulty = np.where(is_healthy, 0, -1), np.where(is_healthy, -1, 0)
         inspected = ~(called_healthy | called_faulty)
-        found["false_alarm_rate"] = (called_faulty.astype(float), among_healthy)
-        found["inspection_rate"] = (inspected.astype(float), among_healthy)
-        found["missed_detection_rate"] = (called_healthy.astype(float), among_faulty)
-    if probabilities is not None:
-        found["log_loss"] = (log_losses(probabilities, truths), one_cell)
-        found["brier"] = (brier_scores(probabilities, truths), one_cell)
+        found["false_alarm_rate"] = Tally(called_faulty.astype(float), among_healthy)
+        found["inspection_rate"] = Tally(inspected.astype(float), among_healthy)
+        found["missed_detection_rate"] = Tally(called_healthy.astype(float), among_faulty)
+    if "predicted_cost" in judged:
+        probabilities = judged[probability_columns(rule)].to_numpy(float)
+        confidence, called, bins = most_probable(probabilities, truths)
+        found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
+        found["brier"] = Tally(brier_scores(probabilities, truths), one_cell)
+        found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
+        for name, column in {"realised_cost": "cost", "predicted_cost": "predicted_cost"}.items():
+            found[name] = _in_service(judged[column].to_numpy(float), judged["truth"], rule)
     return {name: found[name] for name in FIGURES if name in found}
+
+
+def probability_columns(rule: ScoringRule) -> list[str]:
+    """Return the names of the columns of `Evaluation.predictions` with probabilities of labels."""
+    return [f"P({label})" for label in rule.labels]
+
+
+def _in_service(values: NDArray[np.float64], truths: pd.Series, rule: ScoringRule) -> Tally:
+    """Return a mean in which the true classes have their priors in service as weights."""
+    if rule.priors is None:
+        return Tally(values, np.zeros(len(values), np.intp))
+    cells = _codes(truths, rule.classes)
+    weights = np.array([rule.priors[rule.classes[cell]] for cell in np.unique(cells)])
+    if not weights.sum() > 0:
+        return Tally(values, np.full(len(values), -1))
+    return Tally(values, cells, partial(_weighted_mean, weights / weights.sum()))
+
+
+def _weighted_mean(
+    weights: NDArray[np.float64], sums: NDArray[np.float64], counts: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return (sums / np.where(counts > 0, counts, np.nan)) @ weights
 
 
 def figure_row(found: dict[str, Tally], groups: NDArray[Any], **bootstrap: Any) -> dict[str, float]:
@@ -86,8 +134,8 @@ def figure_row(found: dict[str, Tally], groups: NDArray[Any], **bootstrap: Any) 
     dict
         "accuracy", "accuracy_low", "accuracy_high" and so on.
     """
-    values, cells = zip(*found.values(), strict=True)
-    intervals = group_intervals(np.array(values), np.array(cells), groups, **bootstrap)
+    values, cells, combine = zip(*found.values(), strict=True)
+    intervals = group_intervals(values, cells, groups, combine=combine, **bootstrap)
     row: dict[str, float] = {}
     for (name, tally), (low, high) in zip(found.items(), intervals, strict=True):
         row |= {name: cell_mean(*tally), f"{name}_low": float(low), f"{name}_high": float(high)}

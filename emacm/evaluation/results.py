@@ -17,10 +17,12 @@ from emacm.evaluation.figures import (
     confusion,
     figure_row,
     label_posteriors,
+    probability_columns,
     reliability_curve,
     tallies,
 )
-from emacm.evaluation.schemes import Decided, Scheme
+from emacm.evaluation.held_out import Decided
+from emacm.evaluation.schemes import Scheme
 from emacm.evaluation.scoring import ScoringRule
 
 _WIDTH = 98  # characters of a printed line
@@ -41,7 +43,8 @@ class Evaluation:
         One row for each scheme and recording held out: "scheme", "fold", "left_out", "recording"
         (its position in X), "group", "truth", "decision", "true_label" and "decided_label"
         (families, if there are any), "correct", "cost", and the posterior probability of each
-        label, ``P(label)``.
+        label, ``P(label)``, with the "predicted_cost" of the decision; with an unknown state also
+        "typicality" and "unknown_proba".
     confusions : dict of str to DataFrame
         Counts for each scheme that can be scored: rows are the decision (its family, if there
         are any), columns the true class.
@@ -122,8 +125,8 @@ def score_scheme(
     ----------
     scheme : Scheme
         One that can be scored.
-    decided : sequence of (decisions, probabilities)
-        One for each fold, from `emacm.evaluation.schemes.decide_held_out`.
+    decided : sequence of Decided
+        One for each fold, from `emacm.evaluation.held_out.decide_held_out`.
     y : ndarray of shape (n_recordings,)
         True classes.
     rule : ScoringRule
@@ -140,27 +143,52 @@ def score_scheme(
     ValueError
         If a decision is unknown or has no cost, or probabilities do not add up to 1.
     """
+    predictions, posteriors = _predictions(scheme, decided, y, rule)
+    groups, truths = predictions["group"].to_numpy(), predictions["true_label"]
+    row: dict[str, Any] = dict(figure_row(tallies(predictions, rule), groups, **bootstrap))
+    row |= {"recordings": len(predictions), "folds": len(scheme.folds)}
+    row |= {"labels": truths.nunique(), "groups": len(np.unique(groups))}
+    row |= {"resampled": scheme.resampled.name}
+    curve = pd.DataFrame()
+    if posteriors is not None:
+        curve = reliability_curve(posteriors, truths, rule.labels, groups, **bootstrap)
+        curve.insert(0, "scheme", scheme.name)
+    return SchemeScore(row, predictions, confusion(predictions, rule), curve)
+
+
+def _predictions(
+    scheme: Scheme, decided: Sequence[Decided], y: NDArray[Any], rule: ScoringRule
+) -> tuple[pd.DataFrame, NDArray[np.float64] | None]:
+    """Return one row for each recording held out, and the probabilities of its labels."""
     numbers = np.concatenate([fold.test for fold in scheme.folds])
     sizes = [len(fold.test) for fold in scheme.folds]
-    judged = rule.judge(y[numbers].tolist(), [d for decisions, _ in decided for d in decisions])
-    groups, truths = scheme.resampled.labels[numbers], judged["true_label"]
-    posteriors = _posteriors([table for _, table in decided], rule)
-    row: dict[str, Any] = dict(figure_row(tallies(judged, rule, posteriors), groups, **bootstrap))
-    row |= {"recordings": len(numbers), "folds": len(sizes), "labels": truths.nunique()}
-    row |= {"groups": len(np.unique(groups)), "resampled": scheme.resampled.name}
+    decisions = [label for fold in decided for label in fold.decisions]
     places = {
         "scheme": scheme.name,
         "fold": np.repeat(np.arange(len(sizes)), sizes),
         "left_out": np.repeat([fold.left_out for fold in scheme.folds], sizes),
         "recording": numbers,
-        "group": groups,
+        "group": scheme.resampled.labels[numbers],
     }
-    predictions, curve = pd.concat([pd.DataFrame(places), judged], axis=1), pd.DataFrame()
-    if posteriors is not None:
-        predictions[[f"P({label})" for label in rule.labels]] = posteriors
-        curve = reliability_curve(posteriors, truths, rule.labels, groups, **bootstrap)
-        curve.insert(0, "scheme", scheme.name)
-    return SchemeScore(row, predictions, confusion(judged, rule), curve)
+    judged = rule.judge(y[numbers].tolist(), decisions)
+    predictions = pd.concat([pd.DataFrame(places), judged], axis=1)
+    tables = [fold.posterior for fold in decided if fold.posterior is not None]
+    if not tables:
+        return predictions, None
+    posteriors = np.vstack([label_posteriors(table, rule) for table in tables])
+    predictions[probability_columns(rule)] = posteriors
+    predictions["predicted_cost"] = np.concatenate(
+        [
+            rule.predicted_costs(fold.decisions, fold.posterior, fold.unknown_proba)
+            for fold in decided
+            if fold.posterior is not None
+        ]
+    )
+    for name in ("typicality", "unknown_proba"):
+        parts = [getattr(fold, name) for fold in decided]
+        if all(part is not None for part in parts):
+            predictions[name] = np.concatenate(parts)
+    return predictions, posteriors
 
 
 def gather(
@@ -199,13 +227,6 @@ def gather(
         calibration=_stacked(curves),
         **attributes,
     )
-
-
-def _posteriors(
-    tables: Sequence[pd.DataFrame | None], rule: ScoringRule
-) -> NDArray[np.float64] | None:
-    found = [label_posteriors(table, rule) for table in tables if table is not None]
-    return np.vstack(found) if found else None
 
 
 def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:

@@ -1,27 +1,20 @@
-"""Hold-out schemes (random, by run, by unit, by condition, user-defined), and their decisions."""
+"""Hold-out schemes: random, by run, by unit, by condition, user-defined."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.base import clone
 from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
 
-from emacm._checks import located
-from emacm._progress import run
-from emacm.decisions.costs import narrow_costs
-from emacm.decisions.pipelines import groups_parameter
-from emacm.recordings.meta import Grouping, chosen_rows, plain_label
+from emacm.recordings.meta import Grouping, plain_label
 
 Indices = NDArray[np.intp]
-Decided = tuple[list[Any], pd.DataFrame | None]  # decisions, posterior probabilities
 
 RANDOM = "random split"
 _LISTED = 4  # groups of a fold whose names are listed
@@ -58,16 +51,16 @@ class Scheme:
         Groups that the bootstrap draws as a whole.
     impossible : str
         Why the scheme cannot be scored; empty if it can.
-    may_refuse : bool
-        If True, a ValueError in `predict` means that the estimator refuses what is held out (a
-        condition without training data) and is no error of `evaluate`.
+    may_refuse : tuple of str
+        Methods, "fit" or "predict", in which a ValueError means that the estimator refuses what is
+        held out (a condition without training data) and is no error of `evaluate`.
     """
 
     name: str
     folds: list[Fold]
     resampled: Grouping
     impossible: str = ""
-    may_refuse: bool = False
+    may_refuse: tuple[str, ...] = ()
 
 
 def random_scheme(
@@ -177,123 +170,6 @@ def given_scheme(
     if not folds:
         raise ValueError(f"splits[{name!r}] must have at least one fold, got none.")
     return Scheme(name, folds, resampled, _absent(folds, labels))
-
-
-def decide_held_out(
-    estimator: Any,
-    X: Any,
-    y: NDArray[Any],
-    schemes: Sequence[Scheme],
-    *,
-    groups: NDArray[Any] | None = None,
-    n_jobs: int | None = None,
-    verbose: bool | int = False,
-) -> tuple[list[Scheme], list[list[Decided]]]:
-    """Fit a clone in each fold, and return its decisions on the recordings held out.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Classifier or pipeline; it is not changed.
-    X : array-like or sequence of Recording
-        All recordings.
-    y : ndarray of shape (n_recordings,)
-        Their classes.
-    schemes : sequence of Scheme
-        Those that are `impossible` are skipped.
-    groups : ndarray of shape (n_recordings,), optional
-        Recordings that were measured together, for classifiers that learn from left-out groups.
-    n_jobs : int, optional
-        Number of folds processed in parallel.
-    verbose : bool or int
-        Report to stderr how many folds are done.
-
-    Returns
-    -------
-    schemes : list of Scheme
-        As given; `impossible` is set where the estimator refused what was held out.
-    decided : list of list of (decisions, probabilities)
-        For each scheme and fold, the decisions on the recordings of `test`, and a DataFrame of
-        their posterior probabilities (columns: classes), None without `predict_proba`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Errors of the estimator; the message gives the fold.
-
-    Notes
-    -----
-    If a class is absent from the training data of a fold, its entries in the estimator's
-    parameters named `cost` are left out, so that a family can be decided on when one of its
-    classes was never observed.
-    """
-    tasks = [
-        (fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
-        for scheme in schemes
-        if not scheme.impossible
-        for number, fold in enumerate(scheme.folds)
-    ]
-    decide = partial(_decide, estimator, X, y, groups)
-    found = iter(
-        run(
-            decide,
-            *zip(*tasks, strict=True),
-            n_jobs=n_jobs,
-            verbose=verbose,
-            unit="fold",
-            prefer="processes",
-        )
-        if tasks
-        else []
-    )
-    scored, decided = [], []
-    for scheme in schemes:
-        folds = [] if scheme.impossible else [next(found) for _ in scheme.folds]
-        refusals = [fold for fold in folds if isinstance(fold, str)]
-        if refusals:
-            scheme = replace(scheme, impossible=f"The estimator refuses: {refusals[0]}")
-        scored.append(scheme)
-        decided.append([fold for fold in folds if not isinstance(fold, str)])
-    return scored, decided
-
-
-def _decide(
-    estimator: Any,
-    X: Any,
-    y: NDArray[Any],
-    groups: NDArray[Any] | None,
-    fold: Fold,
-    where: str,
-    may_refuse: bool,
-) -> Decided | str:
-    where += f" ({fold.left_out} left out)" if fold.left_out else ""
-    with located(where):
-        classes = np.unique(y[fold.train])
-        model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
-        name = groups_parameter(model)
-        options = {name: groups[fold.train]} if name and groups is not None else {}
-        model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
-        held_out = chosen_rows(X, fold.test)
-        try:
-            decisions = np.asarray(model.predict(held_out))
-        except ValueError as error:
-            if not may_refuse:
-                raise
-            return f"{where}: {error}"
-        _check_shape(decisions, "predict", (len(fold.test),))
-        if not hasattr(model, "predict_proba"):
-            return decisions.tolist(), None
-        known = np.asarray(getattr(model, "classes_", classes)).tolist()
-        posterior = np.asarray(model.predict_proba(held_out))
-        _check_shape(posterior, "predict_proba", (len(fold.test), len(known)))
-        return decisions.tolist(), pd.DataFrame(posterior, columns=known)
-
-
-def _check_shape(array: NDArray[Any], method: str, expected: tuple[int, ...]) -> None:
-    if array.shape != expected:
-        raise ValueError(
-            f"{method} of the estimator must return shape {expected}, got {array.shape}."
-        )
 
 
 def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices]]:

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.decisions.costs import cost_table
 from emacm.decisions.families import family_mapping
 from emacm.decisions.labels import label_array
 from emacm.decisions.metrics import (
@@ -21,6 +20,7 @@ from emacm.decisions.metrics import (
     decision_costs,
     label_of,
 )
+from emacm.decisions.truths import truth_cost_table, truth_priors
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,20 @@ class ScoringRule:
         {class: correct decisions}, see `emacm.decisions.metrics.correct_decisions`.
     healthy : object
         Healthy label; None if it was not given.
-    costs : tuple of (decisions, classes, cost) or None
+    costs : tuple of (decisions, truths, cost) or None
         Labels of the rows and columns, and the cost; None counts wrong decisions.
+    unknown : object
+        Label of the unknown state; None if there is none.
+    priors : dict or None
+        Prior probability of each class in service; None: the frequencies of the recordings.
     """
 
     classes: list[Any]
     correct: Correct
     healthy: Any = None
     costs: tuple[list[Any], list[Any], NDArray[np.float64]] | None = None
+    unknown: Any = None
+    priors: Mapping[Any, float] | None = None
 
     @property
     def family_of(self) -> dict[Any, Any]:
@@ -86,6 +92,8 @@ class ScoringRule:
         """
         rows = self.costs[0] if self.costs else []
         known = {*self.correct, *self.labels, *rows}
+        if self.unknown is not None:
+            known.add(self.unknown)
         for decision in decisions:
             if decision not in known:
                 raise ValueError(
@@ -106,6 +114,48 @@ class ScoringRule:
         table["cost"] = self._costs(truths, decisions) if self.costs else 1.0 - is_correct
         return table
 
+    def predicted_costs(
+        self,
+        decisions: Sequence[Any],
+        posterior: pd.DataFrame,
+        unknown_proba: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the cost that posterior probabilities predict for decisions, Eq. (2.39) of [1]_.
+
+        Parameters
+        ----------
+        decisions : sequence of n_recordings
+            Decisions that `judge` accepts.
+        posterior : DataFrame of shape (n_recordings, n_classes)
+            Posterior probability of each class (columns).
+        unknown_proba : ndarray of shape (n_recordings,), optional
+            Probability of the unknown state.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings,)
+            In the unit of the cost.
+
+        References
+        ----------
+        .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+           Condition Monitoring.
+        """
+        of_classes = posterior.reindex(columns=self.classes, fill_value=0.0).to_numpy(float)
+        truths, unknown = [*self.classes], np.zeros(len(posterior))
+        if self.unknown is not None and unknown_proba is not None:
+            truths, unknown = [*truths, self.unknown], unknown_proba
+        weights = np.column_stack([of_classes * (1 - unknown)[:, np.newaxis], unknown])
+        rows = {label: self._cost_row(label, truths) for label in set(decisions)}
+        matrix = np.array([rows[label] for label in decisions])
+        return np.sum(matrix * weights[:, : len(truths)], axis=1)
+
+    def _cost_row(self, decision: Any, truths: list[Any]) -> list[float]:
+        if self.costs is not None:
+            return self._costs(truths, [decision] * len(truths)).tolist()
+        correct = are_correct(truths, [decision] * len(truths), self.correct)
+        return (1.0 - correct).tolist()
+
     def _costs(self, truths: Sequence[Any], decisions: Sequence[Any]) -> NDArray[np.float64]:
         """Return the cost of each decision; a class without costs has those of its family."""
         assert self.costs is not None
@@ -115,7 +165,13 @@ class ScoringRule:
 
 
 def scoring_rule(
-    classes: NDArray[Any], *, families: Any = None, healthy: Any = None, cost: Any = None
+    classes: NDArray[Any],
+    *,
+    families: Any = None,
+    healthy: Any = None,
+    cost: Any = None,
+    unknown: Any = None,
+    priors: Any = None,
 ) -> ScoringRule:
     """Return the definition of correct decisions and their costs.
 
@@ -130,6 +186,10 @@ def scoring_rule(
         Healthy class or family.
     cost : None, array-like, DataFrame or mapping, optional
         As for `CostSensitiveGaussianBayes`; its columns may also be the families.
+    unknown : object, optional
+        Label of the unknown state of the classifier. It is a decision, and may have costs.
+    priors : None, "uniform", array-like or mapping, optional
+        As for `CostSensitiveGaussianBayes`.
 
     Returns
     -------
@@ -148,30 +208,46 @@ def scoring_rule(
     [True, True, False]
     """
     names = classes.tolist()
+    if unknown is not None and unknown in names:
+        raise ValueError(f"unknown = {unknown!r} is a class with recordings. Choose another label.")
     if families is not None:
         correct = correct_families(family_mapping(families, names))
     elif cost is not None:
-        correct = correct_decisions(*_table(cost, names))
+        decisions, _, matrix = _table(cost, names, unknown)
+        is_known = np.array([decision != unknown for decision in decisions])
+        known = [decision for decision in decisions if decision != unknown]
+        correct = correct_decisions(known, names, matrix[is_known, : len(names)])
     else:
         correct = {name: (name,) for name in names}
     order = [name for name in correct if name in names] if families is not None else names
     family_of = {name: correct[name][0] for name in order}
-    healthy = _healthy_label(healthy, family_of, names)
+    stated = {
+        "healthy": _healthy_label(healthy, family_of, names),
+        "unknown": unknown,
+        "priors": None if priors is None else _priors(priors, classes, unknown),
+    }
     if cost is None:
-        return ScoringRule(order, correct, healthy)
+        return ScoringRule(order, correct, **stated)
     labels = list(dict.fromkeys(family_of.values()))
-    truths = _truths(cost)
+    truths = _truths(cost) - {unknown}
     if truths <= {*labels} and not truths <= {*names}:
-        decisions, _, matrix = _table(cost, labels)
-        matrix = matrix[:, [labels.index(family_of[name]) for name in names]]
+        decisions, columns, matrix = _table(cost, labels, unknown)
+        places = [labels.index(family_of[name]) for name in names]
+        matrix = matrix[:, [*places, *range(len(labels), len(columns))]]
     else:
-        decisions, _, matrix = _table(cost, names)
-    return ScoringRule(order, correct, healthy, (decisions, names, matrix))
+        decisions, _, matrix = _table(cost, names, unknown)
+    columns = names if unknown is None else [*names, unknown]
+    return ScoringRule(order, correct, costs=(decisions, columns, matrix), **stated)
 
 
-def _table(cost: Any, columns: list[Any]) -> tuple[list[Any], list[Any], NDArray[np.float64]]:
-    decisions, matrix = cost_table(cost, label_array(columns))
-    return decisions.tolist(), columns, matrix
+def _table(cost: Any, columns: list[Any], unknown: Any) -> tuple[list[Any], list[Any], Any]:
+    decisions, matrix = truth_cost_table(cost, label_array(columns), unknown)
+    return decisions.tolist(), columns if unknown is None else [*columns, unknown], matrix
+
+
+def _priors(priors: Any, classes: NDArray[Any], unknown: Any) -> dict[Any, float]:
+    stated, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
+    return dict(zip(classes.tolist(), stated.tolist(), strict=True))
 
 
 def _healthy_label(healthy: Any, family_of: Mapping[Any, Any], names: list[Any]) -> Any:
