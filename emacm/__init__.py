@@ -90,6 +90,9 @@ if TYPE_CHECKING:
     from emacm.recordings.envelope_detector import (
         EnvelopeDetector as EnvelopeDetector,
     )
+    from emacm.recordings.prewhitening import (
+        CepstralPrewhitening as CepstralPrewhitening,
+    )
     from emacm.recordings.recording import (
         Recording as Recording,
     )
@@ -235,6 +238,9 @@ _PUBLIC = {
     ],
     "models.actuator_recipe": [
         "actuator_recipe",
+    ],
+    "recordings.prewhitening": [
+        "CepstralPrewhitening",
     ],
 }
 _HOME = {name: module for module, names in _PUBLIC.items() for name in names}

@@ -17,10 +17,10 @@ import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_finite, check_number, check_real_array, located
-from emacm.recordings.arguments import immutable
+from emacm.recordings.computed_series import ComputedSeries
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
-from emacm.shaft.motion import BLOCK, LazySeries, Series, sources
+from emacm.shaft.motion import BLOCK, Series
 
 Band = tuple[float, float]
 
@@ -135,7 +135,7 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     return taps
 
 
-class EnvelopeSeries(LazySeries):
+class EnvelopeSeries(ComputedSeries):
     """The envelope of a signal of any length, computed slice by slice when it is read.
 
     Beyond its ends the signal is taken as its own mirror image.
@@ -155,6 +155,8 @@ class EnvelopeSeries(LazySeries):
     ----------
     reach : int
         Samples to either side that a value depends on.
+    bandwidth : float
+        Width of the band: the frequency up to which a squared envelope has content [Hz].
 
     Raises
     ------
@@ -162,8 +164,10 @@ class EnvelopeSeries(LazySeries):
         If the band is none that the sampling rate holds, or its filter is longer than the signal.
     """
 
+    _prepared = ("_taps",)
+
     def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
-        super().__init__(len(signal), signal.dtype)
+        super().__init__(signal)
         low, high = check_band(band, fs)
         n_taps = filter_length(low, high, fs)
         if n_taps > len(signal):
@@ -172,55 +176,19 @@ class EnvelopeSeries(LazySeries):
                 f"signal lasts {len(signal) / fs:.3g} s. Make the band wider, and keep its edges "
                 f"away from 0 and {fs / 2:g} Hz."
             )
-        self._signal = signal
         self._fs, self._band, self.squared = fs, (low, high), squared
-        self._set_taps()
+        self.bandwidth = high - low
+        self._prepare()
 
-    def _set_taps(self) -> None:
+    def _prepare(self) -> None:
         taps = analytic_filter(*self._band, self._fs)
         single = self.dtype == np.float32
         self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
         self.reach = len(taps) // 2
 
-    @property
-    def sources(self) -> list[NDArray[Any]]:
-        """The measured signal."""
-        return sources(self._signal)
-
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
-        inner = "" if isinstance(self._signal, np.ndarray) else f", {self._signal!r}"
-        return f"EnvelopeSeries({self._fs!r}, {self._band!r}, {self.squared!r}{inner})"
-
-    def __eq__(self, other: object) -> bool:
-        """Two are equal if signal, rate, band and kind are."""
-        if not isinstance(other, EnvelopeSeries):
-            return NotImplemented
-        if repr(self) != repr(other) or self.dtype != other.dtype:
-            return False
-        pairs = zip(self.sources, other.sources, strict=True)
-        return all(np.array_equal(one, another) for one, another in pairs)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but the filter, which follows from the rest."""
-        return {name: value for name, value in vars(self).items() if name != "_taps"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the series, with the signal immutable."""
-        vars(self).update(state)
-        if isinstance(self._signal, np.ndarray):
-            self._signal = immutable(self._signal)
-        self._set_taps()
-
-    def __getitem__(self, key: Any) -> Any:
-        """Return one sample, a slice of any step, or samples at an array of indices."""
-        if isinstance(key, slice) and key.step not in (None, 1):
-            key = np.arange(*key.indices(len(self)))
-        if isinstance(key, np.ndarray):
-            return self._gathered(np.arange(len(self))[key] if key.dtype == bool else key)
-        return super().__getitem__(key)
+        return self._described(self._fs, self._band, self.squared)
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the envelope at samples `start` to `stop` (exclusive)."""
@@ -235,9 +203,6 @@ class EnvelopeSeries(LazySeries):
 
     def _gathered(self, index: NDArray[np.intp]) -> NDArray[np.floating]:
         """Return samples that may lie far apart, each by itself, or near one another."""
-        if not len(index):
-            return np.empty(0, self.dtype)
-        index = np.where(index < 0, index + len(self), index)
         low, high = int(index.min()), int(index.max()) + 1
         if high - low <= len(index) * len(self._taps):
             return self.read(low, high)[index - low]
@@ -248,13 +213,6 @@ class EnvelopeSeries(LazySeries):
             near = [self._mirrored(int(k) - self.reach, int(k) + self.reach + 1) for k in places]
             values[first : first + at_once] = self._size(np.stack(near) @ self._taps[::-1])
         return values
-
-    def _mirrored(self, start: int, stop: int) -> NDArray[np.floating]:
-        """Return samples of the signal, and of its mirror image beyond its ends."""
-        last = len(self) - 1
-        if start >= 0 and stop <= last + 1:
-            return self._signal[start:stop]
-        return self._signal[np.abs((np.arange(start, stop) + last) % (2 * last) - last)]
 
     def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):

@@ -1,0 +1,103 @@
+"""Signals that are computed from measured ones, slice by slice, when they are read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm.recordings.arguments import immutable
+from emacm.shaft.motion import LazySeries, Series, sources
+
+
+class ComputedSeries(LazySeries):
+    """A signal computed from another one of the same length.
+
+    Subclasses implement `read`, `__repr__` (class and parameters, of which digests are made) and
+    `_prepare`, which sets what follows from the parameters; it is neither pickled nor compared.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or what slices like one
+        Finite; it may be a memory map.
+
+    Attributes
+    ----------
+    bandwidth : float
+        Frequency above which there is no content [Hz]; infinite if only the sampling rate limits
+        it.
+    """
+
+    bandwidth = np.inf
+    _prepared: tuple[str, ...] = ()
+
+    def __init__(self, signal: Series) -> None:
+        super().__init__(len(signal), signal.dtype)
+        self._signal = signal
+
+    def _prepare(self) -> None:
+        """Set the attributes named in `_prepared`."""
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The measured signal."""
+        return sources(self._signal)
+
+    def _described(self, *parameters: Any) -> str:
+        """Return class and parameters, and those of the signal if it is computed as well."""
+        inner = [] if isinstance(self._signal, np.ndarray) else [self._signal]
+        return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
+
+    def __eq__(self, other: object) -> bool:
+        """Two are equal if kind, parameters and signal are."""
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        if repr(self) != repr(other) or self.dtype != other.dtype:
+            return False
+        pairs = zip(self.sources, other.sources, strict=True)
+        return all(np.array_equal(one, another) for one, another in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but what follows from the rest."""
+        return {name: value for name, value in vars(self).items() if name not in self._prepared}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the series, with the signal immutable."""
+        vars(self).update(state)
+        if isinstance(self._signal, np.ndarray):
+            self._signal = immutable(self._signal)
+        self._prepare()
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return one sample, a slice of any step, or samples at an array of indices."""
+        if isinstance(key, slice) and key.step not in (None, 1):
+            key = np.arange(*key.indices(len(self)))
+        if not isinstance(key, np.ndarray):
+            return super().__getitem__(key)
+        index = np.arange(len(self))[key] if key.dtype == bool else key
+        if not len(index):
+            return np.empty(0, self.dtype)
+        return self._gathered(np.where(index < 0, index + len(self), index))
+
+    def _gathered(self, index: NDArray[np.intp]) -> NDArray[np.floating]:
+        """Return samples at non-negative indices."""
+        low = int(index.min())
+        return self.read(low, int(index.max()) + 1)[index - low]
+
+    def _mirrored(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return samples of the measured signal, and of its mirror image beyond its ends."""
+        n_times = len(self)
+        before, after = max(-start, 0), max(stop - n_times, 0)
+        # One slice, from which the mirror images are taken too: reading may mean computing.
+        low = min(max(start, 0), n_times - 1 - after)
+        high = max(min(stop, n_times), before + 1)
+        read = np.asarray(self._signal[low:high])
+        if not (before or after):
+            return read
+        index = np.arange(start, stop)
+        index = np.where(index < 0, -index, index)
+        index = np.where(index < n_times, index, 2 * (n_times - 1) - index)
+        return read[index - low]

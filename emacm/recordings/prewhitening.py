@@ -1,0 +1,287 @@
+"""Cepstral prewhitening: all frequencies of a signal are set to one level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy  # scipy.fft is imported when it is used
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_finite, check_number, check_real_array, located
+from emacm.recordings.computed_series import ComputedSeries
+from emacm.recordings.inputs import as_recordings, check_channel_names, described
+from emacm.recordings.recording import Recording
+from emacm.recordings.transformer import RecordingTransformer
+from emacm.shaft.motion import Series
+
+_SECONDS = 0.5  # about; length of a segment: lines some Hz apart are separated
+_FEWEST = 256  # samples of a segment
+_ROUNDING = 8  # times the resolution of the type: what rounding leaves beside the largest line
+_FADED = 16  # a segment fades over into the next one within 1/16 of its length
+
+
+class WhitenedSeries(ComputedSeries):
+    """A prewhitened signal of any length, computed segment by segment when it is read.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or what slices like one
+        Finite; it may be a memory map.
+    fs : float
+        Its sampling rate [Hz].
+    """
+
+    _prepared = ("_kept", "_taper")
+
+    def __init__(self, signal: Series, fs: float) -> None:
+        super().__init__(signal)
+        self._fs = fs
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Cut the signal into segments; one begins every `_hop` samples, `_fade` before that."""
+        # The nearest power of two, of which the transform is fast.
+        n_segment = max(_FEWEST, 1 << round(np.log2(max(_SECONDS * self._fs, 1))))
+        fade = n_segment // _FADED
+        if len(self) <= n_segment - fade:  # a single one, with the mirror image at both ends
+            fade = len(self) // (_FADED - 2)
+            n_segment = scipy.fft.next_fast_len(len(self) + 2 * fade, real=True)
+        self._fade, self._hop = fade, n_segment - fade
+        # Applied before and after whitening: the squares of two that overlap add up to one.
+        rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1))
+        taper = np.concatenate([rise, np.ones(n_segment - 2 * fade), rise[::-1]])
+        self._taper = taper.astype(self.dtype)
+        self._kept: dict[int, NDArray[np.floating]] = {}
+
+    def __repr__(self) -> str:
+        """Return class and sampling rate, of which digests are made."""
+        return self._described(self._fs)
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the whitened signal at samples `start` to `stop` (exclusive)."""
+        values = np.zeros(stop - start, self.dtype)
+        length = len(self._taper)
+        for number in range(start // self._hop, 1 + (stop - 1 + self._fade) // self._hop):
+            begin = number * self._hop - self._fade
+            low, high = max(begin, start), min(begin + length, stop)
+            values[low - start : high - start] += self._segment(number)[low - begin : high - begin]
+        return values
+
+    def _segment(self, number: int) -> NDArray[np.floating]:
+        """Return a whitened segment; two are kept, as blocks are read one after another."""
+        kept = self._kept
+        if number not in kept:
+            begin = number * self._hop - self._fade
+            segment = self._mirrored(begin, begin + len(self._taper))
+            level = self.dtype.type(segment.mean(dtype=np.float64))
+            # Without a taper, the cut ends of a strong tone would be impacts.
+            white = whiten((segment - level) * self._taper, float(level))
+            white *= self._taper * np.sqrt(1 - self._fade / len(self._taper), dtype=self.dtype)
+            last = [item for item in kept.items() if abs(item[0] - number) == 1]
+            kept = self._kept = dict([*last[-1:], (number, white)])
+        return kept[number]
+
+
+def whiten(segment: NDArray[np.floating], removed: float = 0.0) -> NDArray[np.floating]:
+    """Return a segment whose Fourier coefficients all have the same magnitude [1]_.
+
+    Parameters
+    ----------
+    segment : ndarray of shape (n_times,)
+        Finite signal, in any unit.
+    removed : float
+        Constant that was subtracted from it; it left rounding errors.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Without unit, with mean 0 and mean square 1; coefficients of no more than rounding errors
+        are set to 0. Of the type of the segment.
+
+    References
+    ----------
+    .. [1] P. Borghesani, P. Pennacchi, R. B. Randall, N. Sawalhi and R. Ricci, Mech. Syst. Signal
+       Process. 36(2), 370-384, 2013: all of the real cepstrum but its first value is set to 0,
+       that is, X / \\|X\\|.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> tone = 40 * np.sin(2 * np.pi * 0.1 * np.arange(1000))
+    >>> noise = np.random.default_rng(0).standard_normal(1000)
+    >>> magnitude = abs(np.fft.rfft(whiten(tone + noise)))
+    >>> round(magnitude[100] / magnitude[37], 9)  # that of the tone beside another one
+    np.float64(1.0)
+    """
+    lines = scipy.fft.rfft(segment)
+    lines[0] = 0  # the mean is no vibration
+    power = lines.real**2
+    power += lines.imag**2
+    resolution = _ROUNDING * np.finfo(segment.dtype).eps
+    power[power <= resolution**2 * max(float(power.max()), len(segment) * removed**2)] = np.inf
+    scale = np.reciprocal(np.sqrt(power, out=power), out=power)
+    lines.real *= scale
+    lines.imag *= scale
+    return scipy.fft.irfft(lines, len(segment), norm="ortho", overwrite_x=True)
+
+
+def prewhitened(signal: ArrayLike, fs: float) -> NDArray[np.floating]:
+    """Set all frequencies of a signal to one level, as `CepstralPrewhitening` does.
+
+    Parameters
+    ----------
+    signal : array-like of shape (..., n_times)
+        Signal at uniform times, in any unit.
+    fs : float
+        Its sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (..., n_times)
+        Without unit; float32 stays float32.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the signal is not finite or has fewer than 2 samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> signal = np.cumsum(np.random.default_rng(0).standard_normal(1000))
+    >>> white = prewhitened(signal, 1000.0)
+    >>> bool(np.allclose(white, prewhitened(5 * signal, 1000.0)))
+    True
+    """
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    array = check_real_array(signal, "signal")
+    check_finite(array.reshape(-1), "signal")
+    if array.ndim == 0 or array.shape[-1] < 2:
+        raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
+    rows = array.reshape(-1, array.shape[-1])
+    return np.stack([WhitenedSeries(row, fs)[:] for row in rows]).reshape(array.shape)
+
+
+class CepstralPrewhitening(  # type: ignore[call-arg]
+    RecordingTransformer, auto_wrap_output_keys=None
+):
+    """Set all frequencies of the signals to one level, so that no band has to be selected.
+
+    Put it before `EnvelopeDetector`. The lines of shafts and gears and the resonances of the
+    housing are reduced to the level of the noise; the impacts of a damaged bearing, which cover
+    all frequencies, remain [1]_.
+
+    Parameters
+    ----------
+    channels : sequence of str, optional
+        Channels that are whitened. Default: all of the first recording.
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels of the result.
+    whitened_ : tuple of str
+        Channels that are whitened.
+
+    Notes
+    -----
+    `X` is a list of `Recording`, and so is the result, with the same shaft and meta. The signals
+    are computed when they are read, in segments of a power of two of samples, 0.35 to 0.71 s
+    long. Each is tapered within a sixteenth of its length at both ends, divided by the magnitude
+    of its Fourier transform, tapered again and added to its neighbours (weighted overlap-add).
+    Segments of time are used, and not of shaft angle, because resonances are at fixed frequencies
+    and because the envelope is taken before the signal is resampled. While the speed changes, a
+    harmonic of the shaft is spread over several frequencies of a segment and each of them is set to
+    the common level. Whitening the whole recording at once would let each event act on all
+    samples, and a long recording would not fit into memory. A recording shorter than that is one
+    segment. Beyond its ends the signal is taken as its own mirror image.
+
+    The result has no unit and a mean square of 1. It does not depend on the gain of the channel.
+    Frequencies with nothing but rounding errors, such as those removed by a filter in 64-bit
+    arithmetic, stay without power.
+
+    References
+    ----------
+    .. [1] P. Borghesani, P. Pennacchi, R. B. Randall, N. Sawalhi and R. Ricci, Application of
+       cepstrum pre-whitening for the diagnosis of bearing faults under variable speed conditions,
+       Mech. Syst. Signal Process. 36(2), 370-384, 2013.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import CepstralPrewhitening, Recording
+    >>> t = np.arange(20_000) / 10_000
+    >>> noise = np.random.default_rng(0).standard_normal(len(t))
+    >>> signal = 100 * np.sin(2 * np.pi * 50 * t) + noise
+    >>> run = Recording({"vibration": signal}, 10_000, velocity=60.0 + 0 * t)
+    >>> (white,) = CepstralPrewhitening().fit_transform([run])
+    >>> round(float(white.signals["vibration"].std()), 2)
+    1.0
+    """
+
+    def __init__(self, *, channels: Sequence[str] | None = None) -> None:
+        self.channels = channels
+
+    def fit(self, X: Any, y: Any = None) -> CepstralPrewhitening:
+        """Learn the channels; nothing is computed.
+
+        Parameters
+        ----------
+        X : list of Recording
+            Recordings.
+        y : ignored
+
+        Returns
+        -------
+        CepstralPrewhitening
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is no list of recordings, or a recording lacks a channel; the message gives both.
+        """
+        recordings = as_recordings(X, "CepstralPrewhitening")
+        if isinstance(self.channels, str):
+            raise TypeError(f"channels must be a list of names; write [{self.channels!r}].")
+        first = recordings[0].channels
+        self.whitened_ = tuple(first if self.channels is None else self.channels)
+        self.channels_ = self._whitened(recordings)[0].channels
+        return self
+
+    def transform(self, X: Any) -> list[Recording]:
+        """Return the recordings with whitened channels, to be computed when read.
+
+        Parameters
+        ----------
+        X : list of Recording
+            Recordings that have the channels of `whitened_`.
+
+        Returns
+        -------
+        list of Recording
+            One for each recording.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for `fit`.
+        """
+        check_is_fitted(self)
+        return self._whitened(as_recordings(X, "CepstralPrewhitening"))
+
+    def _whitened(self, recordings: list[Recording]) -> list[Recording]:
+        found = []
+        for index, recording in enumerate(recordings):
+            with located(partial(described, recording, index)):
+                check_channel_names(recording.channels, self.whitened_)
+                series = dict(recording.series)
+                for name in self.whitened_:
+                    with located(f"channel {name!r}"):
+                        series[name] = WhitenedSeries(series[name], recording.fs[name])
+                found.append(recording.with_series(series, recording.fs))
+        return found
