@@ -11,6 +11,7 @@ from emacm.thesis.chapter2_spectra import (
     compare_sine,
     compare_smearing,
 )
+from emacm.thesis.diagrams import draw_chapter2_diagrams
 from emacm.thesis.findings import Chapter
 
 _N_DRAWS = 200
@@ -36,7 +37,7 @@ def reproduce_chapter2(
     Returns
     -------
     Chapter
-        Figures 2.3 to 2.7 and 2.10 to 2.14, Table 2.1 and other comparable numbers.
+        Figures 2.1 to 2.14, Table 2.1 and other comparable numbers.
 
     References
     ----------
@@ -46,6 +47,7 @@ def reproduce_chapter2(
     n_errors = 20 if quick else _N_DRAWS
     chapter = Chapter(2, "Feature extraction and classification, by example")
     tell("chapter 2: speed ramp over time, angle, frequency and order")
+    draw_chapter2_diagrams(chapter)
     compare_resampling(chapter)
     compare_sine(chapter)
     compare_smearing(chapter)

@@ -26,6 +26,8 @@ _EIGENVECTORS = np.array([
     [-0.010, -0.054, 0.799, 0.599],
 ])  # fmt: skip  # Table 2.1: one row per component of y, one column per eigenvector
 
+_LEADING = {(0, 2), (1, 1)}  # eigenvector, component: the entries that are not zero by design
+
 _PRINTED_ERRORS = {"0-1": (12, 11), "Eq. (2.48)": (2, 36)}  # of 1000: decided as w1, as w2
 _COSTS: dict[str, Any] = {
     "0-1": None,
@@ -52,18 +54,27 @@ def compare_components(chapter: Chapter, n_draws: int) -> None:
     weights = np.abs([fit.components_ for fit in fits])
     note = _SAMPLING.format(n=n_draws)
     for i, (eigenvalue, share) in enumerate(zip(_EIGENVALUES, _SHARES, strict=True)):
-        chapter.compare(
-            f"Table 2.1, eigenvalue {i + 1}", eigenvalue, eigenvalues[:, i].round(3), note
-        )
-        chapter.compare(f"Table 2.1, contribution {i + 1} [%]", share, shares[:, i].round(1), note)
+        for name, published, values in (
+            (f"eigenvalue {i + 1}", eigenvalue, eigenvalues[:, i].round(3)),
+            (f"contribution {i + 1} [%]", share, shares[:, i].round(1)),
+        ):
+            chapter.compare(f"Table 2.1, {name}", published, values, note, kind="random")
     for i in range(4):
         for j in range(4):
             if i < 2 or j in (1, 2):
+                leads = (i, j) in _LEADING
                 chapter.compare(
                     f"Table 2.1, e{i + 1}, y{j + 1}, magnitude",
                     abs(float(_EIGENVECTORS[j, i])),
                     weights[:, i, j].round(3),
-                    f"{note}; the sign of an eigenvector is arbitrary",
+                    f"{note}; the sign of an eigenvector is arbitrary"
+                    + (
+                        ""
+                        if leads
+                        else "; zero but for sampling, as the components are drawn "
+                        "independently: an input"
+                    ),
+                    kind="random" if leads else "input",
                 )
     plane = np.hypot(weights[:, 2:, 0], weights[:, 2:, 3])
     chapter.remarks.append(
@@ -177,6 +188,7 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
             _PRINTED_ERRORS["Eq. (2.48)"][column],
             counts["Eq. (2.48)"][:, column],
             note,
+            kind="random",
         )
     chapter.remarks.append(
         "The parameters of Figs. 2.12 to 2.14 are not published. Two Gaussian classes of equal "

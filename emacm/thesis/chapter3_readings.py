@@ -27,6 +27,7 @@ THETA_S = TURN / 1000
 N_ANGLES = 2**14
 N_TIMES = 4096
 STOP_BAND = (5.6, 6.4)
+NINETY = "components that explain 90 %"
 NO_LOW_HZ = "Hz without 0-130 Hz"  # where the fundamental smears
 
 
@@ -42,15 +43,20 @@ class Reading:
         Standard deviation of the noise [A].
     duration : float
         Length of a recording [s].
-    angle : {"trapezoid", "rectangle", "printed", "band-limited"}
+    angle : {"trapezoid", "rectangle", "late", "printed", "band-limited"}
         Resampling: Eq. (2.13) from x(k-1), with the angle by the trapezoidal or the rectangle
-        rule; Eq. (2.13) as printed; or the default of emacm.
+        rule, or by the trapezoidal rule 0.3 time samples late; Eq. (2.13) as printed; or the
+        default of emacm.
+    zeros : bool
+        Whether a recording that is shorter than the window is followed by zeros under the whole
+        window. If False, the window is shortened to the recording, and zeros follow it.
     """
 
     name: str
     sigma: float = 0.25
     duration: float = N_TIMES / FS
     angle: str = "trapezoid"
+    zeros: bool = False
 
 
 READINGS = (
@@ -58,10 +64,13 @@ READINGS = (
     Reading("noise of variance 0.25", sigma=0.5),
     Reading("one second of signal", duration=1.0),
     Reading("angle by the rectangle rule", angle="rectangle"),
+    Reading("angle 0.3 samples late", angle="late"),
+    Reading("one second, then zeros under the window", duration=1.0, zeros=True),
     Reading("Eq. (2.13) as printed", angle="printed"),
     Reading("emacm's band-limited resampling", angle="band-limited"),
 )
-TAKEN, VARIANCE, SECOND, RECTANGLE = READINGS[:4]
+TAKEN, VARIANCE, SECOND, RECTANGLE, LATE, LITERAL = READINGS[:6]
+_DELAY = 0.3  # time samples
 
 
 def thesis_pipeline(reading: Reading = TAKEN) -> Pipeline:
@@ -82,7 +91,8 @@ def thesis_pipeline(reading: Reading = TAKEN) -> Pipeline:
     16384
     """
     resampler = OrderResampler(THETA_S, interpolation="linear", antialias=False)
-    psd = OrderPSD(n_per_segment=N_ANGLES, max_order=51, short="pad")
+    # Eqs. (2.14) to (2.16) do not remove the mean.
+    psd = OrderPSD(n_per_segment=N_ANGLES, max_order=51, short="pad", detrend=None)
     if reading.angle == "band-limited":
         resampler, psd = OrderResampler(), OrderPSD(16, max_order=51)
     return make_pipeline(resampler, psd, BinTransformer(1, stop_bands=(STOP_BAND,)))
@@ -138,7 +148,9 @@ def outcome(
     """
     pca = PCA().fit(bins[known])
     weights = np.abs(pca.components_[:2])
-    found = {"share of two components [%]": 100 * pca.explained_variance_ratio_[:2].sum()}
+    shares = pca.explained_variance_ratio_
+    found = {"share of two components [%]": 100 * shares[:2].sum()}
+    found[NINETY] = np.searchsorted(shares.cumsum(), 0.9) + 1
     for number, loading in enumerate(weights, start=1):
         found[f"bin that leads PC{number}"] = loading.argmax() + 1
         found[f"largest weight of PC{number}"] = loading.max()
@@ -164,21 +176,33 @@ def _runs(
 
 def _bins(reading: Reading, recordings: Sequence[Recording]) -> NDArray[np.floating]:
     chain = thesis_pipeline(reading)
-    if reading.angle == "rectangle":
-        recordings = [
-            Recording({"current": r.signals["current"]}, FS, angle=rectangle_angle(r.velocity, FS))
-            for r in recordings
-        ]
-    elif reading.angle == "printed":
-        rows = np.array([
-            printed_resampling(
-                r.signals["current"], angle_from_velocity(r.velocity, FS), THETA_S
-            )[:N_ANGLES]
-            for r in recordings
-        ])  # fmt: skip
+    if reading.angle == "printed" or reading.zeros:
+        rows = np.array([_resampled(recording, reading) for recording in recordings])
         chain = Pipeline(chain.steps[1:]).set_params(orderpsd__theta_s=THETA_S)
         return np.asarray(chain.fit_transform(rows))
+    if reading.angle in ("rectangle", "late"):
+        recordings = [
+            Recording({"current": r.signals["current"]}, FS, angle=_angle(r, reading.angle))
+            for r in recordings
+        ]
     return np.asarray(chain.fit_transform(list(recordings)))
+
+
+def _angle(recording: Recording, rule: str) -> NDArray[np.floating]:
+    """Return the shaft angle by the rectangle rule, or by the trapezoidal rule and too late."""
+    if rule == "rectangle":
+        return rectangle_angle(recording.velocity, FS)
+    return angle_from_velocity(recording.velocity, FS) - _DELAY * recording.velocity / FS
+
+
+def _resampled(recording: Recording, reading: Reading) -> NDArray[np.floating]:
+    """Return the current at 2^14 angles: resampled as printed, or with zeros after its end."""
+    signal, angle = recording.signals["current"], angle_from_velocity(recording.velocity, FS)
+    if reading.angle == "printed":
+        return printed_resampling(signal, angle, THETA_S)[:N_ANGLES]
+    resampler = thesis_pipeline(reading)[0]
+    (stroke,) = resampler.fit_transform([recording])[0].strokes
+    return np.pad(stroke.signals[0], (0, N_ANGLES - stroke.n_angles))
 
 
 def _classifier() -> Pipeline:

@@ -46,6 +46,8 @@ class Reading:
         Treatment of reversals, as in `OrderResampler`.
     antialias : bool
         False: linear interpolation, Eq. (2.13).
+    detrend : {None, "constant"}
+        As in `OrderPSD`; Eqs. (2.14) to (2.16) do not remove the mean.
     filtered : bool
         Whether a stop band removes the effect of the command: the fundamental of the current as
         in chapter 3, and orders below 1 of the other signals (assumed).
@@ -55,6 +57,7 @@ class Reading:
     theta_s: float = 0.01 * np.pi
     direction: str = "travel"
     antialias: bool = False
+    detrend: str | None = None
     filtered: bool = True
 
     @property
@@ -82,7 +85,9 @@ class Reading:
 
     def spectra(self, recording: Recording) -> dict[str, pd.DataFrame]:
         """Return the order spectra of a recording by channel, of one row each [unit²/order]."""
-        psd = OrderPSD(REVOLUTIONS, short="pad").set_output(transform="pandas")
+        psd = OrderPSD(REVOLUTIONS, short="pad", detrend=self.detrend).set_output(
+            transform="pandas"
+        )
         table = psd.fit_transform(self.resampler.fit_transform([recording]))
         n_orders = len(psd.orders_)
         starts = {name: number * n_orders for number, name in enumerate(SIGNALS)}
@@ -93,6 +98,7 @@ READINGS = {
     "thesis": Reading("linear interpolation over the travel, 100 orders, filtered"),
     "no filter": Reading("as above, without stop bands", filtered=False),
     "50 orders": Reading("θ_s = 0.02π as printed in Table 4.4", theta_s=0.02 * np.pi),
+    "mean removed": Reading("the mean of each segment removed", detrend="constant"),
     "band-limited": Reading("no aliasing from orders above 100", antialias=True),
     "strokes": Reading("each stroke resampled separately", direction="strokes"),
 }
@@ -230,7 +236,7 @@ def _spectra(
     spectra = {}
     for name in readings:
         reading = READINGS[name]
-        settings = (reading.theta_s, reading.direction, reading.antialias)
+        settings = (reading.theta_s, reading.direction, reading.antialias, reading.detrend)
         if settings not in made:
             made[settings] = reading.spectra(recording)
         spectra[name] = made[settings]

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from emacm.simulation.conditions import CONDITIONS
+from emacm.thesis.chapter4_inputs import commanded_speed
 from emacm.thesis.chapter4_spectra import READINGS, SIGNALS, Campaign
 from emacm.thesis.chapter4_study import GROUPS, Study, explained_shares, outcome_shares
 
@@ -29,6 +31,24 @@ def shares_table(studies: Sequence[Study]) -> pd.DataFrame:
         getattr(groups[[f"{group} [%]" for group in GROUPS]], name)() for name in ("min", "max")
     )
     return groups.median().join([lowest.add_suffix(", lowest"), highest.add_suffix(", highest")])
+
+
+def ranges_as_text(shares: pd.DataFrame) -> pd.DataFrame:
+    """Return a `shares_table` with each range beside its median, as text.
+
+    Examples
+    --------
+    >>> row = {f"{group} [%]": [7.0] for group in GROUPS}
+    >>> row |= {f"{group} [%], {end}": [5.2] for group in GROUPS for end in ("lowest", "highest")}
+    >>> ranges_as_text(pd.DataFrame(row))["shaft [%]"].tolist()
+    ['7 (5 to 5)']
+    """
+    table = shares.copy()
+    for name in (f"{group} [%]" for group in GROUPS):
+        low, high = (table.pop(f"{name}, {end}") for end in ("lowest", "highest"))
+        parts = zip(table[name], low, high, strict=True)
+        table[name] = [f"{middle:.0f} ({a:.0f} to {b:.0f})" for middle, a, b in parts]
+    return table
 
 
 def _shares_of_one(study: Study) -> pd.DataFrame:
@@ -106,4 +126,9 @@ def conditions_table(campaign: Campaign) -> pd.DataFrame:
     table = table.rename(columns={"fastest": "fastest [rad/s]"})
     top = READINGS["thesis"].max_order
     table[f"order {top:g} at most [Hz]"] = top * table["fastest [rad/s]"] / (2 * np.pi)
+    table["commanded speed [rev/min]"] = [commanded_speed(CONDITIONS[n]) for n in table.index]
+    table["stroke reached [%]"] = [
+        100 * float(np.ptp(r.signals["lvdt"]) / np.ptp(r.signals["position_command"]))
+        for r in (campaign.kept[i] for i in rows)
+    ]
     return table

@@ -10,6 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from emacm._checks import check_choice
+
+KINDS = ("arithmetic", "input", "random")
+_RANDOM = "random"
+
 
 class Finding(NamedTuple):
     """One published number and ours.
@@ -18,24 +23,40 @@ class Finding(NamedTuple):
     ----------
     where : str
         Place in the publication, such as "Table 2.1, eigenvalue 1".
+    kind : {"arithmetic", "input", "random"}
+        "arithmetic": follows from definitions; "input": an input of the simulation, which is found
+        again; "random": a result that depends on drawn numbers. Only the last is evidence.
     published : float
         The published number.
     ours : float
-        Our number; the median of several seeds.
+        Our number; the median of the draws.
     low, high : float
         Range of our numbers, including a tolerance for rounding in print.
-    agrees : bool
+    draws : int
+        Number of draws; 1 if nothing is random.
+    probability_of_a_miss : float
+        Probability that a further draw of ours would not agree by range: 2/(draws + 1) for a
+        number, the share of draws in which another bin leads for a leading bin, and 0 if nothing
+        is random.
+    agrees_by_range : bool
         Whether the published number lies within the range.
+    agrees_by_median : bool
+        Whether it lies within the middle half of the draws (first to third quartile), as about
+        half of further draws would.
     note : str
         Method and, where the numbers do not agree, the reason.
     """
 
     where: str
+    kind: str
     published: float
     ours: float
     low: float
     high: float
-    agrees: bool
+    draws: int
+    probability_of_a_miss: float
+    agrees_by_range: bool
+    agrees_by_median: bool
     note: str
 
 
@@ -60,7 +81,9 @@ class Chapter:
     captions : dict of str to str
         Captions of the pictures.
     opening : str
-        Text at the beginning of the report and of the chapter; may be empty.
+        The result and what it rests on, at the beginning of the chapter; may be empty.
+    inputs : DataFrame, optional
+        Inputs and chosen readings with their sources.
     """
 
     number: int
@@ -71,6 +94,7 @@ class Chapter:
     figures: dict[str, Any] = field(default_factory=dict)
     captions: dict[str, str] = field(default_factory=dict)
     opening: str = ""
+    inputs: pd.DataFrame | None = None
 
     def draw(self, name: str, figure: Any, caption: str) -> None:
         """Keep a picture and its caption."""
@@ -78,9 +102,16 @@ class Chapter:
         self.captions[name] = caption
 
     def compare(
-        self, where: str, published: float, values: ArrayLike, note: str, *, slack: float = 0.0
+        self,
+        where: str,
+        published: float,
+        values: ArrayLike,
+        note: str,
+        *,
+        kind: str,
+        slack: float = 0.0,
     ) -> Finding:
-        """Compare a published number with our values of it, one for each seed.
+        """Compare a published number with our values of it, one for each draw.
 
         Parameters
         ----------
@@ -92,6 +123,8 @@ class Chapter:
             Ours.
         note : str
             Method.
+        kind : {"arithmetic", "input", "random"}
+            As for `Finding`.
         slack : float
             Tolerance beyond the range of the values, for rounding in print.
 
@@ -100,10 +133,63 @@ class Chapter:
         Finding
             Also appended to `findings`.
         """
+        check_choice(kind, "kind", KINDS)
         ours = np.atleast_1d(np.asarray(values, dtype=float))
-        low, high = float(ours.min()) - slack, float(ours.max()) + slack
-        agrees = bool(low <= published <= high)
-        finding = Finding(where, published, float(np.median(ours)), low, high, agrees, note)
+        low, first, median, third, high = np.quantile(ours, (0, 0.25, 0.5, 0.75, 1)).tolist()
+        finding = Finding(
+            where,
+            kind,
+            published,
+            median,
+            low - slack,
+            high + slack,
+            len(ours),
+            2 / (len(ours) + 1) if kind == _RANDOM else 0.0,
+            low - slack <= published <= high + slack,
+            first - slack <= published <= third + slack,
+            note,
+        )
+        self.findings.append(finding)
+        return finding
+
+    def compare_leader(self, where: str, published: int, leaders: ArrayLike, note: str) -> Finding:
+        """Compare a published leading bin with the bin that leads in each of our draws.
+
+        Parameters
+        ----------
+        where : str
+            Place in the publication.
+        published : int
+            The published bin.
+        leaders : array-like of int
+            The bin that leads in each draw.
+        note : str
+            Method.
+
+        Returns
+        -------
+        Finding
+            Also appended to `findings`. `ours` is the bin that leads most often; it agrees by
+            range if the published bin leads in any draw, and by median if it leads in at least
+            half of them.
+        """
+        bins = np.asarray(leaders, dtype=int)
+        numbers, counts = np.unique(bins, return_counts=True)
+        most, share = int(numbers[counts.argmax()]), float(np.mean(bins == published))
+        finding = Finding(
+            where,
+            _RANDOM,
+            float(published),
+            float(most),
+            float(bins.min()),
+            float(bins.max()),
+            len(bins),
+            1 - share,
+            share > 0,
+            share >= 0.5,
+            f"most often bin {most}, in {counts.max()} of {len(bins)} draws; the published bin "
+            f"leads in {np.sum(bins == published)}{note}",
+        )
         self.findings.append(finding)
         return finding
 
@@ -111,3 +197,37 @@ class Chapter:
 def findings_frame(findings: Sequence[Finding]) -> pd.DataFrame:
     """Return findings as a table, one row each."""
     return pd.DataFrame(list(findings), columns=list(Finding._fields))
+
+
+def agreement_frame(findings: Sequence[Finding]) -> pd.DataFrame:
+    """Count findings by kind, and how many of them agree.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Those of one or more chapters.
+
+    Returns
+    -------
+    DataFrame
+        One row per kind that occurs: "figures", "agree by range", "agree by median", and
+        "expected misses": the sum of the probabilities that a further draw of ours would miss the
+        range.
+
+    Examples
+    --------
+    >>> chapter = Chapter(2, "Spectra")
+    >>> _ = chapter.compare("Table 1", 2.0, [1.9, 2.3, 2.5], "three draws", kind="random")
+    >>> agreement_frame(chapter.findings)
+              figures  agree by range  agree by median  expected misses
+    kind
+    random          1               1                0              0.5
+    """
+    table = findings_frame(findings).groupby("kind")
+    counts = pd.DataFrame({
+        "figures": table.size(),
+        "agree by range": table["agrees_by_range"].sum(),
+        "agree by median": table["agrees_by_median"].sum(),
+        "expected misses": table["probability_of_a_miss"].sum(),
+    })  # fmt: skip
+    return counts.reindex([kind for kind in KINDS if kind in counts.index]).rename_axis("kind")

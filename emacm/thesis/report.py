@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._version import __version__
-from emacm.thesis.findings import Chapter, Finding, findings_frame
+from emacm.thesis.findings import Chapter, Finding, agreement_frame, findings_frame
 
 REPORT = "report.html"
 PARTS = (REPORT, "summary.json", "tables", "figures")  # files and folders of a report
@@ -28,7 +28,19 @@ _TITLE = "Reproduction of the thesis by emacm"
 _DPI = 110
 _MAX_ROWS = 40  # longer tables are shortened in the page
 _FEW_ROWS = 8
-_HEADS = ["where", "published", "ours", "range of ours", "agrees", "method, reason"]
+_HEADS = [
+    "where", "kind", "published", "ours (median)", "range of ours", "draws",
+    "probability of a miss", "agrees by range", "by median", "method, reason",
+]  # fmt: skip
+_KINDS = (
+    'Rows of the kind "arithmetic" follow from definitions, and those of the kind "input" find an '
+    'input of the simulation again: neither is evidence. A "random" row depends on drawn numbers. '
+    "Ours is then the median of the draws. It agrees by range if the published number lies between "
+    "the lowest and the highest draw, and by median if it lies between the first and the third "
+    "quartile, as about half of further draws would. The probability of a miss is that with which "
+    "a further draw of ours would not agree by range: 2/(n + 1) with n draws; for a leading bin "
+    "the share of draws in which another bin leads."
+)
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -110,7 +122,6 @@ class Report:
         self.folder = Path(folder)
         self.quick = quick
         self.findings: list[Finding] = []
-        self._openings: list[str] = []
         self._chapters: list[dict[str, Any]] = []
         for name in ("figures", "tables"):
             (self.folder / name).mkdir()
@@ -129,8 +140,9 @@ class Report:
             If two of its tables or pictures would have the same file name.
         """
         self.findings += chapter.findings
-        self._openings += [f"Chapter {chapter.number}: {chapter.opening}"] * bool(chapter.opening)
         parts = [_paragraphs([chapter.opening])]
+        if chapter.inputs is not None:
+            parts.append(_html_table(flat_table(chapter.inputs), "Inputs and chosen readings"))
         if chapter.findings:
             parts += [_paragraphs([counted(chapter.findings) + "."]), _findings(chapter.findings)]
         parts.append(_paragraphs(chapter.remarks))
@@ -153,7 +165,7 @@ class Report:
         findings_frame(self.findings).to_csv(self.folder / "tables" / "findings.csv", index=False)
         page = _PAGE.substitute(
             title=_TITLE,
-            introduction=_paragraphs(self._introduction()),
+            introduction="\n".join(self._introduction()),
             links="".join(map(_LINK.substitute, self._chapters)),
             sections="\n".join(map(_SECTION.substitute, self._chapters)),
         )
@@ -191,37 +203,51 @@ class Report:
         return path
 
     def _introduction(self) -> Iterator[str]:
-        yield (
+        yield _paragraphs([
             "Published figures of A. J. Chirico III, A Data Driven Frequency Based Method for "
             "Electrical-Mechanical Actuator Condition Monitoring (M.S. thesis, Rochester Institute "
-            f"of Technology), computed again: {counted(self.findings)}."
-        )
+            f"of Technology), computed again: {counted(self.findings)}. No measured data were "
+            "published: chapter 3 computes its simulated current, and chapter 4 uses a simulated "
+            "bench, whose results show how the method behaves and not what was measured."
+        ])  # fmt: skip
         if self.quick:
-            yield "This was a quick run, with fewer draws and therefore narrower ranges."
-        yield from self._openings
-        yield (
-            "Where numbers are random, ours is the median of several draws, and the range is that "
-            "from the lowest to the highest; a further draw lies outside of the range of n draws "
-            "in 2 of n + 1 cases. Two readings of the text were chosen by their result: the noise "
-            "of chapter 3 (a standard deviation of 0.25) and the distance of the classes of Fig. "
-            "2.13. What cannot be compared is described in the text of a chapter."
-        )
+            yield _paragraphs([
+                "This was a quick run, with fewer draws and therefore narrower ranges."
+            ])  # fmt: skip
+        if self.findings:
+            table = flat_table(agreement_frame(self.findings))
+            yield _html_table(table, "Agreement by kind")
         packages = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib")
         versions = ", ".join(f"{name} {version(name)}" for name in packages)
-        yield f"emacm {__version__}, Python {platform.python_version()}, {versions}."
+        yield _paragraphs([
+            _KINDS,
+            "Two readings of the text were chosen by their result: the noise of chapter 3 (a "
+            "standard deviation of 0.25) and the distance of the classes of Fig. 2.13. Inputs and "
+            "the other readings are stated at the beginning of each chapter.",
+            f"emacm {__version__}, Python {platform.python_version()}, {versions}.",
+        ])  # fmt: skip
 
 
 def counted(findings: Sequence[Finding]) -> str:
-    """Return how many published figures lie within the range of ours, as text.
+    """Return how many random figures lie within the range of ours, as text.
 
     Examples
     --------
-    >>> counted([Finding("Table 1", 2.0, 2.1, 1.9, 2.3, True, "")])
-    '1 of 1 published figures lies within the range of ours'
+    >>> chapter = Chapter(2, "Spectra")
+    >>> _ = chapter.compare("Table 1", 2.0, [1.9, 2.3], "two draws", kind="random")
+    >>> _ = chapter.compare("Table 2", 30.0, 30.0, "half of 60", kind="arithmetic")
+    >>> counted(chapter.findings)
+    '1 of 1 random figures within the range of ours, 0 within its middle half; 1 other figure'
     """
-    agreeing = sum(finding.agrees for finding in findings)
-    verb = "lies" if agreeing == 1 else "lie"
-    return f"{agreeing} of {len(findings)} published figures {verb} within the range of ours"
+    random = [finding for finding in findings if finding.kind == "random"]
+    within, middle = (
+        sum(getattr(finding, f"agrees_by_{by}") for finding in random) for by in ("range", "median")
+    )
+    others = len(findings) - len(random)
+    return (
+        f"{within} of {len(random)} random figures within the range of ours, {middle} within its "
+        f"middle half; {others} other figure{'s' * (others != 1)}"
+    )
 
 
 def flat_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -240,8 +266,10 @@ def flat_table(table: pd.DataFrame) -> pd.DataFrame:
 
 def _as_json(finding: Finding) -> dict[str, Any]:
     """Return a finding with the types of JSON."""
-    numbers = {name: float(getattr(finding, name)) for name in ("published", "ours", "low", "high")}
-    return {**finding._asdict(), **numbers, "agrees": bool(finding.agrees)}
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in finding._asdict().items()
+    }
 
 
 def _paragraphs(lines: Iterable[str]) -> str:
@@ -250,7 +278,15 @@ def _paragraphs(lines: Iterable[str]) -> str:
 
 def _findings(findings: Sequence[Finding]) -> str:
     rows = [
-        (f.where, f.published, f.ours, f"{_cell(f.low)} to {_cell(f.high)}", f.agrees, f.note)
+        (
+            *f[:4],
+            f"{_cell(f.low)} to {_cell(f.high)}",
+            f.draws,
+            f.probability_of_a_miss,
+            f.agrees_by_range,
+            f.agrees_by_median,
+            f.note,
+        )
         for f in findings
     ]
     page = _html_table(pd.DataFrame(rows, columns=_HEADS), "Published figures and ours")

@@ -18,10 +18,13 @@ from matplotlib.figure import Figure
 
 from emacm.__main__ import main
 from emacm.thesis import reproduction
-from emacm.thesis.findings import Chapter, Finding, findings_frame
+from emacm.thesis.findings import Chapter, Finding, agreement_frame, findings_frame
 from emacm.thesis.report import Report, check_target, counted, flat_table, whole_folder
 
-FIELDS = ["where", "published", "ours", "low", "high", "agrees", "note"]
+FIELDS = [
+    "where", "kind", "published", "ours", "low", "high", "draws", "probability_of_a_miss",
+    "agrees_by_range", "agrees_by_median", "note",
+]  # fmt: skip
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
 
@@ -68,8 +71,8 @@ def page_of(folder):
 
 def small_chapter(number=2, n_rows=3):
     chapter = Chapter(number, "Spectra & <bins>", ["A remark: 1 < 2 & so on."])
-    chapter.compare("Table 1, a", 2.0, [1.5, 2.5], "two draws")
-    chapter.compare("Table 1, b <x>", 7.0, np.array([1, 2, 4]), "not in the range")
+    chapter.compare("Table 1, a", 2.0, [1.5, 2.5], "two draws", kind="random")
+    chapter.compare("Table 1, b <x>", 7.0, np.array([1, 2, 4]), "not in the range", kind="random")
     index = pd.MultiIndex.from_product([["hertz", "orders"], range(n_rows)], names=["axis", "run"])
     columns = pd.MultiIndex.from_tuples([("ours", "e1"), ("ours", "e2")])
     numbers = np.random.default_rng(0).normal(size=(2 * n_rows, 2))
@@ -140,20 +143,24 @@ def test_words_are_shown_as_they_are(tmp_path):
         "A remark: 1 < 2 & so on.",
         "Table 1, b <x>",
         "A line, from 0 to 1 & no further.",
-        "1 of 2 published figures lies within the range of ours",
+        "1 of 2 random figures within the range of ours, 1 within its middle half",
+        "No measured data were published",
     ):
         assert words in text
 
 
-def test_what_a_reader_must_know_first_opens_the_report_and_its_chapter(tmp_path):
+def test_a_chapter_opens_with_its_result_and_its_inputs(tmp_path):
     chapter = small_chapter(4)
-    chapter.opening = "All of it was simulated."
+    chapter.opening = "Result: all of it was simulated."
+    chapter.inputs = pd.DataFrame({"value": ["0.2 in"]}, index=pd.Index(["lead"], name="input"))
     write(tmp_path, small_chapter(), chapter)
     text = page_of(tmp_path).text
-    assert text.count("All of it was simulated.") == 2
-    first, second = (part.start() for part in re.finditer("All of it was simulated", text))
-    assert text.index("computed again: 2 of 4") < first < text.index("Chapter 2: Spectra")
-    assert text.rindex("Chapter 4: Spectra") < second < text.rindex("Table 1, a")
+    places = [
+        text.index(words)
+        for words in ("computed again: 2 of 4", "Chapter 2: Spectra", "Result: all", "0.2 in")
+    ]
+    assert places == sorted(places)
+    assert places[-1] < text.rindex("Table 1, a")
 
 
 class Cells(HTMLParser):
@@ -183,23 +190,32 @@ def test_each_finding_is_a_row_of_the_page_and_says_whether_it_agrees(tmp_path):
     write(tmp_path, small_chapter())
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     rows = Cells(text).rows
-    assert rows[0] == [
-        "where", "published", "ours", "range of ours", "agrees", "method, reason"
+    assert rows[:2] == [
+        ["kind", "figures", "agree by range", "agree by median", "expected misses"],
+        ["random", "2", "1", "1", "1.167"],
+    ]
+    assert rows[2] == [
+        "where", "kind", "published", "ours (median)", "range of ours", "draws",
+        "probability of a miss", "agrees by range", "by median", "method, reason",
     ]  # fmt: skip
-    assert rows[1] == ["Table 1, a", "2", "2", "1.5 to 2.5", "yes", "two draws"]
-    assert rows[2] == ["Table 1, b <x>", "7", "2", "1 to 4", "no", "not in the range"]
-    assert text.count('<td class="no">no</td>') == 1
+    assert rows[3] == [
+        "Table 1, a", "random", "2", "2", "1.5 to 2.5", "2", "0.6667", "yes", "yes", "two draws",
+    ]  # fmt: skip
+    assert rows[4] == [
+        "Table 1, b <x>", "random", "7", "2", "1 to 4", "3", "0.5", "no", "no", "not in the range",
+    ]  # fmt: skip
+    assert text.count('<td class="no">no</td>') == 2
     assert not re.search(r'class="no">(?!no<)', text)
 
 
 def test_long_cells_are_not_shortened(tmp_path):
     chapter = Chapter(2, "Words")
-    chapter.compare("Table 1", 1.0, 1.0, "a note of " + 40 * "many words " + "end")
+    chapter.compare("Table 1", 1.0, 1.0, "a note of " + 40 * "many words " + "end", kind="input")
     chapter.tables["Long"] = pd.DataFrame({"text": ["x" * 300], "gap": [np.nan]})
     write(tmp_path, chapter)
     rows = Cells((tmp_path / "report.html").read_text(encoding="utf-8")).rows
-    assert rows[1][-1] == "a note of " + 40 * "many words " + "end"
-    assert rows[3] == ["x" * 300, "–"]
+    assert rows[3][-1] == "a note of " + 40 * "many words " + "end"
+    assert rows[5] == ["x" * 300, "–"]
 
 
 def test_only_a_quick_run_is_called_one(tmp_path):
@@ -216,8 +232,9 @@ def test_the_summary_holds_one_number_each(tmp_path):
     assert len(summary) == len(report.findings) == 4
     for entry in summary:
         assert list(entry) == FIELDS
-        assert all(type(entry[name]) is float for name in FIELDS[1:5])
-        assert type(entry["agrees"]) is bool
+        assert all(type(entry[name]) is float for name in FIELDS[2:6])
+        assert type(entry["draws"]) is int
+        assert type(entry["agrees_by_range"]) is type(entry["agrees_by_median"]) is bool
     assert [Finding(**entry) for entry in summary] == report.findings
 
 
@@ -245,14 +262,16 @@ def test_a_long_table_is_whole_in_its_file_and_begun_in_the_page(tmp_path):
     assert len(pd.read_csv(tmp_path / "tables" / "chapter2_table_1_1.csv")) == 60
     page = page_of(tmp_path)
     assert "52 more rows are in tables/chapter2_table_1_1.csv" in page.text
-    assert page.tags.count("tr") == (1 + 2) + (1 + 8)
+    assert page.tags.count("tr") == (1 + 1) + (1 + 2) + (1 + 8)
 
 
 def test_a_missing_number_of_a_table_is_a_dash_and_of_a_finding_an_error(tmp_path):
     chapter = Chapter(2, "Gaps", tables={"Gaps": pd.DataFrame({"a": [1.0, np.nan]})})
     report = Report(tmp_path)
     report.add(chapter)
-    report.add(Chapter(3, "No number", findings=[Finding("a", 1.0, np.nan, 0, 1, False, "")]))
+    gap = Chapter(3, "No number")
+    gap.compare("a", 1.0, np.nan, "", kind="input")
+    report.add(gap)
     with pytest.raises(ValueError, match="not JSON compliant"):
         report.finish()
     assert pd.read_csv(tmp_path / "tables" / "chapter2_gaps.csv")["a"].isna().tolist() == [
@@ -277,9 +296,48 @@ def test_pictures_are_closed_once_they_are_written(tmp_path):
     assert pyplot.get_fignums() == before
 
 
-def test_agreement_is_counted():
-    findings = [Finding("a", 1.0, 1.0, 0.5, 1.5, bool(i % 3), "") for i in range(7)]
-    assert counted(findings) == "4 of 7 published figures lie within the range of ours"
+def test_only_random_figures_count_as_evidence():
+    chapter = Chapter(2, "Counts")
+    for i in range(7):
+        kind = "random" if i % 3 else "arithmetic"
+        chapter.compare(str(i), 1.0, [0.0, 1.0, 3.0] if i < 5 else 2.0, "", kind=kind)
+    expected = "3 of 4 random figures within the range of ours, 3 within its middle half; "
+    assert counted(chapter.findings) == expected + "3 other figures"
+    table = agreement_frame(chapter.findings)
+    assert table.loc["random"].tolist() == [4, 3, 3, 3 * 2 / 4 + 1]
+    assert table.loc["arithmetic"].tolist() == [3, 2, 2, 0]
+
+
+def test_the_middle_half_of_the_draws_is_narrower_than_their_range():
+    chapter = Chapter(2, "Ranges")
+    draws = [1.0, 2.0, 3.0, 4.0, 9.0]
+    for published, by_range, by_median in (
+        (8.0, True, False),
+        (2.5, True, True),
+        (9.5, False, False),
+    ):
+        finding = chapter.compare("a", published, draws, "", kind="random")
+        assert (finding.ours, finding.draws, finding.probability_of_a_miss) == (3.0, 5, 2 / 6)
+        assert (finding.agrees_by_range, finding.agrees_by_median) == (by_range, by_median)
+    rounded = chapter.compare("b", 9.4, draws, "", kind="random", slack=0.5)
+    assert rounded.agrees_by_range
+    assert (rounded.low, rounded.high) == (0.5, 9.5)
+
+
+def test_a_leading_bin_is_judged_by_its_share_of_the_draws():
+    chapter = Chapter(3, "Bins")
+    finding = chapter.compare_leader("PC1", 11, [4, 11, 4, 4, 6], ".")
+    assert (finding.ours, finding.low, finding.high, finding.draws) == (4, 4, 11, 5)
+    assert finding.probability_of_a_miss == pytest.approx(0.8)
+    assert (finding.agrees_by_range, finding.agrees_by_median) == (True, False)
+    assert finding.note.startswith(
+        "most often bin 4, in 3 of 5 draws; the published bin leads in 1"
+    )
+
+
+def test_a_finding_of_an_unknown_kind_is_refused():
+    with pytest.raises(ValueError, match="kind must be one of 'arithmetic', 'input', 'random'"):
+        Chapter(2, "Kinds").compare("a", 1.0, 1.0, "", kind="chance")
 
 
 # Where it is written
@@ -343,7 +401,9 @@ def test_the_command_writes_a_report_and_counts_last(tmp_path, capsys, stand_in)
     assert main(["reproduce", "--out", str(tmp_path / "out"), "--quick", "--jobs", "3"]) == 0
     captured = capsys.readouterr()
     lines = captured.out.splitlines()
-    assert lines[-1] == "3 of 6 published figures lie within the range of ours"
+    assert lines[-1] == (
+        "3 of 6 random figures within the range of ours, 3 within its middle half; 0 other figures"
+    )
     assert "Table 1, b <x>: published 7, ours 2 (1 to 4). not in the range" in lines
     assert "chapter 4: at work" in captured.err
     assert stand_in.asked == [(2, True, 3), (3, True, 3), (4, True, 3)]
