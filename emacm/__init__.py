@@ -78,6 +78,9 @@ if TYPE_CHECKING:
     from emacm.models.actuator_recipe import (
         actuator_recipe as actuator_recipe,
     )
+    from emacm.models.outside_training import (
+        outside_training as outside_training,
+    )
     from emacm.orders.bin_transformer import (
         BinTransformer as BinTransformer,
     )
@@ -238,6 +241,9 @@ _PUBLIC = {
     ],
     "models.actuator_recipe": [
         "actuator_recipe",
+    ],
+    "models.outside_training": [
+        "outside_training",
     ],
     "recordings.prewhitening": [
         "CepstralPrewhitening",

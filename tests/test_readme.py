@@ -37,7 +37,8 @@ def run_csv(tmp_path, monkeypatch):
 def decisions(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("decisions"))
-        names = names_after(code_blocks("python")[1])
+        with pytest.warns(UserWarning, match="recording 0: all channels 60 dB above training"):
+            names = names_after(code_blocks("python")[1])
         names["saved"] = joblib.load("model.joblib")
     return names
 

@@ -96,8 +96,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
     the priors of the other classes are normalised.
 
     Arguments of `fit` with one entry for each recording (`sample_weight`, or those of a step) are
-    split by condition. To explain decisions, explain the pipeline of one condition:
-    ``explain_decision(router.estimators_[load], recording)``.
+    split by condition.
 
     Examples
     --------
@@ -230,19 +229,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
 
     @available_if(_has("predict_log_proba"))
     def predict_log_proba(self, X: Any) -> NDArray[np.floating]:
-        """Return the logarithm of the probability of each class.
-
-        Parameters
-        ----------
-        X : list of Recording, or DataFrame
-            Recordings.
-
-        Returns
-        -------
-        ndarray of shape (n_recordings, n_classes)
-            In the order of `classes_`; -inf for a class that is absent from the recording's
-            condition.
-        """
+        """Return the logarithm of `predict_proba`; -inf for a class absent from the condition."""
         return self._by_class(X, "predict_log_proba", absent=-np.inf)
 
     @available_if(_has("typicality"))
@@ -303,6 +290,12 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             table = self.decisions_, self.truths_, self.cost_
             return fraction_correct(y, decided, table, sample_weight)
         return float(accuracy_score(y, decided, sample_weight=sample_weight))
+
+    def models_of(self, X: Any) -> list[Any]:
+        """Return the fitted classifier of the condition of each recording, as for `predict`."""
+        check_is_fitted(self)
+        routes = self._routes(X)
+        return [self.pooled_ if route is None else self.estimators_[route] for route in routes]
 
     def get_metadata_routing(self) -> MetadataRouter:
         """Return the routing of arguments: those of `fit` are the classifier's.

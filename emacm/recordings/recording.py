@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -260,6 +260,10 @@ class Recording(Excerpts):
         """
         find = partial(strokes_of, self._speed, min_speed)
         return self._remembered.once(("strokes", min_speed), find, most=_MANY)
+
+    def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return a result of the content; computed again only after a file was written."""
+        return self._remembered.once(name, compute)
 
     @property
     def jump(self) -> Jump | None:

@@ -32,7 +32,13 @@ from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.interpolation import INTERPOLATIONS
-from emacm.resampling.quality import jump_warning, recording_quality
+from emacm.resampling.quality import Quality, jump_warning, recording_quality
+from emacm.resampling.training_range import (
+    Statement,
+    outside_range,
+    training_range,
+    warn_of_severe,
+)
 from emacm.shaft.strokes import DIRECTIONS
 
 _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
@@ -82,6 +88,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     ----------
     channels_ : tuple of str
         Channels of the result.
+    training_range_ : dict of str to (float, float)
+        Range of revolutions, speeds, highest valid order, and of sampling rate and level of each
+        channel in the recordings of `fit`; see `emacm.outside_training`.
+    training_findings_ : tuple of str
+        Kinds of warnings of `quality` that occur among them.
 
     Notes
     -----
@@ -132,7 +143,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self.n_jobs = n_jobs
 
     def fit(self, X: Any, y: Any = None) -> OrderResampler:
-        """Learn the channels; nothing is resampled.
+        """Learn the channels and the range of the recordings; nothing is resampled.
 
         Parameters
         ----------
@@ -155,6 +166,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         self.channels_ = chosen_channels(self.channels, recordings[0].channels)
         check_channels(recordings, self.channels_, others=self.channels is not None)
+        qualities = self._qualities(recordings, self.channels_)
+        self.training_range_ = training_range(qualities)
+        kinds = {finding.kind for quality in qualities for finding in quality.findings}
+        self.training_findings_ = tuple(sorted(kinds))
         return self
 
     def transform(self, X: Any) -> list[AngleRecording]:
@@ -181,7 +196,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Warns
         -----
         UserWarning
-            If the shaft reference has an isolated jump of more than `theta_s`.
+            If the shaft reference has an isolated jump of more than `theta_s`; if `quality` warns
+            of something that no recording of `fit` has; if a level is 20 dB, or
+            a speed a factor of 3, outside the range of these recordings.
         """
         check_is_fitted(self)
         self._check_parameters()
@@ -190,6 +207,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
                 self._check_motion(recording, index)
+        qualities = self._qualities(recordings, self.channels_)
+        known = self.training_range_, self.training_findings_
+        warn_of_severe(recordings, qualities, *known, stacklevel=3)
         theta_s = check_angle_step(self.theta_s)
         return [
             AngleRecording(
@@ -231,15 +251,38 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         channels = chosen_channels(self.channels, recordings[0].channels)
         check_channels(recordings, channels, others=self.channels is not None)
+        qualities = self._qualities(recordings, channels)
+        return pd.DataFrame([q.row | {"warnings": q.warnings} for q in qualities])
+
+    def outside_training(self, X: Any) -> list[list[Statement]]:
+        """State which properties of recordings are outside the range of those of `fit`.
+
+        Parameters
+        ----------
+        X : list of Recording, or bare arrays
+            Recordings.
+
+        Returns
+        -------
+        list of list of Statement
+            For each recording, see `emacm.resampling.training_range.outside_range`.
+        """
+        check_is_fitted(self)
+        recordings = self._recordings(X)
+        check_channels(recordings, self.channels_, others=self.channels is not None)
+        qualities = self._qualities(recordings, self.channels_)
+        return [outside_range(quality, self.training_range_) for quality in qualities]
+
+    def _qualities(self, recordings: list[Recording], channels: Sequence[str]) -> list[Quality]:
         quality = partial(
             recording_quality,
             channels=channels,
             theta_s=check_angle_step(self.theta_s),
-            min_speed=self.min_speed,
+            min_speed=float(self.min_speed),
             direction=self.direction,
             ratio=float(self.ratio),
         )
-        return pd.DataFrame(run(quality, recordings, n_jobs=self.n_jobs))
+        return run(quality, recordings, n_jobs=self.n_jobs)
 
     def __sklearn_tags__(self) -> Any:
         """Tell scikit-learn that X may be bare arrays."""

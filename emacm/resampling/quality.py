@@ -1,16 +1,53 @@
-"""What a recording allows over the shaft angle: revolutions, speeds, highest order, caveats."""
+"""What a recording allows over the shaft angle: revolutions, speeds, highest order, findings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emacm.recordings.recording import Recording
+from emacm.resampling.channel_checks import check_channel
 from emacm.resampling.spreading import PASS
 
 _MANY = 10  # strokes of less than a revolution that look like noise
+
+
+class Finding(NamedTuple):
+    """Something to mind in a recording: its kind, and a sentence."""
+
+    kind: str
+    text: str
+
+
+class Quality(NamedTuple):
+    """What is known of one recording without resampling it.
+
+    Attributes
+    ----------
+    row : dict of str to float
+        The columns of `OrderResampler.quality` but the last.
+    rates, levels : dict of str to float
+        Sampling rate [Hz] and level (root mean square about the mean) of each channel.
+    findings : tuple of Finding
+        What to mind.
+    has_jump : bool
+        Whether the shaft reference has an isolated jump of any size, which is no speed.
+    """
+
+    row: dict[str, float]
+    rates: dict[str, float]
+    levels: dict[str, float]
+    findings: tuple[Finding, ...]
+    has_jump: bool
+
+    @property
+    def warnings(self) -> str:
+        """The findings as one text."""
+        return "; ".join(finding.text for finding in self.findings)
 
 
 def recording_quality(
@@ -20,8 +57,8 @@ def recording_quality(
     min_speed: float,
     direction: str,
     ratio: float = 1.0,
-) -> dict[str, Any]:
-    """Return the row of `OrderResampler.quality` of one recording.
+) -> Quality:
+    """Return what is known of a recording; it is determined once.
 
     Parameters
     ----------
@@ -40,36 +77,61 @@ def recording_quality(
 
     Returns
     -------
-    dict of str to object
-        The columns by name.
+    Quality
     """
+    options = (tuple(channels), theta_s, min_speed, direction, ratio)
+    return recording.once(("quality", *options), partial(_quality, recording, *options))
+
+
+def _quality(
+    recording: Recording,
+    channels: tuple[str, ...],
+    theta_s: float,
+    min_speed: float,
+    direction: str,
+    ratio: float,
+) -> Quality:
     velocity, fs = recording.velocity, recording.shaft_fs
     if direction == "travel":
         direction = "strokes"  # which is what travel joins
     paths = [path.geared(ratio) for path in recording.paths(direction, min_speed)]
     starts = [round(path.start_time * fs) for path in paths]
     speeds = [
-        ratio * np.abs(velocity[start : start + path.n_times])
+        _speed_range(velocity[start : start + path.n_times])
         for start, path in zip(starts, paths, strict=True)
     ]
     turned = [path.length / (2 * np.pi) for path in paths]
-    fastest = max((float(speed.max()) for speed in speeds), default=0.0)
+    fastest = ratio * max((high for _, high in speeds), default=0.0)
     slowest = min(channels, key=lambda name: recording.fs[name])
     max_order = recording.fs[slowest] / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
-    row: dict[str, Any] = {
+    n_turning = np.count_nonzero(velocity > min_speed) + np.count_nonzero(velocity < -min_speed)
+    row: dict[str, float] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
-        "standing": float(np.mean(np.abs(velocity) <= min_speed)),
-        "slowest": min((float(speed.min()) for speed in speeds), default=0.0),
+        "standing": (len(velocity) - n_turning) / len(velocity),
+        "slowest": ratio * min((low for low, _ in speeds), default=0.0),
         "fastest": fastest,
         "max_order": max_order,
     }
     n_short = sum(length < 1 for length in turned)
-    found = _warnings(row, slowest, n_short, fastest / ratio / fs, theta_s)
+    found = _findings(row, slowest, n_short, fastest / ratio / fs, theta_s)
     jump, text = jump_warning(recording)
-    row["warnings"] = "; ".join([*found, text] if jump * ratio > theta_s else found)
-    return row
+    if jump * ratio > theta_s:
+        found.append(Finding("jump", text))
+    checks = {name: check_channel(recording.series[name], name) for name in channels}
+    found += [Finding(check.defect, check.text) for check in checks.values() if check.defect]
+    rates = {name: recording.fs[name] for name in channels}
+    levels = {name: check.level for name, check in checks.items()}
+    return Quality(row, rates, levels, tuple(found), jump > 0)
+
+
+def _speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
+    """Return the smallest and the largest magnitude; two passes where the sign is constant."""
+    low, high = float(velocity.min()), float(velocity.max())
+    if low <= 0 <= high:
+        return float(np.abs(velocity).min()), max(-low, high)
+    return (low, high) if low > 0 else (-high, -low)
 
 
 def jump_warning(recording: Recording) -> tuple[float, str]:
@@ -84,25 +146,28 @@ def jump_warning(recording: Recording) -> tuple[float, str]:
     )
 
 
-def _warnings(
-    row: dict[str, Any], slowest: str, n_short: int, step: float, theta_s: float
-) -> list[str]:
+def _findings(
+    row: dict[str, float], slowest: str, n_short: int, step: float, theta_s: float
+) -> list[Finding]:
     found = []
     if not row["strokes"]:
-        found.append("the shaft never turns")
+        found.append(Finding("standstill", "the shaft never turns"))
     if PASS * np.pi / theta_s > row["max_order"]:
-        found.append(
+        text = (
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
             f"speed (half its sampling rate), though theta_s reaches order {np.pi / theta_s:.4g}"
         )
+        found.append(Finding("order", text))
     if n_short > _MANY:
-        found.append(
+        text = (
             f"{n_short} strokes of less than a revolution: raise min_speed above the noise at "
             f"standstill"
         )
+        found.append(Finding("short strokes", text))
     if step > np.pi:
-        found.append(
+        text = (
             "the shaft turns by more than half a revolution between its samples: "
             "is the angle in rad, and its rate right?"
         )
+        found.append(Finding("speed", text))
     return found

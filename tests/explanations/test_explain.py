@@ -607,7 +607,7 @@ def test_features_without_names_are_refused():
 
 def test_a_recording_without_reverse_strokes_is_refused():
     model = named_features(StandardScaler()).fit(KNOCKING, KNOCKS)
-    one_way = Recording({"current": np.arange(999.0)}, 500, velocity=np.full(999, 60.0))
+    one_way = Recording({"current": np.arange(999.0) / 200}, 500, velocity=np.full(999, 60.0))
     with pytest.raises(ValueError, match="it has no reverse stroke"):
         explain_decision(model, one_way)
 

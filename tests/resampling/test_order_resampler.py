@@ -48,11 +48,11 @@ def run(seed=0, n_times=3000, swap=False, **options):
 
 
 def motion(velocity, fs=FS, n_signal=None, signal_fs=None):
-    """A recording of a silent channel and a given motion."""
+    """A recording of one tone and a given motion."""
     velocity = np.asarray(velocity, float)
     n_signal = len(velocity) if n_signal is None else n_signal
-    silence = {"a": np.zeros(n_signal)}
-    return Recording(silence, signal_fs or fs, velocity=velocity, shaft_fs=fs)
+    tone = {"a": np.sin(np.arange(n_signal))}
+    return Recording(tone, signal_fs or fs, velocity=velocity, shaft_fs=fs)
 
 
 def values(recordings):
@@ -145,7 +145,7 @@ def test_fit_forgets_what_it_saw_before():
 
 def test_only_what_fit_learns_ends_in_an_underscore():
     learnt = set(vars(OrderResampler().fit([run()]))) - set(OrderResampler().get_params())
-    assert learnt == {"channels_"}
+    assert learnt == {"channels_", "training_range_", "training_findings_"}
 
 
 def test_the_input_is_unchanged():
@@ -676,7 +676,7 @@ def test_quality_checks_channels_as_fit_does():
 def test_quality_warns_of_noise_at_rest_beside_a_long_stroke():
     noise = 1e-3 * np.random.default_rng(0).standard_normal(500)
     velocity = np.concatenate([np.full(2000, 60.0), noise])
-    recording = Recording({"a": np.zeros(2500)}, 1000, velocity=velocity)
+    recording = Recording({"a": np.sin(np.arange(2500))}, 1000, velocity=velocity)
     (words,) = OrderResampler(2 * np.pi / 16).quality([recording])["warnings"]
     assert "strokes of less than a revolution: raise min_speed" in words
     (words,) = OrderResampler(2 * np.pi / 16, min_speed=1).quality([recording])["warnings"]

@@ -1,0 +1,102 @@
+"""What is unusual about recordings that a model is to decide on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any
+
+from sklearn.pipeline import FeatureUnion, Pipeline
+
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.pipelines import search_estimator
+from emacm.recordings.inputs import as_list
+from emacm.resampling.order_resampler import OrderResampler
+
+
+def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
+    """State which properties of recordings are outside the range of the training recordings.
+
+    The range of level, speed, sampling rate, revolutions and highest valid order was stored by
+    the `OrderResampler` of the model when it was fitted. A `ConditionRouter` compares each
+    recording with the training recordings of its condition.
+
+    Parameters
+    ----------
+    model : OrderResampler, Pipeline, ConditionRouter or fitted search
+        Fitted; contains an `OrderResampler`.
+    recordings : list of Recording
+        Recordings as for `predict` of the model.
+
+    Returns
+    -------
+    list of list of str
+        For each recording, one sentence for each property outside its range; empty if there is
+        none. Levels are stated from 3 dB beyond the range, speeds, lengths and valid orders from
+        10 %, sampling rates from 0.1 %.
+
+    Raises
+    ------
+    TypeError
+        If the model contains no `OrderResampler`.
+    ValueError
+        If the model is not fitted, or a recording is invalid (the message gives its number).
+
+    See Also
+    --------
+    OrderResampler.quality : Defects that are known without any training, such as clipping.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import OrderResampler, Recording, outside_training
+    >>> wave = np.sin(0.3 * np.arange(8000))
+    >>> new = Recording({"vibration": wave}, 2000, velocity=np.full(8000, 150.0))
+    >>> model = OrderResampler(2 * np.pi / 16).fit([new])
+    >>> in_mv = Recording({"vibration": 1000 * wave}, 2000, velocity=np.full(8000, 20.0))
+    >>> for sentence in outside_training(model, [in_mv])[0]:
+    ...     print(sentence)
+    speed 20 rad/s is below the training range 150 rad/s
+    12.73 revolutions, in the training at least 95.48
+    channel 'vibration' 60 dB above training, 0.7071 (root mean square)
+    """
+    found = _statements(model, as_list(recordings))
+    if found is None:
+        raise TypeError(
+            f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
+            f"training recordings."
+        )
+    return found
+
+
+def _statements(model: Any, X: list[Any]) -> list[list[str]] | None:
+    """Return the sentences about each recording; None without an `OrderResampler`."""
+    model = search_estimator(model)
+    if isinstance(model, OrderResampler):
+        return [[statement.text for statement in own] for own in model.outside_training(X)]
+    if isinstance(model, ConditionRouter):
+        parts = [_statements(own, [x]) for own, x in zip(model.models_of(X), X, strict=True)]
+        return None if None in parts else [part[0] for part in parts if part is not None]
+    if isinstance(model, FeatureUnion):
+        return _merged([_statements(step, X) for _, step in model.transformer_list])
+    if isinstance(model, Pipeline):
+        for _, step in model.steps:
+            found = _statements(step, X)
+            if found is not None:
+                return found
+            if step in (None, "passthrough") or not hasattr(step, "transform"):
+                continue
+            X = step.transform(X)
+            if not isinstance(X, list):  # features
+                return None
+        return None
+    inner = [*getattr(model, "estimators_", []), getattr(model, "estimator_", None)]
+    return _merged([_statements(part, X) for part in inner if part is not None])
+
+
+def _merged(parts: Sequence[list[list[str]] | None]) -> list[list[str]] | None:
+    """Join the sentences of several parts of a model, each once."""
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    return [list(dict.fromkeys(chain(*own))) for own in zip(*known, strict=True)]

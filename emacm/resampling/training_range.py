@@ -1,0 +1,243 @@
+"""Ranges of training recordings, and statements about recordings outside of them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from emacm.recordings.inputs import described
+from emacm.recordings.recording import Recording
+from emacm.resampling.quality import Quality
+
+Range = tuple[float, float]
+
+_LEVEL, _FAR_LEVEL = 3.0, 20.0  # dB beyond the range: what is stated, and what is severe
+_SPEED, _FAR_SPEED = 1.1, 3.0  # factors beyond the range
+_RATE = 1e-3  # relative difference of sampling rates, more than that of two clocks
+_LISTED = 5  # recordings that a warning lists
+_UNITS = (  # speed in this unit over speed in rad/s
+    ("rpm", 60 / (2 * np.pi)),
+    ("degrees per second", 180 / np.pi),
+    ("revolutions per second", 1 / (2 * np.pi)),
+)
+
+
+class Statement(NamedTuple):
+    """A property of a recording outside the training range, in words, and whether it is severe."""
+
+    text: str
+    severe: bool
+
+
+def training_range(qualities: Sequence[Quality]) -> dict[str, Range]:
+    """Return the smallest and the largest value of each property of training recordings.
+
+    Parameters
+    ----------
+    qualities : sequence of Quality
+        Of the training recordings.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        "revolutions", "longest_stroke", "slowest", "fastest", "max_order" as the columns of
+        `OrderResampler.quality`; "fs of <channel>" [Hz] and "level of <channel>" (root mean square
+        about the mean, in the unit of the channel).
+    """
+    names = ("revolutions", "longest_stroke", "slowest", "fastest", "max_order")
+    values = {name: [q.row[name] for q in qualities] for name in names}
+    for channel in qualities[0].levels:
+        values[f"fs of {channel}"] = [q.rates[channel] for q in qualities]
+        values[f"level of {channel}"] = [q.levels[channel] for q in qualities]
+    return {name: (float(min(column)), float(max(column))) for name, column in values.items()}
+
+
+def outside_range(quality: Quality, known: Mapping[str, Range]) -> list[Statement]:
+    """State which properties of a recording are outside the training range.
+
+    Levels are stated from 3 dB beyond the range, speeds from 10 %, shorter recordings and lower
+    valid orders from 10 %, other sampling rates from 0.1 %.
+
+    Parameters
+    ----------
+    quality : Quality
+        Of the recording.
+    known : mapping of str to (float, float)
+        Of `training_range`.
+
+    Returns
+    -------
+    list of Statement
+    """
+    return [
+        *([] if quality.has_jump else _speed(quality.row, known)),
+        *_rates(quality.rates, known),
+        *_too_short(quality.row, known),
+        *_levels(quality.levels, known),
+    ]
+
+
+def warn_of_severe(
+    recordings: Sequence[Recording],
+    qualities: Sequence[Quality],
+    known: Mapping[str, Range],
+    findings: Collection[str],
+    *,
+    stacklevel: int,
+) -> None:
+    """Warn once of all recordings with severe findings or statements.
+
+    Parameters
+    ----------
+    recordings, qualities : sequence of Recording and of Quality
+        The recordings that are to be judged.
+    known : mapping of str to (float, float)
+        Of `training_range`.
+    findings : collection of str
+        Kinds of findings in the training, which are not warned of.
+    stacklevel : int
+        Of the caller.
+    """
+    lines = []
+    for index, (recording, quality) in enumerate(zip(recordings, qualities, strict=True)):
+        # A jump has a warning of its own, and makes the highest speed meaningless.
+        left_out = {*findings, "jump"} | ({"order", "speed"} if quality.has_jump else set())
+        texts = [f.text for f in quality.findings if f.kind not in left_out]
+        texts += [s.text for s in outside_range(quality, known) if s.severe]
+        if texts:
+            lines.append(f"{described(recording, index)}: {'; '.join(texts)}")
+    if lines:
+        more = [f"and {len(lines) - _LISTED} more recordings"] if len(lines) > _LISTED else []
+        text = "\n".join([*lines[:_LISTED], *more])
+        warnings.warn(text, UserWarning, stacklevel=stacklevel + 1)
+
+
+def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
+    low, high = known["fastest"]
+    fastest, least = row["fastest"], known["slowest"][0]
+    if low / _SPEED <= fastest <= high * _SPEED:
+        return []
+    factor = fastest / high if fastest > high else fastest / low
+    units = [unit for unit, size in _UNITS if abs(np.log(factor / size)) < np.log(_SPEED)]
+    hint = f": is it in {units[0]}?" if units else ""
+    way = "above" if fastest > high else "below"
+    severe = not 1 / _FAR_SPEED < factor < _FAR_SPEED
+    if row["slowest"] > high or fastest < least:  # no speed in common
+        text = (
+            f"speed {_span(row['slowest'], fastest)} rad/s is {way} the training range "
+            f"{_span(least, high)} rad/s{hint}"
+        )
+    else:
+        text = (
+            f"highest speed {fastest:.4g} rad/s is {way} that of the training, "
+            f"{_span(low, high)} rad/s{hint}"
+        )
+    return [Statement(text, severe)]
+
+
+def _rates(rates: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
+    others: dict[str, list[str]] = {}
+    for channel, rate in rates.items():
+        low, high = known[f"fs of {channel}"]
+        if not low * (1 - _RATE) <= rate <= high * (1 + _RATE):
+            text = f"sampling rate {rate:.6g} Hz, in the training {_span(low, high)} Hz"
+            others.setdefault(text, []).append(channel)
+    return [Statement(f"{_channels(names)}: {text}", False) for text, names in others.items()]
+
+
+def _too_short(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
+    texts = {
+        "revolutions": "{:.4g} revolutions, in the training at least {:.4g}",
+        "longest_stroke": "longest stroke {:.4g} revolutions, in the training at least {:.4g}",
+        "max_order": "highest valid order {:.4g}, in the training at least {:.4g}",
+    }
+    if row["strokes"] == 1:  # the stroke is the whole
+        del texts["longest_stroke"]
+    return [
+        Statement(text.format(row[name], known[name][0]), False)
+        for name, text in texts.items()
+        if row[name] < known[name][0] / _SPEED
+    ]
+
+
+def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
+    ranges = {channel: known[f"level of {channel}"] for channel in levels}
+    beyond = {name: _decibels(levels[name], *ranges[name]) for name in levels}
+    found = {name: value for name, value in beyond.items() if abs(value) >= _LEVEL}
+    swapped = [
+        pair
+        for pair in combinations(found, 2)
+        if all(
+            abs(_decibels(levels[one], *ranges[other])) < _LEVEL
+            for one, other in (pair, pair[::-1])
+        )
+    ]
+    severe = any(abs(value) >= _FAR_LEVEL for value in found.values())
+    if swapped:
+        text = f"levels of {_channels(swapped[0])} as if exchanged: are they swapped?"
+        return [Statement(text, True)]
+    gain = _common_gain(levels, ranges) if len(found) == len(levels) > 1 else None
+    if gain is not None:
+        return [Statement(f"all channels {in_decibels(gain)}: gain or unit?", severe)]
+    return [
+        Statement(
+            f"channel {name!r} {in_decibels(value)}, {_span(*ranges[name])} (root mean square)",
+            abs(value) >= _FAR_LEVEL,
+        )
+        for name, value in found.items()
+    ]
+
+
+def _common_gain(levels: Mapping[str, float], ranges: Mapping[str, Range]) -> float | None:
+    """Return a gain [dB] without which all levels are in their ranges; None if there is none."""
+    if not all(levels.values()) or not all(low > 0 for low, _ in ranges.values()):
+        return None
+    ends = np.array(
+        [[levels[name] / high, levels[name] / low] for name, (low, high) in ranges.items()]
+    )
+    least, most = 20 * np.log10(ends[:, 0].max()), 20 * np.log10(ends[:, 1].min())
+    return float((least + most) / 2) if least <= most + _LEVEL else None
+
+
+def in_decibels(value: float) -> str:
+    """Return a deviation of a level in words.
+
+    Examples
+    --------
+    >>> in_decibels(-6.02), in_decibels(-np.inf)
+    ('6 dB below training', 'without signal, unlike training')
+    """
+    if np.isneginf(value):
+        return "without signal, unlike training"
+    return f"{abs(value):.0f} dB {'above' if value > 0 else 'below'} training"
+
+
+def _decibels(level: float, low: float, high: float) -> float:
+    """Return how far a level is beyond a range [dB], 0 within."""
+    end = high if level > high else low
+    if low <= level <= high:
+        return 0.0
+    if level == 0 or end == 0:
+        return -np.inf if level == 0 else np.inf
+    return 20 * (np.log10(level) - np.log10(end))
+
+
+def _channels(names: Sequence[str]) -> str:
+    listed = ", ".join(map(repr, names))
+    return f"channel {listed}" if len(names) == 1 else f"channels {listed}"
+
+
+def _span(low: float, high: float) -> str:
+    """Return a range in words.
+
+    Examples
+    --------
+    >>> _span(140.0, 160.04), _span(20.001, 20.002)
+    ('140 to 160', '20')
+    """
+    first, last = f"{low:.4g}", f"{high:.4g}"
+    return first if first == last else f"{first} to {last}"

@@ -1,0 +1,234 @@
+"""A model states what is unusual about a recording: speed, rate, level, length, defects."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm import (
+    BinTransformer,
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    EnvelopeDetector,
+    LeastRiskClassifier,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    outside_training,
+)
+
+FS, SPEED, N = 3_000, 47.0, 12_000  # 30 revolutions in 4 s
+CHANNELS = ("vibration", "current")
+
+
+def run(seed, gain=(1.0, 1.0), speed=SPEED, fs=FS, n=N, load=20, worn=False, change=None):
+    """Two channels of different level, with lines at orders 3.2 and 7, at nearly constant speed."""
+    rng = np.random.default_rng(seed)
+    velocity = speed * (1 + 0.02 * np.sin(2 * np.pi * np.arange(n) / n))
+    angle = np.cumsum(velocity) / fs
+    vibration = (2.0 if worn else 1.0) * np.sin(3.2 * angle) + 0.3 * rng.standard_normal(n)
+    current = 15 * np.cos(7 * angle) + 2 * rng.standard_normal(n)
+    signals = {"vibration": gain[0] * vibration, "current": gain[1] * current}
+    if change:
+        signals = change(signals)
+    return Recording(signals, fs, velocity=velocity, meta={"load": load, "unit": f"u{seed}"})
+
+
+def fitted(**options):
+    X = [run(seed, worn=seed % 2 == 1, **options) for seed in range(8)]
+    return pipeline().fit(X, ["healthy", "worn"] * 4), X
+
+
+def pipeline(**options):
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 32),
+        OrderPSD(4),
+        BinTransformer(max_order=12),
+        FunctionTransformer(np.log10),
+        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", **options),
+    )
+
+
+def about(recording, model=None):
+    """Return the statements as one text."""
+    return "; ".join(outside_training(model or fitted()[0], [recording])[0])
+
+
+def test_nothing_is_stated_of_recordings_like_those_of_the_training():
+    model, X = fitted()
+    assert outside_training(model, [*X, run(100), run(101, worn=True)]) == [[]] * 10
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [
+        (60 / (2 * np.pi), "rpm"),
+        (180 / np.pi, "degrees per second"),
+        (1 / (2 * np.pi), "revolutions per second"),
+    ],
+)
+def test_a_speed_in_another_unit_is_stated_with_that_unit(factor, unit):
+    text = about(run(9, speed=SPEED * factor))
+    way = "above" if factor > 1 else "below"
+    assert f"rad/s is {way} the training range 46.06 to 47.94 rad/s: is it in {unit}?" in text
+
+
+def test_another_highest_speed_is_stated_without_a_unit():
+    assert about(run(9, speed=70.0)).startswith("speed 68.6 to 71.4 rad/s is above the training")
+    assert "is it in" not in about(run(9, speed=70.0))
+
+
+def test_a_speed_within_ten_per_cent_is_not_stated():
+    assert about(run(9, speed=1.08 * SPEED)) == ""
+
+
+def test_another_sampling_rate_is_stated_once_for_all_channels():
+    text = about(run(9, fs=2_000, n=8_000))
+    stated = "channels 'vibration', 'current': sampling rate 2000 Hz, in the training 3000 Hz"
+    assert stated in text
+    assert text.count("sampling rate") == 1
+    assert "highest valid order 131" in text  # 1000 Hz at 7.63 revolutions per second
+
+
+def test_a_dead_channel_is_stated():
+    dead = run(9, change=lambda s: s | {"vibration": np.zeros(N)})
+    assert "channel 'vibration' without signal, unlike training, 0.7685 to 1.449" in about(dead)
+
+
+def test_a_gain_of_all_channels_is_one_statement():
+    assert about(run(9, gain=(1000, 1000))) == "all channels 60 dB above training: gain or unit?"
+    assert about(run(9, gain=(0.01, 0.01))) == "all channels 40 dB below training: gain or unit?"
+
+
+def test_a_gain_of_one_channel_names_the_channel():
+    assert about(run(9, gain=(1, 30))).startswith("channel 'current' 30 dB above training, 10.7")
+
+
+def test_a_gain_of_less_than_three_decibels_is_not_stated():
+    assert about(run(8, gain=(1.35, 1.0), worn=True)) == ""
+
+
+def test_exchanged_cables_are_stated_as_such():
+    swapped = run(9, change=lambda s: {"vibration": s["current"], "current": s["vibration"]})
+    assert about(swapped) == (
+        "levels of channels 'vibration', 'current' as if exchanged: are they swapped?"
+    )
+
+
+def test_too_few_revolutions_are_stated():
+    assert about(run(9, n=N // 3)) == "9.971 revolutions, in the training at least 29.92"
+
+
+def test_a_router_compares_with_recordings_of_the_same_condition():
+    X = [run(k, load=20 + 20 * (k % 2), gain=(1, 1 + 9 * (k % 2))) for k in range(12)]
+    y = np.repeat(["healthy", "worn", "healthy"], 4)
+    model = ConditionRouter(pipeline(), "load").fit(X, y)
+    assert outside_training(model, X) == [[]] * 12
+    (at_20, at_40) = outside_training(model, [run(13, gain=(1, 10), load=20), run(14, load=40)])
+    assert at_20[0].startswith("channel 'current' 20 dB above training")
+    assert at_40[0].startswith("channel 'current' 20 dB below training")
+
+
+def test_an_envelope_is_compared_by_the_signal_it_is_computed_from():
+    model = make_pipeline(
+        EnvelopeDetector((700, 1100)), OrderResampler(2 * np.pi / 32), OrderPSD(4)
+    ).fit([run(seed) for seed in range(4)])
+    assert about(run(9), model) == ""
+    assert about(run(9, gain=(10, 10)), model).startswith("all channels 20 dB above")
+
+
+def test_a_resampler_is_found_in_searches_unions_and_other_classifiers():
+    X = [run(seed, worn=seed % 2 == 1) for seed in range(8)]
+    y = ["healthy", "worn"] * 4
+    resampled = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4))
+    union = FeatureUnion([("one", resampled), ("other", resampled)])
+    models = [
+        GridSearchCV(pipeline(), {"orderpsd__revolutions": [4]}, cv=2).fit(X, y),
+        make_pipeline(union, StandardScaler()).fit(X),
+        LeastRiskClassifier(pipeline()).fit(X, y),
+    ]
+    for model in models:
+        assert (
+            about(run(9, gain=(10, 10)), model)
+            == "all channels 20 dB above training: gain or unit?"
+        )
+
+
+def test_a_model_of_tables_is_refused():
+    model = CostSensitiveGaussianBayes().fit([[0.0], [1.0], [3.0], [5.0]], [0, 0, 1, 1])
+    with pytest.raises(TypeError, match="contains no OrderResampler, which stores the range"):
+        outside_training(model, [run(0)])
+
+
+def test_the_range_is_that_of_the_training_recordings():
+    model, X = fitted()
+    known = model[0].training_range_
+    quality = model[0].quality(X)
+    for name in ("revolutions", "longest_stroke", "slowest", "fastest", "max_order"):
+        assert known[name] == (quality[name].min(), quality[name].max())
+    assert known["fs of current"] == (FS, FS)
+    levels = [x.signals["vibration"].std() for x in X]
+    assert known["level of vibration"] == pytest.approx((min(levels), max(levels)), rel=1e-12)
+
+
+# What decisions warn of
+
+
+def warned(recording, model=None):
+    model = model or fitted()[0]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model.predict([run(50), recording, run(51)])
+    return [str(warning.message) for warning in caught]
+
+
+def test_a_decision_on_good_recordings_warns_of_nothing():
+    assert warned(run(9)) == []
+
+
+@pytest.mark.parametrize(
+    ("bad", "text"),
+    [
+        (run(9, gain=(1000, 1000)), "all channels 60 dB above training: gain or unit?"),
+        (run(9, speed=SPEED * 60 / (2 * np.pi)), "is it in rpm?"),
+        (
+            run(9, change=lambda s: s | {"current": np.clip(s["current"], -6, 9)}),
+            "channel 'current' is clipped at 9",
+        ),
+    ],
+    ids=["gain", "rpm", "clipping"],
+)
+def test_a_decision_on_a_wrong_input_warns_once_and_names_the_recording(bad, text):
+    (words,) = warned(bad)
+    assert words.startswith("recording 1 (load=20, unit='u9'): ")
+    assert text in words
+    assert words.count("recording") == 1
+
+
+def test_a_decision_does_not_warn_of_what_all_training_recordings_have():
+    model, _ = fitted(change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
+    clipped = run(9, change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
+    assert warned(clipped, model) == []
+    assert "is clipped at 9" in model[0].quality([clipped])["warnings"][0]
+
+
+def test_a_warning_lists_five_recordings_and_counts_the_others():
+    model, _ = fitted()
+    with pytest.warns(UserWarning, match="and 2 more recordings") as caught:
+        model.predict([run(seed, gain=(100, 100)) for seed in range(7)])
+    (warning,) = caught
+    assert str(warning.message).count("all channels 40 dB above training") == 5
+
+
+def test_the_range_is_stored_with_the_model():
+    import pickle
+
+    model, _ = fitted()
+    loaded = pickle.loads(pickle.dumps(model))
+    pd.testing.assert_series_equal(
+        pd.Series(loaded[0].training_range_), pd.Series(model[0].training_range_)
+    )

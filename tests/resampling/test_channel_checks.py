@@ -1,0 +1,84 @@
+"""Channels that are constant, clipped or interrupted are recognised, and others are not."""
+
+import numpy as np
+import pytest
+
+from emacm.resampling.channel_checks import check_channel
+
+TIMES = np.arange(50_000) / 10_000
+RNG = np.random.default_rng(3)
+NOISE = RNG.standard_normal(len(TIMES))
+TONE = 3.0 * np.sin(2 * np.pi * 33.3 * TIMES) + 0.4
+
+
+def defect(values):
+    return check_channel(np.asarray(values, float), "current").defect
+
+
+def test_the_level_is_the_root_mean_square_about_the_mean():
+    assert check_channel(TONE, "current").level == pytest.approx(3 / np.sqrt(2), rel=1e-3)
+
+
+def test_the_level_of_a_long_channel_is_sampled():
+    long = np.tile(TONE, 40)
+    assert check_channel(long, "current").level == pytest.approx(3 / np.sqrt(2), rel=0.02)
+
+
+def test_the_level_of_the_largest_numbers_is_finite():
+    assert check_channel(1e300 * TONE, "x").level == pytest.approx(3e300 / np.sqrt(2), rel=1e-3)
+
+
+GOOD = {
+    "a tone": TONE,
+    "noise": NOISE,
+    "a tone of 12 bits": np.round(TONE * 500) / 500,
+    "a slow tone of 12 bits": np.round(500 * np.sin(2 * np.pi * 0.5 * TIMES)) / 500,
+    "a slow tone of 4 bits": np.round(8 * np.sin(2 * np.pi * 3 * TIMES)),
+    "noise of 3 bits": np.round(NOISE),
+    "a position that rests at both ends": np.clip(
+        np.round(3000 * np.cumsum(np.sin(2 * np.pi * 0.7 * TIMES))), 0, None
+    )
+    * 0
+    + np.round(500 * np.tanh(3 * np.sin(2 * np.pi * 0.7 * TIMES))),
+    "a switch": (np.sin(2 * np.pi * 3 * TIMES) > 0.3).astype(float),
+    "three voltages": np.round(1.4 * np.sin(2 * np.pi * 30 * TIMES)),
+    "a staircase": np.repeat(NOISE[::50], 50),
+    "a ramp": TIMES,
+}
+
+
+@pytest.mark.parametrize("values", GOOD.values(), ids=GOOD)
+def test_a_good_channel_has_no_defect(values):
+    assert defect(values) == ""
+
+
+BAD = {
+    "a constant": (np.full(700, 2.5), "constant"),
+    "a constant, long": (np.full(200_000, 2.5), "constant"),
+    "zeros": (np.zeros(50), "constant"),
+    "a tone, clipped above": (np.minimum(TONE, 2.0), "clipped"),
+    "a tone, clipped below": (np.maximum(TONE, -1.0), "clipped"),
+    "noise, clipped": (np.clip(NOISE, -0.8, 0.8), "clipped"),
+    "a tone of 12 bits, clipped": (np.clip(np.round(TONE * 500) / 500, -2, 2), "clipped"),
+    "noise with drop-outs": (np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "drop-outs"),
+    "a tone with drop-outs": (np.where((2.3 * TIMES) % 1 < 0.1, 0.0, TONE), "drop-outs"),
+    "a tone that sticks": (np.where((2.3 * TIMES) % 1 < 0.1, 1.7, TONE), "drop-outs"),
+}
+
+
+@pytest.mark.parametrize(("values", "expected"), BAD.values(), ids=BAD)
+def test_a_defect_is_recognised(values, expected):
+    assert defect(values) == expected
+
+
+def test_a_channel_that_wakes_between_the_sampled_blocks_is_not_constant():
+    values = np.zeros(1_000_000)
+    values[5_000] = 1.0  # blocks are 31,000 samples apart
+    assert defect(values) == ""
+
+
+def test_the_sentence_gives_channel_and_value():
+    text = check_channel(np.minimum(TONE, 2.0), "current").text
+    assert text == "channel 'current' is clipped at 2"
+    lost = check_channel(np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "current").text
+    assert "channel 'current' has drop-outs: in 2" in lost
