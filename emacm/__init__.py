@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from emacm.evaluation.evaluate import (
         evaluate as evaluate,
     )
+    from emacm.evaluation.miss_rate import (
+        miss_rate_limit as miss_rate_limit,
+    )
     from emacm.explanations.explain import (
         explain_decision as explain_decision,
     )
@@ -231,6 +234,9 @@ _PUBLIC = {
     ],
     "evaluation.evaluate": [
         "evaluate",
+    ],
+    "evaluation.miss_rate": [
+        "miss_rate_limit",
     ],
     "explanations.explain": [
         "explain_decision",

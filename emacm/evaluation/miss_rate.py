@@ -1,0 +1,295 @@
+"""Costs with which a stated missed detection rate holds, chosen from whole units.
+
+The more a missed detection costs, the fewer faults are decided to be healthy. `miss_rate_limit`
+finds the least factor on this cost for which a test of the units proves the rate: risk control
+[1]_ [2]_ by the tests of `emacm.evaluation.provable_rates`.
+
+References
+----------
+.. [1] Bates, Angelopoulos, Lei, Malik and Jordan, Distribution-free, risk-controlling prediction
+   sets, Journal of the ACM 68 (6), 2021.
+.. [2] Angelopoulos, Bates, Candès, Jordan and Lei, Learn then test: calibrating predictive
+   algorithms to achieve risk control, arXiv:2110.01052, 2021.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_number, located
+from emacm.decisions.labels import label_array, label_list, label_positions
+from emacm.decisions.metrics import label_of
+from emacm.decisions.pipelines import before_the_last_step, groups_parameter
+from emacm.decisions.risks import decide, risks_of
+from emacm.evaluation.figures import figure_row, tallies
+from emacm.evaluation.provable_rates import check_units, largest_missed
+from emacm.evaluation.schemes import group_scheme
+from emacm.evaluation.scoring import ScoringRule, scoring_rule
+from emacm.recordings.meta import Grouping, chosen_rows, read_grouping
+
+Array = NDArray[np.float64]
+
+_MARGIN = 1e-6  # of the factor above the value at which a decision changes
+_LARGEST = 1e150  # cost
+_ROUNDING = 1e-9  # of sums of fractions missed
+
+
+@dataclass(frozen=True)
+class MissRateLimit:
+    """Result of `miss_rate_limit`.
+
+    Attributes
+    ----------
+    cost : DataFrame
+        Cost for `set_params` of the classifier; index = decisions, columns = true states.
+    factor : float
+        Factor on the costs of missed detections, at least 1.
+    table : DataFrame
+        Rows: "given cost" and "limit". Columns: false alarm, inspection and missed detection rate
+        as by `evaluate`, each with its interval from a bootstrap over units (``..._low``,
+        ``..._high``), and "missed_by_unit", the mean over units that the limit applies to.
+    rate, confidence : float
+        As given.
+    n_units : int
+        Number of units with a fault.
+    """
+
+    cost: pd.DataFrame
+    factor: float
+    table: pd.DataFrame
+    rate: float
+    confidence: float
+    n_units: int
+
+
+def miss_rate_limit(
+    model: Any,
+    X: Any,
+    y: ArrayLike,
+    groups: Any,
+    rate: float = 0.01,
+    confidence: float = 0.95,
+    *,
+    healthy: Any,
+    n_splits: int = 10,
+    n_resamples: int = 2000,
+    random_state: int | None = 0,
+) -> MissRateLimit:
+    """Choose the cost of missed detections so that their rate does not exceed a limit.
+
+    A missed detection is a fault that is decided to be healthy; an inspection is not. What it costs
+    more than the cheapest decision is multiplied by the least factor for which units like these
+    prove the rate: if the units were drawn anew, the rate among all units of the fleet would be
+    at most `rate` in at least the fraction `confidence` of the draws.
+
+    Parameters
+    ----------
+    model : estimator
+        Classifier with costs (`CostSensitiveGaussianBayes`, `LeastRiskClassifier`,
+        `PosteriorProduct`), or a pipeline, `ConditionRouter` or search that ends in one. A fitted
+        one must not have seen these units. If it is not fitted, clones decide on units that are
+        left out in turn; the limit then holds approximately for a model fitted to all units.
+    X : sequence of Recording, or array-like of n_recordings
+        Input of the model.
+    y : array-like of shape (n_recordings,)
+        True states, each a class or the label of the unknown state.
+    groups : key, tuple of keys, callable or array-like of shape (n_recordings,)
+        Unit of each recording: a key of `meta`, or as `units` of `evaluate`.
+    rate : float, default=0.01
+        Largest missed detection rate, above 0 and below 1: the mean over units with faults
+        of the fraction of their faulty recordings that is decided to be healthy.
+    confidence : float, default=0.95
+        Fraction of fleets in which it holds, above 0 and below 1.
+    healthy : object
+        The healthy class or family, as in `evaluate`.
+    n_splits : int, default=10
+        Largest number of parts that are left out, of a model that is not fitted.
+    n_resamples : int, default=2000
+        Number of bootstrap draws for the intervals of the table.
+    random_state : int or None, default=0
+        Seed of the parts and of the bootstrap.
+
+    Returns
+    -------
+    MissRateLimit
+        With the cost to be set, and the false alarms and inspections that it entails.
+
+    Raises
+    ------
+    TypeError
+        If the model makes no decisions by cost.
+    ValueError
+        If an argument is invalid; if there are too few units to prove the rate, which takes
+        ``log(1 - confidence) / log(1 - rate)`` units even without a missed detection (299 for
+        0.01 and 0.95); or if no cost suffices, because the model gives some faults the
+        probability 0.
+
+    Notes
+    -----
+    Units are assumed to be exchangeable: those in service resemble these, in the mix of faults
+    too. Each unit is one observation, however many recordings it has. With one faulty recording
+    of each unit, the test is the exact binomial one (Clopper and Pearson); otherwise the fraction
+    missed of each unit lies between 0 and 1, and the test is Bentkus' (`largest_missed`).
+
+    Examples
+    --------
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> rng = np.random.default_rng(0)
+    >>> y = np.repeat(["healthy", "worn"], 200)
+    >>> X = rng.normal(size=(400, 1)) + 2 * (y == "worn")[:, np.newaxis]
+    >>> model = CostSensitiveGaussianBayes().fit(X[::2], y[::2])
+    >>> limit = miss_rate_limit(
+    ...     model, X[1::2], y[1::2], np.arange(200), rate=0.1, healthy="healthy"
+    ... )
+    >>> round(limit.factor, 2), limit.n_units
+    (2.15, 100)
+    >>> limit.table["missed_detection_rate"].round(2).to_dict()
+    {'given cost': 0.14, 'limit': 0.04}
+    >>> float((model.set_params(cost=limit.cost).predict(X[1::2])[100:] == "healthy").mean())
+    0.04
+    """
+    rate = check_number(rate, "rate", above=0, below=1)
+    confidence = check_number(confidence, "confidence", above=0, below=1)
+    units = read_grouping(groups, X, "groups", "unit")
+    if units is None:
+        raise ValueError("groups must give the unit of each recording, got None.")
+    states = label_list(y)
+    if len(states) != len(units.labels):
+        raise ValueError(f"y has {len(states)} states for {len(units.labels)} recordings.")
+    check_units(len(np.unique(units.labels)), rate, confidence)  # before a long computation
+    final, posterior = _posteriors(model, X, states, units, n_splits, random_state)
+    truths, decisions = final.truths_.tolist(), final.decisions_.tolist()
+    label_positions(states, truths, "y", "state of the model")
+    cost = pd.DataFrame(final.cost_, index=decisions, columns=truths)
+    rule = scoring_rule(label_array(truths), healthy=healthy, cost=cost)
+    scaled = _missed_costs(cost, rule)
+    is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
+    codes = np.unique(units.labels[is_faulty], return_inverse=True)[1]
+    n_units = len(np.unique(codes))
+    check_units(n_units, rate, confidence)
+
+    critical = _critical_factors(posterior[is_faulty], cost.to_numpy(), scaled)
+    per_unit = np.bincount(codes)
+    weight = np.zeros(len(states))
+    weight[is_faulty] = 1 / (n_units * per_unit[codes])
+    allowed = largest_missed(n_units, rate, confidence, exact=bool((per_unit == 1).all()))
+    factor = _least_factor(critical, weight[is_faulty], allowed)
+    if not factor * scaled.max() < _LARGEST:
+        raise ValueError(
+            f"no cost of missed detections attains a rate of {rate:g}: the model gives every fault "
+            f"the probability 0 for {np.count_nonzero(np.isinf(critical))} of {len(critical)} "
+            f'faulty recordings. Give the classifier an unknown state or temperature="groups".'
+        )
+    limit = cost + (factor - 1) * scaled
+    bootstrap = {
+        "confidence": confidence,
+        "n_resamples": n_resamples,
+        "random_state": random_state,
+    }
+    rows = {}
+    for name, table in (("given cost", cost), ("limit", limit)):
+        chosen = [decisions[row] for row in decide(posterior, table.to_numpy())]
+        judged = rule.judge(states, chosen)
+        rates = {k: tally for k, tally in tallies(judged, rule).items() if "rate" in k}
+        rows[name] = figure_row(rates, units.labels, **bootstrap)
+        rows[name]["missed_by_unit"] = weight @ (judged["decided_label"] == rule.healthy)
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return MissRateLimit(limit, factor, table, rate, confidence, n_units)
+
+
+def _posteriors(
+    model: Any, X: Any, y: list[Any], units: Grouping, n_splits: int, seed: int | None
+) -> tuple[Any, Array]:
+    """Return a fitted classifier, and the posterior probabilities of its true states."""
+    if not _is_fitted(model):
+        return _left_out_posteriors(model, X, label_array(y), units, n_splits, seed)
+    final, table = before_the_last_step(model, X)
+    if not hasattr(final, "cost_"):
+        raise TypeError(
+            f"model must decide by costs, but {type(final).__name__} has no cost_. Use "
+            f"LeastRiskClassifier({type(final).__name__}(...), cost=...)."
+        )
+    posterior = final.predict_proba(table)
+    if len(final.truths_) > len(final.classes_):
+        unknown = final.unknown_proba(table)[:, np.newaxis]
+        posterior = np.hstack([posterior * (1 - unknown), unknown])
+    return final, posterior
+
+
+def _is_fitted(model: Any) -> bool:
+    try:
+        check_is_fitted(model)
+    except NotFittedError:
+        return False
+    return True
+
+
+def _left_out_posteriors(
+    model: Any, X: Any, y: NDArray[Any], units: Grouping, n_splits: int, seed: int | None
+) -> tuple[Any, Array]:
+    """As `_posteriors`, each by a clone that is fitted without the unit."""
+    scheme = group_scheme(y, y.tolist(), units, units, n_splits=n_splits, seed=seed)
+    if scheme.impossible:
+        raise ValueError(
+            f"the model is not fitted, and units cannot be left out in turn: {scheme.impossible} "
+            f"Give a model that is fitted to other units."
+        )
+    parts = []
+    for fold in scheme.folds:
+        with located(f"{fold.left_out} left out"):
+            clean, name = clone(model), groups_parameter(model)
+            options = {name: units.labels[fold.train]} if name else {}
+            clean.fit(chosen_rows(X, fold.train), y[fold.train], **options)
+            held_out = chosen_rows(X, fold.test)
+            parts.append(_posteriors(clean, held_out, y[fold.test].tolist(), units, n_splits, seed))
+    posterior = np.empty((len(y), parts[0][1].shape[1]))
+    posterior[np.concatenate([fold.test for fold in scheme.folds])] = np.vstack(
+        [part for _, part in parts]
+    )
+    return parts[0][0], posterior
+
+
+def _missed_costs(cost: pd.DataFrame, rule: ScoringRule) -> Array:
+    """Return what missed detections cost more than the cheapest decision, 0 for other entries."""
+    missed = np.array([label_of(row, rule.correct) == rule.healthy for row in cost.index])
+    faults = np.array([rule.family_of[state] != rule.healthy for state in cost.columns])
+    excess = np.where(np.outer(missed, faults), cost.to_numpy() - cost.to_numpy().min(axis=0), 0.0)
+    free = np.outer(missed, faults) & (excess <= 0)
+    if free.any():
+        row, column = np.argwhere(free)[0]
+        raise ValueError(
+            f"deciding {cost.index[row]!r} when {cost.columns[column]!r} is true must cost more "
+            f"than the cheapest decision, so that a factor on it can prevent missed detections; "
+            f"it costs {cost.iat[row, column]:g}. Give the model another cost."
+        )
+    return excess
+
+
+def _critical_factors(posterior: Array, cost: Array, scaled: Array) -> Array:
+    """Return the factor above which each recording is not decided to be healthy; 1 or more."""
+    missed = scaled.any(axis=1)
+    risks, slopes = risks_of(posterior, cost), posterior @ scaled[missed].T
+    others = risks[:, ~missed].min(axis=1, initial=np.inf, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factors = 1 + (others - risks[:, missed]) / slopes  # risk + (factor - 1) slope = other risk
+    never_healthy = others < risks[:, missed]
+    return np.where(never_healthy, 0.0, np.nan_to_num(factors, nan=np.inf, posinf=np.inf)).max(
+        axis=1
+    )
+
+
+def _least_factor(critical: Array, weight: Array, allowed: float) -> float:
+    """Return the least factor from 1 on with which at most the allowed fraction is missed."""
+    if weight[critical >= 1].sum() <= allowed + _ROUNDING:
+        return 1.0
+    order = np.argsort(-critical)
+    above = np.cumsum(weight[order]) - weight[order]  # missed just above each critical factor
+    return float(critical[order][above <= allowed + _ROUNDING].min()) * (1 + _MARGIN)
