@@ -45,6 +45,16 @@ def test_a_tied_covariance_divides_by_recordings_less_classes():
     np.testing.assert_allclose(fit_gaussians(moments).covariances, [expected], rtol=1e-12)
 
 
+@pytest.mark.parametrize(("roundings", "singular"), [(0.5, True), (2, False)])
+def test_a_covariance_is_singular_within_the_rounding_of_its_size(roundings, singular):
+    # Two of n features correlate by 1 - gap: the eigenvalues are gap, 2 - gap and n - 2 ones.
+    n_features = 40
+    gap = 2 * roundings * 10 * n_features * np.finfo(float).eps
+    covariance = np.eye(n_features)
+    covariance[3, 7] = covariance[7, 3] = 1 - gap
+    assert is_singular(covariance) is singular
+
+
 def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
     X, codes = draw(2)
     full = fit_gaussians(class_moments(X, codes, 3), 0.3).covariances

@@ -10,7 +10,11 @@ from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import make_column_selector, make_column_transformer
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
-from sklearn.ensemble import StackingClassifier, VotingClassifier
+from sklearn.ensemble import (
+    HistGradientBoostingClassifier,
+    StackingClassifier,
+    VotingClassifier,
+)
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
@@ -25,6 +29,7 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeClassifier
+from sklearn.utils import get_tags
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
@@ -611,3 +616,18 @@ def test_a_member_whose_posterior_is_nan_is_refused():
 def test_missing_and_mixed_labels_are_refused(model, odd, error, message):
     with pytest.raises(error, match=message):
         model.fit([[0.0], [1.0], [2.0], [4.0]], ["new", "new", "worn", odd])
+
+
+@pytest.mark.parametrize(
+    ("members", "sparse", "allow_nan"),
+    [
+        ([], False, False),
+        ([DecisionTreeClassifier(), LogisticRegression()], True, False),
+        ([LogisticRegression(), GaussianNB()], False, False),
+        ([HistGradientBoostingClassifier(), DecisionTreeClassifier()], False, True),
+    ],
+)
+def test_what_every_member_takes_the_product_takes(members, sparse, allow_nan):
+    names = "ba"
+    tags = get_tags(PosteriorProduct(list(zip(names, members, strict=False)))).input_tags
+    assert (tags.sparse, tags.allow_nan) == (sparse, allow_nan)

@@ -349,6 +349,15 @@ CASES = [
         "['a', 'b']",
     ),
     Case(
+        "a channel too many after fit of a spectrum",
+        lambda: psd_after_fit(over_angle([run(signals=dict.fromkeys("abc", spoilt(0, 0)))])),
+        V,
+        "recording 0",
+        "a channel 'c'",
+        "besides the expected ['a', 'b']",
+        "Set channels",
+    ),
+    Case(
         "rows after a fit on recordings",
         lambda: psd_after_fit(np.ones((2, 300))),
         (V, T),
@@ -364,9 +373,13 @@ CASES = [
     ),
     Case(
         "recordings after a fit on rows",
-        lambda: OrderPSD(100).fit(np.ones((2, 300))).transform(over_angle()),
+        lambda: (
+            OrderPSD(100)
+            .fit(np.ones((2, 300)))
+            .transform(over_angle([run(meta={"unit": "U2"}), run()]))
+        ),
         (V, T),
-        "recording 0",
+        "recording 0 (unit='U2')",
         "rows",
     ),
     Case(
