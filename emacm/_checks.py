@@ -39,8 +39,7 @@ def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
     ValueError
         If they are ragged.
     """
-    if np.ma.is_masked(values):
-        raise TypeError(f"{name} has masked samples, which are no measurement. Cut or repair them.")
+    check_unmasked(values, name)
     try:
         array = np.asarray(values)
     except ValueError as error:
@@ -55,6 +54,22 @@ def check_real_array(values: ArrayLike, name: str) -> NDArray[np.floating]:
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         return array.astype(np.float64)
     return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def check_unmasked(values: Any, name: str) -> None:
+    """Raise a TypeError if `values` is a masked array with masked entries.
+
+    NumPy and scikit-learn drop the mask and compute with what lies under it.
+    """
+    if np.ma.is_masked(values):
+        raise TypeError(f"{name} has masked samples, which are no measurement. Cut or repair them.")
+
+
+def check_table(values: Any) -> None:
+    """Raise a TypeError if a table is a masked array, or of dates, which would become numbers."""
+    check_unmasked(values, "X")
+    if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
+        raise TypeError(f"X must be numeric, got {values.dtype} values.")
 
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
@@ -180,4 +195,6 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
         for index, value in enumerate(given):
             if isinstance(value, bool) or not isinstance(value, Real):
                 return f"{value!r} at sample {index}"
+    if array.dtype.kind == "O" and array.ndim:
+        return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"

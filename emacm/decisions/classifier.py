@@ -11,6 +11,7 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from emacm._checks import check_table
 from emacm._saved import SavedEstimator
 from emacm.decisions.density_checks import check_densities, check_seen
 from emacm.decisions.fit_checks import (
@@ -180,6 +181,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         check_parameters(self.covariance, self.shrinkage, self.temperature)
         if y is not None:
             check_classes(y)
+        check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
         weight = as_counts(positive_weights(sample_weight, len(X)))
@@ -240,6 +242,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         known = getattr(self, "classes_", None)
         if y is not None:
             check_classes(y)
+        check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)
         labels = agreed_classes(classes, known)
@@ -323,11 +326,12 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         gradient : ndarray of shape (n_recordings, n_classes, n_features)
             -S_k^-1 (z - m_k) / T, per unit of each feature.
         """
-        gradients = self._gaussians.log_density_gradients(self._checked_features(X))
-        return gradients / self.temperature_
+        X = self._checked_features(X)
+        return self._gaussians.log_density_gradients(X) / self.temperature_
 
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)
+        check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         check_range(X)
         if not self._checked:

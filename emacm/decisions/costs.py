@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number
+from emacm._checks import check_number, check_unmasked
 from emacm.decisions.labels import check_distinct, label_array, numbered_hint, plain_labels
 
 
@@ -248,6 +248,7 @@ def _from_array(cost: Any, known: list[Any]) -> NDArray[np.float64]:
             f"cost is a {type(cost).__module__.split('.')[0]} {type(cost).__name__}, which has no "
             f"index that names its decisions. Pass a pandas DataFrame or a mapping."
         )
+    check_unmasked(cost, "cost")
     try:
         array = np.asarray(cost)
     except ValueError as error:

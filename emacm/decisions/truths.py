@@ -11,7 +11,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,8 +33,8 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
 
     Raises
     ------
-    ValueError
-        If the unknown state has the label of a class.
+    TypeError, ValueError
+        If the unknown state has no label (a list, NaN), or the label of a class.
 
     Examples
     --------
@@ -43,6 +43,8 @@ def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
     """
     if unknown is None:
         return classes
+    if not isinstance(unknown, Hashable) or unknown != unknown:
+        raise TypeError(f"unknown must be a label such as 'unknown', or None; got {unknown!r}.")
     known = plain_labels(classes.tolist())
     if unknown in known:
         raise ValueError(

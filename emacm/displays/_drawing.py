@@ -117,7 +117,7 @@ def panel_axes(
     ------
     ImportError
         If matplotlib is not installed.
-    ValueError
+    TypeError, ValueError
         If `ax` does not hold `n_panels` Axes.
     """
     if ax is None:
@@ -126,6 +126,8 @@ def panel_axes(
         figure = pyplot().figure(figsize=size, layout="constrained")
         return figure.subplots(n_panels, **options).reshape(-1)
     given = np.asarray(ax, dtype=object).reshape(-1)
+    if not all(hasattr(each, "transAxes") for each in given):
+        raise TypeError(f"ax must be matplotlib Axes, or a sequence of them; got {ax!r}.")
     if len(given) != n_panels:
         raise ValueError(
             f"this display has {n_panels} panels and needs as many Axes, got {len(given)}. "

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_is_fitted
 
 from emacm.displays import _drawing, _tables
 from emacm.displays._display import Display
@@ -62,6 +63,17 @@ class PlaneDisplay(Display):
             if name in markers or name in others
         }
         _drawing.legend_above(ax, handles=[*handles.values()], labels=[*handles], title=title)
+
+
+def check_classifier(estimator: Any, *attributes: str) -> None:
+    """Raise an error if a classifier is not fitted, or has not the attributes of a Gaussian one."""
+    check_is_fitted(estimator)
+    missing = [name for name in attributes if not hasattr(estimator, name)]
+    if missing:
+        raise TypeError(
+            f"estimator must be a CostSensitiveGaussianBayes, got {estimator!r}; it has no "
+            f"{missing[0]}."
+        )
 
 
 def plane_points(X: ArrayLike, what: str) -> NDArray[np.floating]:

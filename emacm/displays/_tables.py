@@ -237,6 +237,8 @@ def unit_of(unit: str | Mapping[str, str], channel: str, *, derived: bool = Fals
     """
     if isinstance(unit, str):
         return unit
+    if not isinstance(unit, Mapping):
+        raise TypeError(f"unit must be text, or map channels to text; got {unit!r}.")
     first = [name for name in unit if derived and channel.startswith(name)]
     base = max(first, key=len) if first else channel.rstrip("+-")
     return unit.get(channel, unit.get(base, "unit"))

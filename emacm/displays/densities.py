@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
 from emacm.displays import _drawing, _tables
-from emacm.displays._plane import FEATURES, PlaneDisplay, plane_points
+from emacm.displays._plane import FEATURES, PlaneDisplay, check_classifier, plane_points
 
 _CORNERS = 181  # of the polygon that approximates an ellipse
 
@@ -114,6 +114,7 @@ class FeatureDensityDisplay(PlaneDisplay):
             If there are not two features, a value is not finite, or an option is invalid.
         """
         points = plane_points(X, "class densities are")
+        check_classifier(estimator, "means_", "covariances_")
         means = np.asarray(estimator.means_)
         if means.shape[1] != 2:
             raise ValueError(

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
 from emacm.displays import _drawing, _tables
-from emacm.displays._plane import FEATURES, PlaneDisplay, plane_limits, plane_points
+from emacm.displays._plane import (
+    FEATURES,
+    PlaneDisplay,
+    check_classifier,
+    plane_limits,
+    plane_points,
+)
 
 _LIGHT = 0.22  # share of the colour in the _drawing.tint of a region
 _LINES = "0.72"  # grey of hatches
@@ -118,7 +124,8 @@ class DecisionRegionsDisplay(PlaneDisplay):
             If there are not two features, a value is not finite, or an option is invalid.
         """
         points = plane_points(X, "decision regions are")
-        check_count(n_grid, "n_grid", at_least=2)
+        check_classifier(estimator, "decisions_")
+        check_count(n_grid, "n_grid", at_least=2, at_most=5000)
         low, high = plane_limits(points)
         first, second = np.linspace(low, high, n_grid).T
         grid: Any = np.column_stack([axis.ravel() for axis in np.meshgrid(first, second)])

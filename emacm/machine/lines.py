@@ -84,6 +84,10 @@ def fault_series(
     """
     check_count(harmonics, "harmonics", at_most=100)
     single = isinstance(parts, Part | Mapping)
+    if not single and not isinstance(parts, Sequence):
+        raise TypeError(
+            f"parts must be a part such as a Bearing, or a list of them; got {parts!r}."
+        )
     found: list[FaultSeries] = []
     for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
         for line in _lines(part, number):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_finite_table, check_signal, located
+from emacm._checks import check_choice, check_finite_table, check_signal, check_table, located
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SHORTS, SegmentPlan
@@ -231,6 +231,7 @@ class OrderPSD(WelchEstimator):
                 self._refuse_direction()
                 return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
         self._refuse_direction()
+        check_table(X)
         table = validate_data(
             self,
             X,

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import check_finite_table
+from emacm._checks import check_finite_table, check_table, check_unique_columns
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import (
     check_input_names,
@@ -57,8 +58,7 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
 
     def _fit_table(self, X: Any) -> NDArray[np.floating]:
         """Return the spectra that `fit` gets, and remember their columns."""
-        names = column_names(X)
-        self._refuse_lost_axis(X)
+        names = self._checked_names(X)
         options = {"dtype": np.float64, "ensure_min_features": 2, "ensure_all_finite": False}
         if names is not None and _names_orders(names):
             psd = check_array(X, **options)
@@ -73,8 +73,7 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
     def _read_table(self, X: Any) -> NDArray[np.floating]:
         """Return the spectra that `transform` gets, in float64 or float32."""
         check_is_fitted(self)
-        names = column_names(X)
-        self._refuse_lost_axis(X)
+        names = self._checked_names(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
         if self._same_axis(names):
             psd = check_array(X, **options)
@@ -82,6 +81,14 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
             psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
         return psd
+
+    def _checked_names(self, X: Any) -> tuple[Any, ...] | None:
+        check_table(X)
+        names = column_names(X)
+        if isinstance(X, pd.DataFrame):
+            check_unique_columns(X, "X")
+        self._refuse_lost_axis(X)
+        return names
 
     def _refuse_lost_axis(self, X: Any) -> None:
         if self.order_step is None and lost_axis(X):

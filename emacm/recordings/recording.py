@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from emacm._checks import check_number
 from emacm.recordings.arguments import (
     check_durations,
     check_indices,
@@ -257,7 +258,13 @@ class Recording(Excerpts):
         -------
         list of Stroke
             As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `min_speed` is no number of at least 0.
         """
+        min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
         find = partial(strokes_of, self._speed, min_speed)
         return self._remembered.once(("strokes", min_speed), find, most=_MANY)
 

@@ -16,6 +16,7 @@ from emacm._checks import check_count, check_number, check_real_array, check_sig
 
 Angle = NDArray[np.float64]
 
+_FARTHEST = 1e9  # rad, of the first angle; float64 resolves 1e-7 rad there
 _WIDEST = 1.25  # periods that a wrapped angle spans, with noise
 
 
@@ -44,7 +45,8 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
     Raises
     ------
     ValueError, TypeError
-        If the speed is not a finite numeric signal, or `fs` is not positive.
+        If the speed is not a finite numeric signal, `fs` is not positive, or `initial` is beyond
+        1e9 rad, where float64 resolves 1e-7 rad only.
 
     References
     ----------
@@ -57,7 +59,7 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
     """
     speed = check_signal(velocity, "velocity").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    initial = check_number(initial, "initial", unit="rad")
+    initial = check_number(initial, "initial", at_least=-_FARTHEST, at_most=_FARTHEST, unit="rad")
     with np.errstate(over="ignore", invalid="ignore"):
         angle = initial + cumulative_trapezoid(speed, dx=1 / fs, initial=0)  # Eq. (2.9)
     return _in_range(angle, "velocity must be in rad/s")

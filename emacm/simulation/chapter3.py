@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number
+from emacm._checks import check_choice, check_count, check_number, check_signal
 from emacm.recordings.recording import Recording
 
 CHAPTER3_ORDERS: Mapping[str, float | None] = MappingProxyType(
@@ -198,7 +198,7 @@ def chapter3_motion(
     Raises
     ------
     TypeError, ValueError
-        If `mean_speed` or `speed_frequency` is not positive.
+        If times are not finite, or `mean_speed` or `speed_frequency` is not positive.
 
     Examples
     --------
@@ -206,6 +206,7 @@ def chapter3_motion(
     >>> (velocity / np.pi).round(6), angle.round(6)
     (array([20., 40.]), array([-2.      ,  3.141593]))
     """
+    times = check_signal(times, "times", min_length=1)
     mean_speed = check_number(mean_speed, "mean_speed", above=0, unit="rad/s")
     omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
     # Rounding must not make the speed negative where it reaches zero: that would be a stroke.

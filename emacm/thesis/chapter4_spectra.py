@@ -11,6 +11,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from emacm._checks import check_choice
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
@@ -192,6 +193,11 @@ def run_campaign(
     -------
     Campaign
 
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no units, or a parameter is invalid.
+
     Examples
     --------
     >>> from emacm.simulation import thesis_benches
@@ -201,6 +207,10 @@ def run_campaign(
     >>> campaign.signal("thesis", "lvdt").spectra.shape
     (20, 801)
     """
+    if not benches:
+        raise ValueError("benches must hold at least one LaboratoryBench, got none.")
+    for name in readings:
+        check_choice(name, "a reading", tuple(READINGS))
     recordings = laboratory_recordings(benches, n_runs=n_runs)
     frame = recordings.frame
     frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")

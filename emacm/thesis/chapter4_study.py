@@ -78,6 +78,8 @@ def study(
     campaign: Campaign, reading: str = "thesis", channels: Sequence[str] = tuple(SIGNALS)
 ) -> Study:
     """Train the classifiers of some channels, apply them to the test runs, and explain them."""
+    if not isinstance(campaign, Campaign):
+        raise TypeError(f"campaign must be the result of run_campaign, got {campaign!r}.")
     models = [m for channel in channels for m in train(campaign.signal(reading, channel))]
     return Study(reading, models, [explain(model) for model in models], decide(models))
 

@@ -25,6 +25,8 @@ def shares_table(studies: Sequence[Study]) -> pd.DataFrame:
         all in per cent. Medians over `studies` (pairs of units); "lowest" and "highest" are
         their range.
     """
+    if not studies:
+        raise ValueError("studies must hold at least one Study, got none.")
     table = pd.concat([_shares_of_one(study) for study in studies])
     groups = table.groupby(["signal", "conditions"], sort=False)
     lowest, highest = (

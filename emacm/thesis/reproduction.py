@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from os import PathLike
 from pathlib import Path
 
+from emacm._checks import check_choice
 from emacm.thesis.chapter2 import reproduce_chapter2
 from emacm.thesis.chapter3 import reproduce_chapter3
 from emacm.thesis.chapter4 import reproduce_chapter4
@@ -54,9 +56,14 @@ def reproduce(
     ------
     OSError
         If the folder cannot be written to.
-    ValueError
-        If a chapter is unknown, or the folder already contains a report.
+    TypeError, ValueError
+        If a chapter is unknown, the folder already contains a report, or a parameter is invalid.
     """
+    if not isinstance(out, str | PathLike):
+        raise TypeError(f"out must be the path of a folder, got {out!r}.")
+    if isinstance(chapters, str) or not isinstance(chapters, Iterable):
+        raise TypeError(f"chapters must be a list of numbers such as [3], got {chapters!r}.")
+    check_choice(quick, "quick", (True, False))
     for number in chapters:
         if number not in CHAPTERS:
             known = ", ".join(map(str, CHAPTERS))

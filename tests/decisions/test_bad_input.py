@@ -18,6 +18,11 @@ from emacm import (
     neg_expected_cost,
 )
 
+
+def masked_features():
+    return np.ma.masked_greater(features()[0], 1.5)
+
+
 CASES = [
     Case(
         "an unknown class in costs",
@@ -132,6 +137,46 @@ CASES = [
         V,
         "inconsistent numbers of samples",
         "[2, 1]",
+    ),
+    Case(
+        "masked features",
+        lambda: CostSensitiveGaussianBayes().fit(masked_features(), features()[1]),
+        T,
+        "X has masked samples",
+    ),
+    Case(
+        "masked features in partial_fit",
+        lambda: CostSensitiveGaussianBayes().partial_fit(masked_features(), features()[1], "hw"),
+        T,
+        "X has masked samples",
+    ),
+    Case(
+        "masked features after fit",
+        lambda: classifier().predict(masked_features()),
+        T,
+        "X has masked samples",
+    ),
+    Case(
+        "masked costs",
+        lambda: classifier(cost=np.ma.array([[0, 1], [2, 0]], mask=[[0, 1], [0, 0]])),
+        T,
+        "cost has masked",
+    ),
+    *[
+        Case(
+            f"an unknown state called {label!r}",
+            lambda label=label: classifier(unknown=label),
+            T,
+            "unknown must be a label",
+            repr(label),
+        )
+        for label in (np.nan, ["new"])
+    ],
+    Case(
+        "a gradient before fit",
+        lambda: CostSensitiveGaussianBayes().log_density_gradient(features()[0]),
+        V,
+        "not fitted",
     ),
     Case(
         "sparse features",

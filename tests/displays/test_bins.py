@@ -201,6 +201,10 @@ def test_numbers_that_do_not_fit_the_bins_are_refused():
         OrderBinsDisplay(EDGES, {"a": [1, 2]})
     with pytest.raises(ValueError, match="powers of 'a' must be at least 0"):
         OrderBinsDisplay(EDGES, {"a": [1, 2, -3]})
+    with pytest.raises(TypeError, match="unit must be text, or map channels to text; got 3"):
+        OrderBinsDisplay(["a@0-1"], {"a": [1.0]}, unit=3).plot()
+    with pytest.raises(TypeError, match=r"ax must be matplotlib Axes.*got 'left'"):
+        OrderBinsDisplay(["a@0-1"], {"a": [1.0]}).plot(ax="left")
     with pytest.raises(ValueError, match="powers hold no group"):
         OrderBinsDisplay(EDGES, {})
     with pytest.raises(ValueError, match="at least one name or band, got none"):

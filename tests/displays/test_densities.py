@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import LogisticRegression
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import FeatureDensityDisplay
@@ -118,3 +120,11 @@ def test_numbers_that_do_not_fit_are_refused():
     for name, value, words in bad:
         with pytest.raises(ValueError, match=words):
             FeatureDensityDisplay(**{**good, name: value})
+
+
+def test_a_classifier_without_densities_is_refused():
+    X, y = np.array([[0.0, 1], [1, 0], [4, 3], [3, 5]]), ["dry", "dry", "worn", "worn"]
+    with pytest.raises(NotFittedError, match="not fitted"):
+        FeatureDensityDisplay.from_estimator(CostSensitiveGaussianBayes(), X, y)
+    with pytest.raises(TypeError, match=r"got LogisticRegression\(\); it has no means_"):
+        FeatureDensityDisplay.from_estimator(LogisticRegression().fit(X, y), X, y)

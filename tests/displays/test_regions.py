@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay
@@ -151,3 +152,16 @@ def test_numbers_that_do_not_fit_are_refused():
         DecisionRegionsDisplay.from_estimator(None, [[0.0, np.nan]], ["a"])
     with pytest.raises(ValueError, match="one label for each of 1 recordings"):
         DecisionRegionsDisplay([0, 1], [0, 1], np.zeros((2, 2)), ["a"], [[0, 0]], ["a", "b"])
+
+
+def test_a_classifier_without_decisions_and_too_fine_a_grid_are_refused():
+    X, y = np.array([[0.0, 1], [1, 0], [4, 3], [3, 5]]), ["dry", "dry", "worn", "worn"]
+    fitted = CostSensitiveGaussianBayes(shrinkage=0.5).fit(X, y)
+    refused = [
+        (CostSensitiveGaussianBayes(), {}, ValueError, "not fitted"),
+        (GaussianNB().fit(X, y), {}, TypeError, r"got GaussianNB\(\); it has no decisions_"),
+        (fitted, {"n_grid": 10**6}, ValueError, "n_grid must .* at most 5000"),
+    ]
+    for classifier, options, error, words in refused:
+        with pytest.raises(error, match=words):
+            DecisionRegionsDisplay.from_estimator(classifier, X, y, **options)

@@ -99,6 +99,7 @@ def test_cloned_it_measures_the_same():
         ({"background": 0.05}, ["background", "0.04 orders", "revolutions"]),
         ({"channels": ["sound"]}, ["'sound'", "vibration"]),
         ({"parts": []}, ["at least one part"]),
+        ({"parts": None}, ["parts must be", "Bearing", "None"]),
         ({"parts": [BEARING, 3.5]}, ["part 1", "3.5"]),
         ({"parts": [BEARING, BEARING]}, ["'BPFO'", "name="]),
     ],

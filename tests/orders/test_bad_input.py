@@ -299,6 +299,20 @@ CASES = [
     ),
     Case("text for max_order", lambda: psd(max_order="5"), T, "max_order", "number", "'5'"),
     Case(
+        "a table with masked samples",
+        lambda: OrderPSD(4).fit(np.ma.masked_greater(np.arange(40.0).reshape(2, 20), 30)),
+        T,
+        "X has masked samples",
+        "Cut or repair",
+    ),
+    Case(
+        "a table of dates",
+        lambda: OrderPSD(4).fit(np.zeros((2, 20), "M8[s]")),
+        T,
+        "X must be numeric",
+        "datetime64[s]",
+    ),
+    Case(
         "theta_s that contradicts the recordings",
         lambda: psd(theta_s=0.1),
         V,

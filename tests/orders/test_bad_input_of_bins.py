@@ -257,6 +257,29 @@ CASES = [
         "8 features",
         "9 features",
     ),
+    Case(
+        "masked powers",
+        lambda: bins(np.ma.masked_less(np.arange(18.0).reshape(2, 9), 3)),
+        T,
+        "X has masked samples",
+    ),
+    Case(
+        "masked powers after fit",
+        lambda: (
+            BinTransformer(max_order=8)
+            .fit(np.ones((2, 9)))
+            .transform(np.ma.masked_less(np.arange(18.0).reshape(2, 9), 3))
+        ),
+        T,
+        "X has masked samples",
+    ),
+    Case(
+        "columns of one name",
+        lambda: bins(pd.DataFrame(np.ones((2, 3)), columns=["a@0", "a@1", "a@1"]), max_order=1),
+        V,
+        "X has columns of the same name",
+        "'a@1'",
+    ),
     Case("bins before fit", lambda: BinTransformer().transform(np.ones((2, 9))), V, "not fitted"),
 ]
 

@@ -135,6 +135,27 @@ CASES = [
         "sample 1",
     ),
     Case(
+        "numbers as objects",
+        lambda: run(signals={"a": np.full(600, 1.5, object)}),
+        T,
+        "channel 'a'",
+        "numeric",
+        "objects",
+        ".astype(float)",
+    ),
+    *[
+        Case(
+            f"strokes above a speed of {speed!r}",
+            lambda speed=speed: run().strokes(speed),
+            error,
+            "min_speed",
+            "rad/s, at least 0",
+            repr(speed),
+        )
+        for speed, error in [(np.nan, V), (-2, V), ("slow", T)]
+    ],
+    Case("paths below rest", lambda: run().paths(min_speed=-3), V, "min_speed", "at least 0", "-3"),
+    Case(
         "a word among numbers",
         lambda: run(signals={"a": [1.0, "x", 2.0]}),
         T,

@@ -80,6 +80,8 @@ def test_velocity_needs_a_positive_rate():
 
 
 def test_velocity_needs_a_numeric_initial_angle():
+    with pytest.raises(ValueError, match=r"initial must be .* at most 1e\+09, got 1e\+17"):
+        angle_from_velocity([1.0, 2.0, 3.0], 10, initial=1e17)
     with pytest.raises(TypeError, match=r"initial must be a number"):
         angle_from_velocity([1, 2], 1, initial="zero")
 

@@ -149,3 +149,10 @@ def test_another_label_does_not_change_the_noise_of_this_one():
     usual = chapter3_recording("defect 1", 3)
     more = {"loose": 2.5, **CHAPTER3_ORDERS}
     assert chapter3_recording("defect 1", 3, defect_orders=more) == usual
+
+
+def test_a_motion_at_times_that_are_no_numbers_is_refused():
+    with pytest.raises(ValueError, match="times must be finite, got nan at sample 1"):
+        chapter3_motion(np.array([0.0, np.nan]))
+    with pytest.raises(TypeError, match="times must be numeric, got 'now'"):
+        chapter3_motion(["now"])

@@ -5,7 +5,8 @@ from collections import Counter
 
 import pytest
 
-from emacm.thesis import reproduce
+from emacm.simulation import thesis_benches
+from emacm.thesis import reproduce, run_campaign, shares_table, study
 
 
 @pytest.mark.slow
@@ -35,3 +36,31 @@ def test_the_counts_of_the_summary_are_those_of_the_chapters(tmp_path, capsys):
         f"{within} of 22 random figures within the range of ours, {middle} within its middle "
         f"half; 25 other figures"
     )
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"chapters": 3}, TypeError, r"chapters must be a list of numbers.*got 3"),
+        ({"chapters": "3"}, TypeError, r"chapters must be a list of numbers.*got '3'"),
+        ({"chapters": [3, 7]}, ValueError, r"chapter 7 is not reproduced; available are 2, 3, 4"),
+        ({"out": None}, TypeError, r"out must be the path of a folder, got None"),
+        ({"quick": "no"}, ValueError, r"quick must be one of True, False; got 'no'"),
+    ],
+)
+def test_an_invalid_reproduction_is_refused_before_it_starts(options, error, words, tmp_path):
+    with pytest.raises(error, match=words):
+        reproduce(**({"out": tmp_path / "out"} | options))
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_invalid_campaign_is_refused():
+    benches = thesis_benches(duration=0.1)
+    with pytest.raises(ValueError, match="at least one LaboratoryBench, got none"):
+        run_campaign([])
+    with pytest.raises(ValueError, match=r"a reading must be one of 'thesis',.*got 'book'"):
+        run_campaign(benches, n_runs=2, readings=["thesis", "book"])
+    with pytest.raises(TypeError, match="campaign must be the result of run_campaign, got 3"):
+        study(3)
+    with pytest.raises(ValueError, match="at least one Study, got none"):
+        shares_table([])
