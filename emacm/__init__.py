@@ -96,6 +96,15 @@ if TYPE_CHECKING:
     from emacm.recordings.envelope_detector import (
         EnvelopeDetector as EnvelopeDetector,
     )
+    from emacm.recordings.files import (
+        RecordingFolder as RecordingFolder,
+    )
+    from emacm.recordings.files import (
+        open_recording as open_recording,
+    )
+    from emacm.recordings.layout import (
+        Layout as Layout,
+    )
     from emacm.recordings.prewhitening import (
         CepstralPrewhitening as CepstralPrewhitening,
     )
@@ -147,6 +156,13 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "recordings.recording": [
         "Recording",
+    ],
+    "recordings.files": [
+        "RecordingFolder",
+        "open_recording",
+    ],
+    "recordings.layout": [
+        "Layout",
     ],
     "recordings.envelope_detector": [
         "EnvelopeDetector",

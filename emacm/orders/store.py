@@ -22,7 +22,7 @@ from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from stat import S_ISREG
-from threading import Lock, get_ident
+from threading import get_ident
 from typing import Any
 
 import joblib
@@ -36,6 +36,7 @@ from emacm._progress import run
 from emacm._version import __version__
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.recordings.digests import content_digest
+from emacm.recordings.recent import Recent
 from emacm.resampling.angle_recording import AngleRecording
 
 NUMERICS = 2  # incremented whenever the numbers of a spectrum change; part of every key
@@ -50,33 +51,7 @@ _CHECKED = 0.05  # fraction of the limit that is written between two checks of t
 Spectrum = NDArray[np.floating]
 
 
-class _Recent:
-    """Spectra used in this process, up to a number of bytes; the oldest is dropped first."""
-
-    def __init__(self, bytes_limit: int) -> None:
-        self._limit = bytes_limit
-        self.clear()
-
-    def get(self, key: Any) -> Spectrum | None:
-        return self._held.get(key)
-
-    def put(self, key: Any, spectrum: Spectrum) -> None:
-        with self._lock:
-            old = self._held.pop(key, None)
-            self._held[key] = spectrum
-            self._bytes += spectrum.nbytes - (0 if old is None else old.nbytes)
-            while self._bytes > self._limit:
-                self._bytes -= self._held.pop(next(iter(self._held))).nbytes
-
-    def clear(self) -> None:
-        self._lock = Lock()  # a forked process may have inherited it locked
-        self._held: dict[Any, Spectrum] = {}
-        self._bytes = 0
-
-
-_recent = _Recent(BYTES_IN_MEMORY)
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_recent.clear)
+_recent: Recent[Spectrum] = Recent(BYTES_IN_MEMORY)
 _written: dict[str, float] = {}  # bytes this process wrote to a folder since it checked its size
 
 
@@ -129,7 +104,7 @@ class SpectrumStore:
         if spectrum is None:
             spectrum = self._read(key)
             if spectrum is not None:
-                _recent.put((self.folder, key), spectrum)
+                _recent.put((self.folder, key), spectrum, spectrum.nbytes)
         return spectrum if spectrum is not None and spectrum.shape == shape else None
 
     def keep(self, key: str, spectrum: Spectrum) -> None:
@@ -137,7 +112,8 @@ class SpectrumStore:
         writer = io.BytesIO()
         np.save(writer, np.ascontiguousarray(spectrum, np.float64), allow_pickle=False)
         body = writer.getvalue()
-        _recent.put((self.folder, key), _decoded(body))
+        decoded = _decoded(body)
+        _recent.put((self.folder, key), decoded, decoded.nbytes)
         if len(body) > self.bytes_limit:
             return
         try:

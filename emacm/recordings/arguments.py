@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mmap
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any
 
@@ -60,16 +60,6 @@ def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
             f"column {name!r} of signals is named like {is_what}, not like a channel. Pass "
             f"frame.drop(columns=[{name!r}]){remedy}; if it is a channel, pass a mapping: "
             f"dict(frame)."
-        )
-
-
-def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: str = "it") -> None:
-    """Raise a ValueError if one of `channels` is not among those that are known."""
-    missing = [name for name in channels if name not in known]
-    if missing:
-        raise ValueError(
-            f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
-            f"were {list(channels)}."
         )
 
 

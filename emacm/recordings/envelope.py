@@ -325,6 +325,13 @@ def envelope_recording(
     >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
     (('sound', 'sound_envelope'), 1.0)
     """
+    return measured._derived(_envelope_content, dict(bands), squared, suffix)
+
+
+def _envelope_content(
+    measured: Recording, bands: Mapping[str, Band], squared: bool, suffix: str | None
+) -> dict[str, Any]:
+    """Return what changes in a recording of which envelopes are taken."""
     series, fs = dict(measured.series), dict(measured.fs)
     check_channel_names(measured.channels, list(bands))
     for channel, band in bands.items():
@@ -334,4 +341,4 @@ def envelope_recording(
         fs[name] = measured.fs[channel]
         with located(f"channel {channel!r}"):
             series[name] = EnvelopeSeries(measured.series[channel], fs[name], band, squared=squared)
-    return measured.with_series(series, fs)
+    return {"_series": series, "_fs": fs}

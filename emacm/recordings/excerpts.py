@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from emacm._checks import check_number
-from emacm.recordings.arguments import check_channel_names
+from emacm.recordings.channel_names import check_channel_names, chosen_channels
 
 if TYPE_CHECKING:
     from emacm.recordings.recording import Recording
@@ -102,13 +102,7 @@ def cut_content(recording: Recording, start: Any, stop: Any) -> dict[str, Any]:
 
 def selected_content(recording: Recording, channels: Any) -> dict[str, Any]:
     """Return what changes in a recording of which channels are selected."""
-    if isinstance(channels, str):
-        raise TypeError(f"channels must be a list of names; write [{channels!r}].")
-    if not isinstance(channels, Iterable):
-        raise TypeError(f"channels must be a list of names, got {channels!r}.")
-    chosen = list(channels)
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(f"channels must name each channel once, got {chosen}.")
+    chosen = chosen_channels(channels, recording.channels)
     check_channel_names(recording.channels, chosen, "the recording")
     return _by_names(recording, {name: name for name in chosen})
 

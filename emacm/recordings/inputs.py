@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import once_hint
-from emacm.recordings.arguments import check_channel_names as check_channel_names
+from emacm.recordings.channel_names import check_channel_names as check_channel_names
+from emacm.recordings.channel_names import chosen_channels as chosen_channels
 from emacm.recordings.recording import Recording
 
 _LONG = 200  # characters of meta in a message
@@ -89,54 +90,6 @@ def as_recordings(X: Any, who: str, *, also: tuple[type, ...] = ()) -> list[Any]
             )
         raise TypeError(f"entry {index} of X must be a recording for {who}, got {received(entry)}")
     return entries
-
-
-def chosen_channels(channels: Any, known: Sequence[str]) -> tuple[str, ...]:
-    """Return the channels that the parameter `channels` of an estimator chooses.
-
-    Parameters
-    ----------
-    channels : sequence of str, or None
-        Names of channels in the order wanted; None for all.
-    known : sequence of str
-        All channels, for None. Whether the names are among them is not checked.
-
-    Returns
-    -------
-    tuple of str
-
-    Raises
-    ------
-    TypeError
-        If `channels` is a single name, has no order (a set), can be read only once (a generator),
-        or holds something that is not a name.
-    ValueError
-        If it is empty or repeats a name.
-
-    Examples
-    --------
-    >>> chosen_channels(["torque", "current"], ("current", "speed", "torque"))
-    ('torque', 'current')
-    """
-    if channels is None:
-        return tuple(known)
-    if isinstance(channels, str):
-        raise TypeError(f"channels must be a list of names such as [{channels!r}]; got a text.")
-    if not isinstance(channels, Iterable) or isinstance(channels, Mapping | Set | Iterator):
-        raise TypeError(
-            f"channels must be a list of names such as ['current'], got {channels!r}."
-            f"{once_hint(channels)}"
-        )
-    chosen = tuple(channels)
-    for name in chosen:
-        if not isinstance(name, str):
-            raise TypeError(f"channels must be a list of names, got {name!r} in {chosen!r}.")
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise ValueError(
-            f"channels must name at least one channel, and name each channel once; got "
-            f"{list(chosen)}."
-        )
-    return chosen
 
 
 def check_channels(

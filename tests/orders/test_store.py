@@ -26,7 +26,8 @@ import emacm._progress
 from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
 from emacm.orders import store as store_module
 from emacm.orders.segment_plan import SegmentPlan, segment_plan
-from emacm.orders.store import SpectrumStore, _Recent, clear_memory, open_store, recalled
+from emacm.orders.store import SpectrumStore, clear_memory, open_store, recalled
+from emacm.recordings.recent import Recent
 
 PLAN = segment_plan(32.0)
 A, B, C = ("a" * 64, "b" * 64, "c" * 64)
@@ -282,18 +283,18 @@ def test_a_spectrum_beyond_the_limit_is_not_written(tmp_path):
 
 
 def test_memory_holds_no_more_than_its_limit_and_drops_the_oldest():
-    recent = _Recent(2 * 80)
-    recent.put("a", np.ones(10))
-    recent.put("b", np.ones(10))
-    recent.put("c", np.ones(10))
+    recent = Recent(2 * 80)
+    recent.put("a", np.ones(10), 80)
+    recent.put("b", np.ones(10), 80)
+    recent.put("c", np.ones(10), 80)
     assert [recent.get(key) is not None for key in "abc"] == [False, True, True]
 
 
 def test_what_is_put_into_memory_twice_counts_once():
-    recent = _Recent(2 * 80)
+    recent = Recent(2 * 80)
     for _ in range(5):
-        recent.put("a", np.ones(10))
-    recent.put("b", np.ones(10))
+        recent.put("a", np.ones(10), 80)
+    recent.put("b", np.ones(10), 80)
     assert recent.get("a") is not None
 
 
@@ -632,6 +633,7 @@ def test_what_a_killed_process_wrote_by_half_is_never_read(tmp_path):
 import sys, time
 from pathlib import Path
 import numpy as np
+from emacm.recordings.recent import Recent
 from emacm.orders.store import SpectrumStore
 def half(self, content):
     with open(self, "wb") as file:

@@ -1,0 +1,313 @@
+"""The columns of a file, and how a layout makes a recording of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_signal
+from emacm.recordings.column_names import is_shaft_name, is_time_name, split_unit
+from emacm.recordings.layout import Layout
+from emacm.recordings.sample_times import rate_of_times, seconds_of
+from emacm.recordings.units import same_unit, unit_factor
+from emacm.shaft.angle import angle_from_wrapped
+from emacm.shaft.tacho import angle_from_tacho
+
+_RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
+_NUMBER = re.compile(r"\s*([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
+
+
+@dataclass
+class FileColumns:
+    """What a file contains.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray of shape (n_times,)
+        Arrays by name.
+    rates : dict of str to float
+        Sampling rates that the file states [Hz], by column.
+    units : dict of str to str
+        Units that the file states, by column.
+    numbers : dict of str to float
+        Single numbers by name.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    rates: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Take units out of the names of columns, as in "speed [rpm]"."""
+        plain = {name: split_unit(name)[0] for name in (*self.columns, *self.numbers)}
+        if len(set(plain.values())) < len(plain):
+            return
+        units = {plain[name]: split_unit(name)[1] for name in plain}
+        self.units = {k: v for k, v in units.items() if v} | {
+            plain.get(name, name): unit for name, unit in self.units.items() if unit
+        }
+        self.columns = {plain[name]: values for name, values in self.columns.items()}
+        self.rates = {plain.get(name, name): rate for name, rate in self.rates.items()}
+        self.numbers = {plain[name]: number for name, number in self.numbers.items()}
+
+    def find(self, wanted: str, *, numbers: bool = False) -> str:
+        """Return the full name of a column (or of a number) that a layout names.
+
+        Raises
+        ------
+        ValueError
+            If there is none, or several match.
+        """
+        known = [*self.columns, *(self.numbers if numbers else ())]
+        plain = split_unit(wanted)[0]
+        for name in (wanted, plain):
+            if name in known:
+                return name
+        found = [name for name in known if fnmatchcase(name, plain)]
+        found = found or [name for name in known if re.split(r"[/.]", name)[-1] == plain]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise ValueError(f"{wanted!r} matches several columns: {found}. Name one of them.")
+        raise ValueError(f"it has no column {wanted!r}; its columns are {known}.")
+
+
+def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
+    """Return the arguments of the recording that a layout makes of the columns of a file.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+    layout : Layout
+        What is channel, time and shaft.
+
+    Returns
+    -------
+    dict of str to object
+        As for `Recording`, without `meta`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is missing or contradicts the layout, or something is not known: a rate, the
+        shaft, a unit. The message states the remedy.
+    """
+    if not content.columns:
+        raise ValueError(f"it contains no signal, only {list(content.numbers) or 'nothing'}.")
+    times = _time_column(content, layout)
+    shaft = _shaft_column(content, layout)
+    channels = _channel_columns(content, layout, times, shaft)
+    rates = _Rates(content, layout, times)
+    fs = {name: rates.of(column, name) for name, column in channels.items()}
+    signals = {n: check_signal(content.columns[c], f"channel {n!r}") for n, c in channels.items()}
+    units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
+    arguments = {
+        "signals": signals,
+        "fs": fs,
+        "units": {name: unit for name, unit in units.items() if unit},
+    }
+    return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+
+
+def _time_column(content: FileColumns, layout: Layout) -> str | None:
+    if layout.time:
+        return content.find(layout.time)
+    if layout.time is False:
+        return None
+    named = [name for name in content.columns if is_time_name(name)]
+    if len(named) > 1:
+        raise ValueError(f"it has several columns of times: {named}. Set time to one of them.")
+    return named[0] if named else None
+
+
+def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
+    """Return the column (or the number) of the shaft; None for a constant speed."""
+    velocity = layout.velocity
+    if isinstance(velocity, str) and not _constant(velocity):
+        return content.find(velocity, numbers=True)
+    if velocity is not None:
+        return None
+    column = layout.angle or layout.tacho_column
+    if column:
+        return content.find(column)
+    similar = [n for n in (*content.columns, *content.numbers) if is_shaft_name(n)]
+    hint = f"; {similar[0]!r} looks like one" if similar else ""
+    example = similar[0] if similar else "speed"
+    raise ValueError(
+        f"the layout names no shaft reference{hint}. Set velocity={example!r} with its unit, as "
+        f"units={{{example!r}: 'rpm'}}, or a number [rad/s], or angle, or tacho; its columns are "
+        f"{list(content.columns)}."
+    )
+
+
+def _constant(text: str) -> tuple[float, str] | None:
+    """Return a speed such as "1797 rpm" as a number and its unit; None if it is a name."""
+    found = _NUMBER.fullmatch(text)
+    return None if found is None else (float(found[1]), (found[2] or "rad/s").strip())
+
+
+def _channel_columns(
+    content: FileColumns, layout: Layout, times: str | None, shaft: str | None
+) -> dict[str, str]:
+    """Return the column of each channel."""
+    chosen = layout.channels
+    if isinstance(chosen, Mapping):
+        return {name: content.find(column) for name, column in chosen.items()}
+    if chosen is not None:
+        return {split_unit(name)[0]: content.find(name) for name in chosen}
+    ignored = {times, shaft}
+    if layout.time is False:
+        ignored |= {name for name in content.columns if is_time_name(name)}
+    rest = [name for name in content.columns if name not in ignored]
+    for name in rest:
+        if is_shaft_name(name):
+            raise ValueError(
+                f"column {name!r} is named like the motion of the shaft, not like a channel. Name "
+                f"it in velocity, angle or tacho, or list the channels: channels="
+                f"{[other for other in rest if not is_shaft_name(other)]}."
+            )
+    if not rest:
+        raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
+    return {name: name for name in rest}
+
+
+class _Rates:
+    """Sampling rates by column, from the layout, the file, or the column of times."""
+
+    def __init__(self, content: FileColumns, layout: Layout, times: str | None) -> None:
+        self._content, self._layout = content, layout
+        self._stated = {
+            name: number
+            for name, number in content.numbers.items()
+            if re.sub("[^a-z]", "", re.split(r"[/.]", name)[-1].lower()) in _RATES
+        }
+        self._n_times, self._of_times = 0, 0.0
+        if times is not None:
+            values = content.columns[times]
+            unit = layout.unit_of(times) or content.units.get(times, "")
+            fs = layout.fs if isinstance(layout.fs, float | int) else None
+            seconds = seconds_of(values, unit, times)
+            self._n_times, self._of_times = len(values), rate_of_times(seconds, times, fs)
+
+    def of(self, column: str, name: str, default: float | None = None) -> float:
+        """Return the rate of a column [Hz]."""
+        stated, known = self._stated_by_layout(column, name), self._stated_by_file(column)
+        if stated is None:
+            if known or default:
+                return known or default or 0.0
+            raise ValueError(
+                f"the sampling rate of {name!r} is not known: neither the file nor the layout "
+                f"states it. Set fs, or time to a column of times."
+            )
+        if known and abs(known / stated - 1) > 1e-6:
+            raise ValueError(
+                f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
+                f"Correct fs, or leave it out."
+            )
+        return stated
+
+    def _stated_by_layout(self, column: str, name: str) -> float | None:
+        fs = self._layout.fs
+        if isinstance(fs, str):
+            number = self._content.find(fs, numbers=True)
+            if number not in self._content.numbers:
+                raise ValueError(f"fs = {fs!r} is no single number of the file.")
+            return self._content.numbers[number]
+        if isinstance(fs, Mapping):
+            rates = {split_unit(key)[0]: rate for key, rate in fs.items()}
+            return rates.get(name, rates.get(column))
+        return fs
+
+    def _stated_by_file(self, column: str) -> float | None:
+        if column in self._content.rates:
+            return self._content.rates[column]
+        if self._of_times and len(self._content.columns[column]) == self._n_times:
+            return self._of_times
+        for name, number in self._stated.items():
+            folder = name[: len(name) - len(re.split(r"[/.]", name)[-1])]
+            if column.startswith(folder) and number > 0:
+                return number
+        return None
+
+
+def _channel_unit(content: FileColumns, layout: Layout, name: str, column: str) -> str:
+    stated, known = layout.unit_of(name, column), content.units.get(column, "")
+    if stated and known and not same_unit(stated, known):
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+            f"units; nothing is converted."
+        )
+    return stated or known
+
+
+def _shaft(
+    content: FileColumns, layout: Layout, column: str | None, rates: _Rates, fs: float
+) -> dict[str, Any]:
+    """Return the shaft reference in rad or rad/s, and its rate [Hz]."""
+    if column is None or column in content.numbers:
+        return {"velocity": _constant_speed(content, layout, column), "shaft_fs": fs}
+    values = check_signal(content.columns[column], f"the shaft column {column!r}")
+    rate = rates.of(column, column, default=fs if _alike(content, column) else None)
+    if layout.tacho is not None:
+        options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
+        options.pop("column", None)
+        return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
+    kind = "angle" if layout.angle is not None else "velocity"
+    factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
+    if kind == "angle" and factor != 1 and _wraps(values, 2 * np.pi / factor):
+        angle = angle_from_wrapped(values, period=2 * np.pi / factor)
+        return {"angle": angle, "shaft_fs": rate}
+    return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
+
+
+def _alike(content: FileColumns, column: str) -> bool:
+    """Tell whether another column is as long as this one."""
+    lengths = [len(values) for name, values in content.columns.items() if name != column]
+    return len(content.columns[column]) in lengths
+
+
+def _wraps(values: NDArray[np.floating], period: float) -> bool:
+    """Tell whether an angle is wrapped, as `emacm.shaft.angle.is_wrapped` does in rad."""
+    span, steps = float(np.ptp(values)), np.abs(np.diff(values))
+    return span <= period * (1 + 1e-9) and bool(steps.max(initial=0.0) > period / 2)
+
+
+def _constant_speed(content: FileColumns, layout: Layout, column: str | None) -> float:
+    if column is not None:
+        unit = _shaft_unit(content, layout, column, "velocity")
+        return content.numbers[column] * unit_factor(unit, "velocity")
+    if isinstance(layout.velocity, str):
+        number, unit = _constant(layout.velocity) or (0.0, "")
+        return number * unit_factor(unit, "velocity")
+    unit = layout.unit_of("velocity", "speed") or "rad/s"
+    return float(layout.velocity) * unit_factor(unit, "velocity")
+
+
+def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
+    """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
+    wanted = layout.velocity if kind == "velocity" else layout.angle
+    stated = layout.unit_of(column, kind) or split_unit(str(wanted))[1]
+    known = content.units.get(column, "")
+    if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {column!r}, but the file {known!r}. "
+            f"Correct units, or leave it out."
+        )
+    if stated or known:
+        return stated or known
+    suspect = re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower())
+    if suspect:
+        raise ValueError(
+            f"the unit of {column!r} is not stated, and its name suggests another one than "
+            f"{'rad/s' if kind == 'velocity' else 'rad'}. Set units={{{column!r}: 'rpm'}}, or what "
+            f"it is in."
+        )
+    return "rad/s" if kind == "velocity" else "rad"

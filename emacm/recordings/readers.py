@@ -1,0 +1,249 @@
+"""Readers of files, by the suffix of their names; those of npz, CSV and WAV files."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from emacm.recordings.file_columns import FileColumns
+
+_PASSED_ON = (ImportError, MemoryError, FileNotFoundError, PermissionError)
+_SEPARATORS = (";", "\t", ",")
+_EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
+    {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
+)
+_HEAD = 20  # lines of a text file that are read to find its separator and its header
+
+
+class RefusedFileError(ValueError):
+    """A file that is read correctly, but holds nothing that can be used."""
+
+
+def read_columns(path: Path) -> FileColumns:
+    """Read a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its suffix tells its type.
+
+    Returns
+    -------
+    FileColumns
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If it cannot be opened.
+    ImportError
+        If the library for its type is not installed; the message names the extra.
+    ValueError
+        If its type is not known, or it is empty, damaged or of another type.
+    """
+    reader = _reader_of(path)
+    if not os.stat(path).st_size:
+        raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
+    try:
+        return reader(path)
+    except (*_PASSED_ON, RefusedFileError):
+        raise
+    except Exception as error:
+        raise ValueError(
+            f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error}). "
+            f"It is damaged, incomplete or of another type. Copy it again, or leave it out."
+        ) from error
+
+
+def optional_library(name: str, kind: str, extra: str = "files") -> Any:
+    """Import the library that reads a type of file, or name the extra that installs it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        library = name.partition(".")[0]
+        raise ImportError(
+            f"{kind} files are read by {library}, which is not installed; run "
+            f"pip install 'emacm[{extra}]'."
+        ) from error
+
+
+def array_columns(name: str, values: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the columns of an array: itself, or of two dimensions, those along the shorter one.
+
+    Examples
+    --------
+    >>> [name for name, _ in array_columns("vibration", np.zeros((2, 500)))]
+    ['vibration.0', 'vibration.1']
+    """
+    array = np.squeeze(np.asarray(values))
+    if array.ndim == 1:
+        yield name, array
+    elif array.ndim == 2:
+        rows = array if array.shape[0] <= array.shape[1] else array.T
+        yield from ((f"{name}.{number}", row) for number, row in enumerate(rows))
+
+
+def add_array(content: FileColumns, name: str, values: Any) -> None:
+    """Add a numeric array to the content of a file, or a single number; nothing else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biufc" or not array.size:
+        return
+    if array.size == 1 and array.dtype.kind != "c":
+        content.numbers[name] = float(array.reshape(()))
+        return
+    content.columns.update(array_columns(name, array))
+
+
+def _read_npz(path: Path) -> FileColumns:
+    content = FileColumns({})
+    with open(path, "rb") as file:
+        if file.read(2) != b"PK":
+            raise RefusedFileError("it is no .npz file (no ZIP archive). Save it by numpy.savez.")
+    with np.load(path, allow_pickle=False) as arrays:
+        for name in arrays.files:
+            try:
+                values = arrays[name]
+            except ValueError as error:
+                if "pickle" not in str(error):
+                    raise
+                raise RefusedFileError(
+                    f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
+                    f"numbers."
+                ) from error
+            add_array(content, name, values)
+    return _settled(content)
+
+
+def _settled(content: FileColumns) -> FileColumns:
+    """Return content with units taken out of the names."""
+    return FileColumns(content.columns, content.rates, content.units, content.numbers)
+
+
+def _read_wav(path: Path) -> FileColumns:
+    with open(path, "rb") as file:
+        header = file.read(12)
+    if header[:4] not in (b"RIFF", b"RF64") or header[8:] != b"WAVE":
+        raise RefusedFileError("it is no WAV file (no RIFF header).")
+    stated, size = int.from_bytes(header[4:8], "little") + 8, os.stat(path).st_size
+    if header[:4] == b"RIFF" and stated > size + 1:  # a padding byte may be missing
+        raise RefusedFileError(
+            f"it is truncated: its header states {stated} bytes, there are {size}. Copy it again."
+        )
+    fs, samples = scipy.io.wavfile.read(path)
+    if samples.dtype.kind in "iu":  # full scale is 1
+        bits = 8 * samples.dtype.itemsize
+        middle = 128 if samples.dtype == np.uint8 else 0
+        samples = (samples.astype(np.float64) - middle) / 2.0 ** (bits - 1)
+    table = samples.reshape(len(samples), -1)
+    columns = {f"x{i}": np.ascontiguousarray(row) for i, row in enumerate(table.T)}
+    return FileColumns(columns, dict.fromkeys(columns, float(fs)))
+
+
+def _read_csv(path: Path) -> FileColumns:
+    with open(path, encoding="utf-8-sig", newline=None) as file:
+        head = [line for _, line in zip(range(_HEAD), file, strict=False)]
+    n_comments = next((i for i, line in enumerate(head) if not line.startswith("#")), len(head))
+    lines = [line.rstrip("\n") for line in head[n_comments:] if line.strip()]
+    if not lines:
+        raise RefusedFileError("it has no rows of numbers.")
+    separator = next((s for s in _SEPARATORS if s in lines[-1]), None)
+    decimal = "," if separator in (";", "\t") and "," in lines[-1] else "."
+    rows = [_fields(line, separator) for line in lines]
+    numeric = [_is_number(row[0], decimal) or _is_number(row[-1], decimal) for row in rows]
+    names, units, n_header = _header(rows, numeric, head[:n_comments], separator)
+    table = pd.read_csv(
+        path,
+        sep=separator or r"\s+",
+        decimal=decimal,
+        header=None,
+        names=names,
+        index_col=False,
+        skiprows=n_comments + n_header,
+        encoding="utf-8-sig",
+        low_memory=False,
+        **_EXACT,
+    )
+    unnamed = [name for name in names if not name and table[name].isna().all()]
+    columns = {name: _numbers(table[name]) for name in names if name not in unnamed}
+    return FileColumns(columns, units=dict(zip(names, units, strict=False)))
+
+
+def _fields(line: str, separator: str | None) -> list[str]:
+    fields = line.split(separator) if separator else line.split()
+    return [text.strip().strip('"').strip() for text in fields]
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    try:
+        float(text.replace(decimal, "."))
+    except ValueError:
+        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # a date is no name either
+    return True
+
+
+def _header(
+    rows: list[list[str]], numeric: list[bool], comments: list[str], separator: str | None
+) -> tuple[list[str], list[str], int]:
+    """Return names and units of the columns, and the number of rows that they take."""
+    width = len(rows[numeric.index(True)]) if any(numeric) else len(rows[-1])
+    if numeric[0]:
+        named = _fields(comments[-1].lstrip("# \t").rstrip("\n"), separator) if comments else []
+        names = named if len(named) == width else [f"x{i}" for i in range(width)]
+        return names, [], 0
+    names, units, n_rows = rows[0], [], 1
+    if len(rows) > 1 and not numeric[1] and len(rows[1]) == len(names):
+        units, n_rows = [re.sub(r"^[\[(](.*)[\])]$", r"\1", text) for text in rows[1]], 2
+    if len(names) != width:
+        raise RefusedFileError(
+            f"its header has {len(names)} names {names}, but its rows have {width} values."
+        )
+    if len(set(names)) < len(names):
+        raise RefusedFileError(f"its columns must have different names, got {names}.")
+    return names, units, n_rows
+
+
+def _numbers(column: pd.Series) -> NDArray[Any]:
+    """Return a column as numbers where its cells are numbers."""
+    values = column.to_numpy()
+    if values.dtype.kind in "biuf":
+        return values
+    cells = column.astype(object).to_numpy()
+    numbers = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
+    return np.where(np.isnan(numbers), cells, numbers.astype(object))
+
+
+def _read_later(module: str, name: str) -> Callable[[Path], FileColumns]:
+    """Return a reader of another module, which is imported when it is used."""
+
+    def read(path: Path) -> FileColumns:
+        return getattr(importlib.import_module(f"emacm.recordings.{module}"), name)(path)
+
+    return read
+
+
+READERS: dict[str, Callable[[Path], FileColumns]] = {
+    ".npz": _read_npz,
+    ".csv": _read_csv,
+    ".txt": _read_csv,
+    ".tsv": _read_csv,
+    ".wav": _read_wav,
+    ".mat": _read_later("matlab_files", "read_mat"),
+}
+
+
+def _reader_of(path: Path) -> Callable[[Path], FileColumns]:
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ValueError(
+            f"files of type {path.suffix or 'without a suffix'!r} are not read; known are "
+            f"{sorted(READERS)}. Convert it, or leave it out."
+        )
+    return reader
