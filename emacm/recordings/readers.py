@@ -155,7 +155,8 @@ def _read_csv(path: Path) -> FileColumns:
     if not lines:
         raise RefusedFileError("it has no rows of numbers.")
     separator = next((s for s in _SEPARATORS if s in lines[-1]), None)
-    decimal = "," if separator in (";", "\t") and "," in lines[-1] else "."
+    comma = separator in (";", "\t") and any(re.search(r"\d,\d", line) for line in lines)
+    decimal = "," if comma else "."
     rows = [_fields(line, separator) for line in lines]
     numeric = [_is_number(row[0], decimal) or _is_number(row[-1], decimal) for row in rows]
     names, units, n_header = _header(rows, numeric, head[:n_comments], separator)

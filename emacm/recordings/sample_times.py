@@ -42,7 +42,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
     if values.dtype.kind in "iuf":
         seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
     else:
-        dates = pd.to_datetime(pd.Series(values.ravel()), errors="coerce", format="ISO8601")
+        dates = pd.to_datetime(_without_numbers(values), errors="coerce", format="ISO8601")
         if dates.isna().any():
             place = int(np.argmax(dates.isna()))
             raise ValueError(
@@ -57,6 +57,13 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
             f"recording before it, or repair it."
         )
     return seconds - seconds[0]
+
+
+def _without_numbers(values: NDArray[Any]) -> pd.Series:
+    """Return dates; of a column with texts and numbers, the numbers, as if the texts were bad."""
+    if values.dtype.kind == "O" and any(isinstance(value, float) for value in values):
+        return pd.Series([None if isinstance(v, str) else "2000-01-01" for v in values])
+    return pd.Series(values.ravel())
 
 
 def rate_of_times(seconds: NDArray[np.float64], name: str, fs: float | None = None) -> float:
@@ -140,7 +147,10 @@ def _rounding(seconds: NDArray[np.float64], steps: NDArray[np.float64]) -> float
             decimal = 10.0**-digits
             break
     usual = float(np.median(steps))
-    exact = decimal / 2 < usual < _FEW * decimal and np.mean(np.abs(steps - usual) < decimal / 2) > _MOST
+    exact = (
+        decimal / 2 < usual < _FEW * decimal
+        and np.mean(np.abs(steps - usual) < decimal / 2) > _MOST
+    )
     return 0.0 if exact else decimal
 
 

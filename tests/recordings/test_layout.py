@@ -154,6 +154,12 @@ def test_bad_times_are_refused_with_the_sample_and_a_remedy(tmp_path, times, fs,
     assert opened(tmp_path, ignoring, time=times, b=VIBRATION).channels == ("b",)
 
 
+def test_a_text_among_times_is_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("t,b\n0,1\n0.1,2\noops,3\n0.3,4\n")
+    with pytest.raises(ValueError, match="time column 't' has 'oops' at sample 2"):
+        assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration
+
+
 # Meta
 
 
