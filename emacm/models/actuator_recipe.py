@@ -32,6 +32,8 @@ def actuator_recipe(
     condition: Any = "load",
     cost: Any = None,
     priors: Any = None,
+    unknown: Any = "unknown",
+    temperature: Any = "groups",
     revolutions: float = 4,
     max_order: float = 2.5,
     min_speed: float = 0.0,
@@ -42,7 +44,8 @@ def actuator_recipe(
     The features describe forward and reverse strokes separately: powers in order bins; the
     frequency response and the coherence between channels over orders; mean, standard
     deviation and slope of each channel; its profile along the stroke; and the 1x component. The
-    classifier is a Gaussian for each class, with one covariance for all.
+    classifier is a Gaussian for each class, with one covariance for all. A recording that is unlike
+    the training recordings, such as one of another machine, is decided to be "unknown".
 
     Parameters
     ----------
@@ -63,6 +66,13 @@ def actuator_recipe(
         separate classifier for each condition, put the recipe into a `ConditionRouter`.
     cost, priors
         As for `CostSensitiveGaussianBayes`; for decisions on families, a table of `family_costs`.
+    unknown, temperature
+        As for `CostSensitiveGaussianBayes`: the label of the unknown state, and the calibration of
+        the posterior. Both are learned by leaving out groups of recordings that were
+        measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
+        passes them; without groups, single recordings are left out, with a warning that
+        near-duplicates make the model over-confident. None, for both, is the thesis. Few
+        groups are little evidence: with four, a recording far away may still be given a class.
     revolutions : float
         Length of a segment of the spectra, and the inverse of the bin width. Short segments give
         few bins with little scatter.
@@ -90,6 +100,10 @@ def actuator_recipe(
     The profile along the stroke has 12 coefficients. In strokes that are much longer than 6
     revolutions they do not depend on the 1x component. Starts, stops and peaks are not
     used, as they depend on the start and end positions; `RecordingStatistics` provides them.
+
+    With `healthy`, the mean healthy signals are learned from all training recordings, also from
+    those that are left out to learn what is unknown: new recordings are then less typical than
+    these, above all if there are few healthy ones.
 
     The features and the classifier were selected on runs 1 to 7 of a ball screw sampled 5 times
     per revolution; ``benchmarks/real_actuator.py`` states the number of variants tried. For another
@@ -132,7 +146,14 @@ def actuator_recipe(
     reference = "absolute" if phase else "relative"
     lines = ShaftHarmonics((1,), phase=reference, n_sections=2, **strokes)
     features = _union(over_angle=over_angle, lines=lines)
-    gaussians = CostSensitiveGaussianBayes(cost, priors=priors, covariance="tied", shrinkage="auto")
+    gaussians = CostSensitiveGaussianBayes(
+        cost,
+        priors=priors,
+        covariance="tied",
+        shrinkage="auto",
+        unknown=unknown,
+        temperature=temperature,
+    )
     return Pipeline(
         [
             ("featureunion", features),

@@ -2,10 +2,11 @@
 
 import joblib
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from emacm import ConditionRouter, Recording, ShaftHarmonics, family_costs
+from emacm import ConditionRouter, Recording, ShaftHarmonics, evaluate, family_costs
 from emacm.models.actuator_recipe import actuator_recipe
 
 FS, TURN = 100.0, 2 * np.pi
@@ -27,7 +28,9 @@ def actuator(state="normal", load=20, seed=0, zero=0.0, wave=0.0):
     current += 0.05 * (1 + 3 * strength) * rng.standard_normal(len(angle))
     error = np.convolve(current, [0.5, 0.3, 0.2], "same") + 0.02 * rng.standard_normal(len(angle))
     channels = {"current": current, "error": error}
-    return Recording(channels, FS, angle=angle + zero, meta={"load": load, "state": state})
+    return Recording(
+        channels, FS, angle=angle + zero, meta={"load": load, "state": state, "run": seed}
+    )
 
 
 def campaign(n=4, loads=(20, 40), **options):
@@ -44,6 +47,11 @@ def recipe(**options):
     return actuator_recipe(max_order=3, min_speed=2, **options)
 
 
+def fitted(X, y, model=None, **options):
+    model = recipe(**options) if model is None else model
+    return model.fit(X, y, costsensitivegaussianbayes__groups=[x.meta["run"] for x in X])
+
+
 VARIANTS = {
     "without phase": {},
     "with phase": {"phase": True},
@@ -55,7 +63,7 @@ variants = pytest.mark.parametrize("options", VARIANTS.values(), ids=VARIANTS)
 @variants
 def test_states_of_a_made_up_actuator_are_recognised_in_new_recordings(options):
     X, y = campaign()
-    model = recipe(**options).fit(X, y)
+    model = fitted(X, y, **options)
     new, truth = [actuator(s, 20, 100 + k) for k, s in enumerate(STATES)], list(STATES)
     assert model.predict(new).tolist() == truth
 
@@ -81,9 +89,9 @@ def test_without_phase_machines_that_are_put_together_anew_are_recognised():
     y = [x.meta["state"] for x in X]
     new = [actuator(s, 20, 100 + seed, wave=found[s]) for seed in range(4) for s in STATES]
     truth = [x.meta["state"] for x in new]
-    assert recipe().fit(X, y).predict(new).tolist() == truth
+    assert fitted(X, y).predict(new).tolist() == truth
     # With phase each is taken for the one whose wave stood there in training.
-    mistaken = recipe(phase=True).fit(X, y).predict(new).tolist()
+    mistaken = fitted(X, y, phase=True).predict(new).tolist()
     assert not any(a == b for a, b in zip(mistaken, truth, strict=True))
 
 
@@ -93,7 +101,7 @@ def test_without_phase_the_zero_of_the_shaft_angle_changes_nothing():
     turned = [actuator(x.meta["state"], x.meta["load"], 0, zero=2.0) for x in X]
     known, found = features.transform(X), features.transform(turned)
     np.testing.assert_allclose(found, known, rtol=1e-8, atol=1e-8)
-    model = recipe().fit(*campaign())
+    model = fitted(*campaign())
     assert model.predict(turned).tolist() == model.predict(X).tolist()
 
 
@@ -108,12 +116,71 @@ def test_every_feature_has_a_name_of_its_own(options):
 def test_it_decides_on_families_of_states():
     X, y = campaign()
     cost = family_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
-    assert {*recipe(cost=cost).fit(X, y).predict(X)} == {"normal", "worn"}
+    assert {*fitted(X, y, cost=cost).predict(X)} == {"normal", "worn"}
+
+
+def another_machine(seed):
+    """Another current, another mechanism, and a load that the shaft angle does not determine."""
+    rng, angle = np.random.default_rng(seed), stroke_angle()
+    current = 0.4 + 0.2 * np.cos(2 * angle) + 0.2 * rng.standard_normal(len(angle))
+    error = np.convolve(current, [0.1, -0.4, 0.9], "same")
+    meta = {"load": 20, "run": seed}
+    return Recording({"current": current, "error": error}, FS, angle=angle, meta=meta)
+
+
+@variants
+def test_another_machine_is_unknown(options):
+    model = fitted(*campaign(8), **options)
+    new = [another_machine(seed) for seed in range(3)]
+    assert model.predict(new).tolist() == ["unknown"] * 3
+    assert model.set_params(costsensitivegaussianbayes__unknown=None).predict(new)[0] in STATES
+
+
+def test_decisions_on_families_include_the_unknown_state():
+    cost = family_costs(
+        {"normal": ["normal"], "worn": ["worn1", "worn2"]}, other_decisions={"inspect": 0.3}
+    )
+    model = fitted(*campaign(8), cost=cost)
+    assert model.predict([another_machine(1)]).tolist() == ["unknown"]
+    costs = pd.DataFrame(model[-1].cost_, model[-1].decisions_, model[-1].truths_)
+    assert costs["unknown"].to_dict() == {"normal": 1, "worn": 1, "unknown": 0, "inspect": 0.3}
+    # One in two machines may be unknown: then a doubtful one is inspected.
+    model.set_params(
+        costsensitivegaussianbayes__priors={
+            "normal": 0.3,
+            "worn1": 0.1,
+            "worn2": 0.1,
+            "unknown": 0.5,
+        }
+    )
+    assert set(model.predict(campaign()[0])) <= {"normal", "worn", "inspect", "unknown"}
+
+
+def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
+    X, y = campaign(4, loads=(20,))
+    families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}
+    model = recipe(cost=family_costs(families))
+    result = evaluate(model, X, y, runs="run", families=families, healthy="normal", n_splits=4)
+    assert result.table.loc["by run", "accuracy"] == 1.0
+    assert result.table.loc["by run", "false_alarm_rate"] == 0.0
+
+
+def test_without_groups_single_recordings_are_left_out_with_a_warning():
+    X, y = campaign(8, loads=(20,))
+    with pytest.warns(UserWarning, match="near-duplicates and make the model over-confident"):
+        model = recipe().fit(X, y)
+    assert model.predict([another_machine(1)]).tolist() == ["unknown"]
+
+
+def test_the_unknown_state_and_the_temperature_can_be_switched_off():
+    model = recipe(unknown=None, temperature=None).fit(*campaign())
+    assert model[-1].truths_.tolist() == list(STATES)
+    assert model[-1].temperature_ == 1
 
 
 def test_it_goes_into_a_router_and_through_joblib(tmp_path):
     X, y = campaign()
-    model = clone(ConditionRouter(recipe(), condition="load")).fit(X, y)
+    model = fitted(X, y, clone(ConditionRouter(recipe(), condition="load")))
     joblib.dump(model, tmp_path / "model.joblib")
     kept = joblib.load(tmp_path / "model.joblib")
     assert kept.predict(X).tolist() == model.predict(X).tolist() == y.tolist()
@@ -123,7 +190,7 @@ def test_healthy_recordings_of_a_load_make_its_level_no_fault():
     X, y = campaign()
     asked = np.array([x.meta["load"] == 40 and x.meta["state"] != "normal" for x in X])
     taught = [x for x, out in zip(X, asked, strict=True) if not out]
-    model = recipe(phase=True, healthy="normal").fit(taught, y[~asked])
+    model = fitted(taught, y[~asked], phase=True, healthy="normal")
     features = model[:-1]
     names = features.get_feature_names_out().tolist()
     level = features.transform(X)[:, names.index("current+:mean")]
@@ -153,12 +220,12 @@ def test_phase_is_yes_or_no():
 @pytest.mark.parametrize("level", [0.0, 0.7])
 @pytest.mark.parametrize("channel", ["current", "error"])
 def test_a_dead_channel_is_named_with_its_recording(channel, level):
-    X, y = campaign(2, loads=(20,))
-    model = recipe().fit(X, y)
+    X, y = campaign(3, loads=(20,))
+    model = fitted(X, y)
     dead = dict(X[4].signals) | {channel: np.full(len(X[4].signals[channel]), level)}
     X[4] = Recording(dead, FS, angle=X[4].angle, meta=X[4].meta)
     message = rf"recording 4.* '{channel}.*[Cc]heck its sensor, or leave"
-    for call in (lambda: model.predict(X), lambda: recipe().fit(X, y)):
+    for call in (lambda: model.predict(X), lambda: fitted(X, y)):
         with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
             call()
 
