@@ -111,7 +111,10 @@ def confounding_caveats(labels: Sequence[Any], units: Sequence[Any], unit: str) 
 
 
 def scheme_caveats(
-    schemes: Sequence[Scheme], rows: Mapping[str, Mapping[str, Any]], rule: ScoringRule
+    schemes: Sequence[Scheme],
+    table: pd.DataFrame,
+    rule: ScoringRule,
+    further: Sequence[str] = (),
 ) -> list[str]:
     """Return the caveats of the schemes, most serious first.
 
@@ -119,10 +122,12 @@ def scheme_caveats(
     ----------
     schemes : sequence of Scheme
         All of them.
-    rows : mapping of str to mapping
-        Row of `Evaluation.table` for each scheme that could be scored.
+    table : DataFrame
+        `Evaluation.table`.
     rule : ScoringRule
         Definition of a correct decision.
+    further : sequence of str
+        Less serious caveats.
 
     Returns
     -------
@@ -134,12 +139,39 @@ def scheme_caveats(
             "Only a random split was made. It estimates the performance on recordings with near "
             "copies in the training data, not on the next run or unit. Give runs= or units=."
         )
-    random = rows.get(RANDOM, {}).get("balanced_accuracy", -np.inf)
+    rows = {s.name: table.loc[s.name] for s in schemes if not s.impossible}
+    random = rows[RANDOM]["balanced_accuracy"] if RANDOM in rows else -np.inf
     for applies, text in _CAVEATS:
         if names := [name for name, row in rows.items() if applies(row, random)]:
             caveats.append(text.format(", ".join(map(repr, names))))
+    caveats += further
     if rule.has_families:
         caveats.append("Scored by families: " + ", ".join(map(repr, rule.labels)) + ".")
+    return caveats
+
+
+def novelty_caveats(table: pd.DataFrame, refused: Mapping[str, str]) -> list[str]:
+    """Return what limits the conclusions about unknown states.
+
+    Parameters
+    ----------
+    table : DataFrame
+        `Evaluation.novelty`.
+    refused : mapping of str to str
+        Reason why a family could not be left out of training.
+
+    Returns
+    -------
+    list of str
+    """
+    caveats = [
+        f"{family!r} could not be left out of training. {why}" for family, why in refused.items()
+    ]
+    if not len(table) and not refused:
+        caveats.append(
+            "No family of faults was left out as unknown: the classifier has no typicality (see "
+            "unknown= of CostSensitiveGaussianBayes). It assigns any unknown state to a known one."
+        )
     return caveats
 
 

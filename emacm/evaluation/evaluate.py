@@ -20,19 +20,22 @@ from emacm._checks import check_count, once_hint
 from emacm.decisions.costs import stated_cost, stated_truths
 from emacm.decisions.labels import check_classes
 from emacm.evaluation.bootstrap import check_bootstrap
-from emacm.evaluation.caveats import confounding_caveats, scheme_caveats, single_unit_labels
-from emacm.evaluation.held_out import decide_held_out
-from emacm.evaluation.results import Evaluation, gather, score_scheme
-from emacm.evaluation.schemes import (
-    Scheme,
-    given_scheme,
-    group_scheme,
-    random_scheme,
+from emacm.evaluation.caveats import (
+    confounding_caveats,
+    novelty_caveats,
+    scheme_caveats,
+    single_unit_labels,
 )
+from emacm.evaluation.held_out import decide_held_out
+from emacm.evaluation.novelty import left_out_families, score_novelty
+from emacm.evaluation.nuisances import nuisance_caveats, nuisance_table, read_nuisances
+from emacm.evaluation.results import Evaluation, gather
+from emacm.evaluation.schemes import all_schemes, strictest_scheme
 from emacm.evaluation.scoring import scoring_rule
-from emacm.recordings.meta import Grouping, read_grouping
+from emacm.recordings.meta import read_grouping
 
 _ROLES = {"runs": "run", "units": "unit", "conditions": "condition"}
+_FOLDS_OF_FAMILY = 5  # largest number of folds for each family that is left out
 
 
 def evaluate(
@@ -47,6 +50,8 @@ def evaluate(
     families: Mapping[Any, Any] | None = None,
     healthy: Any = None,
     cost: Any = None,
+    nuisances: Any = None,
+    unknown_families: bool | None = None,
     n_splits: int = 10,
     confidence: float = 0.95,
     n_resamples: int = 2000,
@@ -90,6 +95,14 @@ def evaluate(
         Rows are decisions, columns true classes, as for `CostSensitiveGaussianBayes`;
         columns may be families. Default: the `cost` among the estimator's parameters (several
         that differ are an error); without any, 0-1.
+    nuisances : sequence of keys or mapping, optional
+        Properties that should not matter, such as ``("day", "fs")``: keys of `meta`, tuples of
+        keys or functions; a mapping of names to them or to arrays. For each, how well it predicts
+        the label by itself, and the score within one of its levels. "fs" is the sampling rate.
+    unknown_families : bool, optional
+        Whether to leave each family of faults out of training in turn, to see whether it is
+        recognised as unknown; at most five folds for each family. Default: if the classifier has
+        an unknown state.
     n_splits : int, default=10
         Largest number of folds, at least 2. Up to this number of runs (or units), one is left out
         at a time.
@@ -174,67 +187,49 @@ def evaluate(
         role: read_grouping(values, X, role, _ROLES[role])
         for role, values in zip(_ROLES, (runs, units, conditions), strict=True)
     }
-    schemes = _schemes(classes, labels, groupings, splits, n_splits=n_splits, seed=random_state)
-    bootstrap = {
-        "confidence": confidence,
-        "n_resamples": n_resamples,
-        "random_state": random_state,
-    }
+    schemes = all_schemes(classes, labels, groupings, splits, n_splits, random_state)
+    properties = read_nuisances(nuisances, X)
+    leave_out = []
+    if unknown is not None and unknown_families is not False:
+        fewer = min(n_splits, _FOLDS_OF_FAMILY), random_state
+        divided = strictest_scheme(all_schemes(classes, labels, groupings, None, *fewer), groupings)
+        leave_out = [] if divided is None else left_out_families(divided, labels, rule)
     together = groupings["runs"] or groupings["units"]
-    schemes, decided = decide_held_out(
+    done, decided = decide_held_out(
         estimator,
         X,
         classes,
-        schemes,
+        [*schemes, *leave_out],
         groups=None if together is None else together.labels,
         n_jobs=n_jobs,
         verbose=verbose,
     )
-    scores = {
-        scheme.name: score_scheme(scheme, folds, classes, rule, bootstrap)
-        for scheme, folds in zip(schemes, decided, strict=True)
-        if not scheme.impossible
+    bootstrap = {
+        "confidence": float(confidence),
+        "n_resamples": n_resamples,
+        "random_state": random_state,
     }
-    caveats = scheme_caveats(schemes, {name: score.row for name, score in scores.items()}, rule)
+    n_schemes = len(schemes)
+    schemes, folds = done[:n_schemes], decided[:n_schemes]
+    novelty = score_novelty(done[n_schemes:], decided[n_schemes:], classes, rule, bootstrap)
+    result = gather(schemes, folds, classes, rule, bootstrap)
+    table = nuisance_table(
+        properties, strictest_scheme(schemes, groupings), labels, result.predictions, bootstrap
+    )
+    unseen = [] if unknown_families is False else novelty_caveats(novelty.table, novelty.refused)
+    caveats = scheme_caveats(schemes, result.table, rule, unseen)
     if (unit := groupings["units"]) is not None:
         names = unit.labels.tolist()
         caveats = [*confounding_caveats(labels, names, unit.name), *caveats]
         if single_unit_labels(labels, names):
             warnings.warn(caveats[0], UserWarning, stacklevel=2)
-    return gather(schemes, scores, caveats=caveats, confidence=float(confidence))
-
-
-def _schemes(
-    y: NDArray[Any],
-    labels: list[Any],
-    groupings: Mapping[str, Grouping | None],
-    splits: Mapping[str, Any] | None,
-    **options: Any,
-) -> list[Scheme]:
-    """Return the random split, and every other scheme for which there are labels."""
-    runs, units, conditions = groupings.values()
-    resampled = runs or units or Grouping("recording", np.arange(len(y)))
-    schemes = [random_scheme(y, labels, resampled, **options)]
-    schemes += [group_scheme(y, labels, g, g, **options) for g in (runs, units) if g is not None]
-    if conditions is not None:
-        one_at_a_time = options | {"n_splits": None}
-        left_out = group_scheme(y, labels, conditions, resampled, **one_at_a_time)
-        schemes.append(replace(left_out, may_refuse=("predict",)))
-    if splits is not None and not isinstance(splits, Mapping):
-        raise TypeError(
-            f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."
-        )
-    for name, split in (splits or {}).items():
-        groups = None if runs is None else runs.labels
-        schemes.append(given_scheme(str(name), split, y, groups, labels, resampled))
-    names = [scheme.name for scheme in schemes]
-    doubles = [name for name in names if names.count(name) > 1]
-    if doubles:
-        raise ValueError(
-            f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
-            f"splits different names, for example as a pandas Series with a name."
-        )
-    return schemes
+    return replace(
+        result,
+        caveats=[*nuisance_caveats(table, len(classes)), *caveats],
+        novelty=novelty.table,
+        novelty_predictions=novelty.predictions,
+        nuisances=table,
+    )
 
 
 def _checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:

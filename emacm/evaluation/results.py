@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from textwrap import fill
 from typing import Any
 
@@ -25,6 +25,12 @@ from emacm.evaluation.held_out import Decided
 from emacm.evaluation.schemes import Scheme
 from emacm.evaluation.scoring import ScoringRule
 
+_NOVELTY = {
+    "auroc": "AUROC, unknown from known",
+    "known_flagged": "known with typicality <= 0.01",
+    "unknown_flagged": "unknown with typicality <= 0.01",
+    "unknown_called_healthy": "unknown decided healthy",
+}
 _WIDTH = 98  # characters of a printed line
 
 
@@ -55,6 +61,28 @@ class Evaluation:
         What limits the conclusions, most serious first.
     confidence : float
         Confidence level of the intervals.
+    novelty : DataFrame
+        One row for each family of faults that was left out of training, with intervals as in
+        `table`: "auroc", the area under the ROC curve of typicality, by which its recordings are
+        told from the known ones; fraction of the known recordings with a typicality of at most
+        0.01 ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left
+        out that were decided to be healthy ("unknown_called_healthy"); numbers of recordings
+        ("known", "unknown"). Empty if no family was left out.
+    novelty_predictions : DataFrame
+        One row for each family left out and recording held out: "left_out", "fold", "recording",
+        "group", "true_label", "is_unknown" (of the family left out), "decision",
+        "decided_label", "confidence" (the largest posterior probability of a label), "typicality"
+        and "unknown_proba".
+    nuisances : DataFrame
+        One row for each nuisance and scheme: number of "levels"; balanced accuracy of predictions
+        from the nuisance "alone", with its interval, and its "chance"; "balanced_accuracy" of the
+        classifier; the same "within" one level, with its interval: the mean over all pairs of a
+        level with at least two labels and a label of the fraction recognised, its
+        "within_chance", and the number of "recordings" in these levels. NaN if there are none.
+    scoring : ScoringRule or None
+        Definition of a correct decision, and costs.
+    bootstrap : mapping
+        Options of the bootstrap.
     """
 
     table: pd.DataFrame
@@ -63,30 +91,70 @@ class Evaluation:
     calibration: pd.DataFrame
     caveats: list[str]
     confidence: float
+    novelty: pd.DataFrame = field(default_factory=pd.DataFrame)
+    novelty_predictions: pd.DataFrame = field(default_factory=pd.DataFrame)
+    nuisances: pd.DataFrame = field(default_factory=pd.DataFrame)
+    scoring: ScoringRule | None = None
+    bootstrap: Mapping[str, Any] = field(default_factory=dict)
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""
-        columns = {}
-        for name in (name for name in FIGURES if name in self.table):
-            limits = self.table[[name, f"{name}_low", f"{name}_high"]].to_numpy()
-            columns[name.replace("_", " ")] = [_with_limits(*row) for row in limits]
+        columns = _texts(self.table, [name for name in FIGURES if name in self.table])
         if columns:
             counts = zip(self.table["groups"], self.table["resampled"], strict=True)
             columns["bootstrap groups"] = [f"{number} ({name})" for number, name in counts]
         return pd.DataFrame(columns, index=self.table.index)
 
+    def novelty_summary(self) -> pd.DataFrame:
+        """Return the rates of the families left out as text."""
+        names = [name for name in _NOVELTY if name in self.novelty]
+        texts = _texts(self.novelty, names).values()
+        titles = [_NOVELTY[name] for name in names]
+        return pd.DataFrame(dict(zip(titles, texts, strict=True)), index=self.novelty.index)
+
+    def nuisance_summary(self) -> pd.DataFrame:
+        """Return the scores by nuisance as text."""
+        table = self.nuisances
+        if table.empty:
+            return pd.DataFrame()
+        texts = _texts(table, ["alone", "within"])
+        texts = {
+            "nuisance alone": texts["alone"],
+            "chance": [f"{value:.3g}" for value in table["chance"]],
+            "classifier": [f"{value:.3g}" for value in table["balanced_accuracy"]],
+            "within one level": texts["within"],
+            "chance within": [_with_limits(v, np.nan, np.nan) for v in table["within_chance"]],
+        }
+        index = pd.MultiIndex.from_frame(table[["nuisance", "scheme"]])
+        return pd.DataFrame(texts, index=index)
+
     def __str__(self) -> str:
         caveats = [
             fill(text, _WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
         ]
-        return "\n".join([*caveats, self.summary().T.to_string(), f"({self._interval})"])
+        parts = [self.summary().T.to_string()]
+        for title, table in self._further():
+            parts += [f"\n{title}", table.to_string()]
+        return "\n".join([*caveats, *parts, f"({self._interval})"])
+
+    def _further(self) -> list[tuple[str, pd.DataFrame]]:
+        """Return the titles and texts of the tables that are not empty."""
+        tables = {
+            "families of faults left out of training:": self.novelty_summary().T,
+            "balanced accuracy by nuisance:": self.nuisance_summary(),
+        }
+        return [(title, table) for title, table in tables.items() if len(table)]
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str:
         caveats = "".join(f"<li>{html.escape(text)}</li>" for text in self.caveats)
-        return f"<ul>{caveats}</ul>{self.summary().T.to_html()}<p>{self._interval}</p>"
+        further = "".join(
+            f"<p>{html.escape(title)}</p>{table.to_html()}" for title, table in self._further()
+        )
+        table = self.summary().T.to_html()
+        return f"<ul>{caveats}</ul>{table}{further}<p>{self._interval}</p>"
 
     @property
     def _interval(self) -> str:
@@ -192,23 +260,33 @@ def _predictions(
 
 
 def gather(
-    schemes: Sequence[Scheme], scores: Mapping[str, SchemeScore], **attributes: Any
+    schemes: Sequence[Scheme],
+    decided: Sequence[Sequence[Decided]],
+    y: NDArray[Any],
+    rule: ScoringRule,
+    bootstrap: Mapping[str, Any],
 ) -> Evaluation:
-    """Combine the results of the schemes.
+    """Score the schemes, and combine their results.
 
     Parameters
     ----------
     schemes : sequence of Scheme
-        All of them.
-    scores : mapping of str to SchemeScore
-        The result of each that can be scored, by its name.
-    **attributes
-        Further attributes of `Evaluation`.
+        All of them; those that are `impossible` have a row of NaN.
+    decided : sequence of sequence of Decided
+        Decisions of each scheme.
+    y, rule, bootstrap
+        As for `score_scheme`.
 
     Returns
     -------
     Evaluation
+        Without caveats.
     """
+    scores = {
+        scheme.name: score_scheme(scheme, folds, y, rule, bootstrap)
+        for scheme, folds in zip(schemes, decided, strict=True)
+        if not scheme.impossible
+    }
     columns = max((list(score.row) for score in scores.values()), key=len, default=[])
     rows = [
         scores[scheme.name].row if scheme.name in scores else {"resampled": scheme.resampled.name}
@@ -225,12 +303,26 @@ def gather(
         predictions=_stacked([score.predictions for score in scores.values()]),
         confusions={name: score.confusion for name, score in scores.items()},
         calibration=_stacked(curves),
-        **attributes,
+        caveats=[],
+        confidence=bootstrap["confidence"],
+        scoring=rule,
+        bootstrap=bootstrap,
     )
 
 
 def _stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+
+
+def _texts(table: pd.DataFrame, names: Sequence[str]) -> dict[str, list[str]]:
+    """Return figures of merit with their limits as text, such as "0.95 (0.90 to 0.98)"."""
+    return {
+        name.replace("_", " "): [
+            _with_limits(*row)
+            for row in table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
+        ]
+        for name in names
+    }
 
 
 def _with_limits(value: float, low: float, high: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -170,6 +170,74 @@ def given_scheme(
     if not folds:
         raise ValueError(f"splits[{name!r}] must have at least one fold, got none.")
     return Scheme(name, folds, resampled, _absent(folds, labels))
+
+
+def all_schemes(
+    y: NDArray[Any],
+    labels: Sequence[Any],
+    groupings: Mapping[str, Grouping | None],
+    splits: Mapping[str, Any] | None,
+    n_splits: int,
+    seed: Any,
+) -> list[Scheme]:
+    """Return the random split, and every other scheme for which there are labels.
+
+    Parameters
+    ----------
+    y : ndarray of shape (n_recordings,)
+        Classes.
+    labels : sequence of n_recordings
+        Labels that are scored.
+    groupings : mapping
+        "runs", "units" and "conditions", in this order.
+    splits : mapping of str to split, optional
+        As for `given_scheme`.
+    n_splits, seed
+        As for `group_scheme`.
+
+    Returns
+    -------
+    list of Scheme
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `splits` has another form, two schemes have the same name, or as `given_scheme`.
+    """
+    runs, units, conditions = groupings.values()
+    options = {"n_splits": n_splits, "seed": seed}
+    resampled = runs or units or Grouping("recording", np.arange(len(y)))
+    schemes = [random_scheme(y, labels, resampled, n_splits, seed)]
+    schemes += [group_scheme(y, labels, g, g, **options) for g in (runs, units) if g is not None]
+    if conditions is not None:
+        left_out = group_scheme(y, labels, conditions, resampled, n_splits=None, seed=seed)
+        schemes.append(replace(left_out, may_refuse=("predict",)))
+    if splits is not None and not isinstance(splits, Mapping):
+        raise TypeError(
+            f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."
+        )
+    for name, split in (splits or {}).items():
+        groups = None if runs is None else runs.labels
+        schemes.append(given_scheme(str(name), split, y, groups, labels, resampled))
+    names = [scheme.name for scheme in schemes]
+    doubles = [name for name in names if names.count(name) > 1]
+    if doubles:
+        raise ValueError(
+            f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
+            f"splits different names, for example as a pandas Series with a name."
+        )
+    return schemes
+
+
+def strictest_scheme(
+    schemes: Sequence[Scheme], groupings: Mapping[str, Grouping | None]
+) -> Scheme | None:
+    """Return the split by unit, otherwise by run, otherwise at random, whichever can be scored."""
+    names = [
+        f"by {each.name}" for each in map(groupings.get, ("units", "runs")) if each is not None
+    ]
+    possible = {scheme.name: scheme for scheme in schemes if not scheme.impossible}
+    return next((possible[name] for name in (*names, RANDOM) if name in possible), None)
 
 
 def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices]]:

@@ -1,0 +1,167 @@
+"""Families of faults that are left out of training are unknown in the test."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.metrics import roc_auc_score
+from sklearn.naive_bayes import GaussianNB
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from emacm import CostSensitiveGaussianBayes
+from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.novelty import novelty_table, pair_counts
+
+STATES = ["new", "dry1", "dry2", "worn"]
+FAMILIES = {"new": ["new"], "dry": ["dry1", "dry2"], "worn": ["worn"]}
+PLACES = {"new": (0, 0, 0), "dry1": (9, 0, 0), "dry2": (9, 5, 0), "worn": (0, 0, 40)}
+
+
+def fleet(n_units=20, n_each=4, seed=0):
+    """Return recordings of units of one state each; "worn" is far from all others."""
+    rng = np.random.default_rng(seed)
+    units = np.repeat(np.arange(n_units), n_each)
+    y = np.array(STATES)[units % 4]
+    return rng.normal(size=(len(y), 3)) + [PLACES[state] for state in y], y, units
+
+
+def classifier(**options):
+    return CostSensitiveGaussianBayes(unknown="unknown", covariance="tied", **options)
+
+
+@pytest.fixture(scope="module")
+def found():
+    X, y, units = fleet()
+    model = make_pipeline(StandardScaler(), classifier())
+    return evaluate(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=5)
+
+
+def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found):
+    assert found.novelty.index.tolist() == ["dry", "worn"]
+    assert found.novelty["unknown"].tolist() == [40, 20]
+    assert found.novelty["known"].tolist() == [40, 60]
+    held = found.novelty_predictions
+    for _, part in held.groupby("left_out"):
+        assert sorted(part["recording"]) == list(range(80))
+    assert (held["is_unknown"] == (held["true_label"] == held["left_out"])).all()
+
+
+def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_and_the_units():
+    X, y, units = fleet()
+    found = evaluate(classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
+    held = found.novelty_predictions.query("left_out == 'dry'")
+    assert held["fold"].nunique() == 2
+    for _, part in held.groupby("fold"):
+        test = np.isin(units, part["group"])
+        train = ~test & ~np.isin(y, FAMILIES["dry"])
+        alone = classifier().fit(X[train], y[train], groups=units[train])
+        rows = part["recording"].to_numpy()
+        assert set(rows) == set(np.flatnonzero(test))
+        assert part["typicality"].to_numpy() == pytest.approx(alone.typicality(X[rows]))
+        assert part["unknown_proba"].to_numpy() == pytest.approx(alone.unknown_proba(X[rows]))
+        assert part["decision"].tolist() == alone.predict(X[rows]).tolist()
+        largest = alone.predict_proba(X[rows]).max(axis=1)
+        assert part["confidence"].to_numpy() == pytest.approx(largest)
+
+
+def test_the_area_under_the_curve_is_that_of_scikit_learn(found):
+    for family, part in found.novelty_predictions.groupby("left_out"):
+        expected = roc_auc_score(part["is_unknown"], -part["typicality"])
+        row = found.novelty.loc[family]
+        assert row["auroc"] == pytest.approx(expected, rel=1e-12)
+        assert row["auroc_low"] <= row["auroc"] <= row["auroc_high"]
+
+
+def test_a_family_far_from_all_others_is_recognised_as_unknown(found):
+    far = found.novelty.loc["worn"]
+    assert far["auroc"] == 1
+    assert far["unknown_flagged"] == 1
+    assert far["unknown_called_healthy"] == 0
+    assert (found.novelty["known_flagged"] < 0.1).all()
+    held = found.novelty_predictions.query("left_out == 'worn' and is_unknown")
+    assert (held["decision"] == "unknown").all()
+
+
+PREDICTIONS = pd.DataFrame(
+    {
+        "left_out": "dry",
+        "group": [1, 1, 2, 2, 3, 3, 4],
+        "is_unknown": [False, False, False, False, True, True, True],
+        "decided_label": ["new", "worn", "unknown", "new", "new", "worn", "unknown"],
+        "typicality": [0.5, 0.3, 0.01, 0.2, 0.3, 0.005, 0.0101],
+    }
+)
+BOOTSTRAP = {"confidence": 0.95, "n_resamples": 200, "random_state": 0}
+
+
+def test_rates_are_counted_among_the_known_and_the_unknown_separately():
+    row = novelty_table(PREDICTIONS, "new", BOOTSTRAP).loc["dry"]
+    assert row["known_flagged"] == 1 / 4
+    assert row["unknown_flagged"] == 1 / 3
+    assert row["unknown_called_healthy"] == 1 / 3
+    # 0.3: above 0.01 and 0.2, equal to 0.3 | 0.005: below all four | 0.0101: above 0.01 only
+    assert row["auroc"] == pytest.approx((1 + 0.5 + 4 + 3) / 12)
+    assert (row["known"], row["unknown"]) == (4, 3)
+    without = novelty_table(PREDICTIONS, None, BOOTSTRAP)
+    assert "unknown_called_healthy" not in without
+
+
+def test_groups_of_one_kind_only_have_no_interval():
+    one_unit = PREDICTIONS.assign(group=[1, 1, 2, 2, 3, 3, 3])
+    row = novelty_table(one_unit, "new", BOOTSTRAP).loc["dry"]
+    assert np.isnan([row["auroc_low"], row["unknown_flagged_high"]]).all()
+    assert not np.isnan(row["known_flagged_low"])
+
+
+def test_pairs_are_counted_by_groups():
+    rng = np.random.default_rng(3)
+    typicality, codes = rng.integers(1, 9, 900) / 10, rng.integers(0, 7, 900)
+    is_unknown = rng.random(900) < 0.7  # more than one block of rows
+    wins, unknown, known = pair_counts(typicality, is_unknown, codes)
+    for g, h in ((0, 0), (2, 5), (5, 2)):
+        mine = typicality[is_unknown & (codes == g), None]
+        theirs = typicality[~is_unknown & (codes == h)]
+        assert wins[g, h] == np.sum(mine < theirs) + 0.5 * np.sum(mine == theirs)
+        assert (unknown[g], known[h]) == (len(mine), len(theirs))
+    auroc = wins.sum() / (unknown.sum() * known.sum())
+    assert auroc == pytest.approx(roc_auc_score(is_unknown, -typicality))
+
+
+def test_a_classifier_without_typicality_leaves_no_family_out_and_a_caveat_says_so():
+    X, y, units = fleet()
+    found = evaluate(GaussianNB(), X, y, units=units)
+    assert found.novelty.empty
+    assert found.novelty_predictions.empty
+    (caveat,) = [text for text in found.caveats if "left out as unknown" in text]
+    assert "has no typicality (see unknown= of CostSensitiveGaussianBayes)" in caveat
+    asked = evaluate(GaussianNB(), X, y, units=units, unknown_families=True)
+    assert caveat in asked.caveats
+    silent = evaluate(GaussianNB(), X, y, units=units, unknown_families=False)
+    assert not [text for text in silent.caveats if "unknown" in text]
+
+
+def test_families_are_left_out_only_if_wanted():
+    X, y, units = fleet()
+    found = evaluate(classifier(), X, y, units=units, n_splits=2, unknown_families=False)
+    assert found.novelty.empty
+    assert "typicality" in found.predictions
+
+
+def test_a_family_without_which_the_classifier_cannot_be_fitted_is_named():
+    X, y, units = fleet()
+    chosen = np.isin(y, ["new", "dry1"])
+    one_healthy = np.where(y == "new", 0, units)[chosen]
+    with pytest.warns(UserWarning, match="'new' only in 0"):
+        found = evaluate(classifier(), X[chosen], y[chosen], units=one_healthy, healthy="new")
+    assert found.novelty.empty
+    (caveat,) = [text for text in found.caveats if "could not be left out" in text]
+    assert caveat.startswith("'dry1' could not be left out of training. The estimator refuses:")
+    assert "no class has recordings in two groups" in caveat
+
+
+def test_the_table_of_families_is_printed_and_escaped(found):
+    text = str(found)
+    assert "families of faults left out of training:" in text
+    assert "AUROC, unknown from known" in text
+    assert "known with typicality &lt;= 0.01" in found._repr_html_()
+    assert found.novelty_summary().loc["worn", "unknown decided healthy"] == "0 (0 to 0)"

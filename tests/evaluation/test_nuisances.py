@@ -1,0 +1,193 @@
+"""Properties that should not matter, such as the day, are checked for what they tell of labels."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.naive_bayes import GaussianNB
+
+from emacm import Recording
+from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.nuisances import predict_by_level, read_nuisances
+from emacm.evaluation.schemes import Fold, Scheme
+from emacm.recordings.meta import Grouping
+
+
+def fleet(days, n_each=3, seed=0):
+    """Return units, healthy and faulty by turns, whose first feature is the offset of the day."""
+    rng = np.random.default_rng(seed)
+    units = np.repeat(np.arange(len(days)), n_each)
+    y = np.where(units % 2, "faulty", "healthy")
+    day = np.repeat(days, n_each)
+    X = rng.normal(size=(len(y), 2)) * 0.1
+    X[:, 0] += 5 * (day == "tuesday")
+    return pd.DataFrame(X, columns=["offset", "level"]), y, units, day
+
+
+def test_a_day_for_each_label_predicts_it_and_leaves_no_score_within_one_day():
+    X, y, units, day = fleet(["monday", "tuesday"] * 7)
+    found = evaluate(GaussianNB(), X, y, units=units, healthy="healthy", nuisances={"day": day})
+    assert found.table.loc["by unit", "balanced_accuracy"] == 1  # of the day, not of the health
+    row = found.nuisances.set_index("scheme").loc["by unit"]
+    assert (row["nuisance"], row["levels"]) == ("day", 2)
+    assert (row["alone"], row["alone_low"], row["chance"]) == (1, 1, 0.5)
+    assert np.isnan([row["within"], row["within_low"], row["within_chance"]]).all()
+    assert row["recordings"] == 0
+    assert found.caveats[0] == (
+        "'day' alone predicts the label with a balanced accuracy of 1.00 (1.00 to 1.00), where "
+        "chance is 0.50. No level of 'day' has two labels, so the score within one level cannot "
+        "be computed: what distinguishes the labels may be 'day' instead of the state of health."
+    )
+    assert "within one level" in str(found)
+
+
+def test_a_classifier_of_the_day_has_a_score_of_chance_within_one_day():
+    # Six of seven healthy units on Monday, six of seven faulty ones on Tuesday.
+    days = ["monday", "tuesday"] * 6 + ["tuesday", "monday"]
+    X, y, units, day = fleet(days)
+    found = evaluate(GaussianNB(), X[["offset"]], y, units=units, nuisances={"day": day})
+    row = found.nuisances.set_index("scheme").loc["by unit"]
+    assert row["balanced_accuracy"] == pytest.approx(6 / 7)
+    assert row["alone"] == pytest.approx(6 / 7)
+    assert row["within"] == pytest.approx(0.5)
+    assert row["within_chance"] == 0.5
+    assert row["recordings"] == 42
+    assert "Within one level, the balanced accuracy of the classifier is 0.50" in found.caveats[0]
+
+
+def test_a_classifier_of_the_health_keeps_its_score_within_one_day():
+    days = ["monday", "tuesday"] * 6 + ["tuesday", "monday"]
+    X, y, units, day = fleet(days)
+    X = X.assign(level=X["level"] + (y == "faulty"))
+    found = evaluate(GaussianNB(), X[["level"]], y, units=units, nuisances={"day": day})
+    row = found.nuisances.set_index("scheme").loc["by unit"]
+    assert row["within"] == row["balanced_accuracy"] == 1
+
+
+def test_a_day_that_is_independent_of_the_label_predicts_it_by_chance():
+    days = np.tile(["monday", "monday", "tuesday", "tuesday"], 5)
+    X, y, units, day = fleet(days)
+    found = evaluate(GaussianNB(), X, y, units=units, nuisances={"day": day}, n_splits=20)
+    row = found.nuisances.iloc[-1]
+    assert row["alone"] <= 0.5
+    assert not [text for text in found.caveats if "'day' alone" in text]
+
+
+class Says(ClassifierMixin, BaseEstimator):
+    """Decides what its feature says."""
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        return self
+
+    def predict(self, X):
+        return np.array([row[0] for row in X], dtype=object)
+
+
+def test_the_score_within_levels_is_the_mean_over_pairs_of_level_and_label():
+    table = pd.DataFrame(
+        [
+            ("new", "new", "A"),
+            ("new", "worn", "A"),
+            ("new", "new", "A"),
+            ("worn", "worn", "A"),
+            ("dry", "new", "A"),
+            ("worn", "new", "B"),
+            ("worn", "worn", "B"),
+            ("dry", "dry", "B"),
+            ("dry", "dry", "C"),  # the only label of its level
+            ("dry", "new", "C"),
+        ],
+        columns=["truth", "decision", "bench"],
+    )
+    X = table[["decision"]].to_numpy(object)
+    nuisances = {"bench": table["bench"]}
+    found = evaluate(Says(), X, table["truth"], nuisances=nuisances, n_splits=2)
+    row = found.nuisances.iloc[0]
+    # A: new 2/3, worn 1, dry 0; B: worn 1/2, dry 1
+    assert row["within"] == pytest.approx((2 / 3 + 1 + 0 + 1 / 2 + 1) / 5)
+    assert row["within_chance"] == pytest.approx(2 / 5)  # 1/3, 1/3, 1/3, 1/2, 1/2
+    assert row["recordings"] == 8
+    assert row["levels"] == 3
+
+
+def test_the_prediction_is_the_label_most_frequent_relative_to_its_total():
+    levels = np.array([0, 0, 0, 1, 1, 0, 1, 2, 0])
+    labels = np.array([0, 0, 1, 0, 0, 1, 1, 1, 0])
+    fold = Fold(np.arange(6), np.array([6, 7, 8]))
+    # Training: label 0 has 2 of 4 in level 0 and 2 of 4 in level 1, label 1 has 2 of 2 in level 0.
+    scheme = Scheme("s", [fold], Grouping("recording", np.arange(9)))
+    correct, rows = predict_by_level(levels, labels, scheme)
+    assert rows.tolist() == [6, 7, 8]
+    # Level 1 predicts 0 (true: 1); level 2 is new, either; level 0 predicts 1 (true: 0).
+    assert correct.tolist() == [0, 0.5, 0]
+
+
+def recordings(rates, **meta):
+    return [
+        Recording({"current": np.zeros(100)}, rate, velocity=np.full(100, 9.0), meta=facts)
+        for rate, facts in zip(rates, pd.DataFrame(meta).to_dict("records"), strict=True)
+    ]
+
+
+def test_the_sampling_rate_is_read_from_the_recordings():
+    made = recordings([1000, 1000, 2000], day=["mo", "tu", "mo"])
+    day, rate = read_nuisances(("day", "fs"), made)
+    assert (day.name, day.levels.tolist()) == ("day", [0, 1, 0])
+    assert (rate.name, rate.levels.tolist()) == ("fs", [0, 0, 1])
+    stated = recordings([1000, 1000, 2000], fs=["a", "b", "b"])
+    assert read_nuisances(["fs"], stated)[0].levels.tolist() == [0, 1, 1]
+
+
+def test_a_different_sampling_rate_of_one_channel_is_another_level():
+    signals = {"current": np.zeros(100), "vibration": np.zeros(200)}
+    two = Recording(signals, {"current": 50, "vibration": 100}, velocity=np.ones(100), shaft_fs=50)
+    same = Recording({"current": np.zeros(100)}, 50, velocity=np.ones(100))
+    assert read_nuisances(("fs",), [two, same, two])[0].levels.tolist() == [0, 1, 0]
+
+
+def test_many_numbers_are_divided_into_ten_levels_of_equally_many_recordings():
+    temperature = np.random.default_rng(0).permutation(np.linspace(15.3, 41.9, 60))
+    (found,) = read_nuisances({"temperature": temperature}, [0] * 60)
+    assert np.bincount(found.levels).tolist() == [6] * 10
+    order = np.argsort(temperature)
+    assert (np.diff(found.levels[order]) >= 0).all()
+    (few,) = read_nuisances({"load": [-40, 20, 40] * 20}, [0] * 60)
+    assert len(set(few.levels)) == 3
+
+
+def test_columns_of_a_table_tuples_and_functions_name_nuisances():
+    table = pd.DataFrame({"day": ["mo", "tu", "mo"], "bench": [2, 2, 1]})
+    found = read_nuisances([("day", "bench"), "bench"], table)
+    assert [each.name for each in found] == ["day, bench", "bench"]
+    assert found[0].levels.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("nuisances", "words"),
+    [
+        ("day", "nuisances must be a tuple of keys of meta, as ('day', 'fs')"),
+        (3, "or a mapping of names to keys or arrays; got 3"),
+        (("day", "day"), "nuisances must name each property once"),
+        (([1, 2],), "Give arrays with their names, as {'day': [1, 2]}"),
+        (("week",), "recording 0 has no column 'week', only ['day']"),
+        ({"day": [1, 2, 3]}, "nuisances must hold one label for each of 2 recordings"),
+    ],
+)
+def test_invalid_nuisances_are_refused(nuisances, words):
+    table = pd.DataFrame({"day": ["mo", "tu"]})
+    with pytest.raises((TypeError, ValueError), match=re.escape(words)):
+        read_nuisances(nuisances, table)
+
+
+def test_each_nuisance_has_a_row_for_each_scheme_and_a_line_in_print():
+    X, y, units, day = fleet(["monday", "tuesday"] * 6 + ["tuesday", "monday"])
+    nuisances = {"day": day, "shift": np.tile(["early", "late", "night"], 14)}
+    found = evaluate(GaussianNB(), X, y, units=units, nuisances=nuisances)
+    rows = list(zip(found.nuisances["nuisance"], found.nuisances["scheme"], strict=True))
+    schemes = ["random split", "by unit"]
+    assert rows == [(name, scheme) for name in nuisances for scheme in schemes]
+    assert found.nuisance_summary().loc[("day", "by unit"), "chance"] == "0.5"
+    assert "balanced accuracy by nuisance:" in str(found)
