@@ -129,7 +129,8 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
         "one classifier for all loads": recipe[1:],
     }.items():
         X = table if isinstance(model, ConditionRouter) else features
-        result = evaluate(model, X, states, healthy="normal", splits=splits)
+        options = {"healthy": "normal", "splits": splits, "unknown_families": False}
+        result = evaluate(model, X, states, **options)
         shown = result.table.filter(regex="rate$|cost$|^balanced_accuracy$").T.round(3)
         print(f"\n{scheme}\n{shown.to_string()}")
     print("Each state was one assembly of this rig: states and assemblies are confounded.")

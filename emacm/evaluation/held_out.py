@@ -14,6 +14,7 @@ from sklearn.base import clone
 
 from emacm._checks import located
 from emacm._progress import run
+from emacm.conditions.present_costs import priors_of_some
 from emacm.decisions.costs import narrow_costs
 from emacm.decisions.pipelines import before_the_last_step, groups_parameter
 from emacm.evaluation.schemes import Fold, Scheme
@@ -86,8 +87,8 @@ def decide_held_out(
     Notes
     -----
     If a class is absent from the training data of a fold, its entries in the estimator's
-    parameters named `cost` are left out, so that a family can be decided on when one of its
-    classes was never observed.
+    parameters named `cost` and `priors` are left out, so that a family can be decided on when one
+    of its classes was never observed.
     """
     tasks = [
         (fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
@@ -158,8 +159,13 @@ def _decide(
 def _fitted(
     estimator: Any, X: Any, y: NDArray[Any], groups: NDArray[Any] | None, fold: Fold
 ) -> Any:
-    classes = np.unique(y[fold.train])
-    model = narrow_costs(clone(estimator), classes.tolist(), np.unique(y).tolist())
+    known, classes = np.unique(y[fold.train]), np.unique(y)
+    model = narrow_costs(clone(estimator), known.tolist(), classes.tolist())
+    given = model.get_params(deep=True) if len(known) < len(classes) else {}
+    priors = {name: each for name, each in given.items() if name.rpartition("__")[2] == "priors"}
+    model.set_params(
+        **{name: priors_of_some(each, known, classes) for name, each in priors.items()}
+    )
     name = groups_parameter(model)
     options = {name: groups[fold.train]} if name and groups is not None else {}
     return model.fit(chosen_rows(X, fold.train), y[fold.train], **options)

@@ -8,7 +8,7 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from emacm import CostSensitiveGaussianBayes
+from emacm import ConditionRouter, CostSensitiveGaussianBayes
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.novelty import novelty_table, pair_counts
 
@@ -157,6 +157,26 @@ def test_a_family_without_which_the_classifier_cannot_be_fitted_is_named():
     (caveat,) = [text for text in found.caveats if "could not be left out" in text]
     assert caveat.startswith("'dry1' could not be left out of training. The estimator refuses:")
     assert "no class has recordings in two groups" in caveat
+
+
+def test_costs_and_priors_of_the_family_left_out_are_left_out():
+    X, y, units = fleet()
+    priors = {"new": 0.5, "dry1": 0.125, "dry2": 0.125, "worn": 0.25}
+    cost = {("new", "worn"): 10, ("worn", "new"): 2, ("new", "unknown"): 5}
+    model = classifier(cost=cost, priors=priors)
+    found = evaluate(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
+    assert found.novelty.index.tolist() == ["dry", "worn"]
+    held = found.novelty_predictions.query("left_out == 'worn' and fold == 0")
+    rows, test = held["recording"].to_numpy(), np.isin(units, held["group"])
+    train = ~test & (y != "worn")
+    some = {"new": 2 / 3, "dry1": 1 / 6, "dry2": 1 / 6}
+    alone = classifier(cost={("new", "unknown"): 5}, priors=some)
+    alone.fit(X[train], y[train], groups=units[train])
+    assert held["decision"].tolist() == alone.predict(X[rows]).tolist()
+    table = pd.DataFrame(X, columns=["a", "b", "c"]).assign(load=np.arange(len(X)) // 2 % 2)
+    router = ConditionRouter(model, "load")
+    routed = evaluate(router, table, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
+    assert routed.novelty.index.tolist() == ["dry", "worn"]
 
 
 def test_the_table_of_families_is_printed_and_escaped(found):
