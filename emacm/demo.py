@@ -129,8 +129,7 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
         "one classifier for all loads": recipe[1:],
     }.items():
         X = table if isinstance(model, ConditionRouter) else features
-        options = {"healthy": "normal", "splits": splits, "unknown_families": False}
-        result = evaluate(model, X, states, **options)
+        result = evaluate(model, X, states, healthy="normal", splits=splits, unknown_families=False)
         shown = result.table.filter(regex="rate$|cost$|^balanced_accuracy$").T.round(3)
         print(f"\n{scheme}\n{shown.to_string()}")
     print("Each state was one assembly of this rig: states and assemblies are confounded.")
