@@ -197,6 +197,8 @@ DEFAULTS = {
     "actuator_recipe": {
         "phase": False,
         "condition": "load",
+        "unknown": "unknown",
+        "temperature": "groups",
         "revolutions": 4,
         "max_order": 2.5,
         "min_speed": 0.0,
