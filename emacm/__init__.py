@@ -81,6 +81,15 @@ if TYPE_CHECKING:
     from emacm.models.actuator_recipe import (
         actuator_recipe as actuator_recipe,
     )
+    from emacm.models.model_files import (
+        describe_model as describe_model,
+    )
+    from emacm.models.model_files import (
+        load_model as load_model,
+    )
+    from emacm.models.model_files import (
+        save_model as save_model,
+    )
     from emacm.models.outside_training import (
         outside_training as outside_training,
     )
@@ -263,6 +272,11 @@ _PUBLIC = {
     ],
     "models.actuator_recipe": [
         "actuator_recipe",
+    ],
+    "models.model_files": [
+        "describe_model",
+        "load_model",
+        "save_model",
     ],
     "models.outside_training": [
         "outside_training",

@@ -1,15 +1,26 @@
-"""Saved estimators contain the version of the package; loading another version warns."""
+"""Saved estimators contain the version of the package; loading another version warns.
+
+Model files hold no DataFrame and no mapping whose keys are not texts: while one is written, costs
+and the like are written as lists. Recordings are replaced by their digests: a fitted baseline
+contains what was learned from them.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
+import pandas as pd
 from sklearn.base import BaseEstimator
 
 from emacm._version import __version__
 
 _KEY = "_emacm_version"
+_KIND = "_emacm_kind"  # key of a value that is written as lists
+_as_lists: ContextVar[bool] = ContextVar("_as_lists", default=False)
 
 
 class SavedEstimator(BaseEstimator):
@@ -20,7 +31,8 @@ class SavedEstimator(BaseEstimator):
     """
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), _KEY: __version__}
+        state = {**super().__getstate__(), _KEY: __version__}
+        return {name: _written(v) for name, v in state.items()} if _as_lists.get() else state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         state = dict(state)
@@ -33,4 +45,64 @@ class SavedEstimator(BaseEstimator):
                 UserWarning,
                 stacklevel=2,
             )
-        super().__setstate__(state)
+        super().__setstate__({name: _restored(value) for name, value in state.items()})
+
+
+@contextmanager
+def values_as_lists() -> Iterator[None]:
+    """Let estimators give their state as lists, as a model file holds it."""
+    token = _as_lists.set(True)
+    try:
+        yield
+    finally:
+        _as_lists.reset(token)
+
+
+def _written(value: Any) -> Any:
+    """Return a value as texts, numbers, lists, tuples, dictionaries of texts, and arrays."""
+    if isinstance(value, pd.DataFrame):
+        return {
+            _KIND: "frame",
+            "columns": [_written(value[name].to_numpy()) for name in value.columns],
+            "index": _labels(value.index),
+            "names": _labels(value.columns),
+        }
+    if isinstance(value, pd.Series):
+        index = _labels(value.index)
+        return {_KIND: "series", "values": _written(value.to_numpy()), "index": index}
+    if isinstance(value, pd.Index):
+        return {_KIND: "index", "values": _labels(value)}
+    if hasattr(value, "digest") and hasattr(value, "signals"):
+        return f"a recording that is not stored in the model file; digest {value.digest}"
+    if type(value) is dict and all(type(key) is str for key in value):
+        return {key: _written(inner) for key, inner in value.items()}
+    if isinstance(value, Mapping):
+        items = [(_written(key), _written(inner)) for key, inner in value.items()]
+        return {_KIND: "mapping", "items": items}
+    if type(value) in (list, tuple):
+        return type(value)(map(_written, value))
+    return value
+
+
+def _labels(index: pd.Index) -> list[Any]:
+    return [_written(label) for label in index.tolist()]
+
+
+def _restored(value: Any) -> Any:
+    """Return what `_written` was given."""
+    if type(value) in (list, tuple):
+        return type(value)(map(_restored, value))
+    if type(value) is not dict:
+        return value
+    kind = value.get(_KIND)
+    if kind is None:
+        return {key: _restored(inner) for key, inner in value.items()}
+    if kind == "mapping":
+        return {_restored(key): _restored(inner) for key, inner in value["items"]}
+    if kind == "index":
+        return pd.Index(_restored(value["values"]))
+    index = _restored(value["index"])
+    if kind == "series":
+        return pd.Series(_restored(value["values"]), index=index)
+    columns = dict(enumerate(map(_restored, value["columns"])))
+    return pd.DataFrame(columns, index=index).set_axis(_restored(value["names"]), axis=1)

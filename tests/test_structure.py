@@ -39,6 +39,7 @@ ORDER = [
 ]
 NEVER_IMPORTED = {"thesis", "demo", "__main__"}  # except by the command line
 OPTIONAL = {"matplotlib", "numba", "polars", "tqdm"}
+OPTIONAL |= {"asammdf", "h5py", "nptdms", "pyarrow", "pyuff", "skops"}
 TEST_TOOLS = {"pytest", "hypothesis", "tests", "IPython", "ipykernel", "nbclient", "nbformat"}
 LONGEST_FILE = 400
 

@@ -76,6 +76,11 @@ def find_healthy(
         raise TypeError(
             f"baseline_recordings must be None or a list of recordings, got {received(further)}"
         )
+    if any(isinstance(recording, str) for recording in further):
+        raise ValueError(
+            f"baseline_recordings are not recordings: {further[0]!r}. Set them again to fit a "
+            f"model that was loaded from a model file."
+        )
     with located("baseline_recordings"):
         known = read_meta(further, condition) if further else []
     for value in sorted_conditions(found):
