@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from emacm.decisions.posterior_product import (
         PosteriorProduct as PosteriorProduct,
     )
+    from emacm.evaluation.comparison import (
+        compare as compare,
+    )
     from emacm.evaluation.evaluate import (
         evaluate as evaluate,
     )
@@ -256,6 +259,9 @@ _PUBLIC = {
     ],
     "decisions.posterior_product": [
         "PosteriorProduct",
+    ],
+    "evaluation.comparison": [
+        "compare",
     ],
     "evaluation.evaluate": [
         "evaluate",

@@ -29,7 +29,8 @@ from emacm.evaluation.caveats import (
 from emacm.evaluation.held_out import decide_held_out
 from emacm.evaluation.novelty import left_out_families, score_novelty
 from emacm.evaluation.nuisances import nuisance_caveats, nuisance_table, read_nuisances
-from emacm.evaluation.results import Evaluation, gather
+from emacm.evaluation.results import Evaluation
+from emacm.evaluation.scheme_scores import gather
 from emacm.evaluation.schemes import all_schemes, strictest_scheme
 from emacm.evaluation.scoring import scoring_rule
 from emacm.recordings.meta import read_grouping

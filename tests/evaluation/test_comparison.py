@@ -1,0 +1,196 @@
+"""Evaluations of several sensors are compared by paired differences."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.metrics import balanced_accuracy_score
+from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.svm import LinearSVC
+
+from emacm import CostSensitiveGaussianBayes
+from emacm.evaluation.comparison import compare
+from emacm.evaluation.evaluate import evaluate
+
+STATES = ["worn", "new", "new", "dry", "new"]
+
+
+def sensors(n_runs=14, seed=0):
+    """Return two sensors that are disturbed by the same runs, classes and runs."""
+    rng = np.random.default_rng(seed)
+    y, runs = np.tile(STATES, n_runs), np.repeat(np.arange(n_runs), len(STATES))
+    signal = 2.5 * np.array([{"new": 0, "worn": 1, "dry": 2}[state] for state in y])
+    disturbed = signal + rng.normal(scale=2.0, size=n_runs)[runs]
+    vibration = disturbed + rng.normal(scale=0.4, size=len(y))
+    current = disturbed + rng.normal(scale=0.9, size=len(y))
+    return {"vibration": vibration[:, None], "current": current[:, None]}, y, runs
+
+
+@pytest.fixture(scope="module")
+def found():
+    X, y, runs = sensors()
+    return {
+        name: evaluate(GaussianNB(), columns, y, runs=runs, healthy="new", n_splits=20)
+        for name, columns in X.items()
+    }
+
+
+def test_the_table_has_the_row_of_each_evaluation(found):
+    comparison = compare(found)
+    assert comparison.scheme == "by run"
+    assert comparison.table.index.tolist() == ["vibration", "current"]
+    for name, each in found.items():
+        expected = each.table.loc["by run"]
+        assert comparison.table.loc[name].to_dict() == expected.to_dict()
+    other = compare(found, scheme="random split").table.loc["current", "accuracy"]
+    assert other == found["current"].table.loc["random split", "accuracy"]
+
+
+def test_differences_are_those_of_the_figures_of_merit(found):
+    row = compare(found).differences.loc["current"]
+    tables = {name: each.table.loc["by run"] for name, each in found.items()}
+    for name in ("balanced_accuracy", "missed_detection_rate", "log_loss", "calibration_error"):
+        expected = tables["current"][name] - tables["vibration"][name]
+        assert row[name] == pytest.approx(expected, abs=1e-12)
+        assert row[f"{name}_low"] <= row[name] <= row[f"{name}_high"]
+    turned = compare(found, reference="current").differences.loc["vibration"]
+    assert turned["log_loss"] == pytest.approx(-row["log_loss"])
+    assert turned["log_loss_low"] == pytest.approx(-row["log_loss_high"])
+
+
+def test_the_interval_is_of_the_difference_in_the_same_runs(found):
+    row = compare(found).differences.loc["current"]
+    held = [each.predictions.query("scheme == 'by run'") for each in found.values()]
+    difference = held[1]["correct"].to_numpy(float) - held[0]["correct"].to_numpy(float)
+    by_run = pd.Series(difference).groupby(held[0]["group"].to_numpy()).mean()
+    rng = np.random.default_rng(5)
+    drawn = rng.choice(by_run.to_numpy(), (4000, 14)).mean(axis=1)
+    # Percentiles expanded for 14 runs: Student's t in place of the normal distribution.
+    width = 2 * 2.16 / 1.96 * np.sqrt(14 / 13) * 1.96 * drawn.std()
+    assert row["accuracy_high"] - row["accuracy_low"] == pytest.approx(width, rel=0.15)
+    separate = [each.table.loc["by run"] for each in found.values()]
+    widths = [table["accuracy_high"] - table["accuracy_low"] for table in separate]
+    assert row["accuracy_high"] - row["accuracy_low"] < 0.8 * np.hypot(*widths)
+
+
+def test_an_evaluation_does_not_differ_from_itself(found):
+    comparison = compare([found["current"], found["current"]])
+    assert comparison.table.index.tolist() == ["1", "2"]
+    assert (comparison.differences.loc["2"] == 0).all()
+
+
+def test_balanced_accuracy_differs_as_that_of_scikit_learn(found):
+    scores = []
+    for each in found.values():
+        held = each.predictions.query("scheme == 'by run'")
+        scores.append(balanced_accuracy_score(held["truth"], held["decision"]))
+    difference = compare(found).differences.loc["current", "balanced_accuracy"]
+    assert difference == pytest.approx(scores[1] - scores[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"rows": slice(65)}, "they have 65 and 70 recordings held out"),
+        ({"n_splits": 3}, "the folds differ"),
+        ({"units": True}, "the groups (runs, units) differ"),
+        ({"seen": "new"}, "the true classes differ"),
+        ({"healthy": "dry"}, "their labels or healthy labels differ"),
+    ],
+)
+def test_unpaired_evaluations_have_no_difference_and_a_caveat_says_why(found, change, words):
+    X, y, runs = sensors()
+    rows = change.get("rows", slice(None))
+    if "seen" in change:
+        y = np.where(np.arange(len(y)) == 3, "worn", y)
+    runs = pd.Series(runs + 100 * ("units" in change), name="run")[rows]
+    options = {"healthy": change.get("healthy", "new"), "n_splits": change.get("n_splits", 20)}
+    other = evaluate(GaussianNB(), X["current"][rows], y[rows], runs=runs, **options)
+    scheme = "random split" if "n_splits" in change else "by run"
+    comparison = compare({"one": found["current"], "two": other}, scheme=scheme)
+    assert comparison.caveats[0].startswith("No differences between 'two' and 'one': ")
+    assert words in comparison.caveats[0]
+    assert comparison.differences.isna().all(axis=None)
+    assert comparison.table["accuracy"].notna().all()
+
+
+def test_costs_are_compared_only_if_they_are_equal():
+    X, y, runs = sensors()
+    prices = [{("new", "worn"): 10}, {("new", "worn"): 50}]
+    found = [
+        evaluate(CostSensitiveGaussianBayes(cost), X["current"], y, runs=runs, healthy="new")
+        for cost in (*prices, prices[0])
+    ]
+    comparison = compare(dict(zip("abc", found, strict=True)))
+    assert "No differences of costs between 'b' and 'a': their costs differ." in comparison.caveats
+    row = comparison.differences.loc["b"]
+    assert np.isnan(row[["expected_cost", "realised_cost", "predicted_cost"]]).all()
+    assert not np.isnan(row["accuracy"])
+    assert comparison.differences.loc["c", "expected_cost"] == 0
+
+
+def test_priors_that_differ_prevent_a_comparison_of_costs():
+    X, y, runs = sensors()
+    priors = [None, {"new": 0.9, "worn": 0.04, "dry": 0.06}]
+    found = [
+        evaluate(CostSensitiveGaussianBayes(priors=each), X["current"], y, runs=runs)
+        for each in priors
+    ]
+    assert "the priors of the classifiers differ" in compare(found).caveats[0]
+
+
+def test_a_classifier_with_an_unknown_state_can_be_compared_with_one_without():
+    X, y, runs = sensors()
+    models = {
+        "without": CostSensitiveGaussianBayes({("new", "worn"): 10}),
+        "with": CostSensitiveGaussianBayes(
+            {("new", "worn"): 10, ("new", "unknown"): 10}, unknown="unknown"
+        ),
+    }
+    found = {
+        name: evaluate(model, X["current"], y, runs=runs, unknown_families=False)
+        for name, model in models.items()
+    }
+    assert not np.isnan(compare(found).differences.loc["with", "expected_cost"])
+
+
+def test_figures_of_merit_that_one_of_two_lacks_are_left_out():
+    X, y, runs = sensors()
+    both = [evaluate(model, X["current"], y, runs=runs) for model in (GaussianNB(), LinearSVC())]
+    comparison = compare(both)
+    assert "log_loss" not in comparison.differences
+    assert np.isnan(comparison.table.loc["2", "log_loss"])
+    assert comparison.summary().loc["2", "log loss"] == "-"
+
+
+def test_the_comparison_is_printed_with_caveats_and_both_tables(found):
+    X, y, runs = sensors()
+    third = evaluate(
+        KNeighborsClassifier(3), X["vibration"], y, runs=runs, healthy="new", n_splits=20
+    )
+    comparison = compare(found | {"<3 neighbours>": third})
+    text = str(comparison)
+    assert text.startswith("- The intervals of 2 evaluations hold one at a time")
+    assert "by run:\n" in text
+    assert "difference from 'vibration':" in text
+    assert re.search(r"missed detection rate +0\.\d+ \(", text)
+    page = comparison._repr_html_()
+    assert "&lt;3 neighbours&gt;" in page
+    assert "<3 neighbours>" not in page
+
+
+def test_invalid_evaluations_are_refused(found):
+    with pytest.raises(TypeError, match="must be a mapping of names to results of evaluate"):
+        compare(found["current"])
+    with pytest.raises(TypeError, match="but 'a' is a DataFrame"):
+        compare({"a": found["current"].table, "b": found["current"]})
+    with pytest.raises(ValueError, match=r"must be at least two, got \['1'\]"):
+        compare([found["current"]])
+    with pytest.raises(
+        ValueError, match=r"evaluations scored: .*'by run'\]; got 'x'"
+    ):
+        compare(found, scheme="x")
+    with pytest.raises(ValueError, match=r"one of \['vibration', 'current'\], got 'torque'"):
+        compare(found, reference="torque")
