@@ -188,9 +188,7 @@ def test_invalid_evaluations_are_refused(found):
         compare({"a": found["current"].table, "b": found["current"]})
     with pytest.raises(ValueError, match=r"must be at least two, got \['1'\]"):
         compare([found["current"]])
-    with pytest.raises(
-        ValueError, match=r"evaluations scored: .*'by run'\]; got 'x'"
-    ):
+    with pytest.raises(ValueError, match=r"evaluations scored: .*'by run'\]; got 'x'"):
         compare(found, scheme="x")
     with pytest.raises(ValueError, match=r"one of \['vibration', 'current'\], got 'torque'"):
         compare(found, reference="torque")
