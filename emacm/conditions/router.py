@@ -160,7 +160,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         check_two_classes(y, groups, names)
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
-        inner = self._inner(X)
+        inner = self.inner(X)
         fit_one = partial(fit_on_rows, X=inner, y=y, fit_params=fit_params, config=get_config())
         models = [self._clone(y, rows) for rows in groups]
         fitted = run(fit_one, models, groups, names, n_jobs=self.n_jobs, unit="condition")
@@ -322,7 +322,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 f"estimator must be a classifier or a pipeline that ends in one; got {model!r}."
             )
 
-    def _inner(self, X: Any) -> Any:
+    def inner(self, X: Any) -> Any:
         """Return X as the classifiers see it: a table without the columns of the condition."""
         if not isinstance(X, pd.DataFrame) or callable(self.condition):
             return X
@@ -368,7 +368,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
     def _results(self, X: Any, method: str) -> tuple[list[Any], list[Any], list[Any]]:
         """Return the results of a method of the last steps, their rows in X, and the last steps."""
         check_is_fitted(self)
-        routes, inner = self._routes(X), self._inner(X)
+        routes, inner = self._routes(X), self.inner(X)
         results, places, models = [], [], []
         for route in dict.fromkeys(routes):
             rows = np.flatnonzero([other == route for other in routes])

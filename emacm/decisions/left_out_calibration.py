@@ -73,6 +73,11 @@ class LeftOutMixin:
         """The `ClassDistances` that `typicality` is based on."""
         return self._calibrated("typicality").distances
 
+    @property
+    def feature_range_(self) -> Array:
+        """Smallest and largest training value of each feature, shape (2, n_features)."""
+        return self._calibrated("typicality").feature_range
+
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.
 

@@ -129,6 +129,8 @@ class Typicality:
         space contains all features.
     combined : ExponentialTail
         Distribution of the combined distance of left-out recordings to their nearest class.
+    feature_range : ndarray of shape (2, n_features)
+        Smallest and largest value of each feature.
     """
 
     distances: ClassDistances
@@ -136,6 +138,7 @@ class Typicality:
     tails: tuple[ExponentialTail, ...]
     used: NDArray[np.bool_]
     combined: ExponentialTail
+    feature_range: Array
 
     def __call__(self, X: Array) -> Array:
         """Return the typicality of recordings, in (0, 1].
@@ -204,7 +207,8 @@ def fit_typicality(
         for values, level in zip(own, levels, strict=True)
     )
     combined = exponential_tail(_combine(logs, levels, tails, used), known.weight)
-    return Typicality(distances, levels, tails, used, combined)
+    feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
+    return Typicality(distances, levels, tails, used, combined, feature_range)
 
 
 def _class_distances(gaussians: GaussianClasses, seen: NDArray[np.bool_]) -> ClassDistances:

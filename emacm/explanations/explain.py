@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.labels import label_list, label_positions
+from emacm.explanations.deviations import Deviations, find_deviations, power_scales
 from emacm.explanations.feature_traces import FeatureTrace, trace_features, with_names
 from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
 from emacm.explanations.slopes import (
@@ -26,6 +27,7 @@ from emacm.explanations.slopes import (
     mean_slope_of_cost,
     mean_slope_of_log_odds,
 )
+from emacm.explanations.unknown_statements import unknown_statements
 
 Array = NDArray[np.float64]
 
@@ -42,8 +44,9 @@ def explain_decision(
 
     Parameters
     ----------
-    pipeline : Pipeline, CostSensitiveGaussianBayes or fitted search
-        Fitted; ends in a `CostSensitiveGaussianBayes`.
+    pipeline : Pipeline, CostSensitiveGaussianBayes, fitted search or ConditionRouter
+        Fitted; ends in a `CostSensitiveGaussianBayes`. Of a router, the pipeline for the condition
+        of the recording is explained.
     x : Recording, or one row of a table
         Input of the pipeline: a recording (or a list of one), or a row of a table if the pipeline
         starts after the bins.
@@ -87,6 +90,10 @@ def explain_decision(
 
     If one of the two is the unknown state, the squared distance from the nearest class is
     explained, in the metric of `CostSensitiveGaussianBayes.typicality`; the baseline is that class.
+    The table then has the columns "deviation" (from that class), "outside_training" (from the range
+    of the training recordings: 0 within, NaN after a projection) and "unit" of both: "dB" for
+    powers, exactly, and "standard deviations" for other features. `attrs` has "statements":
+    sentences such as "line at order 9 to 9.5 of 'vibration', 14 dB above the training maximum".
 
     A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
     Any other is explained by the columns of the step that turns recordings into a table, such as
@@ -145,8 +152,13 @@ def explain_decision(
         slope = mean_slope_of_cost(classifier, start, end, costs)
         value, baseline = (cost_saved(classifier, z, costs)[0] for z in (end, start))
         quantity = f"expected cost saved by deciding {decision!r} instead of {against!r}"
-    table = _ranked(traced.bins, traced.split(step, slope)[0])
-    table.attrs = {
+    contributions, bins, statements = traced.split(step, slope)[0], traced.bins, {}
+    if _with_unknown(classifier, decision, against):
+        deviations = traced.deviations(classifier, power_scales(opened.maker, len(bins)), step)
+        texts = unknown_statements(bins, contributions, deviations, str(nearest))
+        bins, statements = bins.assign(**deviations.columns()), {"statements": texts}
+    table = _ranked(bins, contributions)
+    table.attrs = statements | {
         "decision": decision,
         "against": against,
         "baseline": classifier.classes_.tolist()[code],
@@ -233,6 +245,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
 class _Traced:
     """Recordings as bins, positions (after the element-wise steps) and features."""
 
+    values: Array
     bins: pd.DataFrame
     trace: FeatureTrace
     positions: Array
@@ -243,7 +256,7 @@ class _Traced:
         values, bins = opened.table(X)
         trace = trace_features(opened.steps, values)
         positions = trace.positions(values)
-        return cls(bins, trace, positions, trace.features(positions))
+        return cls(values, bins, trace, positions, trace.features(positions))
 
     def lines(
         self,
@@ -262,6 +275,18 @@ class _Traced:
             if self.trace.linear:  # the shortest step with this difference of features
                 step = step @ np.linalg.pinv(matrix).T
         return step, end - step @ matrix.T, end
+
+    def deviations(
+        self, classifier: CostSensitiveGaussianBayes, scales: Array, step: Array
+    ) -> Deviations:
+        """Return the deviations of one recording, which is a step away from the nearest class."""
+        place = self.positions[0]
+        low, high, spread = np.full((3, len(place)), np.nan)
+        if not self.trace.linear:  # each feature is the position of one column
+            low, high = classifier.feature_range_
+            spread = classifier.distances_.deviations
+        references = (place - step[0], low, high)
+        return find_deviations(self.trace, self.values[0], scales, references, spread)
 
     def split(self, step: Array, slope: Array) -> Array:
         """Distribute the explained quantity over the bins, shape (n_recordings, n_bins)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -14,6 +14,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array
+from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
@@ -43,12 +44,15 @@ class OpenedPipeline:
         Steps from the table to the classifier.
     classifier : CostSensitiveGaussianBayes
         The last step.
+    router : ConditionRouter or None
+        The router whose pipeline this is, for the condition of the recordings.
     """
 
     before: tuple[Any, ...]
     maker: Any
     steps: tuple[tuple[str, Any], ...]
     classifier: CostSensitiveGaussianBayes
+    router: ConditionRouter | None = None
 
     @classmethod
     def of(cls, pipeline: Any, X: Any) -> OpenedPipeline:
@@ -58,6 +62,9 @@ class OpenedPipeline:
         the first step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
+        router = search_estimator(pipeline)
+        if isinstance(router, ConditionRouter):
+            return cls._of_condition(router, X)
         steps = _flat_steps(pipeline)
         name, classifier = steps[-1]
         if isinstance(classifier, ConditionRouter):
@@ -78,8 +85,22 @@ class OpenedPipeline:
         before = tuple(step for _, step in steps[: cut + 1])
         return cls(before, steps[cut][1], tuple(steps[cut + 1 : -1]), classifier)
 
+    @classmethod
+    def _of_condition(cls, router: ConditionRouter, X: Any) -> OpenedPipeline:
+        """Divide the pipeline of a router for the condition of `X`, with its present costs."""
+        models = router.models_of(X)
+        if any(model is not models[0] for model in models):
+            raise ValueError(
+                "the recordings are of several conditions, each with a pipeline of its own in the "
+                "ConditionRouter. Explain those of one condition at a time."
+            )
+        inner = cls.of(models[0], router.inner(X))
+        priced = with_present_costs(inner.classifier, models[0], router.estimator, router.classes_)
+        return replace(inner, classifier=priced, router=router)
+
     def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
         """Return the bins or features of recordings, and a description of each column."""
+        X = X if self.router is None else self.router.inner(X)
         if self.maker is None:
             return self._own_table(X)
         for step in self.before:
@@ -112,8 +133,9 @@ def _refuse_router(router: ConditionRouter) -> NoReturn:
     check_is_fitted(router)
     known = list(router.conditions_)
     raise TypeError(
-        f"a ConditionRouter has a pipeline for each condition {known}. Explain one of them, for "
-        f"example router.estimators_[{known[0]!r}], with recordings of its condition."
+        f"a ConditionRouter as the last step of a pipeline has a classifier for each condition "
+        f"{known}. Put the steps before it into its estimator, or explain one of them, for "
+        f"example router.estimators_[{known[0]!r}], with a table of its condition."
     )
 
 

@@ -1,0 +1,228 @@
+"""What deviates in a recording of an unknown state is stated by order, channel and decibels."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.decomposition import PCA
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm import (
+    BinTransformer,
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingStatistics,
+    explain_decision,
+    explain_model,
+)
+
+FS, N, SPEED = 2_000, 9_000, 40.0
+FIRST = {"vibration": (3.3, 1.0), "current": (7.6, 12.0)}  # order and amplitude of the own line
+
+pytestmark = pytest.mark.filterwarnings("ignore:recording 0")  # levels far outside the training
+
+
+def run(seed, gain=None, lines=(), worn=False, noise=1.0, load=20, change=None):
+    """Two channels with noise and a line each; lines are (channel, order, amplitude)."""
+    rng = np.random.default_rng(seed)
+    angle = SPEED * np.arange(N) / FS
+    signals = {}
+    for name, (order, size) in FIRST.items():
+        level = size * (2.0 if worn and name == "vibration" else 1.0)
+        own = level * (1 + 0.1 * rng.standard_normal()) * np.cos(order * angle)
+        signals[name] = own + noise * 0.3 * size * rng.standard_normal(N)
+    for name, order, size in lines:
+        signals[name] = signals[name] + size * np.cos(order * angle)
+    for name, factor in (gain or {}).items():
+        signals[name] = factor * signals[name]
+    if change:
+        signals = change(signals)
+    velocity = np.full(N, SPEED)
+    return Recording(signals, FS, velocity=velocity, meta={"load": load, "unit": seed})
+
+
+def classifier():
+    return CostSensitiveGaussianBayes(
+        covariance="tied", shrinkage="auto", unknown="unknown", temperature="groups"
+    )
+
+
+def chain(*steps):
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12), *steps
+    )
+
+
+def levels(*steps):
+    log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
+    return chain(log, *steps, classifier())
+
+
+def fitted(model=None, **options):
+    X = [run(seed, worn=seed % 2 == 1, **options) for seed in range(24)]
+    model = levels(StandardScaler()) if model is None else model
+    units = np.arange(24) // 2
+    return model.fit(X, ["healthy", "worn"] * 12, costsensitivegaussianbayes__groups=units), X
+
+
+@pytest.fixture(scope="module")
+def model():
+    return fitted()[0]
+
+
+GAIN = "channel 'current' (.*) dB above training at all orders: gain or unit\\?"
+
+
+def explained(model, recording):
+    return explain_decision(model, recording, decision="unknown", against="healthy")
+
+
+def statements(model, recording):
+    return explained(model, recording).attrs["statements"]
+
+
+@pytest.mark.parametrize(("factor", "words"), [(1000, "60 dB above"), (0.2, "14 dB below")])
+def test_a_gain_of_all_channels_is_one_statement(model, factor, words):
+    gained = run(50, gain=dict.fromkeys(FIRST, factor))
+    assert statements(model, gained) == [f"all channels {words} training: gain or unit?"]
+
+
+def test_a_gain_of_one_channel_names_it(model):
+    (words,) = statements(model, run(50, gain={"current": 3.0}))
+    gain = float(re.fullmatch(GAIN, words)[1])
+    assert gain == pytest.approx(9.5, abs=1)
+
+
+def test_exchanged_channels_are_named(model):
+    swapped = run(50, change=lambda s: {"vibration": s["current"], "current": s["vibration"]})
+    assert statements(model, swapped) == [
+        "channels 'vibration' and 'current' as if exchanged: are they swapped?"
+    ]
+
+
+def test_a_cable_that_is_off_is_named(model):
+    off = run(50, change=lambda s: s | {"current": 0.01 * s["vibration"][::-1]})
+    (words,) = statements(model, off)
+    assert words.startswith("channel 'current' ")
+    assert words.endswith("dB below training: cable or sensor?")
+
+
+def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(model):
+    recording = run(50, lines=[("vibration", 9.4, 0.8)])
+    (words,) = statements(model, recording)
+    assert words.startswith("line at order 9 to 10 of 'vibration', ")
+    X = [run(seed, worn=seed % 2 == 1) for seed in range(24)]
+    bins = model[:3].transform([*X, recording])[
+        :, model[2].get_feature_names_out() == "vibration@9-10"
+    ]
+    expected = 10 * np.log10(bins[-1, 0] / bins[:-1, 0].max())
+    assert f", {expected:.0f} dB above the training maximum" in words
+
+
+def test_noise_is_a_broad_band(model):
+    (words, *_) = statements(model, run(50, noise=2.0))
+    assert "of its order bins: broad band" in words
+
+
+def test_a_missing_range_of_orders_is_stated(model):
+    def low_pass(signals):
+        spectrum = np.fft.rfft(signals["vibration"])
+        spectrum[np.fft.rfftfreq(N, 1 / FS) > 8.5 * SPEED / (2 * np.pi)] *= 0.2
+        return signals | {"vibration": np.fft.irfft(spectrum, N)}
+
+    (words, *_) = statements(model, run(50, change=low_pass))
+    assert words.startswith("orders 9 to 12 of 'vibration' 1")
+    assert words.endswith("dB below the training minimum")
+
+
+def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling(model):
+    recording = run(50, gain={"vibration": 2.0, "current": 2.0})
+    plain = fitted(chain(classifier()))[0]
+    tables = [explained(m, recording).set_index("column") for m in (model, plain)]
+    for own, table in zip((model, plain), tables, strict=True):
+        assert (table["unit"] == "dB").all()
+        X = [run(seed, worn=seed % 2 == 1) for seed in range(24)]
+        powers = own[:3].transform([*X, recording])
+        names = own[2].get_feature_names_out()
+        highest = pd.Series(10 * np.log10(powers[-1] / powers[:-1].max(axis=0)), names)
+        found = table["outside_training"]
+        above = highest[highest > 0].index
+        assert len(above) > 15
+        np.testing.assert_allclose(found[above], highest[above], rtol=1e-9)
+    # From the mean of the class: the geometric one with a logarithm, the arithmetic one without.
+    geometric, arithmetic = (table["deviation"].sort_index() for table in tables)
+    assert (geometric > arithmetic).all()
+
+
+def test_after_a_projection_deviations_are_from_the_nearest_class():
+    model, _ = fitted(levels(StandardScaler(), PCA(6)))
+    table = explained(model, run(50, gain=dict.fromkeys(FIRST, 30)))
+    assert table["outside_training"].isna().all()
+    assert table["unit"].eq("dB").all()
+    assert table["deviation"].median() > 10
+
+
+def test_columns_that_are_no_powers_deviate_by_standard_deviations():
+    log = FunctionTransformer(np.log, feature_names_out="one-to-one")
+    union = FeatureUnion(
+        [
+            ("bins", make_pipeline(OrderPSD(4), BinTransformer(max_order=12), log)),
+            ("levels", RecordingStatistics(("mean", "std"), by_direction=False)),
+        ],
+        verbose_feature_names_out=False,
+    )
+    model, X = fitted(
+        make_pipeline(OrderResampler(2 * np.pi / 32), union, StandardScaler(), classifier())
+    )
+    offset = run(50, change=lambda s: s | {"current": s["current"] + 25.0})
+    table = explained(model, offset).set_index("column")
+    assert table.loc["vibration@3-4", "unit"] == "dB"
+    assert table.loc["current:mean", "unit"] == "standard deviations"
+    means = model[:2].transform(X)[:, list(model[1].get_feature_names_out()).index("current:mean")]
+    spread = np.std(
+        means - np.repeat([[means[::2].mean(), means[1::2].mean()]], 12, 0).ravel(), ddof=2
+    )
+    assert table.loc["current:mean", "deviation"] == pytest.approx(25 / spread, rel=0.2)
+    (words, *_) = table.attrs["statements"]
+    assert words.startswith("'current:mean' ")
+    assert " standard deviations above '" in words
+
+
+def test_behind_a_router_the_pipeline_of_the_condition_is_explained():
+    X = [
+        run(k, worn=k % 2 == 1, load=20 + 20 * (k > 23), gain=None if k < 24 else {"current": 10})
+        for k in range(48)
+    ]
+    y = ["healthy", "worn"] * 24
+    router = ConditionRouter(levels(StandardScaler()), "load")
+    router.fit(X, y, costsensitivegaussianbayes__groups=np.arange(48) // 2)
+    # At the other load this level would be usual.
+    at_20 = run(90, load=20, gain={"current": 10})
+    (words,) = explained(router, at_20).attrs["statements"]
+    assert float(re.fullmatch(GAIN, words)[1]) == pytest.approx(20, abs=1)
+    own = router.estimators_[20]
+    pd.testing.assert_frame_equal(explained(router, at_20), explained(own, at_20))
+    table = explain_decision(router, run(91, load=40, worn=True, gain={"current": 10}))
+    assert table.attrs["decision"] == "worn"
+
+
+def test_a_router_of_tables_is_explained_without_the_column_of_the_condition():
+    rng = np.random.default_rng(4)
+    names = ["load", "torque@0-1", "torque@1-2"]
+    X = pd.DataFrame(rng.normal(size=(40, 3)) + 4, columns=names)
+    X["load"] = np.repeat([20, 40], 20)
+    y = np.tile(["new", "worn"], 20)
+    X.loc[y == "worn", "torque@1-2"] += 4
+    router = ConditionRouter(classifier(), "load")
+    router.fit(X, y, groups=np.arange(40) // 4)
+    table = explain_decision(router, X.iloc[[3]])
+    assert table["column"].tolist() == ["torque@1-2", "torque@0-1"]
+    router.set_params(estimator__cost={("new", "worn"): 1e9, ("worn", "new"): 0.1})
+    assert explain_decision(router, X.iloc[[2]]).attrs["decision"] == "worn"  # the present cost
+    with pytest.raises(ValueError, match=r"several conditions, .* one condition at a time"):
+        explain_model(router, X, y)
