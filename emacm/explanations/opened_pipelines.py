@@ -62,13 +62,12 @@ class OpenedPipeline:
         the first step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
-        router = search_estimator(pipeline)
-        if isinstance(router, ConditionRouter):
-            return cls._of_condition(router, X)
         steps = _flat_steps(pipeline)
         name, classifier = steps[-1]
         if isinstance(classifier, ConditionRouter):
-            _refuse_router(classifier)
+            if len(steps) > 1:
+                _refuse_router(classifier)
+            return cls._of_condition(classifier, X)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
             raise TypeError(
                 f"the last step must be a CostSensitiveGaussianBayes, whose densities are known; "
@@ -88,6 +87,7 @@ class OpenedPipeline:
     @classmethod
     def _of_condition(cls, router: ConditionRouter, X: Any) -> OpenedPipeline:
         """Divide the pipeline of a router for the condition of `X`, with its present costs."""
+        check_is_fitted(router)
         models = router.models_of(X)
         if any(model is not models[0] for model in models):
             raise ValueError(
@@ -133,7 +133,7 @@ def _refuse_router(router: ConditionRouter) -> NoReturn:
     check_is_fitted(router)
     known = list(router.conditions_)
     raise TypeError(
-        f"a ConditionRouter as the last step of a pipeline has a classifier for each condition "
+        f"a ConditionRouter after other steps of a pipeline has a classifier for each condition "
         f"{known}. Put the steps before it into its estimator, or explain one of them, for "
         f"example router.estimators_[{known[0]!r}], with a table of its condition."
     )

@@ -458,14 +458,26 @@ def test_an_error_inside_tells_the_condition():
 # Explanations
 
 
-def test_a_router_says_how_to_explain_it(fleet):
+def test_a_router_is_explained_by_the_pipeline_of_the_condition(fleet):
     X, y = fleet
     router = ConditionRouter(chain()).fit(X, y)
-    for explain, given in ((explain_decision, X[:1]), (explain_model, X)):
-        with pytest.raises(TypeError, match=r"router\.estimators_\[-40\]"):
-            explain(router, given)
-        with pytest.raises(TypeError, match=r"pipeline for each condition \[-40, 20, 40\]"):
-            explain(make_pipeline(router), given)
+    expected = explain_decision(router.estimators_[-40], X[0])
+    for model in (router, make_pipeline(router)):
+        pd.testing.assert_frame_equal(explain_decision(model, X[0]), expected)
+
+
+def test_recordings_of_several_conditions_are_not_explained_together(fleet):
+    X, y = fleet
+    with pytest.raises(ValueError, match="of several conditions, each with a pipeline of its own"):
+        explain_model(ConditionRouter(chain()).fit(X, y), X)
+
+
+def test_a_router_after_other_steps_says_how_to_explain_it():
+    X = LOADED.assign(level=[1.0, 2, 3, 5, 7, 8, 8, 9])
+    router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied"))
+    model = make_pipeline(FunctionTransformer(), router).fit(X, STATES)
+    with pytest.raises(TypeError, match=r"router\.estimators_\[20\], with a table"):
+        explain_decision(model, X.iloc[[0]])
 
 
 def test_the_pipeline_of_a_condition_can_be_explained(fleet):
