@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import check_choice, check_finite_table, check_signal, check_table, located
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
-from emacm.orders.segment_plan import SHORTS, SegmentPlan
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.segments import samples_per_revolution
 from emacm.orders.store import open_store, recalled
 from emacm.orders.welch import WelchEstimator
@@ -221,7 +221,6 @@ class OrderPSD(WelchEstimator):
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
         check_choice(self.by_direction, "by_direction", (True, False))
-        check_choice(self.short, "short", SHORTS)
         refuse_single(X)
         if isinstance(X, str | PurePath | Sequence) or _object_vector(X):
             rows = as_list(X)

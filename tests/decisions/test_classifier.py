@@ -845,3 +845,11 @@ def test_the_scorer_refuses_a_class_it_was_not_trained_on():
     model = CostSensitiveGaussianBayes().fit(X, y)
     with pytest.raises(ValueError, match="y_true contains 'nut' at position 1"):
         neg_expected_cost(model, X[:2], ["ball", "nut"])
+
+
+def test_the_warning_of_a_singular_covariance_names_the_line_that_asked():
+    X, y = singular("full")
+    model = CostSensitiveGaussianBayes().partial_fit(X, y, classes=sorted(set(y)))
+    with pytest.warns(UserWarning, match="is singular") as caught:
+        model.predict_log_proba(X)
+    assert caught[0].filename == __file__

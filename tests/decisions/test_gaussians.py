@@ -286,3 +286,12 @@ def test_distances_are_in_standard_deviations_of_the_class():
     squares = fit_gaussians(moments, diagonal=True).squared_distances(np.array([[4.0, 1.0]]))
     # Class 0: mean (2, 1), variances 16/3 and 4/3; class 1: mean (10.5, 5.5), variances 1/2.
     np.testing.assert_allclose(squares, [[4 / (16 / 3), (6.5**2 + 4.5**2) * 2]])
+
+
+def test_distances_whose_terms_overflow_with_both_signs_are_infinite():
+    X, codes = draw(8, n_features=2)
+    X[:, 1] = X[:, 0] + 0.1 * X[:, 1]
+    classes = fit_gaussians(class_moments(1e-100 * X, codes, 3, pooled=True))
+    squares = classes.squared_distances(np.array([[1e300, 1e300], [0.0, 0.0]]))
+    assert np.isposinf(squares[0]).all()
+    assert np.isfinite(squares[1]).all()

@@ -164,3 +164,18 @@ def test_without_groups_equal_recordings_are_left_out_together():
     groups = group_numbers(None, np.vstack([X, X]), np.tile(np.arange(9) % 2, 2))
     assert_array_equal(groups[:9], groups[9:])
     assert len(np.unique(groups)) == 9
+
+
+def test_a_covariance_that_is_singular_without_a_group_is_raised_to_the_floor():
+    rng = np.random.default_rng(3)
+    codes = np.repeat([0, 1], [6, 9])
+    groups = np.concatenate([[0, 0, 1, 1, 2, 2], np.arange(9) % 3])
+    X = rng.normal(size=(15, 4)) * [1, 10, 0.1, 3] + 5 * codes[:, np.newaxis]
+    training = Training(X, codes, groups, np.ones(15), 2)
+    for part in left_out_gaussians(training, "full", None):
+        others = np.setdiff1d(np.arange(15), part.rows)
+        expected = fitted_anew(training.take(others), "full", 0.0)
+        assert part.gaussians.singular.tolist() == [True, False]
+        assert_allclose(
+            part.gaussians.log_densities(X), expected.log_densities(X), rtol=1e-6, atol=1e-6
+        )

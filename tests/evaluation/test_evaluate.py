@@ -290,6 +290,8 @@ def test_true_probabilities_lie_on_the_diagonal():
     outside = (curve["low"] > curve["confidence"]) | (curve["confidence"] > curve["high"])
     assert len(curve) == 5
     assert outside.sum() == 0
+    assert curve.columns[0] == "scheme"
+    assert set(curve["scheme"]) == {"random split"}
     entropy = found.table.loc["random split"]
     p = 1 / (1 + np.exp(-(1.5 * X[:, 0] - 1.5**2 / 2)))  # the true posterior
     least = -np.mean(np.where(y == 1, np.log(p), np.log(1 - p)))
@@ -319,6 +321,9 @@ def test_a_label_of_one_unit_gives_a_warning_and_the_split_by_unit_is_not_scored
     )
     assert np.isnan(found.table.loc["by unit", "balanced_accuracy"])
     assert found.table.loc["by unit", ["recordings", "folds", "groups"]].tolist() == [0, 0, 0]
+    assert found.table.index.name == "scheme"
+    accuracy = next(line for line in str(found).splitlines() if line.startswith("accuracy"))
+    assert accuracy.split()[-1] == "-"
     assert "by unit" not in found.confusions
     assert "by unit" not in set(found.predictions["scheme"])
 

@@ -397,6 +397,11 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
         (lambda: Bearing(9, -3.0, 8.0), ValueError, "ball_diameter must be a number above"),
         (lambda: Bearing(9, 8.0, -39.0), ValueError, "pitch_diameter must be a number above 8"),
         (
+            lambda: Bearing(9, 3e-6, 39.0),
+            ValueError,
+            r"at least 1e-06 times pitch_diameter \(39\), got 3e-06. Both .* same unit",
+        ),
+        (
             lambda: Bearing(9, 8.0, 39.0, -0.1),
             ValueError,
             "contact_angle .* of rad, at least 0",

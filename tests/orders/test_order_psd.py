@@ -205,6 +205,15 @@ def test_bins_that_overflow_are_refused_with_recording_and_column():
     psd = pd.DataFrame([[1.0] * 6, [1.0] * 3 + [1e308] * 3], columns=columns)
     with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float64.*other units"):
         BinTransformer(20, max_order=20).fit_transform(psd)
+    bins = BinTransformer(20, max_order=20).fit(psd.clip(upper=2.0))
+    with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float32.*other units"):
+        bins.transform(psd.clip(upper=1e38).astype(np.float32))
+
+
+def test_a_power_that_overflows_at_one_order_is_refused():
+    tone = 1e155 * np.sin(2 * np.pi * 5 / 32 * np.arange(320))
+    with pytest.raises(ValueError, match=r"row 0: the power of the signal exceeds .* float64"):
+        OrderPSD(8, theta_s=2 * np.pi / 32, window="boxcar").fit_transform([tone])
 
 
 # Short recordings

@@ -430,6 +430,7 @@ def test_it_stands_in_a_search_over_bands():
         ),
         ({"band": {"sound": BAND}, "squared": 2}, ValueError, "squared must be one of"),
         ({"band": {"sound": BAND}, "suffix": ""}, TypeError, "suffix must be text"),
+        ({"band": {"sound": BAND}, "suffix": 7}, TypeError, "suffix must be text.* got 7"),
         ({"band": {"sound": (2000, 2001)}}, ValueError, "channel 'sound': the band 2000 to 2001"),
     ],
 )

@@ -1,6 +1,7 @@
 """Facts about the reader of meta: every form is read alike, and what is missing is located."""
 
 import re
+from collections import UserList
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
-from emacm.recordings.meta import read_grouping, read_meta
+from emacm.recordings.meta import chosen_rows, read_grouping, read_meta
 
 
 def runs(*metas):
@@ -123,3 +124,10 @@ def test_an_array_is_not_split_with_the_recordings():
     router = ConditionRouter(LogisticRegression(), condition=[20, 20, 40, 40])
     with pytest.raises(TypeError, match=r"condition must be a key of meta.*put its values into"):
         router.fit(np.zeros((4, 1)), ["a", "b"] * 2)
+
+
+@pytest.mark.parametrize(
+    "values", [["a", "b", "c"], ("a", "b", "c"), np.array(["a", "b", "c"]), UserList("abc")]
+)
+def test_rows_are_chosen_from_any_sequence(values):
+    assert list(chosen_rows(values, np.array([2, 0]))) == ["c", "a"]
