@@ -96,6 +96,9 @@ if TYPE_CHECKING:
     from emacm.models.outside_training import (
         outside_training as outside_training,
     )
+    from emacm.models.scoring import (
+        score as score,
+    )
     from emacm.orders.bin_transformer import (
         BinTransformer as BinTransformer,
     )
@@ -286,6 +289,9 @@ _PUBLIC = {
     ],
     "models.outside_training": [
         "outside_training",
+    ],
+    "models.scoring": [
+        "score",
     ],
     "recordings.prewhitening": [
         "CepstralPrewhitening",

@@ -1,4 +1,4 @@
-"""Commands ``emacm demo`` and ``emacm reproduce``; also as ``python -m emacm``."""
+"""Commands ``emacm score``, ``demo`` and ``reproduce``; also as ``python -m emacm``."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from emacm._version import __version__
+from emacm.commands.parsers import add_parsers
 
 _INTERRUPTED = 130  # exit code, as of a shell
 
@@ -28,14 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM).
+        0 if it succeeded, 2 for invalid input, 130 if it was interrupted (SIGINT or SIGTERM);
+        for ``score``, 1 if a decision of ``--fail-on`` was made, and 3 if files failed.
     """
     options = _parser().parse_args(arguments)
     try:
         with _signals_as_interruption():
-            _check_matplotlib(options.command)
-            options.run(options)
-    except (ImportError, OSError, ValueError) as error:
+            return options.run(options) or 0
+    except (ImportError, OSError, TypeError, ValueError) as error:
         print(f"emacm: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -43,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         end_of_progress = "\n" if sys.stderr.isatty() else ""
         print(f"{end_of_progress}emacm: interrupted.", file=sys.stderr)
         return _INTERRUPTED
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"emacm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
+    add_parsers(commands)
     demo = commands.add_parser(
         "demo", help="search, decide, save, load and draw, on simulated or measured recordings"
     )
@@ -112,6 +113,7 @@ def _job_count(text: str) -> int:
 def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
 
+    _check_matplotlib("demo")
     out = _writable_folder(options.out)
     if options.actuator is None:
         demo.simulated_demo(out, n_jobs=options.jobs)
@@ -122,6 +124,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 def _run_reproduce(options: argparse.Namespace) -> None:
     from emacm.thesis import CHAPTERS, reproduce
 
+    _check_matplotlib("reproduce")
     reproduce(
         options.out,
         list(dict.fromkeys(options.chapter or CHAPTERS)),

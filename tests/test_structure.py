@@ -35,9 +35,10 @@ ORDER = [
     "displays",
     "thesis",
     "demo",
+    "commands",
     "__main__",
 ]
-NEVER_IMPORTED = {"thesis", "demo", "__main__"}  # except by the command line
+NEVER_IMPORTED = {"thesis", "demo", "commands", "__main__"}  # except by the command line
 OPTIONAL = {"matplotlib", "numba", "polars", "tqdm"}
 OPTIONAL |= {"asammdf", "h5py", "nptdms", "pyarrow", "pyuff", "skops"}
 TEST_TOOLS = {"pytest", "hypothesis", "tests", "IPython", "ipykernel", "nbclient", "nbformat"}

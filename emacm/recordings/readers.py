@@ -104,10 +104,11 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
 
 def _read_npz(path: Path) -> FileColumns:
     content = FileColumns({})
-    with open(path, "rb") as file:
+    with open(path, "rb") as file:  # which numpy leaves open if the archive is damaged
         if file.read(2) != b"PK":
             raise RefusedFileError("it is no .npz file (no ZIP archive). Save it by numpy.savez.")
-    with np.load(path, allow_pickle=False) as arrays:
+        file.seek(0)
+        arrays = np.load(file, allow_pickle=False)
         for name in arrays.files:
             try:
                 values = arrays[name]
@@ -243,8 +244,8 @@ READERS: dict[str, Callable[[Path], FileColumns]] = {
 def _reader_of(path: Path) -> Callable[[Path], FileColumns]:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
+        kind = f"of type {path.suffix}" if path.suffix else "without a suffix"
         raise ValueError(
-            f"files of type {path.suffix or 'without a suffix'!r} are not read; known are "
-            f"{sorted(READERS)}. Convert it, or leave it out."
+            f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
         )
     return reader

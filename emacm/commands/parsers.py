@@ -1,0 +1,66 @@
+"""Options of the commands on files. What a command needs is imported when it runs."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def add_parsers(commands: Any) -> None:
+    """Add the commands on files to the command line.
+
+    Parameters
+    ----------
+    commands : action of `argparse`
+        The subcommands.
+    """
+    _add_score(commands)
+
+
+def _run_later(name: str) -> Callable[[argparse.Namespace], int]:
+    """Return the function of a command, whose module is imported when it runs."""
+    return lambda options: import_module(f"emacm.commands.{name}").run(options)
+
+
+def _add_score(commands: Any) -> None:
+    """Add ``emacm score``."""
+    parser = commands.add_parser(
+        "score", help="decide on files; one row for each, also for those that cannot be read"
+    )
+    parser.set_defaults(run=_run_later("score"))
+    parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    parser.add_argument(
+        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
+    )
+    parser.add_argument(
+        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="table (.csv, .jsonl or .parquet); files that are in it are not decided on again. "
+        "Default: CSV on the standard output",
+    )
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="files in parallel")
+    parser.add_argument(
+        "--cost", type=Path, metavar="CSV", help="costs: a row for each decision, columns: truths"
+    )
+    parser.add_argument(
+        "--priors", metavar="P", help="'uniform', or as in healthy=0.9,inner=0.04,outer=0.06"
+    )
+    parser.add_argument(
+        "--fail-on",
+        default="",
+        metavar="STATE,...",
+        help="exit status 1 if one of these decisions is made",
+    )
+    parser.add_argument(
+        "--watch", type=float, metavar="SECONDS", help="look for new files again and again"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="decide again on files that are in the table"
+    )

@@ -1,0 +1,216 @@
+"""The command ``emacm score``: one row for each file, and an exit status."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm.commands.result_tables import ResultTable, Row, line_of
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.pipelines import final_estimator
+from emacm.models.model_files import load_model
+from emacm.models.scoring import check_model, score_columns, scored_rows
+from emacm.recordings.files import open_recording, recording_files
+from emacm.recordings.layout import Layout
+
+ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
+_AT_ONCE = 32  # files between two writes
+_BLOCK = 1 << 20
+_SETTLED = 2.0  # s; with --watch, a file that was written later may still be written
+_REPORTED = 5.0  # s between two lines of progress
+
+
+def run(options: argparse.Namespace) -> int:
+    """Decide on all files, and return the exit status.
+
+    Returns
+    -------
+    int
+        0; 1 if a decision of ``--fail-on`` was made; 3 if files failed.
+    """
+    if options.watch is not None and not options.watch > 0:
+        raise ValueError(f"--watch must be a number of seconds above 0, got {options.watch}.")
+    layout, model = Layout.from_toml(options.layout), load_model(options.model)
+    classes = check_model(model)
+    set_costs(model, options.cost, options.priors)
+    alarms = _alarms(model, options.fail_on)
+    settings = (_digest_of(options.model), layout.key, repr(layout.meta))
+    costs = options.cost.read_text(encoding="utf-8") if options.cost else None
+    seal = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
+    columns = [*score_columns(classes), "digest"]
+    work = _Work(model, layout, columns, seal, options)
+    _check_paths(options.paths)
+    while True:
+        rows = work.once()
+        if options.watch is None:
+            break
+        time.sleep(options.watch)
+    if options.out is not None:
+        print(_summary(rows, options.out))
+    if any(row["decision"] in alarms for row in rows):
+        return ALARM
+    return FAILED if any(row["error"] for row in rows) else 0
+
+
+class _Work:
+    """The files to decide on, and the table of results."""
+
+    def __init__(
+        self,
+        model: Any,
+        layout: Layout,
+        columns: Sequence[str],
+        seal: str,
+        options: argparse.Namespace,
+    ) -> None:
+        self._model, self._layout, self._columns = model, layout, columns
+        self._seal, self._options, self._said = seal, options, time.monotonic()
+        self._table = None if options.out is None else ResultTable(options.out, columns)
+        self._done: dict[tuple[str, str], Row] = {}
+        if self._table is None:
+            sys.stdout.write(
+                line_of(dict(zip(columns, columns, strict=True)), columns, as_json=False)
+            )
+        elif not options.again:
+            self._done = _without_errors(self._table.read())
+
+    def once(self) -> list[Row]:
+        """Decide on the files that are new, write their rows, and return all rows."""
+        paths, rows = list(self._paths()), []
+        if self._table is not None:
+            self._table.start(self._done.values())
+        for first in range(0, len(paths), _AT_ONCE):
+            rows += self._rows(paths[first : first + _AT_ONCE])
+            self._tell(len(rows), len(paths))
+        here = {(row["recording"], row["digest"]) for row in rows}
+        names = {row["recording"] for row in rows}
+        others = [row for key, row in self._done.items() if key not in here and key[0] not in names]
+        self._done = _without_errors([*rows, *others])
+        if self._table is not None:
+            self._table.finish([*rows, *others])
+        return rows
+
+    def _paths(self) -> Iterator[Path]:
+        now = time.time()
+        for path in expanded(self._options.paths):
+            if self._options.watch is None or now - path.stat().st_mtime > _SETTLED:
+                yield path
+
+    def _rows(self, paths: Sequence[Path]) -> list[Row]:
+        """Return the rows of some files in order; those that are new are written."""
+        digests = [_file_digest(path, self._seal) for path in paths]
+        known = [self._done.get((str(p), d)) for p, d in zip(paths, digests, strict=True)]
+        new = [i for i, row in enumerate(known) if row is None]
+        sources = [partial(open_recording, paths[i], self._layout) for i in new]
+        names = [str(paths[i]) for i in new]
+        scored = scored_rows(self._model, sources, names, self._options.jobs)
+        for i, row in zip(new, scored, strict=True):
+            row = {k: "" if v is None else v for k, v in row.items()} | {"digest": digests[i]}
+            known[i] = row
+            if self._table is not None:
+                self._table.append(row)
+            else:
+                sys.stdout.write(line_of(row, self._columns, as_json=False))
+                sys.stdout.flush()
+        return [row for row in known if row is not None]
+
+    def _tell(self, done: int, total: int) -> None:
+        if time.monotonic() - self._said > _REPORTED:
+            self._said = time.monotonic()
+            print(f"{done} of {total} files", file=sys.stderr)
+
+
+def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:
+    """Return the rows with a decision, by file and digest; files that failed are tried again."""
+    return {(row["recording"], row["digest"]): row for row in rows if not row["error"]}
+
+
+def expanded(paths: Sequence[Path]) -> list[Path]:
+    """Return files, and in place of folders the files in them, sorted."""
+    found: list[Path] = []
+    for path in paths:
+        found += sorted(recording_files(path)) if path.is_dir() else [path]
+    return list(dict.fromkeys(found))
+
+
+def _check_paths(paths: Sequence[Path]) -> None:
+    for path in paths:
+        if path.is_dir() and next(recording_files(path), None) is None:
+            raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
+
+
+def _file_digest(path: Path, seal: str) -> str:
+    try:
+        return sha256(f"{seal}{_digest_of(path)}".encode()).hexdigest()[:32]
+    except OSError:
+        return ""
+
+
+def _digest_of(path: Path) -> str:
+    digest = sha256()
+    with open(path, "rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:
+    """Set costs from a table and priors from a text on a model, fitted or not.
+
+    Raises
+    ------
+    ValueError
+        If they do not fit the model.
+    """
+    final = final_estimator(model)
+    while isinstance(final, ConditionRouter):
+        final = final_estimator(final.estimator)
+    given: dict[str, Any] = {}
+    if cost is not None:
+        given["cost"] = pd.read_csv(cost, index_col=0)
+    if priors is not None:
+        given["priors"] = priors if priors == "uniform" else _priors(priors)
+    if given:
+        final.set_params(**given)
+    if hasattr(model, "classes_") and hasattr(final, "cost"):
+        _ = (final if not hasattr(model, "cost_") else model).cost_, getattr(final, "priors_", None)
+
+
+def _priors(text: str) -> dict[str, float]:
+    pairs = [part.rpartition("=") for part in text.split(",")]
+    try:
+        return {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError as error:
+        raise ValueError(
+            f"--priors must be 'uniform' or as in healthy=0.9,worn=0.1; got {text!r}."
+        ) from error
+
+
+def _alarms(model: Any, text: str) -> set[Any]:
+    """Return the decisions of ``--fail-on``, as the model has them."""
+    known = getattr(model, "decisions_", None)
+    if known is None:
+        known = getattr(final_estimator(model), "decisions_", model.classes_)
+    decisions = {str(label): label for label in np.asarray(known).tolist()}
+    wanted = [name.strip() for name in text.split(",") if name.strip()]
+    for name in wanted:
+        if name not in decisions:
+            raise ValueError(f"--fail-on names {name!r}; the decisions are {list(decisions)}.")
+    return {*wanted, *(decisions[name] for name in wanted)}
+
+
+def _summary(rows: Sequence[Row], out: Path) -> str:
+    failed = sum(bool(row["error"]) for row in rows)
+    counts = pd.Series([row["decision"] for row in rows if not row["error"]], dtype=object)
+    parts = [f"{count} {name}" for name, count in counts.value_counts().items()]
+    parts += [f"{failed} failed"] if failed else []
+    return f"{len(rows)} files: {', '.join(parts)}. Table: {out}"

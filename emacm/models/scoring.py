@@ -1,0 +1,197 @@
+"""Decisions on many recordings: one row for each, also for those that cannot be read."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._progress import run
+from emacm.conditions.present_costs import with_present_costs
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.pipelines import before_the_last_step, search_estimator
+from emacm.models.model_files import parts_of
+from emacm.models.outside_training import outside_training
+from emacm.recordings.inputs import as_list, received
+from emacm.recordings.recording import Recording
+from emacm.resampling.order_resampler import OrderResampler
+
+Row = dict[str, Any]
+
+
+def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataFrame:
+    """Decide on recordings, one by one; one that is invalid gives a row with its error.
+
+    Parameters
+    ----------
+    model : estimator, Pipeline, ConditionRouter or search
+        A fitted classifier of recordings.
+    recordings : sequence of Recording
+        Such as a `RecordingFolder`. Only the recordings in work are in memory.
+    n_jobs : int, optional
+        Number of recordings processed in parallel.
+
+    Returns
+    -------
+    DataFrame
+        One row for each recording:
+
+        - ``recording``: path of the file, or the number in `recordings`,
+        - ``decision``: decision of least expected cost,
+        - ``expected_cost`` of this decision, in the unit of the costs,
+        - ``typicality``, if the model has it (fitted with ``unknown`` or ``groups``),
+        - ``P(<class>)``: posterior probability of each class,
+        - ``warnings``: findings of `OrderResampler.quality`,
+        - ``outside_training``: properties outside the range of the training recordings, see
+          `outside_training`,
+        - ``error``: why there is no decision; empty if there is one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `model` is no fitted classifier, or `recordings` is no sequence.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording, score
+    >>> from sklearn.pipeline import make_pipeline
+    >>> rng = np.random.default_rng(0)
+    >>> runs = [
+    ...     Recording({"vibration": level * rng.normal(size=4000)}, 1000, velocity=100.0)
+    ...     for level in (1.0, 1.1, 0.9, 3.0, 3.3, 2.7)
+    ... ]
+    >>> bayes = CostSensitiveGaussianBayes(covariance="diag", shrinkage=0.1)
+    >>> model = make_pipeline(OrderResampler(2 * np.pi / 16), OrderPSD(0.25), bayes)
+    >>> model = model.fit(runs, ["healthy"] * 3 + ["worn"] * 3)
+    >>> table = score(model, [runs[0], runs[4], None])
+    >>> table["decision"].tolist()[:2], table["error"][2]
+    (['healthy', 'worn'], 'expected a recording, got None.')
+    """
+    classes = check_model(model)
+    if hasattr(recordings, "__len__") and not len(recordings):
+        return pd.DataFrame(columns=score_columns(classes))
+    entries = as_list(recordings)
+    names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
+    rows = scored_rows(model, [partial(_itself, entry) for entry in entries], names, n_jobs)
+    return pd.DataFrame(rows, columns=score_columns(classes))
+
+
+def check_model(model: Any) -> list[Any]:
+    """Return the classes of a fitted classifier.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no classifier with `predict_proba`, or not fitted.
+    """
+    if isinstance(model, type) or not hasattr(model, "fit"):
+        raise TypeError(f"model must be a fitted classifier of recordings, got {model!r}.")
+    check_is_fitted(model)
+    if not hasattr(model, "predict_proba"):
+        raise TypeError(
+            f"model must be a classifier with posterior probabilities, got {type(model).__name__}."
+        )
+    return list(model.classes_)
+
+
+def score_columns(classes: Sequence[Any]) -> list[str]:
+    """Return the columns of the table of `score`."""
+    first = ["recording", "decision", "expected_cost", "typicality"]
+    return [*first, *(f"P({c})" for c in classes), "warnings", "outside_training", "error"]
+
+
+def scored_rows(
+    model: Any,
+    sources: Sequence[Callable[[], Any]],
+    names: Sequence[Any],
+    n_jobs: int | None = None,
+) -> list[Row]:
+    """Return the rows of recordings that functions open.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted classifier.
+    sources : sequence of callable
+        Each returns a recording, or raises an error, which is written into the row.
+    names : sequence
+        Name of each recording.
+    n_jobs : int, optional
+        Number of recordings processed in parallel.
+
+    Returns
+    -------
+    list of dict
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # what they say is in the rows
+        return run(partial(_row, model), sources, names, n_jobs=n_jobs)
+
+
+def _itself(entry: Any) -> Any:
+    return entry
+
+
+def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
+    empty = dict.fromkeys(score_columns(model.classes_), np.nan)
+    texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
+    row = empty | texts | {"recording": name}
+    try:
+        recording = source()
+        if not isinstance(recording, Recording):
+            raise TypeError(f"expected a recording, got {received(recording)}")
+        row |= _decision(model, recording)
+        row |= _findings(model, recording)
+    except Exception as error:  # whatever it is, it is the result for this recording
+        known = isinstance(error, ValueError | TypeError | OSError | ImportError)
+        text = str(error) if known else f"{type(error).__name__}: {error}"
+        row["error"] = " ".join(text.split()) or type(error).__name__
+    return row
+
+
+def _decision(model: Any, recording: Recording) -> Row:
+    """Return decision, cost, typicality and posterior; the features are computed once."""
+    final, table = _opened(model, [recording])
+    posterior = dict(zip(final.classes_.tolist(), final.predict_proba(table)[0], strict=True))
+    row: Row = {
+        f"P({c})": float(posterior.get(c, 0.0)) for c in np.asarray(model.classes_).tolist()
+    }
+    decision = final.predict(table)[0]
+    row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
+    if hasattr(final, "risk"):
+        row["expected_cost"] = float(final.risk(table)[0].min())
+    if hasattr(final, "typicality"):
+        with suppress(ValueError):  # of a model that has learned none; the features are valid
+            row["typicality"] = float(final.typicality(table)[0])
+    return row
+
+
+def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
+    """Return the classifier behind routers and pipelines, with its present costs, and its input."""
+    final, table = before_the_last_step(model, X)
+    if not isinstance(final, ConditionRouter):
+        return final, table
+    (own,) = final.models_of(table)
+    inner, features = _opened(own, table)
+    return with_present_costs(inner, own, final.estimator, final.classes_), features
+
+
+def _findings(model: Any, recording: Recording) -> Row:
+    """Return what is unusual about a recording as measured."""
+    for part in parts_of(search_estimator(model)):
+        if isinstance(part, OrderResampler) and hasattr(part, "channels_"):
+            break
+    else:
+        return {}
+    known = [name for name in part.channels_ if name in recording.channels]
+    quality = clone(part).set_params(channels=known or None).quality([recording])
+    outside = outside_training(model, [recording])[0]
+    return {"warnings": quality["warnings"].iloc[0], "outside_training": "; ".join(outside)}

@@ -1,0 +1,254 @@
+"""The command score: one row for each file, an exit status, and a table that can be continued."""
+
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    RecordingFolder,
+    save_model,
+    score,
+)
+from emacm.__main__ import main
+from emacm.commands import score as command
+
+pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+ROOT = Path(__file__).parents[2]
+LAYOUT = 'fs = 1000\nvelocity = "speed"\nmeta = "{state}_{run:d}"\n[units]\nspeed = "rpm"\n'
+N = 2000
+
+
+def write(path, worn, seed):
+    rng = np.random.default_rng(seed)
+    angle = 90.0 * np.arange(N) / 1000
+    line = (2.0 if worn else 0.1) * np.sin(4.7 * angle)
+    np.savez(path, vib=rng.normal(size=N) + line, speed=np.full(N, 90 * 30 / np.pi))
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "files").mkdir()
+    for number in range(12):
+        worn = number % 3 == 2
+        write(folder / "files" / f"{'worn' if worn else 'ok'}_{number:02d}.npz", worn, number)
+    (folder / "layout.toml").write_text(LAYOUT)
+    X = RecordingFolder(folder / "files", Layout.from_toml(folder / "layout.toml"))
+    bayes = CostSensitiveGaussianBayes({("ok", "worn"): 5}, covariance="diag", shrinkage=0.1)
+    log = FunctionTransformer(np.log10)
+    model = make_pipeline(
+        OrderResampler(2 * np.pi / 24), OrderPSD(4), BinTransformer(0.5, max_order=9), log, bayes
+    )
+    save_model(model.fit(X, [recording.meta["state"] for recording in X]), folder / "model.emacm")
+    return folder
+
+
+@pytest.fixture
+def here(bench, tmp_path, monkeypatch):
+    shutil.copytree(bench, tmp_path / "bench")
+    monkeypatch.chdir(tmp_path / "bench")
+    return tmp_path / "bench"
+
+
+def run(*arguments, paths=("files",)):
+    return main(["score", "model.emacm", *paths, "--layout", "layout.toml", *arguments])
+
+
+def test_the_standard_output_is_the_table_of_score(here, capsys):
+    assert run() == 0
+    printed = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
+    from emacm import load_model
+
+    folder = RecordingFolder(here / "files", Layout.from_toml(here / "layout.toml"))
+    table = score(load_model(here / "model.emacm"), folder)
+    assert list(printed.columns) == [*table.columns, "digest"]
+    assert printed["recording"].tolist() == [f"files/{path.name}" for path in folder.paths]
+    assert printed["decision"].tolist() == table["decision"].tolist()
+    np.testing.assert_array_equal(printed["P(worn)"], table["P(worn)"])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
+def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'files')")
+    (here / "files" / "bad_7.npz").write_bytes(b"PK")
+    assert run("--out", f"table{suffix}", "--jobs", "2") == 3
+    printed = capsys.readouterr().out
+    assert printed == f"13 files: 8 ok, 4 worn, 1 failed. Table: table{suffix}\n"
+    assert run("--out", "other.csv") == 3
+    read = {".csv": pd.read_csv, ".parquet": pd.read_parquet}.get(
+        suffix, lambda path: pd.read_json(path, lines=True)
+    )
+    first, other = read(f"table{suffix}"), pd.read_csv("other.csv")
+    for name in ("recording", "decision", "error"):
+        assert first[name].fillna("").tolist() == other[name].fillna("").tolist()
+    np.testing.assert_allclose(first["P(worn)"], other["P(worn)"], rtol=1e-14)
+    assert not list(Path().glob(f"table{suffix}.*"))
+
+
+# The exit status
+
+
+def test_an_alarm_is_status_1(here):
+    assert run("--fail-on", "worn") == 1
+    assert run("--fail-on", "worn", paths=["files/ok_00.npz"]) == 0
+
+
+def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
+    assert run(paths=["files/ok_00.npz", "files/none.npz", "files/worn_02.npz"]) == 3
+    printed = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert printed["decision"].fillna("-").tolist() == ["ok", "-", "worn"]
+    assert "no file" in printed["error"][1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "paths", "message"),
+    [
+        (
+            ["--fail-on", "old"],
+            ["files"],
+            "--fail-on names 'old'; the decisions are ['ok', ",
+        ),
+        (["--out", "table.xlsx"], ["files"], "must end with one of .csv, .jsonl, .parquet"),
+        (["--priors", "ok"], ["files"], "--priors must be 'uniform' or as in"),
+        (["--priors", "ok=0.5"], ["files"], "priors"),
+        (["--cost", "none.csv"], ["files"], "none.csv"),
+        (["--watch", "-1"], ["files"], "--watch must be a number of seconds above 0"),
+        ([], ["empty"], "has no file of a known type"),
+    ],
+)
+def test_an_invalid_command_is_status_2_and_one_line(here, capsys, arguments, paths, message):
+    (here / "empty").mkdir()
+    assert run(*arguments, paths=paths) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["model.emacm", "layout.toml"])
+def test_a_bad_model_or_layout_is_status_2(here, capsys, name):
+    (here / name).write_text("none")
+    assert run() == 2
+    assert name in capsys.readouterr().err
+
+
+# Costs and priors
+
+
+def test_costs_and_priors_are_those_of_the_command(here, capsys):
+    Path("cost.csv").write_text(",ok,worn\nok,0,0\nworn,2,1\n")
+    assert run("--cost", "cost.csv", "--priors", "ok=0.999999,worn=0.000001") == 0
+    printed = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert (printed["decision"] == "ok").all()
+
+
+# Continued tables
+
+
+def counted(monkeypatch):
+    scored = []
+    original = command.scored_rows
+
+    def spy(model, sources, names, n_jobs):
+        scored.extend(names)
+        return original(model, sources, names, n_jobs)
+
+    monkeypatch.setattr(command, "scored_rows", spy)
+    return scored
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+def test_only_new_changed_and_failed_files_are_decided_on_again(here, monkeypatch, suffix):
+    table = Path(f"table{suffix}")
+    (here / "files" / "bad_7.npz").write_bytes(b"PK")
+    assert run("--out", str(table)) == 3
+    first = table.read_text()
+    scored = counted(monkeypatch)
+    assert run("--out", str(table)) == 3
+    assert scored == ["files/bad_7.npz"]
+    assert table.read_text() == first
+    scored.clear()
+    write(here / "files" / "bad_7.npz", True, 70)
+    write(here / "files" / "new_8.npz", False, 80)
+    write(here / "files" / "ok_03.npz", True, 90)
+    assert run("--out", str(table)) == 0
+    assert scored == ["files/bad_7.npz", "files/new_8.npz", "files/ok_03.npz"]
+    assert len(table.read_text().splitlines()) == 14 + (suffix == ".csv")
+    scored.clear()
+    assert run("--out", str(table), "--again") == 0
+    assert len(scored) == 14
+    scored.clear()
+    assert run("--out", str(table), "--priors", "uniform") == 0
+    assert len(scored) == 14  # other priors, other results
+
+
+def test_a_killed_run_is_continued_and_ends_with_the_same_table(here, monkeypatch):
+    assert run("--out", "whole.csv") == 0
+    lines = Path("whole.csv").read_text().splitlines(keepends=True)
+    Path("table.csv").write_text("".join(lines[:6]) + lines[6][:30])
+    scored = counted(monkeypatch)
+    assert run("--out", "table.csv") == 0
+    assert len(scored) == 7
+    assert Path("table.csv").read_text() == "".join(lines)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_a_process_that_is_killed_has_written_its_rows(here):
+    for number in range(300):
+        shutil.copy(here / "files" / "ok_00.npz", here / "files" / f"ok_1{number:03d}.npz")
+    arguments = ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "table.csv"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "emacm", *arguments],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 60
+    while not (here / "table.csv").is_file() or (here / "table.csv").read_text().count("\n") < 20:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert main(arguments) == 0
+    assert main([*arguments[:-1], "whole.csv"]) == 0
+    assert (here / "table.csv").read_text() == (here / "whole.csv").read_text()
+
+
+def test_a_table_with_other_columns_is_refused(here, capsys):
+    Path("table.csv").write_text("file,state\na,ok\n")
+    assert run("--out", "table.csv") == 2
+    assert "has other columns" in capsys.readouterr().err
+    assert Path("table.csv").read_text() == "file,state\na,ok\n"
+
+
+def test_watching_decides_on_files_as_they_come(here, monkeypatch):
+    def sleep(seconds):
+        assert seconds == 7
+        if len(Path("table.jsonl").read_text().splitlines()) == 13:
+            raise KeyboardInterrupt
+        write(here / "files" / "new_9.npz", True, 9)
+        os.utime(here / "files" / "new_9.npz", (1, 1))
+
+    for path in (here / "files").iterdir():
+        os.utime(path, (1, 1))
+    monkeypatch.setattr(command.time, "sleep", sleep)
+    assert run("--out", "table.jsonl", "--watch", "7") == 130
+    rows = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
+    assert [row["decision"] for row in rows if row["recording"] == "files/new_9.npz"] == ["worn"]

@@ -1,0 +1,392 @@
+"""Scoring: the results of the model itself, and a row that says what and where for each failure."""
+
+import os
+import pickle
+import re
+import wave
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from emacm import (
+    BinTransformer,
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingFolder,
+    open_recording,
+    score,
+)
+from emacm.models.scoring import scored_rows
+
+RNG = np.random.default_rng(4)
+FS, N = 1000.0, 3000
+SPEED = 80 + 5 * np.sin(np.arange(N) / 300)
+ANGLE = np.cumsum(SPEED) / FS
+LAYOUT = Layout(fs=FS, channels=["vib", "amp"], velocity="speed", units={"vib": "g"})
+
+
+def signals(worn=False, seed=None):
+    rng = RNG if seed is None else np.random.default_rng(seed)
+    line = (2.0 if worn else 0.1) * np.sin(4.7 * ANGLE)
+    return {"vib": rng.normal(size=N) + line, "amp": 3 + 0.2 * rng.normal(size=N), "speed": SPEED}
+
+
+def in_memory(number):
+    found = signals(worn=number % 2 == 1, seed=number)
+    speed = found.pop("speed")
+    return Recording(found, FS, velocity=speed, meta={"load": (10, 30)[number // 2 % 2]})
+
+
+X = [in_memory(number) for number in range(24)]
+Y = ["healthy", "worn"] * 12
+COST = {("healthy", "worn"): 10, ("inspect", "healthy"): 0.3, ("inspect", "worn"): 0.3}
+
+
+def pipeline(**options):
+    bayes = CostSensitiveGaussianBayes(COST, covariance="tied", shrinkage="auto", **options)
+    log = FunctionTransformer(np.log10)
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 24), OrderPSD(4), BinTransformer(0.5, max_order=9), log, bayes
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    groups = {"costsensitivegaussianbayes__groups": np.arange(24) // 4}
+    return pipeline(unknown="unknown").fit(X, Y, **groups)
+
+
+# The results of the model
+
+
+def test_the_row_holds_the_results_of_the_model(model):
+    table = score(model, X)
+    assert list(table.columns) == [
+        *("recording", "decision", "expected_cost", "typicality", "P(healthy)", "P(worn)"),
+        *("warnings", "outside_training", "error"),
+    ]
+    assert table["recording"].tolist() == list(range(24))
+    assert table["decision"].tolist() == model.predict(X).tolist()
+    posterior = table[["P(healthy)", "P(worn)"]].to_numpy()
+    np.testing.assert_allclose(posterior, model.predict_proba(X), rtol=1e-12)
+    features = model[:-1].transform(X)
+    risk = model[-1].risk(features).min(axis=1)
+    np.testing.assert_allclose(table["expected_cost"], risk, rtol=1e-9)
+    np.testing.assert_allclose(table["typicality"], model[-1].typicality(features), rtol=1e-9)
+    assert not table["error"].any()
+
+
+def test_parallel_scoring_gives_the_same_table(model):
+    pd.testing.assert_frame_equal(score(model, X, n_jobs=3), score(model, X))
+
+
+def test_a_router_decides_as_it_predicts():
+    router = ConditionRouter(pipeline(), "load").fit(X, Y)
+    router.set_params(estimator__costsensitivegaussianbayes__cost={("worn", "healthy"): 50})
+    table = score(router, X)
+    assert table["decision"].tolist() == router.predict(X).tolist()
+    posterior = table[["P(healthy)", "P(worn)"]].to_numpy()
+    np.testing.assert_allclose(posterior, router.predict_proba(X), rtol=1e-9)
+    np.testing.assert_allclose(table["expected_cost"], router.risk(X).min(axis=1), rtol=1e-9)
+    assert table["typicality"].isna().all()
+
+
+def test_what_is_outside_of_the_training_is_stated(model):
+    loud = Recording(
+        {"vib": X[0].signals["vib"] * 1000, "amp": X[0].signals["amp"]}, FS, velocity=SPEED / 4
+    )
+    row = score(model, [loud]).iloc[0]
+    assert re.search(r"channel 'vib' \d\d dB above training", row["outside_training"])
+    assert "is below the training range" in row["outside_training"]
+    assert row["decision"] in ("unknown", "inspect", "worn")
+    assert row["error"] == ""
+
+
+def test_a_clipped_channel_is_a_warning(model):
+    clipped = np.clip(X[1].signals["vib"], -0.8, 0.8)
+    recording = Recording({"vib": clipped, "amp": X[1].signals["amp"]}, FS, velocity=SPEED)
+    assert "vib" in score(model, [recording])["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "recordings", "error"),
+    [
+        (pipeline(), X, ValueError),
+        (CostSensitiveGaussianBayes, X, TypeError),
+        (OrderResampler().fit(X), X, TypeError),
+        (None, X[0], TypeError),
+        (None, "folder", TypeError),
+    ],
+)
+def test_a_wrong_model_or_no_list_is_an_error(model, wrong, recordings, error):
+    with pytest.raises(error):
+        score(model if wrong is None else wrong, recordings)
+
+
+def test_no_recordings_give_an_empty_table(model):
+    assert score(model, []).empty
+
+
+# Forty kinds of failure
+
+
+def npz(path, **changes):
+    np.savez(path, **(signals() | changes))
+
+
+def npy(path):
+    np.save(path.with_suffix(".npy"), np.ones(9))
+    path.with_suffix(".npy").rename(path)
+
+
+def csv(path, frame=None, text=None):
+    if text is None:
+        frame = pd.DataFrame(signals()) if frame is None else frame
+        text = frame.to_csv(index=False)
+    path.write_text(text)
+
+
+def wav(path, cut=0):
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(2)
+        file.setframerate(1000)
+        file.writeframes((RNG.normal(size=(N, 2)) * 1000).astype("<i2").tobytes())
+    if cut:
+        os.truncate(path, path.stat().st_size - cut)
+
+
+def truncated(write, path, part):
+    write(path)
+    os.truncate(path, int(path.stat().st_size * part))
+
+
+def with_value(name, sample, value):
+    values = np.array(signals()[name], float)
+    values[sample] = value
+    return {name: values}
+
+
+def replaced(path):
+    npz(path)
+    recording = open_recording(path, LAYOUT)
+    npz(path, vib=np.ones(7))
+    return recording
+
+
+def gone(path):
+    npz(path)
+    recording = open_recording(path, LAYOUT)
+    path.unlink()
+    return recording
+
+
+FRAME = pd.DataFrame(signals())
+
+
+def with_row(number, value):
+    frame = FRAME.astype(object)
+    frame.iloc[number] = value
+    return frame
+
+
+TIMES = {"t": np.arange(N) / FS}
+TIMED = Layout(channels=["vib", "amp"], velocity="speed", time="t")
+GAPS = np.where(np.arange(N) > 700, np.arange(N) + 40, np.arange(N)) / FS
+OTHER = {"velocity": "speed", "fs": FS}
+
+# name of the file, how it is written, layout, what the error must say
+FAILURES = {
+    "missing": ("a.npz", lambda p: None, LAYOUT, "no file"),
+    "folder": ("a.npz", lambda p: p.mkdir(), LAYOUT, "a.npz"),
+    "empty npz": ("a.npz", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
+    "empty csv": ("a.csv", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
+    "header only": ("a.csv", lambda p: csv(p, text="vib,amp,speed\n"), LAYOUT, "at least 2|vib"),
+    "truncated npz": ("a.npz", lambda p: truncated(npz, p, 0.6), LAYOUT, "damaged"),
+    "truncated mat": (
+        "a.mat",
+        lambda p: truncated(lambda q: scipy.io.savemat(q, signals()), p, 0.6),
+        LAYOUT,
+        "cannot be read as a .mat",
+    ),
+    "truncated wav": ("a.wav", lambda p: wav(p, cut=2000), Layout(velocity=3), "truncated"),
+    "truncated row": (
+        "a.csv",
+        lambda p: csv(p, text=FRAME.to_csv(index=False)[:-40]),
+        LAYOUT,
+        "'speed'|'amp'",
+    ),
+    "text in an npz": ("a.npz", lambda p: p.write_text("vib"), LAYOUT, "no .npz file"),
+    "text in a mat": ("a.mat", lambda p: p.write_text("vib " * 200), LAYOUT, "as a .mat file"),
+    "text in a wav": ("a.wav", lambda p: p.write_text("vib" * 20), LAYOUT, "no WAV file"),
+    "bytes in a csv": ("a.csv", lambda p: p.write_bytes(bytes(range(256))), LAYOUT, "as a .csv"),
+    "unknown type": ("a.xyz", lambda p: p.write_text("vib"), LAYOUT, "files of type .xyz"),
+    "no suffix": ("a", lambda p: p.write_text("vib"), LAYOUT, "without a suffix"),
+    "npy named npz": ("a.npz", npy, LAYOUT, "no .npz"),
+    "pickled objects": (
+        "a.npz",
+        lambda p: npz(p, vib=np.array([{}, []], object)),
+        LAYOUT,
+        "'vib' holds Python objects",
+    ),
+    "no shaft column": (
+        "a.npz",
+        lambda p: np.savez(p, **{k: v for k, v in signals().items() if k != "speed"}),
+        LAYOUT,
+        "no column 'speed'",
+    ),
+    "no shaft in the layout": ("a.npz", npz, Layout(fs=FS), "no shaft reference"),
+    "NaN": ("a.npz", lambda p: npz(p, **with_value("vib", 123, np.nan)), LAYOUT, "'vib'.*123"),
+    "infinity": ("a.npz", lambda p: npz(p, **with_value("amp", 9, np.inf)), LAYOUT, "'amp'.*9"),
+    "NaN in the speed": (
+        "a.npz",
+        lambda p: npz(p, **with_value("speed", 77, np.nan)),
+        LAYOUT,
+        "'speed'.*77",
+    ),
+    "missing cell": (
+        "a.csv",
+        lambda p: csv(p, with_row(41, np.nan)),
+        LAYOUT,
+        "sample 41",
+    ),
+    "text in a cell": (
+        "a.csv",
+        lambda p: csv(p, with_row(42, "bad")),
+        LAYOUT,
+        "'bad' at sample 42",
+    ),
+    "complex": ("a.npz", lambda p: npz(p, vib=np.ones(N) * 1j), LAYOUT, "'vib' must be real"),
+    "text column": ("a.npz", lambda p: npz(p, vib=np.full(N, "x")), LAYOUT, "no column 'vib'"),
+    "standing still": ("a.npz", lambda p: npz(p, speed=np.zeros(N)), LAYOUT, "never turns"),
+    "jump of the shaft": (
+        "a.npz",
+        lambda p: npz(p, **with_value("speed", 1000, 9e4)),
+        LAYOUT,
+        "jumps by .* at sample 1000",
+    ),
+    "impossible speed": ("a.npz", lambda p: npz(p, speed=SPEED * 1e12), LAYOUT, "no shaft reaches"),
+    "too short": (
+        "a.npz",
+        lambda p: npz(p, **{k: v[:200] for k, v in signals().items()}),
+        LAYOUT,
+        "no stroke holds a segment",
+    ),
+    "one sample": (
+        "a.npz",
+        lambda p: npz(p, **{k: v[:1] for k, v in signals().items()}),
+        LAYOUT,
+        "no signal",
+    ),
+    "channel missing": (
+        "a.npz",
+        lambda p: np.savez(p, vib=np.ones(N), speed=SPEED),
+        LAYOUT,
+        "no column 'amp'",
+    ),
+    "other channels": (
+        "a.npz",
+        lambda p: np.savez(p, sound=np.ones(N), speed=SPEED),
+        Layout(**OTHER),
+        "no channel 'vib'",
+    ),
+    "one channel more": (
+        "a.npz",
+        lambda p: npz(p, sound=np.ones(N)),
+        Layout(**OTHER),
+        "'sound' besides",
+    ),
+    "other rate": ("a.npz", lambda p: npz(p, fs=12_000), LAYOUT, "states fs = 1000 Hz"),
+    "no rate": ("a.npz", npz, Layout(velocity="speed"), "sampling rate of 'vib' is not known"),
+    "other unit": (
+        "a.csv",
+        lambda p: csv(p, FRAME.rename(columns={"vib": "vib [mV]"})),
+        LAYOUT,
+        "unit 'g' for 'vib', but the file 'mV'",
+    ),
+    "unknown unit of the speed": (
+        "a.csv",
+        lambda p: csv(p, FRAME.rename(columns={"speed": "speed [knots]"})),
+        LAYOUT,
+        "unit 'knots' of the velocity is not known",
+    ),
+    "unequal lengths": ("a.npz", lambda p: npz(p, amp=np.ones(N // 2)), LAYOUT, "durations must"),
+    "gap": ("a.npz", lambda p: npz(p, t=GAPS), TIMED, "gap of 0.041 s after sample 700"),
+    "jitter": (
+        "a.npz",
+        lambda p: npz(p, t=TIMES["t"] + np.arange(N) % 3 * 3e-4),
+        TIMED,
+        "jitter",
+    ),
+    "times go back": (
+        "a.npz",
+        lambda p: npz(p, t=np.r_[TIMES["t"][:-1], 0.5]),
+        TIMED,
+        "goes back at sample 2999",
+    ),
+    "name without meta": (
+        "a.npz",
+        npz,
+        Layout(meta="{unit}_{run:d}"),
+        "does not match the pattern",
+    ),
+    "columns of the same name": (
+        "a.csv",
+        lambda p: csv(p, text="vib,vib\n1,2\n3,4\n"),
+        LAYOUT,
+        "different names",
+    ),
+    "no permission": ("a.npz", lambda p: (npz(p), p.chmod(0)), LAYOUT, "a.npz"),
+    "replaced": ("a.npz", replaced, None, "was replaced or changed"),
+    "gone": ("a.npz", gone, None, "no file"),
+}
+
+
+@pytest.mark.parametrize("kind", FAILURES)
+def test_a_failure_gives_a_row_that_says_what_and_where(model, tmp_path, kind):
+    name, write, layout, message = FAILURES[kind]
+    path = tmp_path / name
+    written = write(path)
+    if kind == "no permission" and os.access(path, os.R_OK):
+        pytest.skip("this user may read any file")
+
+    def source():
+        return written if layout is None else open_recording(path, layout)
+
+    (row,) = scored_rows(model, [source], [str(path)])
+    assert row["decision"] is None
+    assert np.isnan([row["expected_cost"], row["typicality"], row["P(worn)"]]).all()
+    assert pd.Series([row["error"]]).str.contains(message).all(), row["error"]
+    assert name in row["error"] or "recording 0" in row["error"]
+    assert "\n" not in row["error"]
+
+
+def test_there_are_forty_kinds_of_failure():
+    assert len(FAILURES) >= 40
+
+
+@pytest.mark.parametrize("entry", [None, 3, "a.npz", np.ones((2, 50)), {"vib": [1, 2]}])
+def test_an_entry_that_is_no_recording_gives_a_row(model, entry):
+    table = score(model, [X[0], entry, X[1]])
+    assert table["error"].astype(bool).tolist() == [False, True, False]
+    assert "recording" in table["error"][1]
+
+
+def test_a_folder_with_bad_files_gives_rows_for_all(model, tmp_path):
+    for number in range(6):
+        npz(tmp_path / f"{number}.npz", **signals(worn=number > 2, seed=100 + number))
+    folder = RecordingFolder(tmp_path, LAYOUT)
+    (tmp_path / "3.npz").write_bytes(b"PK")
+    table = score(model, folder, n_jobs=2)
+    assert table["recording"].tolist() == [str(path.absolute()) for path in folder.paths]
+    assert np.flatnonzero(table["error"]).tolist() == [3]
+    assert table["decision"].drop(3).tolist() == ["healthy"] * 3 + ["worn"] * 2
+    assert len(pickle.dumps(folder[0])) < 1000
