@@ -31,13 +31,14 @@ from emacm.displays._drawing import offscreen_panels
 from emacm.evaluation.evaluate import evaluate
 from emacm.machine.fault_orders import fault_orders
 from emacm.models.actuator_recipe import actuator_recipe
+from emacm.models.outside_training import outside_training
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation import FAULT_ORDERS, simulate_fleet
 
-HEALTHY, INSPECT = "healthy", "inspect"
+HEALTHY, INSPECT, UNKNOWN = "healthy", "inspect", "unknown"
 P_HEALTHY = 0.9  # prior probability: nine of ten units that are measured are healthy
 INSPECTION = 0.5  # cost relative to a false alarm
 MISSED = (10.0, 1000.0)  # costs of a missed detection that are compared, relative to a false alarm
@@ -72,7 +73,11 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
         FunctionTransformer(np.log10, feature_names_out="one-to-one"),
         PCA(2),
         CostSensitiveGaussianBayes(
-            cost_matrix(classes, MISSED[0]), priors=priors(classes), shrinkage="oas"
+            cost_matrix(classes, MISSED[0]),
+            priors=priors(classes),
+            shrinkage="oas",
+            unknown=UNKNOWN,
+            temperature="groups",
         ),
     )
     print("\nUp to which order is each recording valid? (first run of three of the units)")
@@ -85,6 +90,7 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     for missed, priced in models.items():
         print_decisions(truths, priced.predict(others), cost_matrix(classes, missed), HEALTHY)
     print("\nThe higher the cost of a missed detection, the more units are inspected.")
+    _print_unlike(models[MISSED[0]], others[0])
     _save_and_diagnose(models[MISSED[0]], out / "simulated.joblib", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
 
@@ -123,19 +129,24 @@ def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
     features = _in_pieces(recipe[:1].fit(recordings).transform, recordings, n_jobs)
     table = features.assign(load=loads)
     late = runs >= known[-_N_LATE]
-    splits = {f"test runs {known[-_N_LATE]} and later": (~late, late)}
+    schemes: dict[str, Any] = {
+        "runs": pd.Series(runs, name="run"),
+        "splits": {f"test runs {known[-_N_LATE]} and later": (~late, late)},
+        "unknown_families": False,
+    }
     for scheme, model in {
         "one classifier per load": ConditionRouter(recipe[1:], "load"),
         "one classifier for all loads": recipe[1:],
     }.items():
         X = table if isinstance(model, ConditionRouter) else features
-        result = evaluate(model, X, states, healthy="normal", splits=splits, unknown_families=False)
+        result = evaluate(model, X, states, healthy="normal", **schemes)
         shown = result.table.filter(regex="rate$|cost$|^balanced_accuracy$").T.round(3)
         print(f"\n{scheme}\n{shown.to_string()}")
     print("Each state was one assembly of this rig: states and assemblies are confounded.")
     print(f"\nTraining: runs before {known[-_N_LATE]}; test: later runs; {scheme}")
     early = np.flatnonzero(~late)
-    recipe[1:].fit(features.iloc[early], states[early])
+    groups = {"costsensitivegaussianbayes__groups": runs[early]}
+    recipe[1:].fit(features.iloc[early], states[early], **groups)
     print_decisions(states[late], recipe[1:].predict(features[late]), cost, "normal")
     unseen = np.flatnonzero(late)[:: max(1, late.sum() // 8)]
     _save_and_diagnose(
@@ -156,11 +167,13 @@ def cost_matrix(classes: ArrayLike, missed: float, healthy: str = HEALTHY) -> pd
     healthy      0.0  10.0
     worn         1.0   0.0
     inspect      0.5   0.5
+    unknown      1.0   1.0
     """
     names = np.asarray(classes)
     cost = pd.DataFrame(1 - np.eye(len(names)), index=names, columns=names)
     cost.loc[healthy, names != healthy] = missed
     cost.loc[INSPECT] = INSPECTION
+    cost.loc[UNKNOWN] = 1.0  # a unit that is called unknown is taken out of service in vain
     return cost
 
 
@@ -174,6 +187,8 @@ def priors(classes: ArrayLike, healthy: str = HEALTHY) -> dict[str, float]:
 def rates(truths: Labels, decisions: Labels, healthy: str = HEALTHY) -> dict[str, tuple[int, int]]:
     """Count false alarms, inspections and missed detections: number, and of how many.
 
+    A healthy unit whose state is called unknown is inspected, and counts as such.
+
     Examples
     --------
     >>> truths = np.array(["healthy", "healthy", "healthy", "worn", "worn"])
@@ -181,7 +196,7 @@ def rates(truths: Labels, decisions: Labels, healthy: str = HEALTHY) -> dict[str
     {'false alarm': (1, 3), 'inspection': (1, 3), 'missed detection': (1, 2)}
     """
     is_healthy, called_healthy = truths == healthy, decisions == healthy
-    inspected = decisions == INSPECT
+    inspected = np.isin(decisions, (INSPECT, UNKNOWN))
     n_healthy, n_faulty = int(is_healthy.sum()), int((~is_healthy).sum())
     return {
         "false alarm": (int((is_healthy & ~called_healthy & ~inspected).sum()), n_healthy),
@@ -200,11 +215,44 @@ def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame, healt
     table = table.reindex(index=cost.index, columns=cost.columns, fill_value=0)
     table.index = pd.Index([f"decision: {name}" for name in table.index])
     print(table.add_prefix("true: ").to_string())
-    for name, (count, total) in rates(truths, decisions, healthy).items():
+    counts = rates(truths, decisions, healthy)
+    for name, (count, total) in counts.items():
         kind = "faulty" if name == "missed detection" else healthy
         rate = f"{100 * count / total:.0f} %" if total else "no recordings"
         print(f"{name} rate: {rate} ({count} of {total} {kind} recordings)")
     print(f"mean cost per recording: {expected_cost(truths, decisions, cost=cost):.3f}")
+    if all(total for _, total in counts.values()):
+        alarms, inspections, missed = (count / total for count, total in counts.values())
+        print(
+            f"in service, of 1000 recordings, {1000 * P_HEALTHY:.0f} of them {healthy}: "
+            f"{1000 * P_HEALTHY * alarms:.0f} false alarms, "
+            f"{1000 * P_HEALTHY * inspections:.0f} needless inspections, "
+            f"{1000 * (1 - P_HEALTHY) * missed:.0f} missed detections"
+        )
+        if inspections > 0.5:
+            print(f"This model sends most {healthy} units to inspection.")
+
+
+def _print_unlike(model: Pipeline, recording: Recording) -> None:
+    """Print decisions on a recording with wrong inputs, and what is unlike the training."""
+    print("\nThe first of these recordings with wrong inputs, which no training recording has:")
+    shaft = {"angle": recording.angle, "shaft_fs": recording.shaft_fs}
+    signals, rates = dict(recording.signals), dict(recording.fs)
+    current, sound = _CHANNELS
+    in_mv = {name: 1000 * values for name, values in signals.items()}
+    swapped = signals | {current: signals[sound], sound: signals[current]}
+    turned = shaft | {"angle": recording.angle * 60 / (2 * np.pi)}
+    wrong = {
+        "gain of 1000": Recording(in_mv, rates, **shaft),
+        "channels swapped": Recording(swapped, rates, **shaft),
+        "speed in rpm": Recording(signals, rates, **turned),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # the same statements
+        for name, changed in wrong.items():
+            print(f"{name}: decision {str(model.predict([changed])[0])!r}")
+            for statement in outside_training(model, [changed])[0]:
+                print(f"    {statement}")
 
 
 def _with_cost(model: Pipeline, missed: float) -> Pipeline:
@@ -256,7 +304,7 @@ def _search(
         cached = clone(pipeline).set_params(orderpsd__memory=folder)
         search = GridSearchCV(
             cached, grid, cv=split, scoring=scorer, n_jobs=n_jobs, error_score="raise"
-        ).fit(recordings, labels, groups=units)
+        ).fit(recordings, labels, groups=units, costsensitivegaussianbayes__groups=units)
     best = search.best_params_
     print(
         f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings: "

@@ -42,20 +42,20 @@ def parsed_decisions(text):
 def assert_printed(printed, truths, decisions, missed, healthy):
     """Compare with scikit-learn's confusion matrix, whose rows are the truth."""
     names, rows = printed["truths"], list(printed["table"])
-    assert rows == [*names, "inspect"]
+    assert rows == [*names, "inspect", "unknown"]
     expected = confusion_matrix(truths, decisions, labels=rows)[: len(names)].T
     assert [printed["table"][name] for name in rows] == expected.tolist()
     h = names.index(healthy)
     others = [k for k in range(len(names)) if k != h]
     assert printed["rates"] == {
         "false alarm": (expected[others, h].sum(), expected[:, h].sum()),
-        "inspection": (expected[-1, h], expected[:, h].sum()),
+        "inspection": (expected[-2:, h].sum(), expected[:, h].sum()),
         "missed detection": (expected[h, others].sum(), expected[:, others].sum()),
     }
     prices = np.ones((len(rows), len(names)))
     np.fill_diagonal(prices, 0)
     prices[h, others] = missed
-    prices[-1] = 0.5
+    prices[-2] = 0.5
     assert printed["missed"] == missed
     assert printed["cost"] == pytest.approx((expected * prices).sum() / expected.sum(), abs=5e-4)
 
@@ -76,10 +76,35 @@ def test_printed_figures_are_those_of_the_decisions(capsys):
     assert_printed(printed, truths, decisions, 7.0, "sound")
 
 
+def test_figures_in_service_are_weighted_to_realistic_priors(capsys):
+    truths = np.repeat(["sound", "worn"], [10, 5])
+    decisions = np.array(
+        ["sound"] * 2 + ["worn"] + ["inspect"] * 5 + ["unknown"] * 2 + ["worn"] * 4 + ["sound"]
+    )
+    demo.print_decisions(
+        truths, decisions, demo.cost_matrix(["sound", "worn"], 9, "sound"), "sound"
+    )
+    printed = capsys.readouterr().out
+    assert (
+        "in service, of 1000 recordings, 900 of them sound: 90 false alarms, "
+        "630 needless inspections, 20 missed detections\n"
+        "This model sends most sound units to inspection.\n"
+    ) in printed
+
+
+@pytest.mark.slow
+def test_wrong_inputs_are_stated(run):
+    printed = run["text"].split("with wrong inputs")[1].split("Model saved")[0]
+    names = re.findall(r"^([a-z].+): decision '.+'$", printed, re.M)
+    assert names == ["gain of 1000", "channels swapped", "speed in rpm"]
+    for words in ("60 dB above training", "are they swapped?", "is it in rpm?"):
+        assert words in printed
+
+
 def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
     cost = demo.cost_matrix(["a", "b", "fine"], 30, "fine")
     assert cost.loc["fine"].tolist() == [30, 30, 0]
-    assert cost["fine"].tolist() == [1, 1, 0, 0.5]
+    assert cost["fine"].tolist() == [1, 1, 0, 0.5, 1]
     assert demo.priors(["a", "b", "fine"], "fine") == pytest.approx(
         {"a": 0.05, "b": 0.05, "fine": 0.9}
     )
@@ -141,7 +166,10 @@ def test_the_demo_prints_the_decisions_of_its_models_under_both_cost_matrices(ru
         run["decided"], printed, (10.0, 1000.0), strict=True
     ):
         assert truths.tolist() == run["truths"].tolist()
-        risk = posterior @ cost[classes].to_numpy().T  # rows of `cost` are decisions
+        unknown = model[-1].unknown_proba(features)[:, np.newaxis]
+        of_unknown = [1, 1, 1, 0.5, 0]  # costs of the decisions if the state is unknown
+        prices = np.column_stack([cost[classes], of_unknown])  # rows are decisions
+        risk = np.hstack([posterior * (1 - unknown), unknown]) @ prices.T
         assert decisions.tolist() == cost.index.to_numpy()[risk.argmin(axis=1)].tolist()
         assert_printed(figures, truths, decisions, missed, "healthy")
 
@@ -153,7 +181,7 @@ def test_the_saved_model_has_the_first_costs_and_realistic_priors(run):
         "healthy": 0, "inner ring": 10, "screw": 10
     }  # fmt: skip
     assert model[-1].cost["healthy"].to_dict() == {
-        "healthy": 0, "inner ring": 1, "screw": 1, "inspect": 0.5
+        "healthy": 0, "inner ring": 1, "screw": 1, "inspect": 0.5, "unknown": 1
     }  # fmt: skip
     assert model[-1].priors == pytest.approx({"healthy": 0.9, "inner ring": 0.05, "screw": 0.05})
     assert model[1].memory is None
