@@ -236,7 +236,7 @@ def print_decisions(truths: Labels, decisions: Labels, cost: pd.DataFrame, healt
 def _print_unlike(model: Pipeline, recording: Recording) -> None:
     """Print decisions on a recording with wrong inputs, and what is unlike the training."""
     print("\nThe first of these recordings with wrong inputs, which no training recording has:")
-    shaft = {"angle": recording.angle, "shaft_fs": recording.shaft_fs}
+    shaft: dict[str, Any] = {"angle": recording.angle, "shaft_fs": recording.shaft_fs}
     signals, rates = dict(recording.signals), dict(recording.fs)
     current, sound = _CHANNELS
     in_mv = {name: 1000 * values for name, values in signals.items()}
