@@ -17,12 +17,26 @@ def add_parsers(commands: Any) -> None:
     commands : action of `argparse`
         The subcommands.
     """
+    _add_inspect(commands)
     _add_score(commands)
 
 
 def _run_later(name: str) -> Callable[[argparse.Namespace], int]:
     """Return the function of a command, whose module is imported when it runs."""
     return lambda options: import_module(f"emacm.commands.{name}").run(options)
+
+
+def _add_inspect(commands: Any) -> None:
+    """Add ``emacm inspect``."""
+    parser = commands.add_parser(
+        "inspect", help="list the columns of a file, with rates, units, duration and range"
+    )
+    parser.set_defaults(run=_run_later("inspect"))
+    parser.add_argument("file", metavar="FILE", type=Path, help="a file of measurements")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the columns")
+    parser.add_argument(
+        "--draft", type=Path, metavar="TOML", help="write a draft of the layout of such files"
+    )
 
 
 def _add_score(commands: Any) -> None:

@@ -205,10 +205,10 @@ class RecordingDisplay(Display):
             named = label in panel.get_legend_handles_labels()[1]
             style = {"facecolor": grey, "edgecolor": "0.7", "hatch": hatch, "linewidth": 0}
             panel.axvspan(start, stop, zorder=0, label=None if named else label, **style)
-        panel.plot(*_extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
+        panel.plot(*extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
 
 
-def _extremes(times: NDArray[np.floating], values: NDArray[np.floating]) -> Line:
+def extremes(times: NDArray[np.floating], values: NDArray[np.floating]) -> Line:
     """Return the lowest and the highest sample of each short interval of a long signal."""
     if len(values) <= _MOST_POINTS:
         return times, values

@@ -179,16 +179,40 @@ def _channel_columns(
     return {name: name for name in rest}
 
 
+def stated_rates(content: FileColumns) -> dict[str, float]:
+    """Return the sampling rates that a file states [Hz], by column.
+
+    A number named fs (or samplerate and the like) holds for all columns of its group.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+
+    Returns
+    -------
+    dict of str to float
+
+    Examples
+    --------
+    >>> stated_rates(FileColumns({"b": np.zeros(3)}, numbers={"fs": 25.0}))
+    {'b': 25.0}
+    """
+    rates: dict[str, float] = {}
+    for name, number in content.numbers.items():
+        last = re.split(r"[/.]", name)[-1]
+        if number > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
+            group = name.removesuffix(last)
+            rates |= {column: number for column in content.columns if column.startswith(group)}
+    return rates | content.rates
+
+
 class _Rates:
     """Sampling rates by column, from the layout, the file, or the column of times."""
 
     def __init__(self, content: FileColumns, layout: Layout, times: str | None) -> None:
         self._content, self._layout = content, layout
-        self._stated = {
-            name: number
-            for name, number in content.numbers.items()
-            if re.sub("[^a-z]", "", re.split(r"[/.]", name)[-1].lower()) in _RATES
-        }
+        self._stated = stated_rates(content)
         self._n_times, self._of_times = 0, 0.0
         if times is not None:
             values = content.columns[times]
@@ -227,14 +251,10 @@ class _Rates:
         return fs
 
     def _stated_by_file(self, column: str) -> float | None:
-        if column in self._content.rates:
-            return self._content.rates[column]
+        if column in self._stated:
+            return self._stated[column]
         if self._of_times and len(self._content.columns[column]) == self._n_times:
             return self._of_times
-        for name, number in self._stated.items():
-            folder = name[: len(name) - len(re.split(r"[/.]", name)[-1])]
-            if column.startswith(folder) and number > 0:
-                return number
         return None
 
 

@@ -1,0 +1,101 @@
+"""The command inspect: what a file contains, a plot, and a layout with which it can be opened."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from emacm import Layout, open_recording
+from emacm.__main__ import main
+from emacm.commands.inspect import contents_of, contents_table
+
+N = 4000
+VIBRATION = np.random.default_rng(0).normal(size=N)
+SPEED = 1500 + 20 * np.sin(np.arange(N) / 300)
+
+
+@pytest.fixture
+def csv(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    frame = pd.DataFrame(
+        {
+            "time [s]": np.round(np.arange(N) / 2560, 6),
+            "vibration [m/s²]": VIBRATION,
+            "Strom": 2 + 0 * VIBRATION,
+            "speed [rpm]": SPEED,
+        }
+    )
+    frame.to_csv("A_worn_3.csv", index=False)
+    return Path("A_worn_3.csv")
+
+
+def test_columns_are_listed_with_rates_units_duration_and_range(csv, capsys):
+    table = contents_table(contents_of(csv))
+    assert table["as"].tolist() == ["time", "channel", "channel", "shaft"]
+    assert table["unit"].tolist() == ["s", "m/s²", "", "rpm"]
+    assert table.loc["vibration", "rate [Hz]"] == 2560
+    assert table.loc["vibration", "duration [s]"] == N / 2560
+    assert table.loc["vibration", "highest"] == VIBRATION.max()
+    assert table.loc["Strom", "mean"] == 2
+    assert main(["inspect", str(csv)]) == 0
+    printed = capsys.readouterr()
+    assert "vibration" in printed.out
+    assert "2560" in printed.out
+    assert not printed.err
+
+
+def test_a_draft_opens_the_file_at_once(csv, capsys):
+    assert main(["inspect", str(csv), "--draft", "layout.toml"]) == 0
+    recording = open_recording(csv, Layout.from_toml("layout.toml"))
+    assert recording.channels == ("vibration", "Strom")
+    assert dict(recording.units) == {"vibration": "m/s²"}
+    assert recording.fs["Strom"] == 2560
+    np.testing.assert_allclose(recording.velocity, SPEED * np.pi / 30, rtol=1e-14)
+    assert 'meta = "{field1}_{field2}_{field3}"' in Path("layout.toml").read_text(encoding="utf-8")
+    assert main(["inspect", str(csv), "--draft", "layout.toml"]) == 2
+    assert "exists" in capsys.readouterr().err
+
+
+def test_a_draft_of_a_bearing_file_lacks_what_the_file_does_not_state(tmp_path, capsys):
+    path, draft = tmp_path / "97.mat", tmp_path / "layout.toml"
+    scipy.io.savemat(path, {"X097_DE_time": VIBRATION[:, None], "X097RPM": 1796.0})
+    assert main(["inspect", str(path), "--draft", str(draft)]) == 0
+    printed = capsys.readouterr().out
+    assert "X097RPM = 1796" in printed
+    text = draft.read_text()
+    assert "# fs = 12000" in text
+    with pytest.raises(ValueError, match="sampling rate of"):
+        assert open_recording(path, Layout.from_toml(draft)).duration
+    filled = text.replace("# fs = ", "fs = ").replace('# "X097RPM"', '"X097RPM"')
+    draft.write_text(filled)
+    recording = open_recording(path, Layout.from_toml(draft))
+    assert (recording.channels, recording.fs["X097_DE_time"]) == (("X097_DE_time",), 12_000)
+    np.testing.assert_allclose(recording.velocity, 1796 * np.pi / 30)
+
+
+def test_a_gap_and_values_that_are_not_finite_are_stated(tmp_path, capsys):
+    times = np.delete(np.arange(N + 1) / 100, 7)
+    np.savez(tmp_path / "a.npz", t=times, b=np.where(np.arange(N) == 9, np.nan, VIBRATION))
+    assert main(["inspect", str(tmp_path / "a.npz")]) == 0
+    printed = capsys.readouterr().out
+    assert "gap of 0.02 s after sample 6" in printed
+    assert "no column is named like the motion of the shaft" in printed
+    assert contents_table(contents_of(tmp_path / "a.npz")).loc["b", "not finite"] == 1
+
+
+def test_a_plot_is_drawn(csv, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert main(["inspect", str(csv), "--plot", str(tmp_path / "plot.png")]) == 0
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PK broken"])
+def test_a_bad_file_is_one_line_and_status_2(tmp_path, capsys, content):
+    if content is not None:
+        (tmp_path / "a.npz").write_bytes(content)
+    assert main(["inspect", str(tmp_path / "a.npz")]) == 2
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1
+    assert "a.npz" in printed
