@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 from sklearn.metrics import recall_score
 
+from emacm.evaluation import bootstrap
 from emacm.evaluation.bootstrap import cell_mean, check_bootstrap, group_intervals
 
 
@@ -113,3 +114,12 @@ def test_confidence_and_draws_are_checked():
         check_bootstrap(0.95, 10)
     with pytest.raises(ValueError, match=r"n_resamples must be .* at most 1000000, got 1000000000"):
         check_bootstrap(0.95, 10**9)
+
+
+@pytest.mark.parametrize("block", [7, 90])
+def test_draws_in_blocks_are_the_draws_at_once(block, monkeypatch):
+    values, groups = np.random.default_rng(8).random(45), np.repeat(np.arange(9), 5)
+    once = interval(values, groups, n_resamples=104, random_state=3)
+    monkeypatch.setattr(bootstrap, "_BLOCK", block)  # 1 or 10 of 104 draws at a time
+    assert interval(values, groups, n_resamples=104, random_state=3) == pytest.approx(once)
+    assert sum(len(times) for times in bootstrap.drawn_groups(9, 104, 3)) == 104

@@ -716,3 +716,14 @@ def test_a_classifier_with_an_unknown_state_leaves_out_units_of_the_training_dat
     result = evaluate(model, X, y, units=units, **options)
     assert all(len(groups) in (6, 8) for groups in seen)  # by unit: two of eight held out
     assert result.table.loc["by unit", "false_alarm_rate"] == 0
+
+
+def test_invalid_options_of_the_bootstrap_are_refused_before_any_fit():
+    class Costly(Echo):
+        def fit(self, X, y):
+            raise AssertionError("fitted")
+
+    y = ["a", "a", "b", "b"]
+    for options, words in [({"n_resamples": 50}, "n_resamples"), ({"confidence": 1}, "confidence")]:
+        with pytest.raises(ValueError, match=f"{words} must be"):
+            evaluate(Costly(), np.zeros((4, 1)), y, n_splits=2, **options)

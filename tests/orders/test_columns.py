@@ -17,6 +17,7 @@ from emacm.orders.columns import (
     column_names,
     number_name,
     order_columns,
+    parse_bin_columns,
     parse_order_columns,
 )
 
@@ -309,3 +310,9 @@ def test_the_logarithm_of_columns_without_names_numbers_them():
     table = OrderTable([[1.0, 2.0, 0.0]], ("a@0", "a@1", "a@2"))[:, 1:]
     with np.errstate(all="ignore"), pytest.raises(ValueError, match="recording 0, column 1, "):
         np.log10(table)
+
+
+def test_a_band_without_width_is_a_name():
+    (block,) = parse_bin_columns(("a@2-3", "a@3-3"))
+    assert block.bands is None
+    assert block.names == ("2-3", "3-3")

@@ -296,3 +296,11 @@ def test_a_stroke_of_a_single_sample_cannot_be_padded(estimator):
     assert [stroke.n_angles for stroke in X[0].strokes] == [1]
     with pytest.raises(ValueError, match=r"recording 0: no stroke holds a segment .*longest"):
         estimator(n_per_segment=8, short="pad").fit_transform(X)
+
+
+def test_padded_spectra_end_at_max_order():
+    row = np.random.default_rng(4).standard_normal(60)
+    whole, cut = (OrderPSD(8, theta_s=TURN / 16, short="pad", max_order=top) for top in (None, 3.5))
+    expected = whole.fit_transform([row])[:, : 8 * 3 + 5]
+    np.testing.assert_array_equal(cut.fit_transform([row]), expected)
+    assert cut.orders_[-1] == 3.5

@@ -240,6 +240,17 @@ def test_the_files_never_pass_the_limit(tmp_path):
     assert size(tmp_path) > 0.8 * limit
 
 
+@pytest.mark.parametrize(("share", "left"), [(0.97, 21), (1.01, 18)])
+def test_below_the_limit_all_files_are_kept_and_above_it_a_tenth_is_freed(share, left, tmp_path):
+    keys = [f"{number:064x}" for number in range(21)]
+    store = SpectrumStore(tmp_path, bytes_limit=10**6)
+    for key in keys[:-1]:
+        store.keep(key, np.ones(200))
+    limit = round(size(tmp_path) * 21 / 20 / share)
+    SpectrumStore(tmp_path, bytes_limit=limit).keep(keys[-1], np.ones(200))
+    assert len(files(tmp_path)) == left
+
+
 def test_the_oldest_file_is_deleted_first(tmp_path):
     store = SpectrumStore(tmp_path, bytes_limit=20_000)
     for key in (B, A, C):

@@ -465,3 +465,24 @@ def test_a_slower_recording_is_named_with_channel_and_rate():
 def test_what_is_no_list_of_recordings_is_refused(X, error, match):
     with pytest.raises(error, match=match):
         EnvelopeDetector(BAND).fit(X)
+
+
+def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():
+    low, high, fs = 2000.0, 6000.0, 48_000.0
+    taps = analytic_filter(low, high, fs)
+    times = (np.arange(len(taps)) - len(taps) // 2) / fs
+    frequencies = np.arange(-fs / 2, fs / 2, 12.5)
+    gain = np.abs(np.exp(-1j * TURN * np.outer(frequencies, times)) @ taps) / 2
+    eighth = (high - low) / 8
+    inside = (frequencies >= low + eighth) & (frequencies <= high - eighth)
+    outside = (frequencies <= low - eighth) | (frequencies >= high + eighth)
+    np.testing.assert_allclose(gain[inside], 1, atol=2e-4)
+    assert gain[outside].max() < 1e-4
+    assert gain[frequencies == low] == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_channels_are_those_of_the_first_recording_of_fit():
+    one = Recording({"sound": noise(500), "load": noise(500)}, FS, velocity=np.ones(500))
+    more = Recording({**one.signals, "extra": noise(500)}, FS, velocity=np.ones(500))
+    detector = EnvelopeDetector({"sound": BAND}, suffix="_e").fit([one, more])
+    assert detector.channels_ == ("sound", "load", "sound_e")
