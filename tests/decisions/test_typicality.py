@@ -156,3 +156,18 @@ def test_overflowing_distances_are_the_least_typical():
     typicality = fit(*draw(13))
     found = typicality(np.full((1, 9), 1e300))
     assert 0 < found[0] < 1e-9
+
+
+def test_squares_inside_and_outside_add_up_to_the_mahalanobis_distance():
+    X, codes, groups = draw(9, n_groups=4)
+    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
+    distances = fit(X, codes, groups).distances
+    # Each has 0.001 added, so that logarithms of small distances stay bounded.
+    inside, outside, largest = (np.exp(logs) - 1e-3 for logs in distances.log_squares(X))
+    squares = gaussians.squared_distances(X)
+    assert_allclose(inside + outside[:, np.newaxis], squares, rtol=1e-6)
+    assert_array_equal(distances.nearest(X), squares.argmin(axis=1))
+    away = (X - gaussians.means[squares.argmin(axis=1)]) / np.sqrt(
+        gaussians.covariances[0].diagonal()
+    )
+    assert_allclose(largest, (away**2).max(axis=1), rtol=1e-6)
