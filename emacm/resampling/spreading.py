@@ -266,31 +266,38 @@ class _FineGrid:
             complete = high / self._step + offset - self._lag
             ready = max(0, min(ready, int(complete // 2)))
         outputs = np.empty((len(block.values), ready))
-        self._grid, self._used, done = self._loops.resample(
-            block.travel,
-            block.ends,
-            1 / self._step,
-            offset,
-            _kernel_halves(),
-            block.values,
-            self._means,
-            self._grid,
-            self._used,
-            _FIRST,
-            _decimating_filter(),
-            self._lag,
-            outputs,
-        )
-        self._done += done
+        done = self._resample_parts(block, outputs)
         for sign, shift in images:
             if shift > 0:
                 self._spread_image(block, sign, shift, low, high)
         if done < ready:
             self._reach(_FIRST + 2 * (ready - done - 1) + 1 + 2 * _HALF)
-            taps = _decimating_filter()
-            self._loops.decimate(self._grid, self._used, _FIRST, taps, self._means, outputs, done)
-            self._done, self._used = self._done + ready - done, self._used - 2 * (ready - done)
+            self._decimate(outputs, done, ready - done)
         return outputs
+
+    def _resample_parts(self, block: _Block, outputs: NDArray[np.floating]) -> int:
+        """Spread the samples, and decimate what is complete; return how many outputs are made."""
+        scale, offset, done, n_times = 1 / self._step, self._offset, 0, len(block.travel)
+        top, span = offset, abs(float(block.travel[-1] - block.travel[0])) * scale
+        # The points of a part should stay in the processor's cache.
+        at_once = max(1, int(self._loops.PART * min(1.0, n_times / span if span else 1.0)))
+        for start in range(0, n_times, at_once):
+            part = block.cut(start, min(start + at_once, n_times))
+            top = max(top, float(part.travel.max()) * scale + offset)
+            self._reach(int(top) - 2 * done + 3)
+            place, grid = (scale, offset - 2 * done, _kernel_halves()), (self._grid, self._used)
+            self._loops.spread(part.travel, part.ends, *place, part.values, self._means, *grid)
+            ready = min(int((top - self._lag) // 2), outputs.shape[1]) - done
+            if ready > 0:
+                self._decimate(outputs, done, ready)
+                done += ready
+        return done
+
+    def _decimate(self, outputs: NDArray[np.floating], done: int, n_outputs: int) -> None:
+        """Fill some outputs, and drop the points that are not needed any more."""
+        taps, grid = _decimating_filter(), (self._grid, self._used, _FIRST)
+        self._loops.decimate(*grid, taps, self._means, outputs, done, n_outputs)
+        self._done, self._used = self._done + n_outputs, self._used - 2 * n_outputs
 
     @property
     def _offset(self) -> float:
@@ -308,22 +315,16 @@ class _FineGrid:
             return
         top = max(sign * low, sign * high) / self._step + offset
         self._reach(int(min(top + _WIDTH, limits[1])) + 1)
-        self._loops.spread(
-            near.travel,
-            near.ends,
-            scale,
-            offset,
-            _kernel_halves(),
-            near.values,
-            self._means,
-            self._grid,
-            self._used,
-        )
+        place, grid = (scale, offset, _kernel_halves()), (self._grid, self._used)
+        self._loops.spread(near.travel, near.ends, *place, near.values, self._means, *grid)
 
     def _reach(self, n_points: int) -> None:
         """Hold at least so many points."""
-        if n_points > self._used:
-            self._grid, self._used = self._loops.reach(self._grid, self._used, n_points)
+        if n_points > self._grid.shape[1]:
+            longer = np.zeros((len(self._grid), n_points + n_points // 4))
+            longer[:, : self._used] = self._grid[:, : self._used]
+            self._grid = longer
+        self._used = max(self._used, n_points)
 
 
 def _near(

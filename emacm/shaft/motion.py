@@ -112,9 +112,9 @@ class IntegratedAngle(LazySeries):
         self._half_step = 0.5 / fs
         loops = kernels()
         self._integrate = loops.integrate
-        self._known, self._lowest, self._highest = loops.cumulative_angle_checkpoints(
-            velocity, self._half_step, _STRIDE
-        )
+        self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
+        found = self._known, self._lowest, self._highest
+        loops.set_checkpoints(_read_only(velocity), self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
@@ -124,8 +124,9 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        velocity = self.velocity[first * _STRIDE : stop]
-        angle = self._integrate(velocity, self._half_step, self._known[first:], _STRIDE)
+        velocity = _read_only(self.velocity[first * _STRIDE : stop])
+        angle = np.empty(len(velocity))
+        self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
         return angle[start - first * _STRIDE :]
 
 
@@ -302,3 +303,10 @@ def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[
 def sources(series: Series) -> list[NDArray[Any]]:
     """Return the arrays that the samples of a series are computed from; an array itself."""
     return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
+
+
+def _read_only(velocity: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return a contiguous read-only view, as the loops take it."""
+    view = np.ascontiguousarray(velocity)[:]
+    view.flags.writeable = False
+    return view

@@ -4,15 +4,14 @@ The loops release Python's lock where they take time, so threads process recordi
 They have no branch and no variable offset inside, so that the compiler can vectorise them.
 """
 
-from emacm._kernels.numba.motion import cumulative_angle_checkpoints, integrate
+from emacm._kernels.numba.motion import integrate, set_checkpoints
 from emacm._kernels.numba.resampling import (
     BLOCK,
+    PART,
     READ_BLOCK,
     decimate,
     interpolate_linear,
     interpolation_weights,
-    reach,
-    resample,
     spread,
     upsample,
 )
@@ -20,17 +19,16 @@ from emacm._kernels.numba.spectra import SEGMENT_BYTES, powers, segment_powers, 
 
 __all__ = [
     "BLOCK",
+    "PART",
     "READ_BLOCK",
     "SEGMENT_BYTES",
-    "cumulative_angle_checkpoints",
     "decimate",
     "integrate",
     "interpolate_linear",
     "interpolation_weights",
     "powers",
-    "reach",
-    "resample",
     "segment_powers",
+    "set_checkpoints",
     "spread",
     "upsample",
     "windowed",

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 _ANY_ORDER = {"reassoc", "contract", "nsz", "arcp"}  # of sums, which changes results by 1e-15
 
@@ -19,13 +17,6 @@ def compiled(function: Any) -> Any:
 def compiled_exactly(function: Any) -> Any:
     """Compile at the first call, without Python's lock; every sum keeps its order."""
     return _compile(function)
-
-
-def read_only(signal: NDArray[Any]) -> NDArray[Any]:
-    """Return a contiguous read-only view, so that one kind of array is compiled for."""
-    view = np.ascontiguousarray(signal)[:]
-    view.flags.writeable = False
-    return view
 
 
 def _compile(function: Any, **options: Any) -> Any:

@@ -3,33 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from emacm._kernels.numba.compilation import compiled_exactly, read_only
-
-Array = NDArray[np.floating]
-
-
-def cumulative_angle_checkpoints(
-    velocity: Array, half_step: float, stride: int
-) -> tuple[Array, Array, Array]:
-    """Integrate a velocity once, and keep the angle at every `stride`-th sample."""
-    angles, lowest, highest = np.empty((3, -(-len(velocity) // stride)))
-    _checkpoints(read_only(velocity), half_step, stride, angles, lowest, highest)
-    return angles, lowest, highest
-
-
-def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
-    """Integrate a velocity by the trapezoidal rule, section by section, in float64."""
-    angle = np.empty(len(velocity))
-    if velocity.flags.writeable or not velocity.flags.c_contiguous:
-        velocity = read_only(velocity)
-    _integrate(velocity, half_step, starts, stride, angle)
-    return angle
+from emacm._kernels.numba.compilation import compiled_exactly
 
 
 @compiled_exactly
-def _checkpoints(velocity, half_step, stride, angles, lowest, highest):
+def set_checkpoints(velocity, half_step, stride, angles, lowest, highest):
     total = 0.0
     for k in range(len(angles)):
         first = k * stride
@@ -48,7 +27,7 @@ def _checkpoints(velocity, half_step, stride, angles, lowest, highest):
 
 
 @compiled_exactly
-def _integrate(velocity, half_step, starts, stride, angle):
+def integrate(velocity, half_step, starts, stride, angle):
     in_fours = len(velocity) // stride // 4 * 4
     for k in range(0, in_fours, 4):  # four sums at a time: an addition waits for the one before it
         p, q, r, s = k * stride, (k + 1) * stride, (k + 2) * stride, (k + 3) * stride

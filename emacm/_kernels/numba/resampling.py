@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._kernels.numba.compilation import compiled
-from emacm._kernels.numpy.resampling import reach
 
 # Large blocks: with small ones, threads wait for one another more often.
 BLOCK = 1 << 18  # time samples that are spread
+PART = 1 << 15  # of them, that are spread before the complete points are decimated
 READ_BLOCK = 1 << 17  # time samples that are interpolated
 
 _AT_ONCE = 8  # signals that are spread in one pass
-_PART = 1 << 15  # samples that are spread before the complete points are decimated
 _WEIGHTS = 1024  # of them, whose weights are held at a time
 _RUN = 8192  # angles that are interpolated at a time
 
@@ -51,49 +50,6 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
     return outputs
 
 
-def decimate(
-    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
-) -> None:
-    """Filter a grid and keep every other point; move what is still needed to its start."""
-    if len(taps) != 41:
-        raise ValueError(f"the decimating filter must have 41 taps, got {len(taps)}.")
-    _decimate(grid, used, first, taps, means, outputs, done, outputs.shape[1] - done)
-
-
-def resample(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    used: int,
-    first: int,
-    taps: Array,
-    lag: float,
-    outputs: Array,
-) -> tuple[Array, int, int]:
-    """Spread samples over a grid, and filter and decimate the part of it that is complete."""
-    n_times, n_done, top = len(travel), 0, offset
-    span = abs(float(travel[-1] - travel[0])) * scale
-    # The points of a part should stay in the processor's cache.
-    at_once = max(1, int(_PART * min(1.0, n_times / span))) if span else _PART
-    for start in range(0, n_times, at_once):
-        stop = min(start + at_once, n_times)
-        part, rows = travel[start:stop], [row[start:stop] for row in signals]
-        near = travel[start - 1] if start else ends[0], travel[stop] if stop < n_times else ends[1]
-        top = max(top, float(part.max()) * scale + offset)
-        grid, used = reach(grid, used, int(top) - 2 * n_done + 3)
-        spread(part, near, scale, offset - 2 * n_done, kernel, rows, means, grid, used)
-        ready = min(int((top - lag) // 2), outputs.shape[1]) - n_done
-        if ready > 0:
-            _decimate(grid, used, first, taps, means, outputs, n_done, ready)
-            n_done, used = n_done + ready, used - 2 * ready
-    return grid, used, n_done
-
-
 def interpolation_weights(
     reached: Array, first: int, n_angles: int, theta_s: float
 ) -> tuple[Indices, Array]:
@@ -116,15 +72,17 @@ def interpolate_linear(
 
 def _double(signal: Array) -> Array:
     """Return a contiguous read-only view in float64, so that one kind of array is compiled for."""
-    view = np.ascontiguousarray(signal, np.float64)[:]
-    view.flags.writeable = False
-    return view
+    return _eight([signal])[0]
 
 
 def _eight(signals: list[Array]) -> tuple[Array, ...]:
-    """Return as many rows as are compiled for; the last ones are not read."""
-    rows = [_double(signal) for signal in signals]
-    return tuple(rows + rows[:1] * (_AT_ONCE - len(rows)))
+    """Return as many such views as are compiled for; the last ones are not read."""
+    rows = []
+    for signal in signals:
+        row = np.ascontiguousarray(signal, np.float64)[:]
+        row.flags.writeable = False
+        rows.append(row)
+    return (*rows, *rows[:1] * (_AT_ONCE - len(rows)))
 
 
 @compiled
@@ -262,7 +220,9 @@ def _upsample(signal, phases, first, outputs):
 
 
 @compiled
-def _decimate(grid, used, first, taps, means, outputs, done, n_outputs):
+def decimate(grid, used, first, taps, means, outputs, done, n_outputs):
+    if len(taps) != 41:
+        raise ValueError("the decimating filter must have 41 taps")
     even = np.empty(n_outputs + 20)
     odd = np.empty(n_outputs + 20)
     for r in range(len(grid)):

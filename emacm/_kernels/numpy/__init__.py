@@ -3,15 +3,14 @@
 Each function has a twin in `emacm._kernels.numba`, with the same arguments and results.
 """
 
-from emacm._kernels.numpy.motion import cumulative_angle_checkpoints, integrate
+from emacm._kernels.numpy.motion import integrate, set_checkpoints
 from emacm._kernels.numpy.resampling import (
     BLOCK,
+    PART,
     READ_BLOCK,
     decimate,
     interpolate_linear,
     interpolation_weights,
-    reach,
-    resample,
     spread,
     upsample,
 )
@@ -19,17 +18,16 @@ from emacm._kernels.numpy.spectra import SEGMENT_BYTES, powers, segment_powers, 
 
 __all__ = [
     "BLOCK",
+    "PART",
     "READ_BLOCK",
     "SEGMENT_BYTES",
-    "cumulative_angle_checkpoints",
     "decimate",
     "integrate",
     "interpolate_linear",
     "interpolation_weights",
     "powers",
-    "reach",
-    "resample",
     "segment_powers",
+    "set_checkpoints",
     "spread",
     "upsample",
     "windowed",

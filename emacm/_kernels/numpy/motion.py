@@ -10,50 +10,46 @@ Array = NDArray[np.floating]
 _BLOCK = 1 << 15  # samples of the velocity that are integrated at a time
 
 
-def cumulative_angle_checkpoints(
-    velocity: Array, half_step: float, stride: int
-) -> tuple[Array, Array, Array]:
+def set_checkpoints(
+    velocity: Array, half_step: float, stride: int, angles: Array, lowest: Array, highest: Array
+) -> None:
     """Integrate a velocity once, and keep the angle at every `stride`-th sample.
 
     Parameters
     ----------
     velocity : ndarray of shape (n_times,)
-        Velocity [rad/s].
+        Velocity [rad/s]; contiguous and read-only, so that one kind of array is compiled for.
     half_step : float
         Half a sampling interval [s].
     stride : int
         Samples of a section; the last section may be shorter.
-
-    Returns
-    -------
     angles : ndarray of shape (n_sections,)
-        Angle at the first sample of each section [rad], accumulated from 0 sample by sample, so
-        that it equals a cumulative sum over the whole velocity bit for bit.
+        Set to the angle at the first sample of each section [rad], accumulated from 0 sample by
+        sample, so that it equals a cumulative sum over the whole velocity bit for bit.
     lowest, highest : ndarray of shape (n_sections,)
-        Range of the velocity in each section [rad/s].
+        Set to the range of the velocity in each section [rad/s].
     """
-    angles, total = [], 0.0
+    total = 0.0
     at_once = max(1, _BLOCK // stride) * stride
     for start in range(0, len(velocity), at_once):
         part = velocity[start : start + at_once + 1]
-        angle = integrate(part, half_step, np.array([total]), len(part))
-        angles.append(angle[: min(at_once, len(velocity) - start) : stride].copy())
-        total = angle[-1]
+        angle = np.empty(len(part))
+        integrate(part, half_step, np.array([total]), len(part), angle)
+        sections = slice(start // stride, (start + at_once) // stride)
+        angles[sections] = angle[: min(at_once, len(velocity) - start) : stride]
+        total = float(angle[-1])
     starts = np.arange(0, len(velocity), stride)
-    return (
-        np.concatenate(angles),
-        np.minimum.reduceat(velocity, starts).astype(np.float64),
-        np.maximum.reduceat(velocity, starts).astype(np.float64),
-    )
+    lowest[:] = np.minimum.reduceat(velocity, starts)
+    highest[:] = np.maximum.reduceat(velocity, starts)
 
 
-def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> Array:
+def integrate(velocity: Array, half_step: float, starts: Array, stride: int, angle: Array) -> None:
     """Integrate a velocity by the trapezoidal rule, section by section, in float64.
 
     Parameters
     ----------
     velocity : ndarray of shape (n_times,)
-        Velocity [rad/s].
+        Velocity [rad/s], as for `set_checkpoints`.
     half_step : float
         Half a sampling interval [s].
     starts : ndarray of shape (n_sections,)
@@ -61,15 +57,11 @@ def integrate(velocity: Array, half_step: float, starts: Array, stride: int) -> 
         the same value.
     stride : int
         Samples of a section; the last section may be shorter.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Angle [rad].
+    angle : ndarray of shape (n_times,)
+        Set to the angle [rad].
     """
     speed = velocity.astype(np.float64)
-    angle = np.empty_like(speed)
     angle[0] = starts[0]
     np.add(speed[1:], speed[:-1], out=angle[1:])
     angle[1:] *= half_step
-    return np.cumsum(angle, out=angle)
+    np.cumsum(angle, out=angle)

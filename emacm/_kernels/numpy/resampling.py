@@ -6,7 +6,9 @@ import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
 
-BLOCK = READ_BLOCK = 1 << 15  # time samples processed at a time, for which several arrays are held
+BLOCK = PART = READ_BLOCK = (
+    1 << 15
+)  # time samples processed at a time, for which several arrays are held
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int32]
@@ -106,7 +108,14 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
 
 
 def decimate(
-    grid: Array, used: int, first: int, taps: Array, means: Array, outputs: Array, done: int
+    grid: Array,
+    used: int,
+    first: int,
+    taps: Array,
+    means: Array,
+    outputs: Array,
+    done: int,
+    n_outputs: int,
 ) -> None:
     """Filter a grid and keep every other point; move what is still needed to its start.
 
@@ -123,90 +132,19 @@ def decimate(
         A symmetric filter.
     means : ndarray of shape (n_signals,)
         Added to the outputs.
-    outputs : ndarray of shape (n_signals, done + n_outputs)
+    outputs : ndarray of shape (n_signals, done + n_outputs) or longer
         Filled with the points that are kept.
-    done : int
-        Outputs that are left unchanged.
+    done, n_outputs : int
+        First output that is filled, and how many are.
     """
-    n_outputs = outputs.shape[1] - done
     part = grid[:, first : first + 2 * (n_outputs - 1) + len(taps)]
     filtered = scipy.signal.upfirdn(taps, part, down=2)
     half = len(taps) // 2
     kept_points = filtered[:, half : half + n_outputs]
-    np.add(kept_points, means[:, np.newaxis], out=outputs[:, done:])
+    np.add(kept_points, means[:, np.newaxis], out=outputs[:, done : done + n_outputs])
     kept = used - 2 * n_outputs
     grid[:, :kept] = grid[:, 2 * n_outputs : used].copy()
     grid[:, kept:used] = 0
-
-
-def resample(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    used: int,
-    first: int,
-    taps: Array,
-    lag: float,
-    outputs: Array,
-) -> tuple[Array, int, int]:
-    """Spread samples over a grid, and filter and decimate the part of it that is complete.
-
-    Parameters
-    ----------
-    travel, ends, scale, offset, kernel, signals, means
-        As for `spread`; `scale` is positive, and no sample lies below the grid.
-    grid, used, first, taps
-        As for `decimate`. Where the samples reach beyond the grid, it is extended.
-    lag : float
-        Points between the farthest sample so far and the complete part: later samples and mirror
-        images do not reach the points that an output at this distance depends on.
-    outputs : ndarray of shape (n_signals, n_outputs)
-        Filled from its start, at most to its end.
-
-    Returns
-    -------
-    grid : ndarray of shape (n_signals, n_held)
-        The rest of the grid: the same array, or a longer one.
-    used : int
-        Points in use.
-    n_done : int
-        Outputs that were filled; the grid begins twice as many points later.
-    """
-    top = scale * float(travel.max()) + offset
-    grid, used = reach(grid, used, int(top) + 3)
-    spread(travel, ends, scale, offset, kernel, signals, means, grid, used)
-    n_done = max(0, min(int((top - lag) // 2), outputs.shape[1]))
-    if n_done:
-        decimate(grid, used, first, taps, means, outputs[:, :n_done], 0)
-    return grid, used - 2 * n_done, n_done
-
-
-def reach(grid: Array, used: int, n_points: int) -> tuple[Array, int]:
-    """Return the grid, extended where needed, and its points in use: `n_points` or more.
-
-    Parameters
-    ----------
-    grid : ndarray of shape (n_signals, n_held)
-        Its first `used` points are in use.
-    used : int
-    n_points : int
-        Points that are needed.
-
-    Returns
-    -------
-    grid : ndarray of shape (n_signals, n_held)
-    used : int
-    """
-    if n_points > grid.shape[1]:
-        longer = np.zeros((len(grid), n_points + n_points // 4))
-        longer[:, :used] = grid[:, :used]
-        grid = longer
-    return grid, max(used, n_points)
 
 
 def interpolation_weights(
