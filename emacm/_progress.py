@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from numbers import Integral
 from typing import Any
 
 from joblib import Parallel, delayed
 from joblib.parallel import SequentialBackend, ThreadingBackend, get_active_backend
 
+from emacm._checks import located_error
+
 
 def run(
     function: Callable[..., Any],
     *arguments: Sequence[Any],
+    names: Sequence[Callable[[], str]] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
     done: int = 0,
@@ -28,6 +32,8 @@ def run(
         Called with one element of each of `arguments`, as by `map`.
     *arguments : sequence
         Sequences of equal length.
+    names : sequence of callable, optional
+        What to put in front of the message of a ValueError or TypeError of each call.
     n_jobs : int, optional
         Number of recordings processed in parallel.
     verbose : bool or int
@@ -63,6 +69,8 @@ def run(
     total = len(arguments[0])
     if not total:
         return []
+    if names is not None:
+        function, arguments = partial(_located, function), (names, *arguments)
     backend, jobs_of_context = get_active_backend(prefer=prefer)
     n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else _whole(n_jobs))
     bar = _bar() if verbose else None
@@ -82,6 +90,13 @@ def run(
     if bar is None:
         return list(results)
     return list(bar(results, total=done + total, initial=done, unit=unit))
+
+
+def _located(function: Callable[..., Any], name: Callable[[], str], *values: Any) -> Any:
+    try:
+        return function(*values)
+    except (TypeError, ValueError) as error:
+        raise located_error(error, name()) from error
 
 
 def _whole(n_jobs: Any) -> int:

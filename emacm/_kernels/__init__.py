@@ -41,6 +41,33 @@ def using(name: str) -> Iterator[None]:
         _chosen = before
 
 
+def batches(
+    n_signals: int, n_segments: int, n_bytes: int, at_most: int
+) -> Iterator[tuple[slice, int, int]]:
+    """Yield rows and segments, first and last + 1, that are processed together.
+
+    Parameters
+    ----------
+    n_signals, n_segments : int
+    n_bytes : int
+        Size of a segment.
+    at_most : int
+        Bytes processed together, or a single segment if that is larger.
+
+    Examples
+    --------
+    >>> list(batches(3, 5, 100, 700))
+    [(slice(0, 3, None), 0, 2), (slice(0, 3, None), 2, 4), (slice(0, 3, None), 4, 5)]
+    >>> list(batches(3, 1, 100, 200))
+    [(slice(0, 2, None), 0, 1), (slice(2, 4, None), 0, 1)]
+    """
+    n_rows = min(n_signals, max(1, at_most // n_bytes))
+    at_once = max(1, at_most // n_bytes // n_rows)
+    for row in range(0, n_signals, n_rows):
+        for start in range(0, n_segments, at_once):
+            yield slice(row, row + n_rows), start, min(start + at_once, n_segments)
+
+
 def _imported(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"emacm._kernels.{name}")

@@ -216,7 +216,7 @@ class GridStroke(AngleStroke):
         Parameters
         ----------
         rows : sequence of int
-            Numbers of channels that were sampled at one rate.
+            Numbers of channels.
 
         Yields
         ------

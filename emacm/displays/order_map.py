@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_count
 from emacm.displays import _drawing, _tables
 from emacm.displays._display import OrderDisplay
-from emacm.orders.segment_plan import segment_plan
-from emacm.orders.segments import samples_per_revolution
-from emacm.orders.welch import order_psd
+from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke

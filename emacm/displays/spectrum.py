@@ -15,7 +15,7 @@ from emacm.displays import _drawing, _tables
 from emacm.displays._display import PowerDisplay
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
-from emacm.orders.segment_plan import SCALINGS
+from emacm.orders.welch import SCALINGS
 
 
 @dataclass(eq=False, repr=False)

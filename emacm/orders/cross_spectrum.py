@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._kernels import kernels
-from emacm.orders.segment_plan import SegmentPlan, WeightedLines, segment_plan
-from emacm.orders.welch import check_holds_segment
+from emacm.orders.segment_plan import SegmentPlan, WeightedLines
+from emacm.orders.welch import check_holds_segment, segment_plan
 
 Pair = tuple[int, int]
 Complex = NDArray[np.complexfloating]
@@ -210,7 +210,7 @@ def cross_spectrum(
         Samples per shaft revolution, 2π/theta_s.
     **options
         `revolutions`, `n_per_segment`, `window`, `overlap`, `detrend`, `scaling` and
-        `max_order`, as for `emacm.orders.segment_plan.segment_plan`.
+        `max_order`, as for `emacm.orders.welch.segment_plan`.
 
     Returns
     -------

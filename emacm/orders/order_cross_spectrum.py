@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -13,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_choice, located
+from emacm._checks import check_choice
 from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.cross_spectrum import FORMS, KINDS, CrossAverages, cross_averages
-from emacm.orders.segments import samples_per_revolution, too_short
-from emacm.orders.welch import WelchEstimator
-from emacm.recordings.inputs import check_channels, described
+from emacm.orders.segment_plan import too_short
+from emacm.orders.welch import WelchEstimator, samples_per_revolution
+from emacm.recordings.inputs import check_channels, names_of
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.resampling.inputs import as_angle_recordings, strokes_by_kind
+from emacm.resampling.inputs import as_angle_recordings, check_theta_s
 
 # Largest variation of a constant that was resampled and rounded, relative to its value; assumed.
 _RESAMPLED, _ROUNDED = 1e-8, 4
@@ -229,8 +228,8 @@ class OrderCrossSpectrum(WelchEstimator):
         check_is_fitted(self)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        numbers = range(len(rows))
-        features = run(self._estimate, rows, numbers, n_jobs=self.n_jobs, verbose=self.verbose)
+        options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
+        features = run(self._estimate, rows, names=names_of(rows), **options)
         table = np.stack(features).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
 
@@ -242,21 +241,20 @@ class OrderCrossSpectrum(WelchEstimator):
 
     def _check_rows(self, rows: list[AngleRecording]) -> None:
         check_channels(rows, self.channels_)
-        self._check_over_angle(rows)
+        check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum", by_direction=self.by_direction)
 
-    def _estimate(self, row: AngleRecording, index: int) -> NDArray[np.floating]:
+    def _estimate(self, row: AngleRecording) -> NDArray[np.floating]:
         """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
-        with located(partial(described, row, index)):
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                kinds = strokes_by_kind(row.strokes, self._plan.by_direction)
-                averages = [self._averages(row, strokes, kind) for kind, strokes in kinds]
-                columns = np.stack([a.columns(self._kinds, self._form) for a in averages], axis=2)
-            if not np.all(np.isfinite(columns)):
-                raise ValueError(
-                    "some value exceeds the range of float64, or is the logarithm of 0. State the "
-                    "channels in other units, or use form='rectangular'."
-                )
-            return columns
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            kinds = row.strokes_by_kind(self._plan.by_direction)
+            averages = [self._averages(row, strokes, kind) for kind, strokes in kinds]
+            columns = np.stack([a.columns(self._kinds, self._form) for a in averages], axis=2)
+        if not np.all(np.isfinite(columns)):
+            raise ValueError(
+                "some value exceeds the range of float64, or is the logarithm of 0. State the "
+                "channels in other units, or use form='rectangular'."
+            )
+        return columns
 
     def _averages(
         self, row: AngleRecording, strokes: Sequence[AngleStroke], kind: str
@@ -267,11 +265,10 @@ class OrderCrossSpectrum(WelchEstimator):
         lengths = [stroke.n_angles for stroke in strokes]
         whole = [s for s, n in zip(strokes, lengths, strict=True) if n >= plan.n_per_segment]
         if whole:
-            segments = plan.lines_of(_with_peaks(s.blocks_of_all_rates(rows), peaks) for s in whole)
+            segments = plan.lines_of(_with_peaks(s.blocks(rows), peaks) for s in whole)
         elif plan.short == "pad" and any(n > 1 for n in lengths):
             segments = plan.padded_lines(
-                np.concatenate(list(_with_peaks(s.blocks_of_all_rates(rows), peaks)), axis=1)
-                for s in strokes
+                np.concatenate(list(_with_peaks(s.blocks(rows), peaks)), axis=1) for s in strokes
             )
         else:
             raise too_short(lengths, plan, kind, "OrderCrossSpectrum")

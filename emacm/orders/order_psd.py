@@ -11,17 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_finite_table, check_signal, check_table, located
+from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
-from emacm.orders.segment_plan import SegmentPlan
-from emacm.orders.segments import samples_per_revolution
 from emacm.orders.store import open_store, recalled
-from emacm.orders.welch import WelchEstimator
+from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings, check_angle_step
+from emacm.resampling.inputs import as_angle_recordings, check_angle_step, check_theta_s
 
 
 class OrderPSD(WelchEstimator):
@@ -155,6 +153,7 @@ class OrderPSD(WelchEstimator):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
+        check_choice(self.by_direction, "by_direction", (True, False))
         for seen in ("n_features_in_", "feature_names_in_"):
             self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
@@ -207,10 +206,12 @@ class OrderPSD(WelchEstimator):
                 "X holds plain rows, but OrderPSD was fitted on recordings of channels "
                 f"{list(self.channels_)}. Pass what OrderResampler returns, or fit again."
             )
-        estimate, store = partial(_estimate, plan=self._plan), open_store(self.memory)
+        estimate = self._plan.spectra_of
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
+        options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
+        store = None if self.memory is None else open_store(self.memory)
         if store is None:
-            spectra = run(estimate, rows, range(len(rows)), **options)
+            spectra = run(estimate, rows, **options)
         else:
             directions = (2,) if self.by_direction else ()
             shape = (len(self.channels_), *directions, len(self.orders_))
@@ -220,8 +221,6 @@ class OrderPSD(WelchEstimator):
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
-        check_choice(self.by_direction, "by_direction", (True, False))
-        refuse_single(X)
         if isinstance(X, str | PurePath | Sequence) or _object_vector(X):
             rows = as_list(X)
             if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
@@ -229,6 +228,7 @@ class OrderPSD(WelchEstimator):
             if self.theta_s is not None or _ragged(rows):
                 self._refuse_direction()
                 return [check_signal(row, f"row {i}") for i, row in enumerate(rows)]
+        refuse_single(X)
         self._refuse_direction()
         check_table(X)
         table = validate_data(
@@ -258,7 +258,7 @@ class OrderPSD(WelchEstimator):
                 f"Fit it again."
             )
         check_channels(rows, self.channels_, others=False, ordered=True)
-        self._check_over_angle(rows)
+        check_theta_s(rows, self.theta_s_, "OrderPSD", by_direction=self.by_direction)
 
     def _stated_theta_s(self, first: Any) -> float | None:
         stated = self.theta_s
@@ -280,14 +280,6 @@ class OrderPSD(WelchEstimator):
         if self.by_direction:
             channels = tuple(channel + sign for channel in channels for sign in "+-")
         return order_columns(channels, self.orders_)
-
-
-def _estimate(
-    row: AngleRecording | NDArray[np.floating], index: int, plan: SegmentPlan
-) -> NDArray[np.floating]:
-    """Estimate the spectra of one recording, shape (n_channels, [n_directions,] n_orders)."""
-    with located(partial(_named, row, index)):
-        return plan.spectra_of(row)
 
 
 def _named(row: AngleRecording | NDArray[np.floating], index: int) -> str:

@@ -15,27 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from emacm._checks import check_choice, check_number
 from emacm._kernels import kernels
-from emacm.orders.segments import Signal, check_range, sections, segment_length, too_short
 from emacm.orders.windows import detrended, window_values
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import strokes_by_kind
+from emacm.shaft.motion import blocks as blocks_of
 
+# Whole, or in consecutive blocks; shape (n_channels, n_angles).
+Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
+Section = tuple[NDArray[np.floating], int, int]
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
 
-DETRENDS = ("constant", "linear", None, False)
-SCALINGS = ("density", "spectrum")
-AVERAGES = ("mean", "median")
-SHORTS = ("raise", "pad")
+_JOINED_BYTES = 2 << 20  # blocks up to this size are joined with the rest of the one before
+_LEAST_POWER = 1e-290  # below, float64 loses digits
+_LEAST_RANGE = 1e-140  # of a signal whose power is above that
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentPlan:
     """How signals over shaft angle are cut, windowed, transformed and averaged.
 
-    `segment_plan` makes one from the options of a user.
+    `emacm.orders.welch.segment_plan` makes one from the options of a user.
 
     Attributes
     ----------
@@ -47,6 +47,8 @@ class SegmentPlan:
         Samples from one segment to the next.
     window : str, tuple or array
         As for `scipy.signal.get_window`, or the samples of the window.
+    weights : ndarray of shape (n_per_segment,)
+        The samples of the window.
     detrend : {"constant", "linear", None, False}
         What is removed from each segment.
     scaling : {"density", "spectrum"}
@@ -65,6 +67,7 @@ class SegmentPlan:
     n_per_segment: int
     step: int
     window: Any
+    weights: NDArray[np.floating]
     detrend: Any
     scaling: str
     average: str
@@ -115,28 +118,32 @@ class SegmentPlan:
             If no stroke (`by_direction`: of one direction) is as long as a segment, or powers of a
             channel are outside the range of float64.
         """
+        if isinstance(row, np.ndarray):
+            kinds: list[tuple[str, list[int], list[Signal]]] = [
+                ("row", [len(row)], [[row[np.newaxis]]])
+            ]
+        else:
+            rows = range(len(row.channels))
+            kinds = [
+                (kind, [s.n_angles for s in strokes], [s.blocks(rows) for s in strokes])
+                for kind, strokes in row.strokes_by_kind(self.by_direction)
+            ]
+        spectra = []
         with np.errstate(over="ignore", invalid="ignore"):
-            if isinstance(row, np.ndarray):
-                powers = self._averaged([len(row)], [[row[np.newaxis]]], "row")
-            else:
-                channels, directions = range(len(row.channels)), []
-                for kind, strokes in strokes_by_kind(row.strokes, self.by_direction):
-                    lengths = [stroke.n_angles for stroke in strokes]
-                    signals = [stroke.blocks_of_all_rates(channels) for stroke in strokes]
-                    directions.append(self._averaged(lengths, signals, kind))
-                powers = np.stack(directions, axis=1) if self.by_direction else directions[0]
+            for kind, lengths, signals in kinds:
+                whole = [
+                    s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment
+                ]
+                if whole:
+                    spectra.append(self.average_of(whole))
+                elif self.short == "pad" and max(lengths, default=0) > 1:
+                    strokes = (np.concatenate(list(blocks), axis=1) for blocks in signals)
+                    spectra.append(self.padded(strokes))
+                else:
+                    raise too_short(lengths, self, kind, "OrderPSD")
+        powers = np.stack(spectra, axis=1) if self.by_direction else spectra[0]
         check_range(powers, row)
         return powers
-
-    def _averaged(
-        self, lengths: Sequence[int], signals: Sequence[Signal], kind: str
-    ) -> NDArray[np.floating]:
-        whole = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
-        if whole:
-            return self.average_of(whole)
-        if self.short == "pad" and max(lengths, default=0) > 1:
-            return self.padded(np.concatenate(list(blocks), axis=1) for blocks in signals)
-        raise too_short(lengths, self, kind, "OrderPSD")
 
     def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
         """Average the power spectra of all segments of all signals.
@@ -156,12 +163,12 @@ class SegmentPlan:
         ValueError
             If no signal holds a segment.
         """
-        loops, window = kernels(), window_values(self.window, self.n_per_segment)
+        loops = kernels()
         collected: list[NDArray[np.floating]] = []
         count = 0
         for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
             count += n_segments
-            powers = self._powers(loops, section, first, n_segments, window)
+            powers = self._powers(loops, section, first, n_segments)
             del section  # before the next one is made
             if collected and self.average == "mean":
                 powers += collected.pop()
@@ -172,7 +179,7 @@ class SegmentPlan:
             power = np.median(np.concatenate(collected, axis=1), axis=1) / _median_bias(count)
         else:
             power = collected[0] / count
-        return power * (self.sides / self._window_factor(window))
+        return power * (self.sides / self._window_factor(self.weights))
 
     def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Estimate power spectra from signals that are shorter than a segment.
@@ -222,10 +229,9 @@ class SegmentPlan:
         weight : float
             Their weight.
         """
-        loops, window = kernels(), window_values(self.window, self.n_per_segment)
-        factor = self._window_factor(window)
+        loops, factor = kernels(), self._window_factor(self.weights)
         for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
-            for lines in self._lines(loops, section, first, n_segments, window):
+            for lines in self._lines(loops, section, first, n_segments):
                 yield lines, factor * lines.shape[1]
             del section  # before the next one is made
 
@@ -265,7 +271,6 @@ class SegmentPlan:
         section: NDArray[np.floating],
         first: int,
         n_segments: int,
-        window: NDArray[np.floating],
     ) -> NDArray[np.floating]:
         """Squared lines, summed over segments or, for the median, of each.
 
@@ -274,9 +279,9 @@ class SegmentPlan:
         if self.average == "mean" and self.detrend != "linear":
             remove_mean = self.detrend == "constant"
             return loops.segment_powers(
-                section, first, self.step, window, n_segments, self.n_orders, remove_mean
+                section, first, self.step, self.weights, n_segments, self.n_orders, remove_mean
             )
-        batches = self._lines(loops, section, first, n_segments, window)
+        batches = self._lines(loops, section, first, n_segments)
         if self.average == "mean":
             return sum(loops.powers(lines) for lines in batches)
         return np.concatenate([lines.real**2 + lines.imag**2 for lines in batches], axis=1)
@@ -287,7 +292,6 @@ class SegmentPlan:
         section: NDArray[np.floating],
         first: int,
         n_segments: int,
-        window: NDArray[np.floating],
     ) -> Iterator[Lines]:
         """Yield the Fourier transforms of a few segments of all channels at a time."""
         linear = self.detrend == "linear"
@@ -297,12 +301,12 @@ class SegmentPlan:
                 section,
                 first + start * self.step,
                 self.step,
-                np.ones_like(window) if linear else window,
+                np.ones_like(self.weights) if linear else self.weights,
                 min(at_once, n_segments - start),
                 self.detrend == "constant",
             )
             if linear:
-                segments = detrended(segments, self.detrend) * window
+                segments = detrended(segments, self.detrend) * self.weights
             yield fft.rfft(segments, overwrite_x=True)[..., : self.n_orders]
 
     def _window_factor(self, window: NDArray[np.floating]) -> float:
@@ -312,86 +316,77 @@ class SegmentPlan:
         return float(np.sum(window) ** 2)
 
 
-def segment_plan(
-    samples_per_rev: float,
-    *,
-    revolutions: float = 16,
-    n_per_segment: int | None = None,
-    window: Any = "hann",
-    overlap: float = 0.5,
-    detrend: Any = "constant",
-    scaling: str = "density",
-    average: str = "mean",
-    max_order: float | None = None,
-    by_direction: bool = False,
-    short: str = "raise",
-) -> SegmentPlan:
-    """Check the options of Welch's method, whose defaults are given here, and plan its segments.
-
-    Parameters
-    ----------
-    samples_per_rev : float
-        Samples per shaft revolution, 2π/theta_s.
-    revolutions : float
-        Length of a segment; the distance between spectral lines is 1/revolutions (to the nearest
-        whole number of samples).
-    n_per_segment : int, optional
-        Length of a segment in samples, in place of `revolutions`.
-    window : str, tuple or array-like of shape (n_per_segment,)
-        As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
-    overlap : float
-        Fraction of a segment that the next one has in common with it, in [0, 1).
-    detrend : {"constant", "linear", None, False}
-        What is removed from each segment. "constant" distorts the first two lines, so bins of
-        interest should begin above them.
-    scaling : {"density", "spectrum"}
-        "density" [U²/order] integrates to the mean square. In "spectrum" [U²] a tone of amplitude A
-        has the value A²/2, and lines must not be summed.
-    average : {"mean", "median"}
-        "median" is less affected by single shocks; it is corrected for its bias on noise, as in
-        `scipy.signal.welch`.
-    max_order : float, optional
-        Highest order of interest: lines above the first one at or above it are omitted.
-    by_direction : bool
-        Average forward and reverse strokes separately.
-    short : {"raise", "pad"}
-        What is done with a recording none of whose strokes is as long as a segment.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an option is invalid.
-    """
-    samples_per_rev = check_number(samples_per_rev, "samples_per_rev", above=0)
-    length = segment_length(samples_per_rev, revolutions, n_per_segment)
-    overlap = check_number(overlap, "overlap", at_least=0, below=1)
-    check_choice(detrend, "detrend", DETRENDS)
-    check_choice(scaling, "scaling", SCALINGS)
-    check_choice(average, "average", AVERAGES)
-    check_choice(by_direction, "by_direction", (True, False))
-    check_choice(short, "short", SHORTS)
-    n_orders = length // 2 + 1
-    if max_order is not None:
-        top = check_number(max_order, "max_order", at_least=0, unit="orders")
-        # The line at or above the limit is kept, so that bins up to the limit can be integrated.
-        n_orders = min(n_orders, int(np.ceil(top * length / samples_per_rev - 1e-9)) + 1)
-    window_values(window, length)
-    step = length - min(int(overlap * length), length - 1)
-    return SegmentPlan(
-        samples_per_rev,
-        length,
-        step,
-        window,
-        detrend,
-        scaling,
-        average,
-        n_orders,
-        bool(by_direction),
-        short,
-    )
-
-
 def _median_bias(n_segments: int) -> float:
     """Median over mean of n exponential variables (Allen et al., arXiv gr-qc/0509116, App. B)."""
     even = 2 * np.arange(1, (n_segments - 1) // 2 + 1)
     return float(1 + np.sum(1 / (even + 1) - 1 / even))
+
+
+def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Section]:
+    """Yield sections of signals, the start of the first segment in each, and how many there are.
+
+    Segments have `length` samples; each begins `step` samples after the one before. No segment
+    spans two signals, which are read one at a time; shorter signals are skipped.
+    """
+    for signal in signals:
+        parts = iter([signal] if isinstance(signal, np.ndarray) else signal)
+        rest: NDArray[np.floating] | None = None
+        for block in parts:
+            # At least as long as a segment, where it is not the last one.
+            held = [block]
+            for more in parts if block.shape[1] < length else ():
+                held.append(more)
+                if sum(part.shape[1] for part in held) >= length:
+                    break
+            block = held.pop() if len(held) == 1 else np.concatenate(held, axis=1)
+            del held
+            first = 0  # in the block, of the segments that lie entirely inside
+            if rest is not None and block.nbytes <= _JOINED_BYTES:
+                block, rest = np.concatenate([rest, block], axis=1), None
+            if rest is not None:
+                # Segments that begin in the rest; only these samples are copied.
+                first = -rest.shape[1] % step
+                joined = np.concatenate([rest, block[:, : first - step + length]], axis=1)
+                count = (joined.shape[1] - length) // step + 1
+                if count > 0:
+                    yield joined, 0, count
+            count = max(0, (block.shape[1] - first - length) // step + 1)
+            if count:
+                yield block, first, count
+            rest = block[:, first + count * step :].copy()
+            del block  # before the next one is made
+
+
+def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
+    """Return the error for strokes, of so many samples, none of which is as long as a segment."""
+    if not lengths:
+        remedy = "Leave it out"
+        if kind != "stroke":
+            remedy += ", or do not separate directions (by_direction=False)"
+        return ValueError(f"it has no {kind} of two samples. {remedy}.")
+    return ValueError(
+        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
+        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
+        f"revolutions (or n_per_segment) of {who}, set short='pad', or leave it out."
+    )
+
+
+def check_range(powers: NDArray[np.floating], row: Any) -> None:
+    """Raise a ValueError if powers, shape (n_channels, ..., n_orders), overflow or underflow."""
+    highest = powers.reshape(len(powers), -1).max(axis=1)  # NaN where infinite values were summed
+    for channel, power in enumerate(highest):
+        if _LEAST_POWER < power < np.inf:
+            continue
+        whole = isinstance(row, np.ndarray)
+        name = "the signal" if whole else f"channel {row.channels[channel]!r}"
+        if not power < np.inf:
+            raise ValueError(
+                f"the power of {name} exceeds the range of float64. State it in other units."
+            )
+        values = row if whole else row.measured.series[row.channels[channel]]
+        ranges = [(part.min(), part.max()) for _, part in blocks_of(values)]
+        if 0 < max(high for _, high in ranges) - min(low for low, _ in ranges) < _LEAST_RANGE:
+            raise ValueError(
+                f"{name} varies by less than {_LEAST_RANGE:g}, so its power is below the range of "
+                f"float64. State it in other units."
+            )

@@ -235,12 +235,13 @@ def spectrum_key(row: Any, settings: str) -> str:
 
 
 def recalled(
-    estimate: Callable[[Any, int], Spectrum],
+    estimate: Callable[[Any], Spectrum],
     rows: Sequence[Any],
     store: SpectrumStore,
     plan: SegmentPlan,
     shape: tuple[int, ...],
     *,
+    names: Sequence[Callable[[], str]] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
 ) -> list[Spectrum]:
@@ -249,7 +250,7 @@ def recalled(
     Parameters
     ----------
     estimate : callable
-        Returns the spectrum of a row, given the row and its number.
+        Returns the spectrum of a row.
     rows : sequence of AngleRecording or ndarray
         Recordings or signals over shaft angle.
     store : SpectrumStore
@@ -258,7 +259,7 @@ def recalled(
         What the spectra depend on besides the rows.
     shape : tuple of int
         Shape of a spectrum.
-    n_jobs, verbose : int
+    names, n_jobs, verbose
         See `emacm._progress.run`.
 
     Returns
@@ -278,10 +279,11 @@ def recalled(
         worker = os.getpid(), get_ident()
         missing.sort(key=lambda key: hash((key, worker)))
     numbers = [first[key] for key in missing]
+    names = None if names is None else [names[i] for i in numbers]
     recall = partial(_recall, estimate=estimate, store=store, key_of=key_of, shape=shape)
     done = len(found) - len(missing)
     results = run(
-        recall, [rows[i] for i in numbers], numbers, n_jobs=n_jobs, verbose=verbose, done=done
+        recall, [rows[i] for i in numbers], names=names, n_jobs=n_jobs, verbose=verbose, done=done
     )
     found.update(zip(missing, results, strict=True))
     return [found[key] for key in keys]
@@ -289,9 +291,8 @@ def recalled(
 
 def _recall(
     row: Any,
-    index: int,
     *,
-    estimate: Callable[[Any, int], Spectrum],
+    estimate: Callable[[Any], Spectrum],
     store: SpectrumStore,
     key_of: Callable[[Any], str],
     shape: tuple[int, ...],
@@ -300,7 +301,7 @@ def _recall(
     key = key_of(row)
     spectrum = store.find(key, shape)  # another process may have estimated it since
     if spectrum is None:
-        spectrum = estimate(row, index)
+        spectrum = estimate(row)
         if key_of(row) == key:  # not if its file was written to in the meantime
             store.keep(key, spectrum)
     return spectrum

@@ -1,4 +1,4 @@
-"""Order spectra by Welch's method: of arrays, and what its estimators have in common."""
+"""Order spectra by Welch's method: options, spectra of arrays, base of its estimators."""
 
 from __future__ import annotations
 
@@ -11,12 +11,173 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_finite, check_real_array
+from emacm._checks import (
+    check_choice,
+    check_count,
+    check_finite,
+    check_number,
+    check_real_array,
+)
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
-from emacm.orders.segment_plan import SegmentPlan, segment_plan
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import check_theta_s, check_ways_apart
+from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.windows import window_values
+
+DETRENDS = ("constant", "linear", None, False)
+SCALINGS = ("density", "spectrum")
+AVERAGES = ("mean", "median")
+SHORTS = ("raise", "pad")
+
+_MOST_SAMPLES = 1 << 31  # of a segment
+
+
+def segment_plan(
+    samples_per_rev: float,
+    *,
+    revolutions: float = 16,
+    n_per_segment: int | None = None,
+    window: Any = "hann",
+    overlap: float = 0.5,
+    detrend: Any = "constant",
+    scaling: str = "density",
+    average: str = "mean",
+    max_order: float | None = None,
+    by_direction: bool = False,
+    short: str = "raise",
+) -> SegmentPlan:
+    """Check the options of Welch's method, whose defaults are given here, and plan its segments.
+
+    Parameters
+    ----------
+    samples_per_rev : float
+        Samples per shaft revolution, 2π/theta_s.
+    revolutions : float
+        Length of a segment; the distance between spectral lines is 1/revolutions (to the nearest
+        whole number of samples).
+    n_per_segment : int, optional
+        Length of a segment in samples, in place of `revolutions`.
+    window : str, tuple or array-like of shape (n_per_segment,)
+        As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
+    overlap : float
+        Fraction of a segment that the next one has in common with it, in [0, 1).
+    detrend : {"constant", "linear", None, False}
+        What is removed from each segment. "constant" distorts the first two lines, so bins of
+        interest should begin above them.
+    scaling : {"density", "spectrum"}
+        "density" [U²/order] integrates to the mean square. In "spectrum" [U²] a tone of amplitude A
+        has the value A²/2, and lines must not be summed.
+    average : {"mean", "median"}
+        "median" is less affected by single shocks; it is corrected for its bias on noise, as in
+        `scipy.signal.welch`.
+    max_order : float, optional
+        Highest order of interest: lines above the first one at or above it are omitted.
+    by_direction : bool
+        Average forward and reverse strokes separately.
+    short : {"raise", "pad"}
+        What is done with a recording none of whose strokes is as long as a segment.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is invalid.
+    """
+    samples_per_rev = check_number(samples_per_rev, "samples_per_rev", above=0)
+    length = segment_length(samples_per_rev, revolutions, n_per_segment)
+    overlap = check_number(overlap, "overlap", at_least=0, below=1)
+    check_choice(detrend, "detrend", DETRENDS)
+    check_choice(scaling, "scaling", SCALINGS)
+    check_choice(average, "average", AVERAGES)
+    check_choice(by_direction, "by_direction", (True, False))
+    check_choice(short, "short", SHORTS)
+    n_orders = length // 2 + 1
+    if max_order is not None:
+        top = check_number(max_order, "max_order", at_least=0, unit="orders")
+        # The line at or above the limit is kept, so that bins up to the limit can be integrated.
+        n_orders = min(n_orders, int(np.ceil(top * length / samples_per_rev - 1e-9)) + 1)
+    step = length - min(int(overlap * length), length - 1)
+    return SegmentPlan(
+        samples_per_rev,
+        length,
+        step,
+        window,
+        window_values(window, length),
+        detrend,
+        scaling,
+        average,
+        n_orders,
+        bool(by_direction),
+        short,
+    )
+
+
+def samples_per_revolution(theta_s: float) -> float:
+    """Return 2π/theta_s, rounded to a whole number where it differs by rounding errors only.
+
+    Parameters
+    ----------
+    theta_s : float
+        Angle between samples [rad].
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> 2 * np.pi / (2 * np.pi / 100), samples_per_revolution(2 * np.pi / 100)
+    (99.99999999999999, 100.0)
+    """
+    samples = 2 * np.pi / check_number(theta_s, "theta_s", above=0, unit="rad per sample")
+    whole = np.rint(samples)
+    return float(whole if abs(samples - whole) <= 1e-14 * samples else samples)
+
+
+def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
+    """Return the samples of a segment.
+
+    Parameters
+    ----------
+    samples_per_rev : float
+        Samples per shaft revolution.
+    revolutions : float
+        Length of a segment [revolutions], used where `n_per_segment` is None.
+    n_per_segment : int or None
+        Length of a segment [samples].
+
+    Returns
+    -------
+    int
+        At least 2.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If either is not a positive number, or the segment would be too short or too long.
+    """
+    if n_per_segment is not None:
+        count = check_count(n_per_segment, "n_per_segment", at_least=2)
+        if count > _MOST_SAMPLES:
+            raise ValueError(
+                f"n_per_segment = {count} is more than the {_MOST_SAMPLES} samples that a segment "
+                f"may have. Lower it."
+            )
+        return count
+    revolutions = check_number(revolutions, "revolutions", above=0)
+    samples = revolutions * samples_per_rev
+    if samples > _MOST_SAMPLES:
+        raise ValueError(
+            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
+            f"segments of {samples:.3g} samples. Lower revolutions, or raise theta_s."
+        )
+    length = round(samples)
+    if length < 2:
+        raise ValueError(
+            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
+            f"segments of {length} samples; at least 2 are needed. Raise revolutions."
+        )
+    return length
+
 
 _OPTIONS = tuple(signature(segment_plan).parameters)[1:]
 
@@ -114,9 +275,3 @@ class WelchEstimator(TransformerMixin, SavedEstimator):
         self._plan = segment_plan(samples_per_rev, **stated | changed)
         self.orders_ = self._plan.orders
         self.n_per_segment_ = self._plan.n_per_segment
-
-    def _check_over_angle(self, rows: Sequence[AngleRecording]) -> None:
-        """Compare recordings with the angle step of `fit`, and with `by_direction`."""
-        check_theta_s(rows, self.theta_s_, type(self).__name__)
-        if self.by_direction:
-            check_ways_apart(rows)

@@ -120,6 +120,11 @@ def file_stamps(arrays: Iterable[NDArray[Any]]) -> Stamps | None:
     return tuple(stamps)
 
 
+def is_mapped(array: NDArray[Any]) -> bool:
+    """Tell whether an array is a memory map, or a view of one."""
+    return _mapped_owner(array) is not None
+
+
 def _mapped_owner(array: Any) -> Any:
     """Return the memory map that an array is a view of, or None if the array is in memory."""
     owner = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import PurePath
 from typing import Any
 
@@ -143,6 +144,11 @@ def described(recording: Any, index: int) -> str:
         return f"recording {index}"
     text = " ".join(", ".join(f"{key}={value!r}" for key, value in meta.items()).split())
     return f"recording {index} ({text if len(text) <= _LONG else text[:_LONG] + ' ...'})"
+
+
+def names_of(recordings: Sequence[Any]) -> list[Callable[[], str]]:
+    """Return functions that describe each recording, to be called where an error concerns it."""
+    return [partial(described, recording, index) for index, recording in enumerate(recordings)]
 
 
 def received(value: Any) -> str:

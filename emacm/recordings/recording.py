@@ -37,8 +37,8 @@ from emacm.shaft.motion import (
     Series,
     sources,
 )
-from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import Stroke, paths_along, strokes_of
+from emacm.shaft.paths import ShaftPath, paths_along
+from emacm.shaft.strokes import Stroke, strokes_of
 
 _MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from emacm.recordings.digests import Stamps, content_digest, file_stamps
+from emacm.recordings.digests import Stamps, content_digest, file_stamps, is_mapped
 
 
 class Remembered:
@@ -27,11 +27,12 @@ class Remembered:
         file once, however often it receives the recording.
     """
 
-    __slots__ = ("_arrays", "_opened", "_values")
+    __slots__ = ("_arrays", "_mapped", "_opened", "_values")
 
     def __init__(self, arrays: Sequence[NDArray[Any]], *, just_opened: bool = False) -> None:
         self._arrays = arrays
-        self._opened = file_stamps(arrays) if just_opened else None
+        self._mapped = [array for array in arrays if is_mapped(array)]
+        self._opened = self._stamps() if just_opened else None
         self._values: dict[Hashable, tuple[Stamps, Any]] = {}
 
     def once(self, name: Hashable, compute: Callable[[], Any], *, most: int | None = None) -> Any:
@@ -39,13 +40,13 @@ class Remembered:
 
         Lists of more than `most` elements are not kept.
         """
-        stamps = file_stamps(self._arrays)
+        stamps = self._stamps()
         known = self._values.get(name)
         if known is not None and stamps is not None and known[0] == stamps:
             return known[1]
         value = compute()
         small = most is None or len(value) <= most
-        if small and stamps is not None and stamps == file_stamps(self._arrays):
+        if small and stamps is not None and stamps == self._stamps():
             self._values[name] = (stamps, value)
         return value
 
@@ -54,5 +55,8 @@ class Remembered:
         return self.once("digest", lambda: self._digest(facts))
 
     def _digest(self, facts: str) -> str:
-        same = self._opened is not None and self._opened == file_stamps(self._arrays)
+        same = self._opened is not None and self._opened == self._stamps()
         return content_digest(facts, self._arrays, remember_files=same)
+
+    def _stamps(self) -> Stamps | None:
+        return file_stamps(self._mapped) if self._mapped else ()

@@ -77,20 +77,15 @@ class AngleRecording:
         return self.measured.meta
 
     @property
-    def paths(self) -> list[ShaftPath]:
-        """Travel of the shaft of interest along each stroke, in order of time."""
-        if self.kept is not None and self.kept.paths is not None:
-            return self.kept.paths
-        measured = self.measured.paths(self.direction, self.min_speed)
-        paths = [path.geared(self.ratio) for path in measured]
-        if self.kept is not None:
-            self.kept.paths = paths
-        return paths
-
-    @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes in order of time; their signals are not resampled yet."""
-        return tuple(AngleStroke(self, path) for path in self.paths)
+        paths = None if self.kept is None else self.kept.paths
+        if paths is None:
+            measured = self.measured.paths(self.direction, self.min_speed)
+            paths = [path.geared(self.ratio) for path in measured]
+        if self.kept is not None:
+            self.kept.paths = paths
+        return tuple(AngleStroke(self, path) for path in paths)
 
     @property
     def timed(self) -> list[tuple[Series, float]]:
@@ -111,6 +106,13 @@ class AngleRecording:
         """Indices of the channels, grouped by sampling rate."""
         rates = [fs for _, fs in self.timed]
         return [[i for i, fs in enumerate(rates) if fs == rate] for rate in dict.fromkeys(rates)]
+
+    def strokes_by_kind(self, by_direction: bool) -> list[tuple[str, list[AngleStroke]]]:
+        """Return all strokes, or forward and reverse ones apart, each with what to call one."""
+        if not by_direction:
+            return [("stroke", list(self.strokes))]
+        ways = ((1, "forward stroke"), (-1, "reverse stroke"))
+        return [(kind, [s for s in self.strokes if s.direction == sign]) for sign, kind in ways]
 
     def frame(self) -> pd.DataFrame:
         """Return all strokes as one table: one row per angle, one column per channel.
@@ -179,21 +181,19 @@ class AngleStroke:
     def signals(self) -> NDArray[np.floating]:
         """The channels at these angles, shape (n_channels, n_angles); resampled now."""
         resampled = np.empty((len(self.parent.channels), self.n_angles), self.parent.dtype)
-        for rows in self.parent.rate_groups:
-            done = 0
-            for block in self.blocks(rows):
-                resampled[rows, done : done + block.shape[1]] = block
-                done += block.shape[1]
+        done = 0
+        for block in self.blocks(range(len(resampled))):
+            resampled[:, done : done + block.shape[1]] = block
+            done += block.shape[1]
         return resampled
 
     def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
-        """Resample channels of one sampling rate block by block, for strokes of any length.
+        """Resample channels block by block, for strokes of any length.
 
         Parameters
         ----------
         rows : sequence of int
-            Indices of channels of one sampling rate, such as one of
-            `AngleRecording.rate_groups`.
+            Indices of channels of any sampling rates, in any order.
 
         Returns
         -------
@@ -201,6 +201,15 @@ class AngleStroke:
             Consecutive blocks, of at most some hundred thousand samples. They may be kept for
             other readers, so they must not be changed.
         """
+        wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
+        groups = [group for group in wanted if group]
+        if len(groups) == 1:
+            return self._of_one_rate(rows)
+        places = [[list(rows).index(row) for row in group] for group in groups]
+        return _align_streams([self._of_one_rate(group) for group in groups], places)
+
+    def _of_one_rate(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
+        """Resample channels of one sampling rate block by block."""
         parent = self.parent
         series, rates = zip(*(parent.timed[row] for row in rows), strict=True)
         n_times = min(map(len, series))  # equal to within one sample
@@ -214,26 +223,6 @@ class AngleStroke:
         if parent.kept is None:
             return stream
         return parent.kept.blocks(self.path, rows, self.path.count(parent.theta_s), stream)
-
-    def blocks_of_all_rates(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
-        """Resample channels of any sampling rates block by block.
-
-        Parameters
-        ----------
-        rows : sequence of int
-            Indices of channels, in any order.
-
-        Returns
-        -------
-        iterator of ndarray of shape (n_rows, n_angles)
-            Consecutive blocks, not to be changed.
-        """
-        wanted = [[row for row in rows if row in group] for group in self.parent.rate_groups]
-        groups = [group for group in wanted if group]
-        if len(groups) == 1:
-            return self.blocks(rows)
-        places = [[list(rows).index(row) for row in group] for group in groups]
-        return _align_streams([self.blocks(group) for group in groups], places)
 
 
 def _align_streams(

@@ -10,9 +10,7 @@ import numpy as np
 
 from emacm._checks import check_number
 from emacm.recordings.inputs import as_recordings, described
-from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-
-Kind = tuple[str, list[AngleStroke]]
+from emacm.resampling.angle_recording import AngleRecording
 
 
 def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
@@ -82,28 +80,35 @@ def check_angle_step(theta_s: Any) -> float:
     return step
 
 
-def check_theta_s(rows: Sequence[AngleRecording], theta_s: float | None, who: str) -> None:
-    """Raise a ValueError if a recording was not resampled at the `theta_s` of `fit` [rad]."""
+def check_theta_s(
+    rows: Sequence[AngleRecording], theta_s: float | None, who: str, *, by_direction: bool = False
+) -> None:
+    """Compare recordings with those of `fit`.
+
+    Parameters
+    ----------
+    rows : sequence of AngleRecording
+        Recordings.
+    theta_s : float or None
+        Angle between samples in `fit` [rad].
+    who : str
+        Name of the estimator, for the message.
+    by_direction : bool
+        Whether forward and reverse strokes must be separate.
+
+    Raises
+    ------
+    ValueError
+        If a recording was not resampled at this angle, or its directions were joined.
+    """
     for index, row in enumerate(rows):
         if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
             raise ValueError(
                 f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
                 f"{who} was fitted on {theta_s!r}. Resample it alike, or fit again."
             )
-
-
-def check_ways_apart(rows: Sequence[AngleRecording]) -> None:
-    """Raise a ValueError if strokes of both directions were joined."""
-    if any(row.direction == "travel" for row in rows):
-        raise ValueError(
-            "by_direction needs strokes, but direction='travel' of OrderResampler joins "
-            "both directions. Use direction='strokes'."
-        )
-
-
-def strokes_by_kind(strokes: Sequence[AngleStroke], by_direction: bool) -> list[Kind]:
-    """Return all strokes, or forward and reverse ones apart, each with what to call one."""
-    if not by_direction:
-        return [("stroke", list(strokes))]
-    ways = ((1, "forward stroke"), (-1, "reverse stroke"))
-    return [(kind, [s for s in strokes if s.direction == sign]) for sign, kind in ways]
+        if by_direction and row.direction == "travel":
+            raise ValueError(
+                "by_direction needs strokes, but direction='travel' of OrderResampler joins "
+                "both directions. Use direction='strokes'."
+            )

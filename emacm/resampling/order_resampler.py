@@ -39,7 +39,7 @@ from emacm.resampling.training_range import (
     training_range,
     warn_of_severe,
 )
-from emacm.shaft.strokes import DIRECTIONS
+from emacm.shaft.paths import DIRECTIONS
 
 _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
 

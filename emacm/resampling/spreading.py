@@ -310,7 +310,7 @@ class _FineGrid:
         """Spread the mirror image ``sign * travel + shift`` of samples between two angles."""
         scale, offset = sign / self._step, shift / self._step + self._offset
         limits = 0.0, float(self._end - 2 * self._done)
-        near = _near(block, scale, offset, limits, monotonic=self._monotonic)
+        near = block.cut(*_near(block, scale, offset, limits, monotonic=self._monotonic))
         if not len(near.travel):
             return
         top = max(sign * low, sign * high) / self._step + offset
@@ -329,15 +329,15 @@ class _FineGrid:
 
 def _near(
     block: _Block, scale: float, offset: float, limits: tuple[float, float], *, monotonic: bool
-) -> _Block:
-    """Cut a block down to the samples whose images lie between two places on the grid."""
+) -> tuple[int, int]:
+    """Return first and last + 1 of the samples whose images lie between two places on the grid."""
     low, high = sorted((limit - offset) / scale for limit in limits)
     if monotonic:
         first, last = np.searchsorted(block.travel, (low, high))
     else:
         inside = np.flatnonzero((block.travel > low) & (block.travel < high))
         first, last = (inside[0], inside[-1] + 1) if len(inside) else (0, 0)
-    return block.cut(first, last)
+    return int(first), int(last)
 
 
 def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -110,11 +110,15 @@ class IntegratedAngle(LazySeries):
         self.velocity = velocity
         self.fs = fs
         self._half_step = 0.5 / fs
+        # Read-only, so that one kind of array is compiled for.
+        self._read_only = velocity.view()
+        self._read_only.flags.writeable = False
         loops = kernels()
         self._integrate = loops.integrate
         self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
         found = self._known, self._lowest, self._highest
-        loops.set_checkpoints(_read_only(velocity), self._half_step, _STRIDE, *found)
+        velocity = np.ascontiguousarray(self._read_only)
+        loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
@@ -124,7 +128,7 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        velocity = _read_only(self.velocity[first * _STRIDE : stop])
+        velocity = np.ascontiguousarray(self._read_only[first * _STRIDE : stop])
         angle = np.empty(len(velocity))
         self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
         return angle[start - first * _STRIDE :]
@@ -179,7 +183,10 @@ class StrokeTravel(LazySeries):
         super().__init__(stroke.stop - stroke.start)
         self.start_angle = float(angle[stroke.start])
         self._angle, self._stroke = angle, stroke
-        self.known = {"n_times": self._length, "length": float(self[self._length - 1])}
+        self.known = {
+            "n_times": self._length,
+            "length": float(self.read(self._length - 1, self._length)[0]),
+        }
         if isinstance(angle, IntegratedAngle):
             self.known["fastest"] = angle.speed_limit(stroke.start, stroke.stop)
         if monotonic:
@@ -303,10 +310,3 @@ def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[
 def sources(series: Series) -> list[NDArray[Any]]:
     """Return the arrays that the samples of a series are computed from; an array itself."""
     return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
-
-
-def _read_only(velocity: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return a contiguous read-only view, as the loops take it."""
-    view = np.ascontiguousarray(velocity)[:]
-    view.flags.writeable = False
-    return view

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.shaft.motion import GearedTravel, LazySeries, Series, blocks
+from emacm.shaft.motion import (
+    GearedTravel,
+    IntegratedAngle,
+    JoinedTravel,
+    LazySeries,
+    Series,
+    Stroke,
+    StrokeTravel,
+    blocks,
+)
 
+DIRECTIONS = ("strokes", "forward", "reverse", "travel")
+_WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 _MOST_SAMPLES = 1 << 31  # over the angle of one path
 
 
@@ -209,6 +220,65 @@ class ShaftPath:
             weights = _lagrange(np.float64(place / factor))
             travel[:, place] = sum(w * near[k : k + count] for k, w in enumerate(weights))
         return travel.ravel()[start - first * factor : stop - first * factor]
+
+
+def paths_along(
+    angle: Series,
+    fs: float,
+    strokes: Sequence[Stroke],
+    direction: str = "strokes",
+    min_speed: float = 0.0,
+) -> list[ShaftPath]:
+    """Return the paths along which signals are resampled.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,), or LazySeries
+        Cumulative shaft angle [rad].
+    fs : float
+        Its sampling rate [Hz].
+    strokes : sequence of Stroke
+        As `strokes_of` returns them for `min_speed`.
+    direction : {"strokes", "forward", "reverse", "travel"}
+        Each stroke separately, those of one direction, or one path over the
+        integral of the speed in either direction.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+
+    Returns
+    -------
+    list of ShaftPath
+        Strokes of a single sample, which have no length, are left out.
+
+    Raises
+    ------
+    ValueError
+        If `direction` is none of the four.
+    """
+    if direction not in DIRECTIONS:
+        raise ValueError(f"direction must be one of {str(DIRECTIONS)[1:-1]}; got {direction!r}.")
+    if direction == "travel":
+        paths = _joined_path(angle, fs, strokes)
+    else:
+        # The integral of a velocity that never changes its sign never reverses.
+        monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
+        paths = []
+        for stroke in strokes:
+            if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1:
+                travel = StrokeTravel(angle, stroke, monotonic=monotonic)
+                start = stroke.start / fs, travel.start_angle
+                if travel.known["length"] > 0:
+                    paths.append(ShaftPath(travel, fs, *start, stroke.direction))
+    return paths
+
+
+def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> list[ShaftPath]:
+    if not strokes:
+        return []
+    origin = strokes[0].start
+    start = origin / fs, float(angle[origin])
+    path = ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)
+    return [path] if path.length > 0 else []
 
 
 def _lagrange(u: Any) -> tuple[Any, Any, Any, Any]:

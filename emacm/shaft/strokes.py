@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_number, check_signal
-from emacm.shaft.motion import (
-    IntegratedAngle,
-    JoinedTravel,
-    Series,
-    Stroke,
-    StrokeTravel,
-    blocks,
-)
-from emacm.shaft.paths import ShaftPath
+from emacm._checks import check_number, check_signal
+from emacm.shaft.motion import Series, Stroke, blocks
 
-__all__ = ["DIRECTIONS", "ShaftPath", "Stroke", "find_strokes", "paths_along", "strokes_of"]
-
-DIRECTIONS = ("strokes", "forward", "reverse", "travel")
-_WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
+__all__ = ["Stroke", "find_strokes", "strokes_of"]
 
 
 def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]:
@@ -82,55 +71,6 @@ def strokes_of(velocity: Series, min_speed: float) -> list[Stroke]:
     return strokes
 
 
-def paths_along(
-    angle: Series,
-    fs: float,
-    strokes: Sequence[Stroke],
-    direction: str = "strokes",
-    min_speed: float = 0.0,
-) -> list[ShaftPath]:
-    """Return the paths along which signals are resampled.
-
-    Parameters
-    ----------
-    angle : ndarray of shape (n_times,), or LazySeries
-        Cumulative shaft angle [rad].
-    fs : float
-        Its sampling rate [Hz].
-    strokes : sequence of Stroke
-        As `strokes_of` returns them for `min_speed`.
-    direction : {"strokes", "forward", "reverse", "travel"}
-        Each stroke separately, those of one direction, or one path over the
-        integral of the speed in either direction.
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
-
-    Returns
-    -------
-    list of ShaftPath
-        Strokes of a single sample, which have no length, are left out.
-
-    Raises
-    ------
-    ValueError
-        If `direction` is none of the four.
-    """
-    check_choice(direction, "direction", DIRECTIONS)
-    if direction == "travel":
-        paths = _joined_path(angle, fs, strokes)
-    else:
-        # The integral of a velocity that never changes its sign never reverses.
-        monotonic = min_speed == 0 and isinstance(angle, IntegratedAngle)
-        paths = []
-        for stroke in strokes:
-            if stroke.direction in _WANTED[direction] and stroke.stop - stroke.start > 1:
-                travel = StrokeTravel(angle, stroke, monotonic=monotonic)
-                start = stroke.start / fs, travel.start_angle
-                if travel.known["length"] > 0:
-                    paths.append(ShaftPath(travel, fs, *start, stroke.direction))
-    return paths
-
-
 def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
     if velocity.min() > min_speed:
@@ -146,12 +86,3 @@ def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tupl
     cuts = np.flatnonzero(np.diff(signs)) + 1
     for i, j in zip([0, *cuts], [*cuts, len(turning)], strict=True):
         yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])
-
-
-def _joined_path(angle: Series, fs: float, strokes: Sequence[Stroke]) -> list[ShaftPath]:
-    if not strokes:
-        return []
-    origin = strokes[0].start
-    start = origin / fs, float(angle[origin])
-    path = ShaftPath(JoinedTravel(angle, strokes), fs, *start, 0)
-    return [path] if path.length > 0 else []

@@ -180,8 +180,8 @@ class ShaftHarmonics(StrokeFeatures):
         )
         return np.stack([lines.cosines, lines.sines], axis=-1)
 
-    def _row(self, row: Row, index: int) -> Array:
-        values = super()._row(row, index)
+    def _row(self, row: Row) -> Array:
+        values = super()._row(row)
         if self.phase != "relative":
             return values
         n_ways = 2 if self.by_direction else 1

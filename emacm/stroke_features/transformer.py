@@ -20,7 +20,13 @@ from emacm._checks import check_choice, check_number, located
 from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
-from emacm.recordings.inputs import as_recordings, check_channels, chosen_channels, described
+from emacm.recordings.inputs import (
+    as_recordings,
+    check_channels,
+    chosen_channels,
+    described,
+    names_of,
+)
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.stroke_features.signals import StrokeSignal, StrokeSignals, cut_into_strokes
@@ -101,7 +107,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
-        features = run(self._row, rows, range(len(rows)), n_jobs=self.n_jobs)
+        features = run(self._row, rows, names=names_of(rows), n_jobs=self.n_jobs)
         return np.array(features, dtype=np.float64)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
@@ -190,8 +196,8 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
                 f"strokes with {row.min_speed:g}. Set it there only."
             )
 
-    def _row(self, row: Row, index: int) -> NDArray[np.float64]:
-        with located(partial(described, row, index)), np.errstate(over="ignore", invalid="ignore"):
+    def _row(self, row: Row) -> NDArray[np.float64]:
+        with np.errstate(over="ignore", invalid="ignore"):
             signals = cut_into_strokes(
                 row,
                 self.channels_,

@@ -14,8 +14,7 @@ from emacm.orders.cross_spectrum import (
     cross_spectrum,
     frequency_response,
 )
-from emacm.orders.segment_plan import segment_plan
-from emacm.orders.welch import order_psd
+from emacm.orders.welch import order_psd, segment_plan
 
 TURN = 2 * np.pi
 

@@ -92,7 +92,7 @@ def test_no_segment_spans_two_strokes(over_angle):
 def test_channels_of_different_rates_share_one_angle_grid():
     (row,) = RESAMPLER.fit_transform([drive(other_rate=True)])
     stroke = row.strokes[0]
-    joint = np.concatenate(list(stroke.blocks_of_all_rates([2, 0])), axis=1)
+    joint = np.concatenate(list(stroke.blocks([2, 0])), axis=1)
     np.testing.assert_array_equal(joint, stroke.signals[[2, 0]])
     pairs = [("error", "torque"), ("torque", "current")]
     estimator = OrderCrossSpectrum(4, pairs=pairs, kind="cross", max_order=8)
@@ -112,7 +112,7 @@ def test_blocks_of_streams_of_unequal_lengths_lie_abreast():
         shaft_fs=1000,
     )
     stroke = OrderResampler(TURN / 256).fit_transform([long])[0].strokes[0]
-    blocks = list(stroke.blocks_of_all_rates([0, 1]))
+    blocks = list(stroke.blocks([0, 1]))
     assert len(blocks) > 2
     np.testing.assert_array_equal(np.concatenate(blocks, axis=1), stroke.signals)
 

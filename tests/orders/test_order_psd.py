@@ -8,9 +8,7 @@ import pytest
 from scipy import signal as filters
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
-from emacm.orders.segment_plan import segment_plan
-from emacm.orders.segments import samples_per_revolution
-from emacm.orders.welch import order_psd
+from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 
 TURN = 2 * np.pi
 RNG = np.random.default_rng(5)

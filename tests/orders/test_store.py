@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from contextlib import nullcontext
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 
 import joblib
@@ -25,8 +25,9 @@ from sklearn.pipeline import make_pipeline
 import emacm._progress
 from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
 from emacm.orders import store as store_module
-from emacm.orders.segment_plan import SegmentPlan, segment_plan
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import SpectrumStore, clear_memory, open_store, recalled
+from emacm.orders.welch import segment_plan
 from emacm.recordings.recent import Recent
 
 PLAN = segment_plan(32.0)
@@ -67,6 +68,7 @@ def calls(monkeypatch):
     rows = []
     original = SegmentPlan.spectra_of
 
+    @wraps(original)  # so that worker processes find the original by its name
     def counting(plan, row):
         rows.append(row)
         return original(plan, row)
@@ -490,7 +492,7 @@ def test_a_file_that_was_rewritten_is_estimated_again(tmp_path):
 def test_a_file_that_is_written_while_it_is_read_is_not_kept(tmp_path, store):
     row = np.ones(4)
 
-    def estimate(row, index):
+    def estimate(row):
         row[0] = 2.0
         return row.copy()
 
@@ -531,7 +533,7 @@ def test_a_search_estimates_each_spectrum_once_or_once_a_worker(calls, tmp_path,
     )
 
 
-def logged(row, index, log):
+def logged(row, log):
     """Estimate slowly, and write down that it was done."""
     with open(log, "a", encoding="utf-8") as file:
         file.write(f"{row[0]}\n")

@@ -10,9 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders import segments
-from emacm.orders.segment_plan import segment_plan
-from emacm.orders.welch import order_psd
+from emacm.orders import segment_plan as plans
+from emacm.orders.welch import order_psd, segment_plan
 
 TURN = 2 * np.pi
 WINDOWS = [
@@ -303,7 +302,7 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
         return
     expected = plan.average_of([signal])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(segments, "_JOINED_BYTES", joined)
+        patch.setattr(plans, "_JOINED_BYTES", joined)
         found = plan.average_of([iter(blocks)])
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 

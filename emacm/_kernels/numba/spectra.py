@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from emacm._kernels import batches
 from emacm._kernels.numba.compilation import compiled
-from emacm._kernels.numpy.spectra import batches, powers, windowed
+from emacm._kernels.numpy.spectra import powers, windowed
 
 SEGMENT_BYTES = 1 << 20  # of the segments transformed at a time
 # Of the low pass; the tests measure what it lets alias onto the lines wanted.
