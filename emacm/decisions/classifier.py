@@ -311,7 +311,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         """
         joint = self.predict_joint_log_proba(X)
         joint -= joint.max(axis=1, keepdims=True)
-        return joint - np.log(np.exp(joint).sum(axis=1, keepdims=True))
+        joint -= np.log(np.exp(joint).sum(axis=1, keepdims=True))
+        return joint
 
     def log_density_gradient(self, X):
         """Return the gradient of the log density of each class with respect to the features.

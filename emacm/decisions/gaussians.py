@@ -23,6 +23,8 @@ from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient,
 
 Array = NDArray[np.float64]
 
+_BLOCK = 4096  # recordings at a time, so that large tables take no more memory
+
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
 
@@ -65,6 +67,14 @@ class GaussianClasses:
             Squared distances to the mean of each class, in standard deviations; infinite where
             they overflow.
         """
+        squares = np.empty((len(X), len(self.means)))
+        for start in range(0, len(X), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            squares[part] = self._squares(X[part])
+        return squares
+
+    def _squares(self, X: Array) -> Array:
+        """Squared distances of a few recordings."""
         columns = np.ascontiguousarray(X.T)  # sums over few features are slow along rows
         squares = np.empty((len(self.means), len(X)))
         common = len(self.factors) == 1 and self.factors.ndim == 3

@@ -198,7 +198,7 @@ def diagonals(matrices: Array) -> Array:
 
 def check_range(X: Array) -> None:
     """Raise a ValueError if the variance of a feature may overflow."""
-    if np.abs(X).max(initial=0.0) > _LARGEST:
+    if X.max(initial=0.0) > _LARGEST or X.min(initial=0.0) < -_LARGEST:
         bad = np.abs(X) > _LARGEST
         recording, feature = np.unravel_index(int(np.argmax(bad)), bad.shape)
         raise ValueError(

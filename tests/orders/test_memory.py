@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from peak_memory import peak_bytes
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
@@ -38,20 +39,6 @@ def recordings():
 
 def listed(recordings, n_recordings):
     return [recordings[i % len(recordings)] for i in range(n_recordings)]
-
-
-def peak_bytes(function, *args):
-    """Most memory in use at a time, beyond what was in use before, while a function runs."""
-    tracemalloc.start()
-    try:
-        before, _ = tracemalloc.get_traced_memory()
-        tracemalloc.reset_peak()
-        result = function(*args)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    del result
-    return peak - before
 
 
 def steps(**options):

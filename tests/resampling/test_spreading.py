@@ -403,6 +403,22 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
             np.testing.assert_allclose(joined, whole, atol=1e-12)
 
 
+@pytest.mark.parametrize("shivers", [0.0, 2.0])
+@pytest.mark.parametrize("n_signals", [1, 5, 11])
+@pytest.mark.parametrize(("length", "fs"), [(300.0, 20_000.0), (30.0, 2000.0), (300.0, 300.0)])
+def test_both_kernels_resample_alike(shivers, n_signals, length, fs):
+    pytest.importorskip("numba")
+    rng, n_times = np.random.default_rng(3), int(5 * fs)
+    travel = np.linspace(0, length, n_times) + shivers * rng.uniform(0, 1, n_times)
+    path = ShaftPath(travel - travel[0], fs, 0.0, 0.0, 1)
+    signals = rng.standard_normal((n_signals, n_times)) + 30
+    found = []
+    for name in ("numpy", "numba"):
+        with using(name):
+            found.append(spread_to_angle(signals, fs, path, theta_s=2 * np.pi / 40)[1])
+    np.testing.assert_allclose(found[1], found[0], atol=1e-10)
+
+
 @pytest.mark.parametrize("fs", [48_000.0, 5000.0, 1000.0])
 def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
     _, path = steady(20.0, fs, 1.0)
