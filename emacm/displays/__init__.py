@@ -7,7 +7,10 @@
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
   detections by signal and condition.
-- `EvaluationDisplay`: random split and splits by run, unit and condition.
+- `EvaluationDisplay`: random split and splits by run, unit and condition; `ComparisonDisplay`:
+  several evaluations; `ReliabilityDisplay`: calibration of posterior probabilities.
+- `TypicalityDisplay`: typicality over the posterior probability, of known and unknown states;
+  `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `ContributionsDisplay`: contribution of each order to a decision, and predicted fault orders.
 
 A display is made by one of its ``from_`` methods, or from values and ``plot()``. `ax_` and
@@ -19,6 +22,7 @@ legends.
 
 from emacm.displays._drawing import COLOURS, HATCHES, MARKERS, STYLES
 from emacm.displays.bins import OrderBinsDisplay
+from emacm.displays.comparison import ComparisonDisplay
 from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
 from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.densities import FeatureDensityDisplay
@@ -27,13 +31,17 @@ from emacm.displays.order_map import OrderMapDisplay
 from emacm.displays.outcomes import OutcomesDisplay
 from emacm.displays.recording import RecordingDisplay
 from emacm.displays.regions import DecisionRegionsDisplay
+from emacm.displays.reliability import ReliabilityDisplay
 from emacm.displays.spectrum import OrderSpectrumDisplay
+from emacm.displays.typicality import TypicalityDisplay
+from emacm.displays.unknown_roc import UnknownRocDisplay
 
 __all__ = [
     "COLOURS",
     "HATCHES",
     "MARKERS",
     "STYLES",
+    "ComparisonDisplay",
     "ContributionsDisplay",
     "DecisionRegionsDisplay",
     "EvaluationDisplay",
@@ -45,4 +53,7 @@ __all__ = [
     "OrderSpectrumDisplay",
     "OutcomesDisplay",
     "RecordingDisplay",
+    "ReliabilityDisplay",
+    "TypicalityDisplay",
+    "UnknownRocDisplay",
 ]

@@ -13,7 +13,7 @@ from emacm.displays import _drawing, _tables
 from emacm.displays._display import Display
 
 FEATURES = ("feature 1", "feature 2")
-_MARGIN = 0.08  # of the range of the recordings, left free around them
+MARGIN = 0.08  # of the range of the recordings, left free around them
 
 
 class PlaneDisplay(Display):
@@ -97,10 +97,12 @@ def plane_points(X: ArrayLike, what: str) -> NDArray[np.floating]:
     return _tables.check_values(X, "X", (None, 2))
 
 
-def plane_limits(points: NDArray[np.floating]) -> tuple[NDArray[np.floating], ...]:
+def plane_limits(
+    points: NDArray[np.floating], margin: float = MARGIN
+) -> tuple[NDArray[np.floating], ...]:
     """Return the lower and upper limits of the plane around these points, shape (2,) each."""
     low, high = points.min(axis=0), points.max(axis=0)
     width = high - low
     # Points on a line still have a plane around them.
     width = np.where(width > 0, width, np.maximum(1e-9, np.abs(high)))
-    return low - _MARGIN * width, high + _MARGIN * width
+    return low - margin * width, high + margin * width

@@ -56,7 +56,7 @@ class FeatureDensityDisplay(PlaneDisplay):
     Notes
     -----
     Two Gaussian features are within Mahalanobis distance r of their mean with
-    probability 1 - exp(-r²/2), since r² has a chi-_drawing.squared distribution with two degrees of
+    probability 1 - exp(-r²/2), since r² has a chi-squared distribution with two degrees of
     freedom. Source of this kind of figure: Chirico, Figs. 3.8 and 3.9.
 
     Examples

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,23 +10,13 @@ import pandas as pd
 
 from emacm.displays import _drawing, _tables
 from emacm.displays._display import Display
+from emacm.displays._rates import CENTRED, INCHES, checked_rates, draw_rates, rate_frame
+from emacm.displays.reliability import check_curve, draw_curve
 from emacm.evaluation.results import Evaluation
 
-# Rate: label, colour and marker.
-RATES = {
-    "balanced_accuracy": ("balanced accuracy", _drawing.PLAIN, "o"),
-    "accuracy": ("accuracy", _drawing.COLOURS[5], "D"),
-    "false_alarm_rate": ("false alarms (of healthy)", _drawing.COLOURS[4], "s"),
-    "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
-    "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
-}
-_SHOWN = ("balanced_accuracy", "false_alarm_rate", "inspection_rate", "missed_detection_rate")
-_LINE = 0.19  # inches for each rate of a scheme
 _CELL = 0.26  # inches for each row of the confusion matrix
 _BESIDE = 6  # classes up to which the reliability is drawn beside the confusion matrix
 _DARK = 0.55  # share of a column above which its count is written in white
-_CENTRED = {"ha": "center", "va": "center", "fontsize": _drawing.SMALL}
-_CURVE = ("confidence", "frequency", "low", "high", "count")
 
 
 @dataclass(eq=False, repr=False)
@@ -90,14 +79,7 @@ class EvaluationDisplay(Display):
         for name, given in (("table", self.table), ("confusion", self.confusion)):
             if not isinstance(given, pd.DataFrame) or given.empty:
                 raise TypeError(f"{name} must be a DataFrame that is not empty, got {given!r}.")
-        self.figures = _checked_figures(self.table, self.figures)
-        columns = [f"{name}{end}" for name in self.figures for end in ("", "_low", "_high")]
-        known = self.table[columns].to_numpy(float)
-        if not np.isfinite(known).any() or (known < 0).any() or (known > 1).any():
-            raise ValueError(
-                f"table must hold shares from 0 to 1 in {columns}, and at least one; got "
-                f"{known.tolist()}."
-            )
+        self.figures = checked_rates(self.table, self.figures)
         _tables.check_values(self.confusion, "confusion", (None, None), least=0)
         rows, classes = (
             sorted(names, key=lambda name: str(name) != str(self.healthy))
@@ -105,7 +87,7 @@ class EvaluationDisplay(Display):
         )
         self.confusion = self.confusion.loc[rows, classes]
         if self.calibration is not None:
-            _check_curve(self.calibration)
+            check_curve(self.calibration, "calibration")
 
     @classmethod
     def from_evaluation(
@@ -128,7 +110,7 @@ class EvaluationDisplay(Display):
         ax : sequence of matplotlib Axes, optional
             Where to draw: two Axes, or three if there are probabilities.
         **options
-            As for the class: figures, healthy.
+            As for the class: figures, healthy. Default of `healthy`: that of the evaluation.
 
         Returns
         -------
@@ -152,21 +134,18 @@ class EvaluationDisplay(Display):
         curve = evaluation.calibration
         curve = curve[curve["scheme"] == chosen] if len(curve) else None
         confusion = evaluation.confusions[chosen]
+        if evaluation.scoring.healthy is not None:
+            options.setdefault("healthy", evaluation.scoring.healthy)
         return cls(evaluation.table, confusion, curve, scheme=chosen, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the rates: one row per scheme and rate, with its interval."""
-        rows = [
-            (scheme, figure, *row[[figure, f"{figure}_low", f"{figure}_high"]])
-            for scheme, row in self.table.iterrows()
-            for figure in self.figures
-        ]
-        return pd.DataFrame(rows, columns=["scheme", "figure", "value", "low", "high"])
+        return rate_frame(self.table, self.figures, "scheme")
 
     def _draw(self, ax: Any) -> Any:
         n_panels = 2 if self.calibration is None else 3
         axes = self._panels() if ax is None else _drawing.panel_axes(ax, n_panels)
-        self._draw_rates(axes[0])
+        draw_rates(axes[0], self.table, self.figures)
         self._draw_confusion(axes[1])
         if self.calibration is not None:
             self._draw_reliability(axes[2])
@@ -175,7 +154,7 @@ class EvaluationDisplay(Display):
     def _panels(self) -> Any:
         """Return the Axes of a new figure: rates above, confusion and reliability below."""
         n_rows, n_columns = self.confusion.shape
-        rates = 1.0 + _LINE * len(self.table) * (len(self.figures) + 1)
+        rates = 1.0 + INCHES * len(self.table) * (len(self.figures) + 1)
         heights = [rates, max(2.4, 1.3 + _CELL * n_rows)]
         panels = [["rates"], ["confusion"]]
         if self.calibration is not None and n_columns <= _BESIDE:
@@ -185,35 +164,6 @@ class EvaluationDisplay(Display):
         size = (_drawing.WIDTH, sum(heights))
         figure = _drawing.pyplot().figure(figsize=size, layout="constrained")
         return np.array([*figure.subplot_mosaic(panels, height_ratios=heights).values()])
-
-    def _draw_rates(self, panel: Any) -> None:
-        frame, n_figures = self.frame(), len(self.figures)
-        heights = np.arange(len(self.table))
-        for number, name in enumerate(self.figures):
-            part = frame[frame["figure"] == name]
-            value, low, high = (100 * part[c].to_numpy(float) for c in ("value", "low", "high"))
-            if np.isnan(value).all():
-                continue
-            label, colour, marker = RATES[name]
-            places = heights + (number - (n_figures - 1) / 2) * 0.6 / n_figures
-            panel.hlines(places, low, high, linewidth=1.6, color=colour, zorder=3)
-            panel.plot(value, places, marker, label=label, color=colour, zorder=3)
-        for height in heights[frame.groupby("scheme", sort=False)["value"].count() == 0]:
-            panel.text(50, height, "cannot be scored", **_CENTRED)
-        panel.set_yticks(heights, [self._named(name) for name in self.table.index])
-        panel.tick_params(axis="y", labelsize=_drawing.SMALL, length=0)
-        panel.set(ylim=(len(heights) - 0.5, -0.5), xlim=(-2, 102))  # the first on top
-        panel.grid(axis="x", color="0.9", linewidth=0.6)
-        for height in heights[1:] - 0.5:
-            panel.axhline(height, color="0.8", linewidth=0.6)
-        panel.set_xlabel("share of the recordings [%]")
-        _drawing.legend_above(panel, title="line: confidence interval")
-
-    def _named(self, scheme: Any) -> str:
-        row = self.table.loc[scheme]
-        if not row.get("groups") or "resampled" not in row:
-            return _drawing.wrapped(scheme)
-        return f"{_drawing.wrapped(scheme)}\n({row['resampled']}s: {row['groups']})"
 
     def _draw_confusion(self, panel: Any) -> None:
         from matplotlib.colors import LinearSegmentedColormap
@@ -226,7 +176,7 @@ class EvaluationDisplay(Display):
         for (row, column), count in np.ndenumerate(counts):
             if count:
                 ink = "white" if shares[row, column] > _DARK else "black"
-                panel.text(column, row, f"{count:g}", color=ink, **_CENTRED)
+                panel.text(column, row, f"{count:g}", color=ink, **CENTRED)
         upright = max(len(str(name)) for name in self.confusion.columns) > 5
         turned = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"} if upright else {}
         style = {"fontsize": _drawing.SMALL}
@@ -240,38 +190,16 @@ class EvaluationDisplay(Display):
     def _draw_reliability(self, panel: Any) -> None:
         curve = self.calibration
         assert curve is not None
-        confidence, frequency, low, high = 100 * curve[list(_CURVE[:4])].to_numpy(float).T
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
-        panel.vlines(confidence, low, high, color=_drawing.PLAIN, linewidth=1.2)
-        panel.plot(confidence, frequency, "-", color=_drawing.PLAIN, linewidth=0.8)
+        draw_curve(panel, curve, _drawing.PLAIN, marker="")
         sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()
-        panel.scatter(confidence, frequency, sizes, color=_drawing.PLAIN, zorder=3)
+        points = 100 * curve[["confidence", "frequency"]].to_numpy(float)
+        panel.scatter(*points.T, sizes, color=_drawing.PLAIN, zorder=3)
         panel.set(xlim=(-2, 102), ylim=(-2, 102))
-        _drawing.label_axes(panel, "confidence (highest posterior) [%]", "observed frequency [%]")
+        panel.set_xlabel("confidence [%]")
+        _drawing.label_y(panel, "observed frequency", "%")
         self._title(panel, "reliability\n(area: number of recordings)")
 
     def _title(self, panel: Any, text: str) -> None:
         scheme = f"{self.scheme}: " if self.scheme else ""
         panel.set_title(f"{scheme}{text}", fontsize=_drawing.SMALL)
-
-
-def _checked_figures(table: pd.DataFrame, figures: Sequence[str] | None) -> list[str]:
-    if figures is None:
-        figures = [name for name in _SHOWN if name in table] or ["accuracy"]
-    names = [figures] if isinstance(figures, str) else list(figures)
-    columns = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
-    missing = [column for column in columns if column not in table]
-    if not names or missing or not set(names) <= set(RATES):
-        raise ValueError(
-            f"figures must be among {list(RATES)}, with intervals in table; got {names}"
-            + (f", and the table has no {missing}." if missing else ".")
-        )
-    return names
-
-
-def _check_curve(calibration: pd.DataFrame) -> None:
-    missing = [name for name in _CURVE if name not in getattr(calibration, "columns", ())]
-    if missing:
-        raise ValueError(f"calibration must have the columns {list(_CURVE)}; it has no {missing}.")
-    values = calibration[["confidence", "frequency", "count"]]
-    _tables.check_values(values, "calibration", (None, 3), least=0)

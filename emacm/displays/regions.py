@@ -9,17 +9,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm._checks import check_count
+from emacm._checks import check_count, check_number
 from emacm.displays import _drawing, _tables
 from emacm.displays._plane import (
     FEATURES,
+    MARGIN,
     PlaneDisplay,
     check_classifier,
     plane_limits,
     plane_points,
 )
 
-_LIGHT = 0.22  # share of the colour in the _drawing.tint of a region
+_LIGHT = 0.22  # share of the colour in the tint of a region
+_UNKNOWN = ("#555555", "..")  # colour and hatch of the unknown state
+_MARGIN_OF_UNKNOWN = 1.0
 _LINES = "0.72"  # grey of hatches
 
 
@@ -45,6 +48,8 @@ class DecisionRegionsDisplay(PlaneDisplay):
         Names of the features, with units.
     healthy : str
         The healthy class: it is first in the legend and always has the same colour.
+    unknown : str, optional
+        The decision on the unknown state, which is drawn in grey.
 
     Attributes
     ----------
@@ -69,6 +74,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
     labels: Any
     names: tuple[str, str] = field(default=FEATURES, kw_only=True)
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
+    unknown: Any = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self.first = _tables.check_values(self.first, "first", (None,))
@@ -94,6 +100,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
         y: ArrayLike,
         *,
         n_grid: int = 300,
+        margin: float | None = None,
         ax: Any = None,
         **options: Any,
     ) -> DecisionRegionsDisplay:
@@ -109,10 +116,13 @@ class DecisionRegionsDisplay(PlaneDisplay):
             Their true classes.
         n_grid : int
             Number of points along each axis at which the classifier decides.
+        margin : float, optional
+            Space around the recordings, as a share of their range. Default: 0.08, and 1 for a
+            classifier with an unknown state, which is decided far from the recordings.
         ax : matplotlib Axes, optional
             Where to draw.
         **options
-            As for the class: names, healthy.
+            As for the class: names, healthy. `unknown` is that of the classifier.
 
         Returns
         -------
@@ -126,7 +136,10 @@ class DecisionRegionsDisplay(PlaneDisplay):
         points = plane_points(X, "decision regions are")
         check_classifier(estimator, "decisions_")
         check_count(n_grid, "n_grid", at_least=2, at_most=5000)
-        low, high = plane_limits(points)
+        unknown = options.setdefault("unknown", getattr(estimator, "unknown", None))
+        if margin is None:
+            margin = MARGIN if unknown is None else _MARGIN_OF_UNKNOWN
+        low, high = plane_limits(points, check_number(margin, "margin", at_least=0))
         first, second = np.linspace(low, high, n_grid).T
         grid: Any = np.column_stack([axis.ravel() for axis in np.meshgrid(first, second)])
         seen = getattr(estimator, "feature_names_in_", None)
@@ -158,10 +171,10 @@ class DecisionRegionsDisplay(PlaneDisplay):
 
     def _draw_region(self, ax: Any, code: int, number: int) -> Any:
         """Draw the region of one decision; return a patch for the legend."""
-        colour, hatch = (
-            _drawing.tint(_drawing.colour_of(number), _LIGHT),
-            _drawing.style_of(_drawing.HATCHES, number),
-        )
+        colour, hatch = _drawing.colour_of(number), _drawing.style_of(_drawing.HATCHES, number)
+        if str(self.decisions[code]) == str(self.unknown):
+            colour, hatch = _UNKNOWN
+        colour = _drawing.tint(colour, _LIGHT)
         # One decision at a time: contours between two numbers would pass through others.
         inside = (self.regions == code).astype(float)
         plane = (self.first, self.second, inside)

@@ -16,6 +16,7 @@ from matplotlib.text import Text
 
 from emacm import Bearing, Recording, displays, fault_orders
 from emacm.displays import (
+    ComparisonDisplay,
     ContributionsDisplay,
     DecisionRegionsDisplay,
     EvaluationDisplay,
@@ -27,6 +28,9 @@ from emacm.displays import (
     OrderSpectrumDisplay,
     OutcomesDisplay,
     RecordingDisplay,
+    ReliabilityDisplay,
+    TypicalityDisplay,
+    UnknownRocDisplay,
 )
 from emacm.displays._drawing import (
     COLOURS,
@@ -50,13 +54,22 @@ from emacm.displays._tables import check_values, predicted_lines, unit_of
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = [(0, 1), (1, 2)]
+RATE = {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [1.0]}
+CURVE = {"from": 0.5, "to": 0.6, "confidence": 0.55, "frequency": 0.5, "low": 0.2, "high": 0.7}
+TYPICALITY = pd.DataFrame(
+    {
+        "confidence": [0.9, 0.7],
+        "typicality": [0.5, 0.001],
+        "label": ["a", "b"],
+        "is_unknown": [False, True],
+    }
+)
 ONE_OF_EACH = [
+    ComparisonDisplay(pd.DataFrame(RATE, index=["current"])),
     ContributionsDisplay(BINS, [1.0, -1.0]),
     DecisionRegionsDisplay([0, 1], [0, 2], [[0, 1], [0, 1]], ["a", "b"], POINTS, ["a", "b"]),
     EvaluationDisplay(
-        pd.DataFrame(
-            {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [1.0]}, index=["by run"]
-        ),
+        pd.DataFrame(RATE, index=["by run"]),
         pd.DataFrame([[3, 0], [1, 2]], index=["a", "b"], columns=["a", "b"]),
     ),
     ExplainedVarianceDisplay([0.7, 0.2]),
@@ -67,12 +80,17 @@ ONE_OF_EACH = [
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
     RecordingDisplay({"a": [0, 1]}, {"a": [1, 2]}, [0, 1], [1, 1]),
+    ReliabilityDisplay({"by run": pd.DataFrame([CURVE]).assign(count=5)}),
+    TypicalityDisplay(TYPICALITY),
+    UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
 ]
+NAMED = OutcomesDisplay | EvaluationDisplay | ComparisonDisplay  # what is drawn has names
 each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
 
 
 def axes_for(display):
-    n_panels = 2 if isinstance(display, RecordingDisplay | EvaluationDisplay) else 1
+    two = RecordingDisplay | EvaluationDisplay | ReliabilityDisplay
+    n_panels = 2 if isinstance(display, two) else 1
     return Figure(layout="constrained").subplots(n_panels, squeeze=False)[:, 0]
 
 
@@ -89,7 +107,7 @@ def test_a_display_labels_both_axes(display):
     axes = axes_for(display)
     display.plot(ax=axes[0] if len(axes) == 1 else axes)
     assert axes[-1].get_xlabel()
-    named = isinstance(display, OutcomesDisplay | EvaluationDisplay)  # what is drawn has names
+    named = isinstance(display, NAMED)
     assert axes[0].get_ylabel() or named
 
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay
+from emacm.displays._drawing import tint
 
 
 @pytest.fixture
@@ -165,3 +167,41 @@ def test_a_classifier_without_decisions_and_too_fine_a_grid_are_refused():
     for classifier, options, error, words in refused:
         with pytest.raises(error, match=words):
             DecisionRegionsDisplay.from_estimator(classifier, X, y, **options)
+
+
+def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(60, 2)) * [1, 30] + np.repeat([[0, 0], [7, 0], [0, 200]], 20, axis=0)
+    truths = np.repeat(["worn", "healthy", "dry"], 20)
+    cost = {("inspect", truth): 0.3 for truth in ("worn", "healthy", "dry")}
+    cost["inspect", "novel"] = 0.6
+    model = CostSensitiveGaussianBayes(cost, unknown="novel", covariance="tied")
+    model.fit(points, truths, groups=np.arange(60) % 10)
+    display = DecisionRegionsDisplay.from_estimator(model, points, truths, n_grid=60, ax=ax)
+    low, high = ax.get_xlim()
+    width = np.ptp(points[:, 0])
+    assert np.allclose([low, high], [points[:, 0].min() - width, points[:, 0].max() + width])
+    decided = {display.decisions[code] for code in display.regions.ravel()}
+    assert decided == {"healthy", "worn", "dry", "novel", "inspect"}
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["healthy", "dry", "worn", "novel", "inspect"]
+    patches = dict(zip(display.decisions, ax.patches, strict=True))
+    unknown = to_hex(patches["novel"].get_facecolor())
+    assert unknown == tint("#555555", 0.22)
+    assert unknown not in {to_hex(patches[n].get_facecolor()) for n in ("inspect", "healthy")}
+    drawn = areas(ax)[display.decisions.index("novel")]
+    for x, y in [(display.first[-2], display.second[-2]), (0.0, 100.0), tuple(points[0])]:
+        inside = any(path.contains_point((x, y)) for path in drawn.get_paths())
+        assert inside == (model.predict([[x, y]])[0] == "novel")
+    assert model.predict([[display.first[-2], display.second[-2]]])[0] == "novel"
+
+
+def test_the_margin_around_the_recordings_can_be_chosen(ax):
+    model, points, truths = asymmetric()
+    DecisionRegionsDisplay.from_estimator(model, points, truths, n_grid=5, margin=0.5, ax=ax)
+    width = np.ptp(points[:, 1])
+    assert np.allclose(
+        ax.get_ylim(), [points[:, 1].min() - width / 2, points[:, 1].max() + width / 2]
+    )
+    with pytest.raises(ValueError, match="margin must be a number at least 0"):
+        DecisionRegionsDisplay.from_estimator(model, points, truths, margin=-1)
