@@ -108,6 +108,9 @@ if TYPE_CHECKING:
     from emacm.orders.order_psd import (
         OrderPSD as OrderPSD,
     )
+    from emacm.recordings.bearing_datasets import (
+        open_bearing_dataset as open_bearing_dataset,
+    )
     from emacm.recordings.envelope_detector import (
         EnvelopeDetector as EnvelopeDetector,
     )
@@ -175,6 +178,9 @@ _PUBLIC = {
     "recordings.files": [
         "RecordingFolder",
         "open_recording",
+    ],
+    "recordings.bearing_datasets": [
+        "open_bearing_dataset",
     ],
     "recordings.layout": [
         "Layout",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import located
-from emacm.recordings.file_columns import recording_arguments
+from emacm.recordings.file_columns import FileColumns, recording_arguments
 from emacm.recordings.layout import Layout
 from emacm.recordings.readers import READERS, read_columns
 from emacm.recordings.recent import Recent
@@ -47,12 +47,13 @@ class FileRecording(Recording):
         How the file is read.
     """
 
-    __slots__ = ("_key", "_stamp", "_steps", "layout", "path")
+    __slots__ = ("_key", "_part", "_stamp", "_steps", "layout", "path")
 
     path: str
     layout: Layout
     _stamp: FileStamp
     _steps: tuple[Step, ...]
+    _part: str  # of a file that holds several recordings; "" if it holds one
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -111,14 +112,14 @@ class FileRecording(Recording):
 
     def _read(self) -> Recording:
         if self._steps:
-            before = _opened(self.path, self.layout, self._stamp, self._meta, self._steps[:-1])
+            before = self._with_steps(self._steps[:-1])
             change, arguments = self._steps[-1]
             content = before.content()
             with located(self.path):
                 return content._changed(change(content, *arguments))
         self.check_unchanged()
         with located(self.path):
-            columns = read_columns(Path(self.path))
+            columns = self._columns()
             read = recording_arguments(columns, self.layout)
             recording = Recording(**read, meta=self._meta)
         self.check_unchanged()
@@ -126,13 +127,23 @@ class FileRecording(Recording):
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return a recording that reads the same file, and then changes its content."""
-        steps = (*self._steps, (change, arguments))
-        return _opened(self.path, self.layout, self._stamp, self._meta, steps)
+        return self._with_steps((*self._steps, (change, arguments)))
+
+    def _with_steps(self, steps: tuple[Step, ...]) -> FileRecording:
+        return _opened(self.path, self.layout, self._stamp, self._meta, steps, self._part)
+
+    def _columns(self) -> FileColumns:
+        """Read the file, or the part of it that is this recording."""
+        if not self._part:
+            return read_columns(Path(self.path))
+        from emacm.recordings.bearing_datasets import read_part
+
+        return read_part(Path(self.path), self._part)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return path, layout, stamp and meta; no samples."""
         layout = self.layout.without_meta()
-        return _opened, (self.path, layout, self._stamp, self._meta, self._steps)
+        return _opened, (self.path, layout, self._stamp, self._meta, self._steps, self._part)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the content."""
@@ -236,18 +247,24 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     return _opened(str(file), layout, stamp, meta)
 
 
+def open_part(path: Path, part: str, layout: Layout, meta: dict[Any, Any]) -> FileRecording:
+    """Return one recording of a file that holds several, see `open_bearing_dataset`."""
+    return _opened(str(path), layout, _stamp_of(path), meta, part=part)
+
+
 def _opened(
     path: str,
     layout: Layout,
     stamp: FileStamp,
     meta: dict[Any, Any],
     steps: tuple[Step, ...] = (),
+    part: str = "",
 ) -> FileRecording:
     """Return a recording in a file that was opened before."""
     recording = FileRecording.__new__(FileRecording)
-    key = (path, stamp, layout.key, repr(meta), repr(steps))
+    key = (path, stamp, layout.key, repr(meta), repr(steps), part)
     content = {"path": path, "layout": layout, "_stamp": stamp, "_steps": steps, "_key": key}
-    for name, value in (content | {"_meta": meta}).items():
+    for name, value in (content | {"_meta": meta, "_part": part}).items():
         object.__setattr__(recording, name, value)
     return recording
 

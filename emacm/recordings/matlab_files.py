@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from emacm.recordings.file_columns import FileColumns
-from emacm.recordings.readers import add_array, optional_library
+from emacm.recordings.readers import add_array, optional_library, settled
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -36,7 +36,7 @@ def read_mat(path: Path) -> FileColumns:
         for name, value in scipy.io.loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
                 _add(content, name, value)
-    return FileColumns(content.columns, content.rates, content.units, content.numbers)
+    return settled(content)
 
 
 def _add(content: FileColumns, name: str, value: Any) -> None:

@@ -120,10 +120,10 @@ def _read_npz(path: Path) -> FileColumns:
                     f"numbers."
                 ) from error
             add_array(content, name, values)
-    return _settled(content)
+    return settled(content)
 
 
-def _settled(content: FileColumns) -> FileColumns:
+def settled(content: FileColumns) -> FileColumns:
     """Return content with units taken out of the names."""
     return FileColumns(content.columns, content.rates, content.units, content.numbers)
 
@@ -238,6 +238,13 @@ READERS: dict[str, Callable[[Path], FileColumns]] = {
     ".tsv": _read_csv,
     ".wav": _read_wav,
     ".mat": _read_later("matlab_files", "read_mat"),
+    ".parquet": _read_later("measurement_files", "read_parquet"),
+    ".h5": _read_later("measurement_files", "read_hdf5"),
+    ".hdf5": _read_later("measurement_files", "read_hdf5"),
+    ".tdms": _read_later("measurement_files", "read_tdms"),
+    ".uff": _read_later("measurement_files", "read_uff"),
+    ".unv": _read_later("measurement_files", "read_uff"),
+    ".mf4": _read_later("measurement_files", "read_mdf"),
 }
 
 

@@ -1,0 +1,115 @@
+"""Data sets in the form of the package bearing-datasets (version 0.3, schema 2)."""
+
+import json
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm import Layout, Recording, open_bearing_dataset
+
+pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'files')")
+RNG = np.random.default_rng(8)
+LENGTHS = {"DE": 900, "FE": 450}
+RATES = {"DE": 12_000, "FE": 6000}
+SIGNALS = {
+    (number, name): RNG.normal(size=LENGTHS[name]).astype(dtype)
+    for number, dtype in ((0, np.float32), (1, np.float64), (2, np.float64))
+    for name in ("DE", "FE")
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Write a data set of three recordings as `SignalWriter` of the package lays it out."""
+    from pyarrow import parquet
+
+    (tmp_path / "signals").mkdir()
+    rows, writers, groups = [], {}, {}
+    for (number, name), samples in SIGNALS.items():
+        dtype = samples.dtype.name
+        lists = pyarrow.ListArray.from_arrays([0, len(samples)], pyarrow.array(samples))
+        signal = f"r{number}_{name}"
+        table = pyarrow.table({"signal_id": [signal], "signal": lists})
+        file = f"part-{dtype}.parquet"
+        if dtype not in writers:
+            writers[dtype] = parquet.ParquetWriter(tmp_path / "signals" / file, table.schema)
+        writers[dtype].write_table(table)
+        groups[dtype] = groups.get(dtype, -1) + 1
+        rows.append(
+            {
+                "dataset": "bench",
+                "signal_id": signal,
+                "recording_id": f"r{number}",
+                "channel": name,
+                "fs": RATES[name],
+                "n_samples": len(samples),
+                "fault_type": ("normal", "inner", "outer")[number],
+                "speed_rpm": (1797, 1750, 1730)[number],
+                "bearing_id": f"B{number}",
+                "unit": "g",
+                "signal_file": file,
+                "signal_row_group": groups[dtype],
+                "signal_row": 0,
+            }
+        )
+    for writer in writers.values():
+        writer.close()
+    pd.DataFrame(rows).to_parquet(tmp_path / "metadata.parquet")
+    (tmp_path / "manifest.json").write_text(json.dumps({"dataset": "bench", "schema_version": 2}))
+    return tmp_path
+
+
+def test_recordings_have_channels_rates_units_speed_and_metadata(folder):
+    recordings = open_bearing_dataset(folder, Layout(velocity="speed_rpm", channels=["DE"]))
+    assert [recording.meta["fault_type"] for recording in recordings] == [
+        "normal",
+        "inner",
+        "outer",
+    ]
+    for number, rpm in enumerate((1797, 1750, 1730)):
+        expected = Recording(
+            {"DE": SIGNALS[number, "DE"]},
+            12_000,
+            velocity=rpm * (np.pi / 30),
+            units={"DE": "g"},
+            meta={
+                "dataset": "bench",
+                "recording_id": f"r{number}",
+                "fault_type": ("normal", "inner", "outer")[number],
+                "speed_rpm": rpm,
+                "bearing_id": f"B{number}",
+            },
+        )
+        assert recordings[number] == expected
+
+
+def test_channels_of_several_rates_are_channels_of_one_recording(folder):
+    recording = open_bearing_dataset(folder)[2]
+    assert dict(recording.fs) == {"DE": 12_000, "FE": 6000}
+    np.testing.assert_array_equal(recording.signals["FE"], SIGNALS[2, "FE"])
+
+
+def test_a_recording_is_pickled_without_its_samples(folder):
+    recording = open_bearing_dataset(folder)[1]
+    assert len(pickle.dumps(recording)) < 1000
+    assert pickle.loads(pickle.dumps(recording)) == recording
+    assert recording.cut(0.01).duration == pytest.approx(recording.duration - 0.01)
+
+
+def test_recordings_are_selected_by_their_metadata(folder):
+    found = open_bearing_dataset(folder, where={"bearing_id": ["B0", "B2"]})
+    assert [recording.meta["recording_id"] for recording in found] == ["r0", "r2"]
+    with pytest.raises(ValueError, match=r"no recording of .* has"):
+        open_bearing_dataset(folder, where={"bearing_id": "K1"})
+    with pytest.raises(ValueError, match="where names 'state'; the metadata have"):
+        open_bearing_dataset(folder, where={"state": "K1"})
+
+
+def test_a_folder_without_metadata_is_an_error(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no data set built by bearing-datasets"):
+        open_bearing_dataset(tmp_path)
+    pd.DataFrame({"recording_id": [1]}).to_parquet(tmp_path / "metadata.parquet")
+    with pytest.raises(ValueError, match="lacks the columns"):
+        open_bearing_dataset(tmp_path)

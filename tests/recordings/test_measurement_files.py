@@ -1,0 +1,172 @@
+"""Files written by their own libraries are read with names, rates and units."""
+
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm import Layout, Recording, open_recording
+
+RNG = np.random.default_rng(6)
+N = 1500
+VIB, AMP = RNG.normal(size=N), RNG.normal(size=N) - 3
+SPEED = 900 + 30 * np.sin(np.arange(N) / 90)
+LAYOUT = Layout(velocity="speed", units={"speed": "rpm"})
+
+
+def library(name):
+    return pytest.importorskip(name, reason=f"{name} is not installed (extra 'files' or 'mdf')")
+
+
+def expected(fs=2560.0, units=("g", "A")):
+    return Recording(
+        {"vib": VIB, "amp": AMP},
+        fs,
+        velocity=SPEED * (np.pi / 30),
+        units={"vib": units[0], "amp": units[1]},
+    )
+
+
+def test_parquet_with_metadata_of_fields_and_file(tmp_path):
+    pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
+    fields = [
+        pyarrow.field("vib", pyarrow.float64(), metadata={"unit": "g"}),
+        pyarrow.field("amp", pyarrow.float64(), metadata={"unit": "A"}),
+        pyarrow.field("speed", pyarrow.float64(), metadata={"unit": "rpm"}),
+    ]
+    schema = pyarrow.schema(fields, metadata={"fs": "2560"})
+    table = pyarrow.table([VIB, AMP, SPEED], schema=schema)
+    parquet.write_table(table, tmp_path / "a.parquet")
+    assert open_recording(tmp_path / "a.parquet", Layout(velocity="speed")) == expected()
+
+
+def test_parquet_of_a_frame_with_attributes(tmp_path):
+    library("pyarrow")
+    frame = pd.DataFrame({"vib": VIB, "amp [A]": AMP, "speed": SPEED})
+    frame.attrs = {"fs": 2560, "units": {"vib": "g", "speed": "rpm"}}
+    frame.to_parquet(tmp_path / "a.parquet")
+    assert open_recording(tmp_path / "a.parquet", Layout(velocity="speed")) == expected()
+
+
+def test_hdf5_with_attributes_of_data_sets_and_groups(tmp_path):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("bench")
+        group.attrs["sampling_rate"] = 2560
+        for name, values, unit in (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm")):
+            group.create_dataset(name, data=values, compression="gzip").attrs["unit"] = unit
+        file.create_dataset("notes", data="text")
+    layout = Layout(channels={"vib": "bench/vib", "amp": "amp"}, velocity="speed")
+    assert open_recording(tmp_path / "a.h5", layout) == expected()
+
+
+def test_hdf5_with_a_rate_for_each_data_set(tmp_path):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file.create_dataset("vib", data=VIB).attrs["fs"] = 3000.0
+        file.create_dataset("speed", data=SPEED[::3]).attrs["fs"] = 1000.0
+    opened = open_recording(tmp_path / "a.hdf5", LAYOUT)
+    assert (opened.fs["vib"], opened.shaft_fs) == (3000, 1000)
+
+
+def test_mat_7_3_as_matlab_writes_it(tmp_path):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        run = file.create_group("run")
+        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED)):
+            run.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = b"double"
+        run.create_dataset("fs", data=[[2560.0]]).attrs["MATLAB_class"] = b"double"
+        text = np.frombuffer("AB".encode("utf-16-le"), "u2")[:, None]
+        run.create_dataset("name", data=text).attrs["MATLAB_class"] = b"char"
+    with open(tmp_path / "a.mat", "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + b"\x00\x02IM")
+    columns = {"vib": "run.vib", "amp": "run.amp"}
+    layout = Layout(channels=columns, velocity="run.speed", units=["speed [rpm]"])
+    layout = Layout(
+        channels=columns, velocity="run.speed", units={"run.speed": "rpm", "vib": "g", "amp": "A"}
+    )
+    assert open_recording(tmp_path / "a.mat", layout) == expected()
+
+
+def test_tdms_with_wave_form_properties(tmp_path):
+    nptdms = library("nptdms")
+    units = {"vib": "g", "amp": "A", "speed": "rpm"}
+    channels = [
+        nptdms.ChannelObject(
+            "bench", name, values, {"wf_increment": 1 / 2560, "unit_string": units[name]}
+        )
+        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(channels)
+    assert open_recording(tmp_path / "a.tdms", Layout(velocity="speed")) == expected()
+
+
+OTHERS = ("orddenom_spec_data_type", "z_axis_spec_data_type")
+
+
+def test_uff_58_binary(tmp_path):
+    pyuff = library("pyuff")
+    file = pyuff.UFF(str(tmp_path / "a.uff"))
+    for name, values, unit in (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm")):
+        one = {"type": 58, "binary": 1, "func_type": 1, "id1": name, "data": values}
+        one |= {"rsp_node": 1, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "abscissa_spacing": 1}
+        one |= {"x": np.arange(N) / 12_000, "ordinate_axis_units_lab": unit}
+        one |= dict.fromkeys(OTHERS, 0) | {"orddenom_axis_lab": ""}
+        file.write_sets(one, "add")
+    opened = open_recording(tmp_path / "a.uff", Layout(velocity="speed"))
+    assert dict(opened.units) == {"vib": "g", "amp": "A"}
+    assert opened.fs["vib"] == 12_000  # the file states 8.33333e-05 s
+    np.testing.assert_array_equal(opened.signals["amp"], AMP)
+
+
+@pytest.mark.filterwarnings("ignore")  # of asammdf's own imports
+def test_mdf_4_with_rates_from_time_stamps(tmp_path):
+    asammdf = library("asammdf")
+    times = np.arange(N) / 2560
+    units = {"vib": "g", "amp": "A", "speed": "rpm"}
+    signals = [
+        asammdf.Signal(samples=values, timestamps=times, name=name, unit=units[name])
+        for name, values in (("vib", VIB), ("amp", AMP), ("speed", SPEED))
+    ]
+    with asammdf.MDF(version="4.10") as file:
+        file.append(signals)
+        file.save(tmp_path / "a.mf4")
+    assert open_recording(tmp_path / "a.mf4", Layout(velocity="speed")) == expected()
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "extra"),
+    [
+        ("a.parquet", "pyarrow.parquet", "files"),
+        ("a.h5", "h5py", "files"),
+        ("a.tdms", "nptdms", "files"),
+        ("a.uff", "pyuff", "files"),
+        ("a.mf4", "asammdf", "mdf"),
+    ],
+)
+def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch, name, module, extra):
+    (tmp_path / name).write_bytes(b"something")
+    monkeypatch.setitem(sys.modules, module, None)
+    opened = open_recording(tmp_path / name, LAYOUT)
+    with pytest.raises(ImportError, match=rf"pip install 'emacm\[{extra}\]'"):
+        assert opened.duration
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [
+        ("a.parquet", "pyarrow"),
+        ("a.h5", "h5py"),
+        ("a.tdms", "nptdms"),
+        ("a.uff", "pyuff"),
+        ("a.mf4", "asammdf"),
+    ],
+)
+def test_a_damaged_file_is_one_clear_error(tmp_path, name, module):
+    library(module)
+    (tmp_path / name).write_bytes(b"something else " * 40)
+    with pytest.raises(ValueError, match=rf"{name}: (it cannot be read as a|it contains no sig)"):
+        assert open_recording(tmp_path / name, LAYOUT).duration
