@@ -106,6 +106,8 @@ def test_tdms_with_wave_form_properties(tmp_path):
 OTHERS = ("orddenom_spec_data_type", "z_axis_spec_data_type")
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # pyuff leaves the file open
 def test_uff_58_binary(tmp_path):
     pyuff = library("pyuff")
     file = pyuff.UFF(str(tmp_path / "a.uff"))
@@ -154,7 +156,7 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch, name, mod
         assert opened.duration
 
 
-@pytest.mark.filterwarnings("ignore")
+@pytest.mark.filterwarnings("ignore")  # of the libraries
 @pytest.mark.parametrize(
     ("name", "module"),
     [
