@@ -84,6 +84,12 @@ if TYPE_CHECKING:
     from emacm.models.actuator_recipe import (
         actuator_recipe as actuator_recipe,
     )
+    from emacm.models.bearing_recipe import (
+        bearing_recipe as bearing_recipe,
+    )
+    from emacm.models.find_faults import (
+        find_faults as find_faults,
+    )
     from emacm.models.model_files import (
         describe_model as describe_model,
     )
@@ -119,6 +125,12 @@ if TYPE_CHECKING:
     )
     from emacm.recordings.files import (
         open_recording as open_recording,
+    )
+    from emacm.recordings.kurtogram import (
+        kurtogram as kurtogram,
+    )
+    from emacm.recordings.kurtogram import (
+        spectral_kurtosis as spectral_kurtosis,
     )
     from emacm.recordings.layout import (
         Layout as Layout,
@@ -301,6 +313,16 @@ _PUBLIC = {
     ],
     "recordings.prewhitening": [
         "CepstralPrewhitening",
+    ],
+    "models.bearing_recipe": [
+        "bearing_recipe",
+    ],
+    "models.find_faults": [
+        "find_faults",
+    ],
+    "recordings.kurtogram": [
+        "spectral_kurtosis",
+        "kurtogram",
     ],
 }
 _HOME = {name: module for module, names in _PUBLIC.items() for name in names}

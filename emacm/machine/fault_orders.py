@@ -90,7 +90,9 @@ def fault_orders(
     if not parts:
         raise ValueError("fault_orders needs at least one part, such as Bearing(9, 7.94, 39.04).")
     rows: list[tuple[Any, ...]] = []
-    for prefix, owner, line in [found for i, part in enumerate(parts) for found in _lines(part, i)]:
+    for prefix, owner, line in [
+        found for i, part in enumerate(parts) for found in lines_of(part, i)
+    ]:
         _check_line_count(len(rows), line, harmonics, sidebands)
         rows += _rows(prefix, owner, line, harmonics, sidebands, signal)
     if signal == "current":
@@ -253,8 +255,19 @@ def check_part(part: Any, number: int) -> None:
         )
 
 
-def _lines(part: Any, number: int) -> list[tuple[str, str, Line]]:
-    """Return prefix of the names, owner and line, for each line of a part."""
+def lines_of(part: Any, number: int) -> list[tuple[str, str, Line]]:
+    """Return prefix of the names, owner and line, for each line of a part.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is neither a part nor a mapping of names to orders; the message gives `number`.
+
+    Examples
+    --------
+    >>> lines_of({"screw": 3.0}, 0)[0][2].order
+    3.0
+    """
     if isinstance(part, Mapping):
         with located(f"part {number}"):
             names, orders = named_orders(part)

@@ -9,21 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from emacm._checks import check_count, check_number
-from emacm.machine.fault_orders import check_part, named_orders
-from emacm.machine.parts import Line, Part
+from emacm.machine.fault_orders import lines_of
+from emacm.machine.parts import Part
 
 Array = NDArray[np.float64]
 
 _FEWEST = 5  # spectral lines of background that a median needs
-_DRAWS = 2000  # simulated spectra of the background
+DRAWS = 2000  # simulated spectra of the background
 _SEED = 20_111  # of the simulated spectra: equal input gives equal p-values
 _SHAPES = np.geomspace(0.5, 2000, 120)  # 7 % apart
 _LONG = 40_000  # lines of each spectrum whose spread is simulated
@@ -41,11 +40,17 @@ class FaultSeries:
         Orders of the lines without slip [cycles per revolution].
     slips : bool
         Whether slip of rolling elements moves the lines.
+    kind : str
+        Component or phenomenon, such as "inner ring".
+    sidebands : tuple of (str, float)
+        Name and order of each modulation.
     """
 
     name: str
     orders: tuple[float, ...]
     slips: bool
+    kind: str = ""
+    sidebands: tuple[tuple[str, float], ...] = ()
 
 
 def fault_series(
@@ -90,10 +95,12 @@ def fault_series(
         )
     found: list[FaultSeries] = []
     for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
-        for line in _lines(part, number):
+        for prefix, _, line in lines_of(part, number):
             multiples = line.strikes * np.arange(1, harmonics + 1)
             orders = tuple(float(order) for order in multiples * line.order)
-            found.append(FaultSeries(line.name, orders, line.slips))
+            found.append(
+                FaultSeries(prefix + line.name, orders, line.slips, line.kind, line.sidebands)
+            )
     names = [fault.name for fault in found]
     for name in names:
         if names.count(name) > 1:
@@ -104,18 +111,6 @@ def fault_series(
     if not found:
         raise ValueError("parts must hold at least one part, such as a Bearing; got none.")
     return tuple(found)
-
-
-def _lines(part: Any, number: int) -> list[Line]:
-    if isinstance(part, Mapping):
-        names, orders = named_orders(part)
-        return [
-            Line(name, "given", float(order), slips=True)
-            for name, order in zip(names, orders, strict=True)
-        ]
-    check_part(part, number)
-    prefix = f"{part.name} " if part.name else ""
-    return [line._replace(name=prefix + line.name) for line in part.lines()]
 
 
 class LineLevels:
@@ -192,10 +187,7 @@ class LineLevels:
         ndarray of shape (n_rows, n_orders)
             0 where line and background are both 0.
         """
-        size = (1,) * (psd.ndim - 1) + (self._width,)
-        floor = ndimage.median_filter(psd, size=size, mode="mirror")
-        tiny = np.finfo(np.float64).tiny
-        return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(floor, tiny))
+        return _heights(psd, self._width)
 
     def measure(self, psd: Array) -> tuple[Array, Array, list[Array]]:
         """Measure the level of each series.
@@ -230,6 +222,33 @@ class LineLevels:
             lines.append(values[rows, best])
         return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
 
+    def sidebands(self, psd: Array, fault: FaultSeries, slip: float) -> dict[str, float]:
+        """Return the mean height of the sidebands of a series, by name of the modulation [dB].
+
+        Parameters
+        ----------
+        psd : ndarray of shape (1, n_orders)
+            Order spectrum.
+        fault : FaultSeries
+            The series.
+        slip : float
+            Its slip, as `measure` finds it.
+
+        Returns
+        -------
+        dict of str to float
+            Only sidebands within the orders of the spectrum are taken.
+        """
+        peaks = ndimage.maximum_filter1d(self.heights(psd)[0], 3, mode="nearest")
+        found = {}
+        for name, order in fault.sidebands:
+            sides = np.add.outer((1 + slip) * np.array(fault.orders), (-order, order)).ravel()
+            places = np.rint((sides - self._first) / self._step).astype(np.intp)
+            inside = (sides > 2 * self._step) & (places < len(peaks) - 1)
+            if inside.any():
+                found[name] = float(peaks[places[inside]].mean())
+        return found
+
     def p_values(self, psd: Array, levels: Array) -> Array:
         """Return the probability of levels at least as high in background alone.
 
@@ -249,11 +268,29 @@ class LineLevels:
         ndarray of shape (n_rows, n_series)
             Not smaller than 1/2001.
         """
-        found = np.empty_like(levels)
+        return self.compare(psd, levels)[1]
+
+    def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:
+        """Compare levels with those of background alone, as `p_values` does.
+
+        Parameters
+        ----------
+        psd, levels
+            As for `p_values`.
+
+        Returns
+        -------
+        excess : ndarray of shape (n_rows, n_series)
+            Level less the mean level of background alone [dB].
+        p : ndarray of shape (n_rows, n_series)
+            As of `p_values`.
+        """
+        excess, p = np.empty_like(levels), np.empty_like(levels)
         for row, shape in enumerate(self.background_shapes(psd)):
             drawn = self._background_levels(float(shape))
-            found[row] = (1 + (drawn >= levels[row]).sum(axis=0)) / (1 + len(drawn))
-        return found
+            excess[row] = levels[row] - drawn.mean(axis=0)
+            p[row] = (1 + (drawn >= levels[row]).sum(axis=0)) / (1 + len(drawn))
+        return excess, p
 
     def background_shapes(self, psd: Array) -> Array:
         """Return the Gamma shape of the background of each spectrum, from its spread.
@@ -268,24 +305,36 @@ class LineLevels:
         ndarray of shape (n_rows,)
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
-        shapes, spreads = self._spreads
-        spread = _spread(self.heights(psd))
-        return shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
-
-    @cached_property
-    def _spreads(self) -> tuple[Array, Array]:
-        """Return Gamma shapes, and the spread of simulated heights for each."""
-        rng = np.random.default_rng(_SEED)
-        spectra = rng.standard_gamma(_SHAPES[:, np.newaxis], (len(_SHAPES), _LONG))
-        return _SHAPES, _spread(self.heights(spectra))
+        spreads = _simulated_spreads(self._width)
+        spread = _spread(_heights(psd, self._width))
+        return _SHAPES[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
         """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
         if shape not in self._drawn:
             rng = np.random.default_rng(_SEED)
-            spectra = rng.standard_gamma(shape, (_DRAWS, len(self.orders)))
+            spectra = rng.standard_gamma(shape, (DRAWS, len(self.orders)))
             self._drawn[shape] = self.measure(spectra)[0]
         return self._drawn[shape]
+
+
+def _heights(psd: Array, width: int) -> Array:
+    """Return lines over the median of `width` lines around them [dB], of the shape of `psd`."""
+    half = width // 2
+    padded = np.pad(psd, ((0, 0), (half, half)), mode="reflect")
+    # As one row, for which SciPy has a fast algorithm; the padding keeps the rows apart.
+    floor = ndimage.median_filter(padded.ravel(), size=width).reshape(padded.shape)
+    tiny = np.finfo(np.float64).tiny
+    return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(floor[:, half:-half], tiny))
+
+
+@lru_cache(maxsize=8)
+def _simulated_spreads(width: int) -> Array:
+    """Return the spread of simulated heights for each of the Gamma shapes."""
+    rng = np.random.default_rng(_SEED)
+    return _spread(
+        _heights(rng.standard_gamma(_SHAPES[:, np.newaxis], (len(_SHAPES), _LONG)), width)
+    )
 
 
 def _spread(heights: Array) -> Array:

@@ -8,7 +8,7 @@ still, and before the signal is resampled over the shaft angle, where the rhythm
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
 from functools import lru_cache
 from typing import Any
 
@@ -16,10 +16,8 @@ import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_finite, check_number, check_real_array, located
+from emacm._checks import check_choice, check_finite, check_number, check_real_array
 from emacm.recordings.computed_series import ComputedSeries
-from emacm.recordings.inputs import check_channel_names
-from emacm.recordings.recording import Recording
 from emacm.shaft.motion import BLOCK, Series
 
 Band = tuple[float, float]
@@ -28,6 +26,7 @@ _STOP = 80.0  # dB, by which the filter has fallen outside of its transitions
 _TRANSITION = 0.25  # of the band: width of a transition, half of it on either side of an edge
 _LEAST = 1e-300  # Hz; a transition is never 0
 _MOST_TAPS = 1 << 60  # where a band is next to nothing; more than any signal holds
+_EXCESSIVE = 5  # times the length of a filter away from 0 and half the sampling rate
 _GATHERED = 1 << 20  # samples gathered at once for single values
 
 
@@ -65,6 +64,25 @@ def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
             f"from {fs / 2:g} Hz upwards. Lower its upper edge."
         )
     return low, high
+
+
+def check_bands(band: Any, name: str = "band") -> Any:
+    """Return a band, a list of bands, "full" or "kurtogram", after checking them.
+
+    Examples
+    --------
+    >>> check_bands((200, 900)), check_bands([(200, 900), (900, 2000)])
+    ((200.0, 900.0), [(200.0, 900.0), (900.0, 2000.0)])
+    """
+    if isinstance(band, str):
+        return check_choice(band, name, ("full", "kurtogram"))
+    entries = list(band) if np.iterable(band) and not isinstance(band, dict) else []
+    if not entries or not all(np.iterable(entry) for entry in entries):
+        return check_band(band, name=name)
+    bands = [check_band(entry, name=f"band {i} of {name}") for i, entry in enumerate(entries)]
+    if len(set(bands)) < len(bands):
+        raise ValueError(f"{name} must give each band once, got {band!r}.")
+    return bands
 
 
 def filter_length(low: float, high: float, fs: float) -> int:
@@ -282,63 +300,42 @@ def envelope(
     return values
 
 
-def envelope_recording(
-    measured: Recording,
-    bands: Mapping[str, Band],
-    *,
-    squared: bool = True,
-    suffix: str | None = None,
-) -> Recording:
-    """Return a recording with envelopes in place of channels, or in addition to them.
-
-    Its shaft and meta are those of the measured recording. The envelopes are computed when they
-    are read, and are not kept.
+def band_at(band: Any, fs: float) -> Band:
+    """Return a band at a sampling rate: "full" is the widest one with a short filter.
 
     Parameters
     ----------
-    measured : Recording
-        What was measured.
-    bands : mapping of str to (low, high)
-        Band of each channel whose envelope is taken [Hz].
-    squared : bool
-        Squared envelopes [U²], or envelopes [U].
-    suffix : str, optional
-        Appended to the channel name to name the envelope, which is then added at the end.
-        Default: envelopes replace their channels.
+    band : (low, high) or "full"
+        Edges [Hz]; "full" from 1/32 to 15/32 of the sampling rate.
+    fs : float
+        Sampling rate [Hz].
 
     Returns
     -------
-    Recording
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there is no such channel, its sampling rate is too low for its band, or a name exists
-        already. The message names the channel.
+    (float, float)
 
     Examples
     --------
-    >>> import numpy as np
-    >>> t = np.arange(10_000) / 10_000
-    >>> run = Recording({"sound": np.sin(6000 * t)}, 10_000, velocity=np.full(10_000, 60.0))
-    >>> with_envelope = envelope_recording(run, {"sound": (500, 1500)}, suffix="_envelope")
-    >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
-    (('sound', 'sound_envelope'), 1.0)
+    >>> band_at("full", 12_800.0)
+    (400.0, 6000.0)
     """
-    return measured._derived(_envelope_content, dict(bands), squared, suffix)
+    return (fs / 32, 15 * fs / 32) if isinstance(band, str) else band
 
 
-def _envelope_content(
-    measured: Recording, bands: Mapping[str, Band], squared: bool, suffix: str | None
-) -> dict[str, Any]:
-    """Return what changes in a recording of which envelopes are taken."""
-    series, fs = dict(measured.series), dict(measured.fs)
-    check_channel_names(measured.channels, list(bands))
-    for channel, band in bands.items():
-        name = channel + (suffix or "")
-        if suffix and name in series:
-            raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
-        fs[name] = measured.fs[channel]
-        with located(f"channel {channel!r}"):
-            series[name] = EnvelopeSeries(measured.series[channel], fs[name], band, squared=squared)
-    return {"_series": series, "_fs": fs}
+def warn_of_long_filter(low: float, high: float, fs: float) -> None:
+    """Warn if an edge near 0 or half the sampling rate makes the filter excessively long."""
+    usual = _TRANSITION * (high - low)
+    times = usual / min(usual, 2 * low, fs - 2 * high)
+    if times > _EXCESSIVE:
+        edge, remedy = (
+            ("0", f"Raise its lower edge to {usual / 2:.3g} Hz")
+            if 2 * low < fs - 2 * high
+            else ("half the sampling rate", f"Lower its upper edge to {fs / 2 - usual / 2:.6g} Hz")
+        )
+        warnings.warn(
+            f"the band {low:g} to {high:g} Hz is so near to {edge} that its filter lasts "
+            f"{filter_length(low, high, fs) / fs:.3g} s, {times:.3g} times as long as its width "
+            f"requires; impacts are smeared by as much. {remedy}.",
+            UserWarning,
+            stacklevel=2,
+        )

@@ -9,10 +9,18 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.recordings.envelope import Band, check_band, envelope_recording
-from emacm.recordings.inputs import as_recordings, chosen_channels, described
+from emacm.recordings.envelope import (
+    Band,
+    EnvelopeSeries,
+    band_at,
+    check_bands,
+    warn_of_long_filter,
+)
+from emacm.recordings.inputs import as_recordings, check_channel_names, chosen_channels, described
+from emacm.recordings.kurtogram import kurtogram
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
+from emacm.shaft.motion import Series
 
 
 class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -23,9 +31,12 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     Parameters
     ----------
-    band : (low, high) or mapping of str to (low, high)
+    band : (low, high), list of (low, high), "full", "kurtogram", or mapping of str to these
         Edges of the band [Hz], where half of the amplitude passes, or a band for each channel by
-        name.
+        name. Of several bands, each envelope is a channel of its own, such as
+        "sound_500-1500Hz". "full": 1/32 to 15/32 of the sampling rate, for signals after
+        `CepstralPrewhitening`. "kurtogram": for each recording the band with the largest spectral
+        kurtosis (`kurtogram`); its signals are read in `transform`.
     channels : sequence of str, optional
         Channels of which the envelope is taken. Default: all of the first recording, or all that
         `band` names.
@@ -37,7 +48,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     Attributes
     ----------
-    bands_ : dict of str to (low, high)
+    bands_ : dict of str to (low, high), list of (low, high) or str
         Band of each channel [Hz].
     channels_ : tuple of str
         Channels of the result.
@@ -74,7 +85,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     def __init__(
         self,
-        band: Band | Mapping[str, Band],
+        band: Any,
         *,
         channels: Sequence[str] | None = None,
         squared: bool = True,
@@ -110,7 +121,8 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         if self.suffix is not None and not (isinstance(self.suffix, str) and self.suffix):
             raise TypeError(f"suffix must be text, such as '_envelope', got {self.suffix!r}.")
         self.bands_ = self._checked_bands(recordings[0].channels)
-        self.channels_ = self._detected(recordings)[0].channels
+        # The names of the channels do not depend on the band that a kurtogram selects.
+        self.channels_ = self._detected(recordings, select=False)[0].channels
         return self
 
     def transform(self, X: Any) -> list[Recording]:
@@ -134,14 +146,14 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         check_is_fitted(self)
         return self._detected(as_recordings(X, "EnvelopeDetector"))
 
-    def _checked_bands(self, first: Sequence[str]) -> dict[str, Band]:
+    def _checked_bands(self, first: Sequence[str]) -> dict[str, Any]:
         """Return the band of each channel."""
         chosen = None if self.channels is None else chosen_channels(self.channels, first)
         if not isinstance(self.band, Mapping):
-            band = check_band(self.band)
+            band = check_bands(self.band)
             bands = dict.fromkeys(first if chosen is None else chosen, band)
         else:
-            named = {name: check_band(b, name=f"band of {name!r}") for name, b in self.band.items()}
+            named = {name: check_bands(b, f"band of {name!r}") for name, b in self.band.items()}
             missing = [name for name in chosen or () if name not in named]
             if missing:
                 raise ValueError(f"band names no band of channel {missing[0]!r}: {self.band!r}.")
@@ -150,10 +162,102 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
             raise ValueError("band must name at least one channel.")
         return bands
 
-    def _detected(self, recordings: list[Recording]) -> list[Recording]:
+    def _detected(self, recordings: list[Recording], *, select: bool = True) -> list[Recording]:
         options: dict[str, Any] = {"squared": bool(self.squared), "suffix": self.suffix}
         detected = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
-                detected.append(envelope_recording(recording, self.bands_, **options))
+                bands = {
+                    channel: _selected(recording, channel)
+                    if select and band == "kurtogram"
+                    else band
+                    for channel, band in self.bands_.items()
+                }
+                detected.append(envelope_recording(recording, bands, **options))
         return detected
+
+
+def _selected(recording: Recording, channel: str) -> Band:
+    """Return the band of a channel with the largest spectral kurtosis."""
+    check_channel_names(recording.channels, [channel])
+    with located(f"channel {channel!r}"):
+        return kurtogram(recording.series[channel], recording.fs[channel]).band
+
+
+def envelope_recording(
+    measured: Recording,
+    bands: Mapping[str, Any],
+    *,
+    squared: bool = True,
+    suffix: str | None = None,
+) -> Recording:
+    """Return a recording with envelopes in place of channels, or in addition to them.
+
+    Its shaft and meta are those of the measured recording. The envelopes are computed when they
+    are read, and are not kept.
+
+    Parameters
+    ----------
+    measured : Recording
+        What was measured.
+    bands : mapping of str to (low, high), "full", or a list of (low, high)
+        Band of each channel whose envelope is taken [Hz]. Of several bands of a channel, each
+        envelope has its band in its name, as in "sound_500-1500Hz".
+    squared : bool
+        Squared envelopes [U²], or envelopes [U].
+    suffix : str, optional
+        Appended to the channel name to name the envelope, which is then added at the end.
+        Default: envelopes replace their channels.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such channel, its sampling rate is too low for its band, or a name exists
+        already. The message names the channel.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(10_000) / 10_000
+    >>> run = Recording({"sound": np.sin(6000 * t)}, 10_000, velocity=np.full(10_000, 60.0))
+    >>> with_envelope = envelope_recording(run, {"sound": (500, 1500)}, suffix="_envelope")
+    >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
+    (('sound', 'sound_envelope'), 1.0)
+    """
+    check_channel_names(measured.channels, list(bands))
+    replaced = () if suffix else bands
+    series = {name: measured.series[name] for name in measured.channels}
+    rates = dict(measured.fs)
+    envelopes: dict[str, dict[str, Series]] = {}
+    for channel, band in bands.items():
+        with located(f"channel {channel!r}"):
+            envelopes[channel] = _envelopes(measured, channel, band, squared, suffix or "")
+        for name in envelopes[channel]:
+            if name in series and name != channel:
+                raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
+            rates[name] = measured.fs[channel]
+    found: dict[str, Series] = {}
+    for name, signal in series.items():
+        found |= envelopes.pop(name) if name in replaced else {name: signal}
+    for added in envelopes.values():
+        found |= added
+    return measured.with_series(found, {name: rates[name] for name in found})
+
+
+def _envelopes(
+    measured: Recording, channel: str, band: Any, squared: bool, suffix: str
+) -> dict[str, Series]:
+    """Return the envelopes of a channel by name."""
+    signal, fs = measured.series[channel], measured.fs[channel]
+    bands = {channel + suffix: band_at(band, fs)} if not isinstance(band, list) else {}
+    for low, high in band if isinstance(band, list) else ():
+        bands[f"{channel}_{low:g}-{high:g}Hz{suffix}"] = low, high
+    found: dict[str, Series] = {}
+    for name, (low, high) in bands.items():
+        found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)
+        warn_of_long_filter(low, high, fs)
+    return found

@@ -26,9 +26,9 @@ from emacm.recordings.envelope import (
     EnvelopeSeries,
     analytic_filter,
     envelope,
-    envelope_recording,
     filter_length,
 )
+from emacm.recordings.envelope_detector import envelope_recording
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
 
@@ -486,3 +486,69 @@ def test_the_channels_are_those_of_the_first_recording_of_fit():
     more = Recording({**one.signals, "extra": noise(500)}, FS, velocity=np.ones(500))
     detector = EnvelopeDetector({"sound": BAND}, suffix="_e").fit([one, more])
     assert detector.channels_ == ("sound", "load", "sound_e")
+
+
+# Several bands, relative bands, bands at the edge
+
+
+def test_each_of_several_bands_has_an_envelope_of_its_own_in_place_of_the_channel():
+    bands = [(1500, 2500), (3000, 4500)]
+    detector = EnvelopeDetector({"sound": bands}).fit([knocking()])
+    names = ["sound_1500-2500Hz", "sound_3000-4500Hz", "current"]
+    assert list(detector.get_feature_names_out()) == names
+    (found,) = detector.transform([knocking()])
+    for name, band in zip(names, bands, strict=False):
+        expected = envelope(knocking().signals["sound"], FS, band)
+        np.testing.assert_array_equal(found.signals[name], expected)
+        assert found.fs[name] == FS
+
+
+def test_several_bands_beside_the_channel_carry_the_suffix():
+    detector = EnvelopeDetector([(1500, 2500), (3000, 4500)], channels=["sound"], suffix="_e")
+    assert detector.fit([knocking()]).channels_ == (
+        "sound",
+        "current",
+        "sound_1500-2500Hz_e",
+        "sound_3000-4500Hz_e",
+    )
+
+
+def test_the_full_band_follows_the_sampling_rate():
+    (found,) = EnvelopeDetector("full").fit_transform([knocking()])
+    run = knocking()
+    expected = envelope(run.signals["current"], FS / 10, (FS / 320, 15 * FS / 320))
+    np.testing.assert_array_equal(found.signals["current"], expected)
+    np.testing.assert_array_equal(
+        found.signals["sound"], envelope(run.signals["sound"], FS, (FS / 32, 15 * FS / 32))
+    )
+
+
+@pytest.mark.parametrize(
+    ("band", "match"),
+    [
+        ((5, 3000), "so near to 0 that its filter lasts .* Raise its lower edge to 374 Hz"),
+        ((2000, 4990), "so near to half the sampling rate .* Lower its upper edge to 4626.25 Hz"),
+    ],
+)
+def test_a_band_at_the_edge_with_a_long_filter_warns(band, match):
+    with pytest.warns(UserWarning, match=match):
+        EnvelopeDetector(band, channels=["sound"]).fit([knocking()])
+
+
+def test_the_edges_that_a_warning_recommends_do_not_warn():
+    EnvelopeDetector((375, 3000), channels=["sound"]).fit([knocking()])
+    EnvelopeDetector((2000, 4626), channels=["sound"]).fit([knocking()])
+
+
+@pytest.mark.parametrize(
+    ("band", "error", "match"),
+    [
+        ([(1500, 2500), (1500, 2500)], ValueError, "must give each band once"),
+        ([(1500, 2500), (2500, 1500)], ValueError, "band 1 of band must run from a lower"),
+        ("wide", ValueError, "band must be one of 'full', 'kurtogram'"),
+        ([], TypeError, r"must be a pair \(low, high\)"),
+    ],
+)
+def test_lists_of_bands_that_are_none_are_refused(band, error, match):
+    with pytest.raises(error, match=match):
+        EnvelopeDetector(band, channels=["sound"]).fit([knocking()])

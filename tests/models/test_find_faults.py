@@ -1,0 +1,209 @@
+"""A fault is named from the geometry, and a machine without one is not."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm import (
+    Bearing,
+    CostSensitiveGaussianBayes,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    bearing_recipe,
+    find_faults,
+)
+
+FS = 12_000
+BEARING = Bearing(9, 7.94, 39.04)  # 6205
+ORDERS = {"BPFO": 3.5848, "BPFI": 5.4152, "BSF": 2.3567, "FTF": 0.3983}
+TURN = 2 * np.pi
+RING = np.exp(-np.arange(150) / 20) * np.sin(TURN * 3100 / FS * np.arange(150))
+
+
+def running(fault=None, *, seed=0, slip=-0.008, seconds=5, strength=1.0, resonance=RING, **meta):
+    """A bearing at 27 to 31 rev/s, under noise and a shaft harmonic far above both."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(seconds * FS) / FS
+    velocity = TURN * (29 + 2 * np.sin(0.7 * t))
+    angle = np.cumsum(velocity) / FS
+    signal = rng.standard_normal(len(t)) + 30 * np.sin(angle) + 5 * np.sin(7 * angle + 1)
+    if fault is not None:
+        order = ORDERS[fault] * (1 + slip) * (2 if fault == "BSF" else 1)
+        struck = np.diff(np.floor(order * angle / TURN), prepend=0) > 0
+        load = {"BPFI": 1 + np.cos(angle), "BSF": 1 + np.cos(ORDERS["FTF"] * angle)}
+        struck = struck * load.get(fault, 1.0)
+        signal += 12 * strength * np.convolve(struck, resonance)[: len(t)]
+    return Recording({"casing": signal}, FS, velocity=velocity, meta=meta)
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind"), [("BPFO", "outer ring"), ("BPFI", "inner ring"), ("BSF", "ball")]
+)
+def test_each_fault_is_named_at_varying_speed_beside_strong_harmonics(fault, kind):
+    row = find_faults([running(fault)], BEARING).iloc[0]
+    assert row["named"] == fault
+    assert row[fault] > 6
+    assert row[f"p({fault})"] < 0.001
+    assert row["slip"] == pytest.approx(-0.008, abs=0.006)
+    assert row["explanation"].startswith(f"{fault} and two harmonics are ")
+    assert row["explanation"].endswith(f": {kind}")
+
+
+def test_the_sentence_tells_the_sidebands_of_the_shaft():
+    row = find_faults([running("BPFI", strength=2)], BEARING).iloc[0]
+    assert "with shaft sidebands: inner ring" in row["explanation"]
+    assert "sidebands" not in find_faults([running("BPFO")], BEARING)["explanation"][0]
+
+
+def test_machines_without_a_fault_are_rarely_named():
+    runs = [running(seed=seed) for seed in range(40)]
+    found = find_faults(runs, BEARING)
+    assert (found["named"] != "none").sum() <= 1  # at a false alarm rate of 1 % or less
+    assert found["explanation"].str.startswith("no fault: ").sum() >= 39
+    assert np.abs(found[list(ORDERS)].to_numpy().mean(axis=0)).max() < 0.6  # background scores 0
+
+
+def test_without_a_threshold_the_highest_score_is_named():
+    found = find_faults([running(seed=3)], BEARING, false_alarm=1).iloc[0]
+    assert found["named"] == found[["BPFO", "BPFI", "BSF"]].astype(float).idxmax()
+
+
+def test_a_healthy_machine_with_lines_of_its_own_raises_the_threshold():
+    run = running("BPFO", strength=0.5)
+    own = [running("BPFO", strength=0.5, seed=seed) for seed in (5, 6)]
+    assert find_faults([run], BEARING)["named"].tolist() == ["BPFO"]
+    calibrated = find_faults([run, running("BPFI")], BEARING, healthy=own)
+    assert calibrated["named"].tolist() == ["none", "BPFI"]
+    assert calibrated["calibrated"].all()
+    assert "is below" in calibrated["explanation"][0]
+
+
+def test_gain_does_not_change_the_scores():
+    run = running("BPFI")
+    louder = Recording({"casing": -250 * run.signals["casing"]}, FS, velocity=run.velocity)
+    one, other = find_faults([run], BEARING), find_faults([louder], BEARING)
+    np.testing.assert_allclose(one[list(ORDERS)], other[list(ORDERS)], atol=1e-6)
+
+
+def test_a_table_of_order_spectra_gives_what_the_recordings_give():
+    runs = [running("BPFI"), running(seed=1)]
+    table = bearing_recipe(BEARING)[:-1].fit_transform(runs)
+    pd.testing.assert_frame_equal(find_faults(table, BEARING), find_faults(runs, BEARING))
+    frame = pd.DataFrame(np.asarray(table), columns=table.columns)
+    pd.testing.assert_frame_equal(find_faults(frame, BEARING), find_faults(runs, BEARING))
+
+
+def test_each_channel_has_a_row_and_each_recording_is_judged_alone():
+    run = running("BPFO")
+    two = Recording(
+        {"z": run.signals["casing"], "a": running(seed=9).signals["casing"]},
+        FS,
+        velocity=run.velocity,
+    )
+    found = find_faults([two, two], BEARING)
+    assert found["recording"].tolist() == [0, 0, 1, 1]
+    assert found["channel"].tolist() == ["z", "a", "z", "a"]
+    assert found["named"].tolist() == ["BPFO", "none"] * 2
+    (alone,) = find_faults([two], BEARING, channels=["z"])["BPFO"]
+    assert alone == found["BPFO"][0]
+
+
+def test_a_shorter_recording_has_shorter_segments():
+    assert find_faults([running("BPFO", seconds=0.6)], BEARING)["named"].tolist() == ["BPFO"]
+
+
+def test_the_cage_is_named_only_if_no_other_fault_is():
+    orders = np.arange(0, 501) / 25
+    psd = np.random.default_rng(4).standard_gamma(6, len(orders))
+    for k in (1, 2, 3):
+        psd[round(k * ORDERS["FTF"] * 25)] *= 60
+    columns = [f"casing@{order!r}" for order in orders.tolist()]
+    cage = find_faults(pd.DataFrame([psd], columns=columns), BEARING).iloc[0]
+    assert cage["named"] == "FTF"
+    assert cage["explanation"].endswith(": cage, or the modulation of BSF")
+    for k in (2, 4, 6):
+        psd[round(k * ORDERS["BSF"] * 25)] *= 20
+    assert find_faults(pd.DataFrame([psd], columns=columns), BEARING)["named"].tolist() == ["BSF"]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "match"),
+    [
+        ({"X": []}, ValueError, "X contains no recording"),
+        ({"X": running(seconds=1)}, TypeError, r"write \[recording\]"),
+        ({"parts": []}, ValueError, "at least one part"),
+        ({"channels": ["lvdt"]}, ValueError, "recording 0.*no channel 'lvdt'"),
+        ({"false_alarm": 0}, ValueError, "false_alarm must be"),
+        ({"false_alarm": 1e-4}, ValueError, "false_alarm = 0.0001 is below 0.002"),
+        ({"X": [running(seconds=0.2)]}, ValueError, "5.83 revolutions; 10 are needed"),
+        ({"parts": {"mesh": 61.0}}, ValueError, r"channel 'casing', sampled at 12000 Hz, ends at"),
+        ({"healthy": [running(seconds=0.2)]}, ValueError, "healthy: recording 0: its longest"),
+    ],
+)
+def test_what_cannot_be_judged_is_refused(options, error, match):
+    arguments = {"X": [running(seconds=1)], "parts": BEARING} | options
+    with pytest.raises(error, match=match):
+        find_faults(**arguments)
+
+
+def test_healthy_recordings_without_the_channel_are_refused():
+    other = Recording({"foot": running().signals["casing"]}, FS, velocity=running().velocity)
+    with pytest.raises(ValueError, match="healthy has no channel 'casing'"):
+        find_faults([running()], BEARING, healthy=[other])
+
+
+# The recipe
+
+
+def test_the_features_are_the_levels_of_the_faults():
+    recipe = bearing_recipe(BEARING).set_output(transform="pandas")
+    table = recipe.fit_transform([running("BPFI"), running(seed=1)])
+    assert list(table.columns) == [f"casing@{fault}" for fault in ORDERS]
+    assert table["casing@BPFI"][0] > table["casing@BPFI"][1] + 5
+
+
+def test_trained_on_one_bearing_it_names_the_faults_of_another_with_another_resonance():
+    faults = ["BPFO", "BPFI", "BSF"] * 4
+    runs = [running(fault, seed=seed, seconds=2) for seed, fault in enumerate(faults)]
+    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    model = bearing_recipe(BEARING, classifier=classifier).fit(runs, faults)
+    ring = np.exp(-np.arange(150) / 9) * np.sin(TURN * 1400 / FS * np.arange(150))
+    others = [running(f, seed=40 + k, seconds=2, resonance=ring) for k, f in enumerate(faults)]
+    assert (model.predict(others) == faults).mean() >= 0.9
+
+
+def test_the_resampler_passes_all_lines():
+    recipe = bearing_recipe(BEARING, harmonics=4)
+    resampler = next(step for _, step in recipe.steps if isinstance(step, OrderResampler))
+    spectra = next(step for _, step in recipe.steps if isinstance(step, OrderPSD))
+    assert spectra.max_order > 4 * ORDERS["BPFI"] * 1.02
+    assert 0.78 * np.pi / resampler.theta_s >= spectra.max_order
+
+
+# Real bearings
+
+DATA = Path(os.environ.get("EMACM_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+@pytest.mark.slow
+def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
+    file = DATA / "bearings" / "mfpt_train.npz"
+    if not file.exists():
+        pytest.skip("no MFPT recordings; set EMACM_DATA to their folder")
+    kinds = {"b": "none", "O": "BPFO", "I": "BPFI"}
+    with np.load(file) as stored:
+        names = sorted({name.partition("/")[0] for name in stored.files})
+        runs = [
+            Recording(
+                {"casing": stored[f"{name}/gs"].ravel()},
+                float(stored[f"{name}/fs"]),
+                velocity=TURN * float(stored[f"{name}/rate"]),
+            )
+            for name in names
+        ]
+    found = find_faults(runs, Bearing(8, 0.235, 1.245))
+    assert found["named"].tolist() == [kinds[name[0]] for name in names]
