@@ -46,7 +46,7 @@ class ComputedSeries(LazySeries):
 
     def _described(self, *parameters: Any) -> str:
         """Return class and parameters, and those of the signal if it is computed as well."""
-        inner = [] if isinstance(self._signal, np.ndarray) else [self._signal]
+        inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
         return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
 
     def __eq__(self, other: object) -> bool:
