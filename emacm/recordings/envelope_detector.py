@@ -228,24 +228,30 @@ def envelope_recording(
     >>> with_envelope.channels, round(float(with_envelope.signals["sound_envelope"][5000]), 3)
     (('sound', 'sound_envelope'), 1.0)
     """
+    return measured._derived(_envelope_content, dict(bands), squared, suffix)
+
+
+def _envelope_content(
+    measured: Recording, bands: Mapping[str, Any], squared: bool, suffix: str | None
+) -> dict[str, Any]:
+    """Return what changes in a recording of which envelopes are taken."""
     check_channel_names(measured.channels, list(bands))
-    replaced = () if suffix else bands
-    series = {name: measured.series[name] for name in measured.channels}
     rates = dict(measured.fs)
     envelopes: dict[str, dict[str, Series]] = {}
     for channel, band in bands.items():
         with located(f"channel {channel!r}"):
             envelopes[channel] = _envelopes(measured, channel, band, squared, suffix or "")
         for name in envelopes[channel]:
-            if name in series and name != channel:
+            if name in measured.channels and name != channel:
                 raise ValueError(f"it has a channel {name!r} already. Choose another suffix.")
             rates[name] = measured.fs[channel]
     found: dict[str, Series] = {}
-    for name, signal in series.items():
-        found |= envelopes.pop(name) if name in replaced else {name: signal}
+    for name, signal in measured.series.items():
+        replaced = name in envelopes and not suffix
+        found |= envelopes.pop(name) if replaced else {name: signal}
     for added in envelopes.values():
         found |= added
-    return measured.with_series(found, {name: rates[name] for name in found})
+    return {"_series": found, "_fs": {name: rates[name] for name in found}}
 
 
 def _envelopes(

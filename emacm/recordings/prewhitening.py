@@ -279,9 +279,12 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
                 check_channel_names(recording.channels, self.whitened_)
-                series = dict(recording.series)
-                for name in self.whitened_:
-                    with located(f"channel {name!r}"):
-                        series[name] = WhitenedSeries(series[name], recording.fs[name])
-                found.append(recording.with_series(series, recording.fs))
+                found.append(recording._derived(_whitened_content, self.whitened_))
         return found
+
+
+def _whitened_content(measured: Recording, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what changes in a recording of which channels are whitened."""
+    whitened = {name: WhitenedSeries(measured.series[name], measured.fs[name]) for name in names}
+    units = dict(measured.units) | dict.fromkeys(names, "1")
+    return {"_series": dict(measured.series) | whitened, "_units": units}

@@ -173,6 +173,7 @@ def test_the_chosen_channels_alone_are_whitened():
     np.testing.assert_array_equal(white.signals["sound"], prewhitened(coloured(), FS))
     assert white.meta == run.meta
     assert white.fs == run.fs
+    assert dict(white.units) == {"sound": "1"}
 
 
 def test_channels_of_several_rates_are_each_whitened_at_their_own():
