@@ -237,7 +237,8 @@ class Recording(Excerpts):
         """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
         if self.reference == "angle":
             return self._shaft, self._speed
-        return IntegratedAngle(self._shaft, self.shaft_fs), self._speed
+        integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs)
+        return self._remembered.once("angle", integrated), self._speed
 
     @property
     def _speed(self) -> Series:

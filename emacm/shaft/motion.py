@@ -107,18 +107,13 @@ class IntegratedAngle(LazySeries):
 
     def __init__(self, velocity: NDArray[np.floating], fs: float) -> None:
         super().__init__(len(velocity))
-        self.velocity = velocity
-        self.fs = fs
         self._half_step = 0.5 / fs
-        # Read-only, so that one kind of array is compiled for.
-        self._read_only = velocity.view()
-        self._read_only.flags.writeable = False
-        loops = kernels()
-        self._integrate = loops.integrate
+        self._velocity = velocity.view()
+        self._velocity.flags.writeable = False  # so that one kind of array is compiled for
         self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
         found = self._known, self._lowest, self._highest
-        velocity = np.ascontiguousarray(self._read_only)
-        loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
+        velocity = np.ascontiguousarray(self._velocity)
+        kernels().set_checkpoints(velocity, self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
@@ -128,9 +123,9 @@ class IntegratedAngle(LazySeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""
         first = start // _STRIDE
-        velocity = np.ascontiguousarray(self._read_only[first * _STRIDE : stop])
+        velocity = np.ascontiguousarray(self._velocity[first * _STRIDE : stop])
         angle = np.empty(len(velocity))
-        self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
+        kernels().integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
         return angle[start - first * _STRIDE :]
 
 
