@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from emacm.conditions.signal_baseline import (
         SignalBaseline as SignalBaseline,
     )
+    from emacm.conditions.units import (
+        for_unit as for_unit,
+    )
+    from emacm.conditions.units import (
+        prediction_sets as prediction_sets,
+    )
     from emacm.decisions.classifier import (
         CostSensitiveGaussianBayes as CostSensitiveGaussianBayes,
     )
@@ -32,6 +38,9 @@ if TYPE_CHECKING:
     )
     from emacm.decisions.metrics import (
         neg_expected_cost as neg_expected_cost,
+    )
+    from emacm.decisions.new_units import (
+        NewUnitClassifier as NewUnitClassifier,
     )
     from emacm.decisions.posterior_product import (
         PosteriorProduct as PosteriorProduct,
@@ -245,6 +254,10 @@ _PUBLIC = {
     "conditions.router": [
         "ConditionRouter",
     ],
+    "conditions.units": [
+        "for_unit",
+        "prediction_sets",
+    ],
     "machine.rolling": [
         "BallScrew",
         "Bearing",
@@ -277,6 +290,9 @@ _PUBLIC = {
     "decisions.metrics": [
         "expected_cost",
         "neg_expected_cost",
+    ],
+    "decisions.new_units": [
+        "NewUnitClassifier",
     ],
     "decisions.posterior_product": [
         "PosteriorProduct",

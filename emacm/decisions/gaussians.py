@@ -153,18 +153,33 @@ def class_gaussians(
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
     array([[-1.266, -7.516]])
     """
-    coefficients: tuple[ArrayLike, ...]
+    coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
+    floor = FLOOR * moments.feature_variances.max() if shrinkage is None else None
+    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
+
+
+def shrinkage_coefficients(
+    moments: ClassMoments, shrinkage: Any, recordings: tuple[Array, NDArray[np.intp]] | None
+) -> tuple[ArrayLike, ...]:
+    """Return the arguments of `shrink` for the covariances of moments, as `class_gaussians`.
+
+    Parameters
+    ----------
+    moments, shrinkage, recordings
+        As for `class_gaussians`.
+
+    Returns
+    -------
+    tuple of (coefficients,) or (coefficients, squared_scales)
+    """
     if shrinkage == "auto":
         if recordings is None:
             raise ValueError('shrinkage="auto" needs the recordings.')
-        coefficients = ledoit_wolf_coefficients(*recordings, moments.means, pooled=moments.pooled)
-    elif shrinkage == "oas":
+        return ledoit_wolf_coefficients(*recordings, moments.means, pooled=moments.pooled)
+    if shrinkage == "oas":
         pairs = zip(moments.scatter, moments.group_counts, strict=True)
-        coefficients = ([oas_coefficient(scatter, count) for scatter, count in pairs],)
-    else:
-        coefficients = (0.0 if shrinkage is None else float(shrinkage),)
-    floor = FLOOR * moments.feature_variances.max() if shrinkage is None else None
-    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
+        return ([oas_coefficient(scatter, count) for scatter, count in pairs],)
+    return (0.0 if shrinkage is None else float(shrinkage),)
 
 
 def fit_gaussians(
@@ -211,7 +226,7 @@ def fit_gaussians(
     singular = np.array([is_singular(S) for S in covariances])
     for group, bad in enumerate(singular):
         if not bad:
-            factors[group], log_determinants[group] = _factorise(covariances[group])
+            factors[group], log_determinants[group] = factorise(covariances[group])
         elif floor:
             covariances[group], factors[group], log_determinants[group] = _lift(
                 covariances[group], floor
@@ -239,8 +254,11 @@ def is_singular(covariance: Array) -> bool:
     return bool(eigenvalues[0] <= rounding * eigenvalues[-1])
 
 
-def _factorise(covariance: Array) -> tuple[Array, float]:
-    """Return the inverse factor and the log determinant, by Cholesky of the correlations."""
+def factorise(covariance: Array) -> tuple[Array, float]:
+    """Return P with P P' = inverse of a covariance, and the logarithm of its determinant.
+
+    By Cholesky of the correlations; the covariance may be a vector of variances.
+    """
     if covariance.ndim == 1:
         return 1 / np.sqrt(covariance), float(np.log(covariance).sum())
     correlation, deviations = _correlation(covariance)
@@ -253,7 +271,7 @@ def _lift(covariance: Array, floor: float) -> tuple[Array, Array, float]:
     """Raise the eigenvalues to the floor; return covariance, inverse factor, log determinant."""
     if covariance.ndim == 1:
         lifted = np.maximum(covariance, floor)
-        return lifted, *_factorise(lifted)
+        return lifted, *factorise(lifted)
     eigenvalues, vectors = np.linalg.eigh(covariance)
     eigenvalues = np.maximum(eigenvalues, floor)
     root = vectors * np.sqrt(eigenvalues)

@@ -106,7 +106,8 @@ def groups_parameter(estimator: Any) -> str | None:
         return None if name is None else f"{step}__{name}"
     if has_fit_parameter(estimator, "groups"):
         unknown, temperature = (getattr(estimator, n, None) for n in ("unknown", "temperature"))
-        return "groups" if unknown is not None or temperature == "groups" else None
+        needed = getattr(estimator, "needs_groups", False)
+        return "groups" if needed or unknown is not None or temperature == "groups" else None
     # Searches and routers pass what `fit` gets on to the estimator inside.
     inner = getattr(estimator, "estimator", None)
     return None if inner is None else groups_parameter(inner)

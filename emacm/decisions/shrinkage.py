@@ -128,6 +128,50 @@ def ledoit_wolf_coefficient(scatter: Array, count: float, fourth: float) -> floa
     return float(error / distance) if error > 0 else 0.0
 
 
+def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
+    """Correct the eigenvalues of a covariance that has few degrees of freedom.
+
+    The largest of a sample are too large, the smallest too small. Those beyond the range of
+    eigenvalues of uncorrelated features of one variance are moved to the value that would have
+    caused them [1]_; all others become equal. Their sum, which is unbiased, is kept.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_features,)
+        Eigenvalues, at least 0, in any order.
+    divisor : int
+        Degrees of freedom of the covariance.
+
+    Returns
+    -------
+    corrected : ndarray of shape (n_features,)
+        In the same order.
+
+    References
+    ----------
+    .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
+       model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
+
+    Examples
+    --------
+    >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
+    array([8.039, 1.24 , 1.24 , 1.24 , 1.24 ])
+    """
+    values = np.asarray(values, dtype=np.float64)
+    ratio = len(values) / divisor
+    corrected = np.full(len(values), values.mean())
+    above = np.zeros(len(values), bool)
+    while True:
+        level = corrected[~above].mean()  # of the features that are equal; it only decreases
+        more = values > level * (1 + np.sqrt(ratio)) ** 2
+        if (more == above).all():
+            return corrected
+        above = more
+        half = (values[above] / level + 1 - ratio) / 2
+        corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
+        corrected[~above] = (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+
+
 def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
     """Shrink covariances towards uncorrelated features of equal (scaled) variance.
 

@@ -1,0 +1,299 @@
+"""Gaussian classifier for units that were not in training, with an offset of each unit."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_number
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.gaussians import fit_gaussians, shrinkage_coefficients
+from emacm.decisions.labels import label_list, label_positions
+from emacm.decisions.left_out import group_numbers
+from emacm.decisions.left_out_calibration import LeftOutCalibration
+from emacm.decisions.moments import moments_for
+from emacm.decisions.prediction_sets import LeftOutDensities, classes_above, probability_threshold
+from emacm.decisions.refits import parts_of
+from emacm.decisions.temperature import fit_temperature
+from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class NewUnitClassifier(CostSensitiveGaussianBayes):
+    """Gaussian Bayes classifier for new units: units differ by an offset common to all classes.
+
+    The scatter within a class is divided into a covariance between units and one within a unit
+    (a mixed model with a random effect of each unit). The first recording of a new unit is judged
+    with the sum of both. `for_unit` takes recordings of that unit whose state is known, usually
+    healthy ones, and returns a classifier that subtracts the expected offset and has
+    narrower densities; with many recordings they are those within a unit.
+
+    Parameters
+    ----------
+    cost : None, array-like, DataFrame or mapping, default=None
+        As for `CostSensitiveGaussianBayes`.
+    priors : None, "uniform", array-like or mapping, default=None
+        As for `CostSensitiveGaussianBayes`.
+    shrinkage : None, float in [0, 1], "oas" or "auto", default="auto"
+        As for `CostSensitiveGaussianBayes` with ``covariance="tied"``.
+    unknown : label, default=None
+        As for `CostSensitiveGaussianBayes`. Typicality is that of first recordings of new units;
+        of a unit with known recordings it is judged without the expected offset, by the same
+        scale, so that an unknown state is recognised less easily than it could be.
+    temperature : None, float or "groups", default=None
+        As for `CostSensitiveGaussianBayes`; "groups": from the densities of left-out units.
+
+    Attributes
+    ----------
+    between_covariance_ : ndarray of shape (n_features, n_features)
+        Covariance of the offset of a unit, about `unit_offset_`.
+    within_covariance_ : ndarray of shape (n_features, n_features)
+        Covariance of the recordings of one unit in one class.
+    means_ : ndarray of shape (n_classes, n_features)
+        Mean of each class over the units (generalised least squares); after `for_unit`, the
+        expected level of that unit in each class.
+    covariances_ : ndarray of shape (n_classes, n_features, n_features)
+        Covariance of a recording of the unit about `means_`; as in `CostSensitiveGaussianBayes` if
+        no difference between units is found.
+    unit_offset_ : ndarray of shape (n_features,)
+        Expected offset of the unit; 0 before recordings of it are given.
+    n_unit_recordings_ : int
+        Number of recordings of the unit that `for_unit` was given.
+    classes_, truths_, decisions_, cost_, priors_, ...
+        As of `CostSensitiveGaussianBayes`.
+
+    Notes
+    -----
+    Class means of different units differ by chance. As far as this stems from units it widens the
+    densities too, and remains after `for_unit` unless units were recorded in several
+    classes. Covariances are estimated from mean squares (`emacm.decisions.unit_effects`); with few
+    units they are uncertain, which is not modelled: ``temperature="groups"`` and `prediction_sets`
+    take it from left-out units.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> units = np.repeat(np.arange(20), 5)
+    >>> y = np.where(units % 2, "worn", "healthy")
+    >>> offsets = 3 * rng.normal(size=(21, 1))
+    >>> X = 4.0 * (y == "worn")[:, np.newaxis] + offsets[units] + rng.normal(size=(100, 1))
+    >>> model = NewUnitClassifier().fit(X, y, groups=units)
+    >>> model.predict_proba([[6.0]]).round(2)  # first recording of a new unit
+    array([[0.1, 0.9]])
+    >>> model.for_unit([[5.5], [6.5], [5.0]], "healthy").predict_proba([[6.0]]).round(2)
+    array([[0.95, 0.05]])
+    """
+
+    covariance = "tied"
+    needs_groups = True
+    _levels: UnitLevels | None = None
+
+    def __init__(
+        self,
+        cost: Any = None,
+        *,
+        priors: Any = None,
+        shrinkage: Any = "auto",
+        unknown: Any = None,
+        temperature: Any = None,
+    ):
+        self.cost = cost
+        self.priors = priors
+        self.shrinkage = shrinkage
+        self.unknown = unknown
+        self.temperature = temperature
+
+    def fit(self, X, y, groups=None):  # type: ignore[override]
+        """Estimate the mean of each class, and the covariances between and within units.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features, in any units.
+        y : array-like of shape (n_recordings,)
+            True class of each recording.
+        groups : array-like of shape (n_recordings,)
+            Unit of each recording; several recordings of a unit are needed. Without groups there
+            is no difference between units, and the densities are those of
+            ``CostSensitiveGaussianBayes(covariance="tied")``.
+
+        Returns
+        -------
+        self : NewUnitClassifier
+            The fitted classifier.
+
+        Raises
+        ------
+        ValueError
+            As `CostSensitiveGaussianBayes.fit`; if there is a single unit, no class was recorded
+            on two units, no unit has two recordings, or the covariance within units is singular.
+
+        Warns
+        -----
+        UserWarning
+            If there are no `groups`.
+        """
+        self._levels = None
+        super().fit(X, y, groups=groups)
+        if groups is None:
+            warnings.warn(
+                "NewUnitClassifier was fitted without groups, so that it knows no difference "
+                "between units. Give the unit of each recording, in a pipeline as "
+                "newunitclassifier__groups=units.",
+                UserWarning,
+                stacklevel=2,
+            )
+            return self
+        table = self._checked_features(X)
+        codes = np.searchsorted(self.classes_, np.asarray(y))
+        units = group_numbers(groups, table, codes)
+        self._set_levels(self._estimated(table, codes, units))
+        self._left_out = self._leave_out(table, codes, units)
+        if isinstance(self.temperature, str):
+            weight, priors = np.ones(len(self._left_out.codes)), self.class_count_ / len(table)
+            best = fit_temperature(*self._left_out[:2], weight, priors)
+            self._calibration = LeftOutCalibration(self._calibration.typicality, best)
+        return self
+
+    @property
+    def partial_fit(self):
+        """Not available: units are needed at once."""
+        raise AttributeError("NewUnitClassifier has no partial_fit: all units are needed at once.")
+
+    @property
+    def unit_offset_(self) -> Array:
+        """Expected offset of the unit, shape (n_features,)."""
+        return self._unit().offset
+
+    @property
+    def n_unit_recordings_(self) -> int:
+        """Number of recordings of the unit that `for_unit` was given."""
+        return self._unit().n_recordings
+
+    @property
+    def between_covariance_(self) -> Array:
+        """Covariance of the offset of the unit, shape (n_features, n_features)."""
+        return self._unit().between
+
+    @property
+    def within_covariance_(self) -> Array:
+        """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
+        return self._unit().within
+
+    def for_unit(self, X, y) -> Self:
+        """Return the classifier for one unit, of which some recordings are known.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features of the recordings of that unit.
+        y : label, or array-like of shape (n_recordings,)
+            Their class ("healthy"), or that of each of them.
+
+        Returns
+        -------
+        NewUnitClassifier
+            A fitted copy. Further recordings of the same unit may be given to its `for_unit`, with
+            the same result as all at once; recordings of another unit to that of this classifier.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, a label is no class, or `fit` had no groups.
+        """
+        table = self._checked_features(X)
+        labels = [y] * len(table) if np.ndim(y) == 0 else label_list(y)
+        if len(labels) != len(table):
+            raise ValueError(
+                f"y must have one class for each of {len(table)} recordings, or one for all, got "
+                f"{len(labels)}."
+            )
+        codes = label_positions(labels, self.classes_.tolist(), "y", "class")
+        model = copy.copy(self)
+        model._set_levels(self._unit().given(table, np.array(codes)))
+        return model
+
+    def prediction_sets(self, X, coverage=0.9):
+        """Return the classes that cannot be excluded for each recording.
+
+        The set has the most probable class, and every class that is at least as probable as a
+        threshold: the one with which the sets of units that were left out in training contain the
+        true class with probability `coverage`, for present priors. It applies to first recordings
+        of new units; after `for_unit`, posteriors are surer and sets contain it more often.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features.
+        coverage : float, default=0.9
+            Probability above 0 and below 1. If the most probable class is right more often, the
+            sets have one class and cover more.
+
+        Returns
+        -------
+        ndarray of bool, shape (n_recordings, n_classes)
+            Never empty.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, `fit` had no groups, or there are fewer units than
+            ``coverage / (1 - coverage)``.
+        """
+        coverage = check_number(coverage, "coverage", above=0, below=1)
+        posterior = self.predict_proba(X)
+        self._unit()
+        threshold = probability_threshold(self._left_out, self.priors_, self.temperature_, coverage)
+        return classes_above(posterior, threshold)
+
+    def typicality(self, X):
+        """As `CostSensitiveGaussianBayes.typicality`, without the expected offset of the unit."""
+        table = self._checked_features(X)
+        offset = 0.0 if self._levels is None else self._levels.offset
+        return self._calibrated("typicality")(table - offset)
+
+    def _unit(self) -> UnitLevels:
+        if self._levels is None:
+            check_is_fitted(self)
+            raise ValueError(
+                "NewUnitClassifier knows no difference between units: it was fitted without "
+                "groups. Call fit with groups=, the unit of each recording."
+            )
+        return self._levels
+
+    def _set_levels(self, levels: UnitLevels) -> None:
+        self._levels = levels
+        if levels.covariances.any():  # otherwise exactly as without units
+            self._gaussians = levels.gaussians()
+            self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
+
+    def _estimated(self, X: Array, codes: Indices, units: Indices) -> UnitLevels:
+        """Estimate the covariances from recordings of classes and units numbered from 0."""
+        moments = moments_for("tied", self.shrinkage, X, codes, int(codes.max()) + 1)
+        shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
+        plain = fit_gaussians(moments, *shrinkage).covariances[0]
+        return fit_unit_levels(X, codes, units, plain, *shrinkage)
+
+    def _leave_out(self, X: Array, codes: Indices, units: Indices) -> LeftOutDensities:
+        """Leave out up to ten parts of the units in turn, with the units of each class divided."""
+        first = np.unique(units, return_index=True)[1]
+        parts = parts_of(codes[first])[units]
+        densities = np.full((len(X), len(self.classes_)), -np.inf)
+        for part in np.unique(parts):
+            rows, others = parts == part, parts != part
+            known, numbers = np.unique(codes[others], return_inverse=True)
+            remaining = np.unique(units[others], return_inverse=True)[1]
+            try:
+                levels = self._estimated(X[others], numbers, remaining)
+            except ValueError:  # too few units remain
+                continue
+            densities[np.ix_(rows, known)] = levels.gaussians().log_densities(X[rows])
+        judged = np.isfinite(densities[np.arange(len(X)), codes])
+        return LeftOutDensities(densities[judged], codes[judged], units[judged])

@@ -1,0 +1,310 @@
+"""Variance between units: first recordings of new units, and what recordings of a unit change."""
+
+import pickle
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import multivariate_normal
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
+from emacm.decisions.prediction_sets import LeftOutDensities, probability_threshold
+from emacm.decisions.unit_effects import UnitLevels, unit_scatter
+
+STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
+CENTRES = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, -2.0], [0.0, 5.0, 3.0]])
+WITHIN = np.array([[0.8, 0.2, 0.0], [0.2, 1.1, -0.3], [0.0, -0.3, 0.6]])
+BETWEEN = np.array([[6.0, 2.0, 1.0], [2.0, 3.0, 0.0], [1.0, 0.0, 9.0]])
+
+
+def draw(codes, units, seed=0, between=BETWEEN):
+    """Return recordings of units with their own offsets, and the offsets."""
+    rng = np.random.default_rng(seed)
+    offsets = rng.multivariate_normal(np.zeros(3), between, units.max() + 1)
+    return CENTRES[codes] + offsets[units] + rng.multivariate_normal(
+        np.zeros(3), WITHIN, len(units)
+    ), offsets  # fmt: skip
+
+
+def fleet(n_units=60, n_runs=5, seed=0, between=BETWEEN, crossed=False):
+    """Return recordings, states and units; crossed: each unit was recorded in every state."""
+    units = np.repeat(np.arange(n_units), n_runs)
+    codes = np.tile(np.arange(n_runs) % 3, n_units) if crossed else units % 3
+    return draw(codes, units, seed, between)[0], STATES[codes], units
+
+
+@pytest.fixture(scope="module")
+def model():
+    return NewUnitClassifier(priors="uniform").fit(*fleet())
+
+
+def test_without_variance_between_units_all_results_are_those_of_the_tied_classifier():
+    X, y, units = fleet()
+    for unit in np.unique(units):
+        rows = units == unit
+        X[rows] += CENTRES[y[rows][0] == STATES] - X[rows].mean(axis=0)
+    new = NewUnitClassifier(unknown="new").fit(X, y, groups=units)
+    plain = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", unknown="new")
+    plain.fit(X, y, groups=units)
+    later = fleet(seed=1)[0]
+    known = new.for_unit(later[:7], "healthy")
+    for one in (new, known):
+        np.testing.assert_array_equal(one.predict_proba(later), plain.predict_proba(later))
+        np.testing.assert_array_equal(one.typicality(later), plain.typicality(later))
+    assert not new.between_covariance_.any()
+    np.testing.assert_allclose(new.within_covariance_, plain.covariances_, atol=1e-12)
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+def test_the_covariances_are_found(crossed):
+    fitted = NewUnitClassifier(shrinkage=None).fit(*fleet(1000, 6, crossed=crossed))
+    np.testing.assert_allclose(fitted.within_covariance_, WITHIN, atol=0.08)
+    np.testing.assert_allclose(fitted.between_covariance_, BETWEEN, atol=1.0)
+    np.testing.assert_allclose(fitted.means_[[2, 0, 1]], CENTRES, atol=0.4)
+    assert fitted.classes_.tolist() == ["backlash", "dry", "healthy"]
+
+
+def test_mean_squares_are_unbiased_in_an_unbalanced_design():
+    rng = np.random.default_rng(5)
+    units = np.repeat(np.arange(7), [1, 5, 2, 2, 3, 1, 4])
+    codes = rng.integers(0, 2, len(units))
+    within, between = [], []
+    for seed in range(1500):
+        X, _ = draw(codes, units, seed)
+        parts = unit_scatter(X - CENTRES[codes], codes, units)
+        within.append(parts.within)
+        between.append((parts.between - parts.within) / parts.multiplicity)
+    np.testing.assert_allclose(np.mean(within, axis=0), WITHIN, atol=0.03)
+    np.testing.assert_allclose(np.mean(between, axis=0), BETWEEN, atol=0.4)
+
+
+def test_conditioning_is_that_of_the_joint_gaussian():
+    X, _, units = fleet(40, 6, crossed=True)
+    codes = np.tile(np.arange(6) % 3, 40)
+    fitted = NewUnitClassifier().fit(X, STATES[codes], groups=units)
+    later, _ = draw(np.array([0, 0, 1, 2]), np.zeros(4, int), 3)
+    known = fitted.for_unit(later[:3], STATES[[0, 0, 1]])
+    # All recordings of the unit have one offset, and class means one uncertainty, in common.
+    levels = fitted._levels
+    D, prior = levels.directions, levels.covariances
+    places = [list(fitted.classes_).index(STATES[k]) for k in (0, 0, 1, 2)]
+    joint = np.zeros((12, 12))
+    for i, j in np.ndindex(4, 4):
+        shared = (D * prior[:, places[i], places[j]]) @ D.T
+        joint[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = shared + (i == j) * D @ D.T
+    mean = np.concatenate([fitted.means_[place] for place in places])
+    whole = multivariate_normal(mean, joint).logpdf(later.ravel())
+    part = multivariate_normal(mean[:9], joint[:9, :9]).logpdf(later[:3].ravel())
+    density = known._gaussians.log_densities(later[3:])[0, places[3]]
+    assert density == pytest.approx(whole - part, rel=1e-9)
+
+
+def test_recordings_of_a_unit_may_come_one_at_a_time(model):
+    X = fleet(seed=4)[0]
+    at_once = model.for_unit(X[:5], STATES[[0, 0, 2, 0, 1]])
+    stepwise = model
+    for row, code in enumerate([0, 0, 2, 0, 1]):
+        stepwise = stepwise.for_unit(X[[row]], STATES[code])
+    np.testing.assert_allclose(stepwise.predict_proba(X), at_once.predict_proba(X), rtol=1e-9)
+    np.testing.assert_allclose(stepwise.unit_offset_, at_once.unit_offset_)
+    assert stepwise.n_unit_recordings_ == at_once.n_unit_recordings_ == 5
+    assert model.n_unit_recordings_ == 0
+
+
+def test_densities_narrow_with_every_recording(model):
+    X = draw(np.zeros(10, int), np.zeros(10, int), 1)[0]
+    spreads = [np.linalg.det(model.between_covariance_)]
+    for count in (1, 2, 5, 10):
+        known = model.for_unit(X[:count], "healthy")
+        spreads.append(np.linalg.det(known.between_covariance_))
+        healthy = known.covariances_[2]
+        assert (np.linalg.eigvalsh(healthy - known.within_covariance_) > -1e-12).all()
+        assert (np.linalg.eigvalsh(model.covariances_[2] - healthy) > 0).all()
+    assert (np.diff(spreads) < 0).all()
+
+
+def test_after_endless_recordings_the_densities_are_those_within_the_unit():
+    fitted = NewUnitClassifier().fit(*fleet(60, 6, crossed=True))
+    offset = np.array([3.0, -1.0, 2.0])
+    one = CENTRES[:1] + offset
+    known = fitted.for_unit(np.repeat(one, 10**5, axis=0), "healthy")
+    np.testing.assert_allclose(
+        known.covariances_, np.broadcast_to(known.within_covariance_, (3, 3, 3)), atol=1e-4
+    )
+    np.testing.assert_allclose(known.means_ - fitted.means_, np.tile(
+        one[0] - fitted.means_[2], (3, 1)), atol=1e-3)  # fmt: skip
+
+
+def test_an_offset_that_is_equal_in_all_classes_cancels():
+    fitted = NewUnitClassifier().fit(*fleet(60, 6, crossed=True))
+    X, later = fleet(seed=6)[0][:4], fleet(seed=7)[0]
+    offset = np.array([5.0, -3.0, 8.0])
+    results = []
+    for shift in (0.0, offset):
+        known = fitted.for_unit(np.repeat(X + shift, 10**5, axis=0), "healthy")
+        results.append(known.predict_log_proba(later + shift))
+    np.testing.assert_allclose(*results, atol=1e-3)
+    first = [fitted.predict_log_proba(later + shift) for shift in (0.0, offset)]
+    assert np.abs(first[0] - first[1]).max() > 3
+
+
+def test_classes_recorded_on_different_units_stay_uncertain(model):
+    X = np.repeat(CENTRES[:1], 10**5, axis=0)
+    known = model.for_unit(X, "healthy")
+    extra = known.covariances_ - known.within_covariance_
+    assert np.abs(extra[2]).max() < 1e-4
+    assert (np.linalg.eigvalsh(extra[0]) > 0.05).all()
+
+
+def test_known_recordings_of_a_unit_improve_its_posteriors():
+    fitted = NewUnitClassifier(priors="uniform").fit(*fleet(30, 6))
+    codes, losses = np.arange(200) % 3, []
+    later, offsets = draw(codes, np.arange(200), 5)
+    healthy = CENTRES[0] + offsets[:, np.newaxis] + np.random.default_rng(0).multivariate_normal(
+        np.zeros(3), WITHIN, (200, 10))  # fmt: skip
+    places = np.searchsorted(fitted.classes_, STATES[codes])
+    for count in (0, 1, 3, 10):
+        models = [fitted.for_unit(h[:count], "healthy") if count else fitted for h in healthy]
+        rows = zip(models, later, places, strict=True)
+        losses.append(np.mean([-model.predict_log_proba([z])[0, k] for model, z, k in rows]))
+    assert (np.diff(losses) < 0).all()
+    assert losses[3] < losses[0] / 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crossed", [False, True])
+def test_sets_of_50_units_cover_90_percent_and_have_one_class_after_three_recordings(crossed):
+    between, first, after = 3 * WITHIN + BETWEEN, [], []
+    for seed in range(60):
+        X, y, units = fleet(50, 6, seed, between, crossed)
+        fitted = NewUnitClassifier(priors="uniform").fit(X, y, groups=units)
+        codes = np.arange(240) % 3
+        later, offsets = draw(codes, np.arange(240), 1000 + seed, between)
+        places = np.searchsorted(fitted.classes_, STATES[codes])
+        sets = fitted.prediction_sets(later)
+        first.append((sets[np.arange(240), places].mean(), sets.sum(axis=1).mean()))
+        rng = np.random.default_rng(seed)
+        for unit in range(0, 240, 4):
+            healthy = CENTRES[0] + offsets[unit] + rng.multivariate_normal(np.zeros(3), WITHIN, 3)
+            known = fitted.for_unit(healthy, "healthy").prediction_sets(later[[unit]])[0]
+            after.append((known[places[unit]], known.sum()))
+    coverage, size = np.mean(first, axis=0)
+    assert 0.88 <= coverage <= 0.92
+    assert size > 1.2
+    coverage, size = np.mean(after, axis=0)
+    assert coverage >= 0.9
+    assert size <= 1.1
+
+
+def test_sets_follow_priors_and_coverage(model):
+    later = fleet(seed=9)[0]
+    sizes = [model.prediction_sets(later, coverage).sum() for coverage in (0.5, 0.8, 0.95)]
+    assert len(later) <= sizes[0] < sizes[1] < sizes[2]
+    rare = pickle.loads(pickle.dumps(model))
+    rare.set_params(priors={"healthy": 0.98, "dry": 0.01, "backlash": 0.01})
+    assert rare.prediction_sets(later)[:, 2].mean() > model.prediction_sets(later)[:, 2].mean()
+
+
+def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
+    # Unit 0 has three recordings, of probability 0.2; units 1 to 9 one each, of 0.45 down to 0.05.
+    own = np.array([0.2] * 3 + [0.45, 0.4, 0.35, 0.3, 0.25, 0.15, 0.12, 0.1, 0.05])
+    logs = np.log(np.column_stack([own, 1 - own]))
+    units = np.array([0, 0, 0, *range(1, 10)])
+    left_out = LeftOutDensities(logs, np.zeros(12, int), units)
+    even = np.array([0.5, 0.5])
+    assert probability_threshold(left_out, even, 1.0, 0.5) == pytest.approx(0.25)
+    assert probability_threshold(left_out, even, 1.0, 0.6) == pytest.approx(0.2)
+    assert probability_threshold(left_out, even, 1.0, 0.9) == pytest.approx(0.1)
+    with pytest.raises(ValueError, match=r"10 units cannot .* at least 19; .* at most 0.909"):
+        probability_threshold(left_out, even, 1.0, 0.95)
+
+
+def test_unknown_states_and_temperature():
+    X, y, units = fleet()
+    fitted = NewUnitClassifier(unknown="new", temperature="groups").fit(X, y, groups=units)
+    far = CENTRES[:1] + [0.0, 40.0, -40.0]
+    assert fitted.predict(far).tolist() == ["new"]
+    assert fitted.truths_[-1] == "new"
+    assert 0.5 < fitted.temperature_ < 2
+    assert fitted.for_unit(X[:3], y[0]).predict(far).tolist() == ["new"]
+    frame = pd.DataFrame(X, columns=["level", "ratio", "phase"])
+    named = NewUnitClassifier(unknown="new").fit(frame, y, groups=units)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        known = named.for_unit(frame[:4], "healthy")
+        assert known.unknown_proba(frame[4:6]).shape == (2,)
+        assert known.prediction_sets(frame[4:6]).shape == (2, 3)
+
+
+def test_the_offset_of_a_unit_is_no_unknown_state():
+    fitted = NewUnitClassifier(unknown="new").fit(*fleet(crossed=True))
+    offset = np.array([9.0, 5.0, 9.0])  # a unit unlike the others
+    X = CENTRES[0] + offset + np.random.default_rng(0).normal(scale=0.5, size=(8, 3))
+    known = fitted.for_unit(X[:5], "healthy")
+    assert (known.typicality(X[5:]) > 10 * fitted.typicality(X[5:])).all()
+
+
+@pytest.mark.parametrize(
+    ("units", "states", "message"),
+    [
+        ([4] * 6, "hhhddd", "no class has recordings in two groups"),
+        ([1, 1, 1, 2, 2, 2], "hhhddd", "no class has recordings in two groups"),
+        ([1, 2, 3, 4, 5, 6], "hhhddd", "no unit has recordings beyond one"),
+        ([1, 1, 2], "hhhddd", "groups must have one label for each of the 6 recordings, got 3"),
+    ],
+)
+def test_fleets_that_reveal_no_variance_between_units(units, states, message):
+    X = np.random.default_rng(0).normal(size=(6, 2))
+    with pytest.raises(ValueError, match=message):
+        NewUnitClassifier().fit(X, list(states), groups=units)
+
+
+def test_invalid_input(model):
+    X, y, _ = fleet()
+    with pytest.raises(ValueError, match="'worn' at position 0, which is no known class"):
+        model.for_unit(X[:2], "worn")
+    with pytest.raises(ValueError, match="y must have one class for each of 2 recordings"):
+        model.for_unit(X[:2], ["healthy"] * 3)
+    with pytest.raises(ValueError, match="X has 2 features, but NewUnitClassifier is expecting 3"):
+        model.for_unit(X[:2, :2], "healthy")
+    with pytest.raises(ValueError, match=r"coverage must be .* below 1"):
+        model.prediction_sets(X, 1.0)
+    with pytest.raises(ValueError, match=r"9 units cannot support a coverage of 0.95, .* least 19"):
+        NewUnitClassifier().fit(*fleet(9)).prediction_sets(X, 0.95)
+    many = np.random.default_rng(0).normal(size=(16, 9))
+    with pytest.raises(ValueError, match=r"covariance within units is singular, for 9 features"):
+        NewUnitClassifier(shrinkage=0).fit(many, [0, 1] * 8, groups=np.arange(16) // 2)
+    with pytest.raises(AttributeError, match="no partial_fit: all units are needed at once"):
+        model.partial_fit(X, y)
+
+
+def test_without_groups_there_are_no_units():
+    X, y, _ = fleet()
+    with pytest.warns(UserWarning, match="NewUnitClassifier was fitted without groups"):
+        fitted = NewUnitClassifier().fit(X, y)
+    plain = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, y)
+    np.testing.assert_array_equal(fitted.predict_proba(X), plain.predict_proba(X))
+    for call in (
+        lambda: fitted.for_unit(X, "healthy"),
+        lambda: fitted.prediction_sets(X),
+        lambda: fitted.between_covariance_,
+    ):
+        with pytest.raises(
+            ValueError, match=r"it was fitted without groups. Call fit with groups="
+        ):
+            call()
+
+
+def test_levels_are_those_of_the_best_linear_unbiased_prediction():
+    level = UnitLevels(np.eye(1), np.array([[2.0, 0.0]]), np.full((1, 2, 2), 3.0))
+    known = level.given(np.array([[4.0], [5.0], [9.0]]), np.zeros(3, int))
+    assert known.offset == pytest.approx([3 / (3 + 1 / 3) * (6 - 2)])
+    assert known.between[0, 0] == pytest.approx(1 / (1 / 3 + 3))
+
+
+@pytest.mark.filterwarnings("ignore:NewUnitClassifier was fitted without groups:UserWarning")
+@parametrize_with_checks([NewUnitClassifier()])
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
