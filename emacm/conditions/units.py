@@ -122,6 +122,6 @@ def _router_for_unit(router: ConditionRouter, X: Any, y: Any) -> ConditionRouter
                 f"were {list(router.conditions_)}. Leave it out."
             )
         rows = np.flatnonzero([other == value for other in found])
-        some, classes = chosen_rows(router._inner(X), rows), [labels[row] for row in rows]
+        some, classes = chosen_rows(router.inner(X), rows), [labels[row] for row in rows]
         known.estimators_[value] = for_unit(router.estimators_[value], some, classes)
     return known
