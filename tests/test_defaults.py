@@ -47,6 +47,7 @@ DEFAULTS = {
     "BinTransformer": {"bin_size": 1.0, "max_order": 50.0, "stop_bands": ()},
     "Chapter": {"opening": ""},
     "Chapter.compare": {"slack": 0.0},
+    "ComparisonDisplay": {"scheme": ""},
     "ConditionRouter": {"condition": "load", "unseen": "raise"},
     "ContributionsDisplay": {"slip": 0.02, "decision": "the decision", "unit": "nats"},
     "CostSensitiveGaussianBayes": {"covariance": "full"},
@@ -194,6 +195,8 @@ DEFAULTS = {
         "min_speed": 0.0,
         "min_revolutions": 0.0,
     },
+    "TypicalityDisplay": {"healthy": "healthy"},
+    "UnknownRocDisplay": {"threshold": 0.01},
     "actuator_recipe": {
         "phase": False,
         "condition": "load",
