@@ -180,6 +180,12 @@ if TYPE_CHECKING:
     from emacm.shaft.tacho import (
         pulse_times as pulse_times,
     )
+    from emacm.stroke_features.gears import (
+        GearIndicators as GearIndicators,
+    )
+    from emacm.stroke_features.gears import (
+        SynchronousAverage as SynchronousAverage,
+    )
     from emacm.stroke_features.harmonics import (
         ShaftHarmonics as ShaftHarmonics,
     )
@@ -244,6 +250,10 @@ _PUBLIC = {
     ],
     "stroke_features.harmonics": [
         "ShaftHarmonics",
+    ],
+    "stroke_features.gears": [
+        "GearIndicators",
+        "SynchronousAverage",
     ],
     "conditions.signal_baseline": [
         "SignalBaseline",

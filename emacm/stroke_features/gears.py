@@ -1,0 +1,364 @@
+"""Gear indicators of recordings, from time-synchronous averages, as named columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_count
+from emacm.recordings.inputs import as_recordings
+from emacm.resampling.angle_recording import AngleRecording
+from emacm.stroke_features.gear_signals import (
+    fm0,
+    mesh_envelope,
+    mesh_orders,
+    normalized_moment,
+    residual_signal,
+    sideband_level,
+)
+from emacm.stroke_features.signals import StrokeSignal
+from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures
+
+Array = NDArray[np.float64]
+Self = TypeVar("Self", bound="GearIndicators")
+
+_TURN = 2 * np.pi
+_INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
+
+
+class SynchronousAverage(StrokeFeatures):
+    """Time-synchronous average (TSA): the mean over whole revolutions of a shaft.
+
+    What repeats in each revolution of the shaft stays, and everything else averages out. The
+    shaft is that of `OrderResampler`: any shaft of the machine, by its `ratio`.
+
+    Parameters
+    ----------
+    channels : sequence of str, optional
+        Channels, in this order. Default: those of the first recording.
+    by_direction : bool
+        Average forward and reverse strokes separately, as columns ``channel+:…`` and
+        ``channel-:…``.
+    min_speed : float
+        As in `OrderResampler`, where it is set.
+    min_revolutions : float
+        Shorter strokes are ignored [revolutions].
+    n_jobs : int, optional
+        Number of recordings processed in parallel, by joblib's active backend (default: threads).
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels that are averaged.
+
+    Notes
+    -----
+    `X` is the output of `OrderResampler` with 2π/theta_s a whole number n of samples per
+    revolution. The largest number of whole revolutions of each stroke is averaged; strokes are
+    aligned at the shaft angle and weighted by their revolutions. Columns ``channel:average0`` to
+    ``channel:average(n-1)``: the average at angles 0, theta_s, 2 theta_s, ... of the shaft. With
+    a velocity as the reference, the angle starts at 0 wherever the shaft was. A component of
+    another shaft is reduced to 1/(number of revolutions) or less, as is noise to
+    1/sqrt(number of revolutions).
+
+    References
+    ----------
+    .. [1] McFadden, A revised model for the extraction of periodic waveforms by time domain
+       averaging, Mech. Syst. Signal Process. 1 (1987).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import OrderResampler, Recording, SynchronousAverage
+    >>> angle = np.linspace(0, 40.5 * 2 * np.pi, 50_000)
+    >>> run = Recording({"case": np.cos(2 * angle)}, 10_000, angle=angle)
+    >>> over_angle = OrderResampler(2 * np.pi / 8).fit_transform([run])
+    >>> average = SynchronousAverage(by_direction=False).fit_transform(over_angle)
+    >>> average.round(2)[0, :5].tolist()
+    [1.0, 0.0, -1.0, 0.0, 1.0]
+    """
+
+    def __init__(
+        self,
+        *,
+        channels: Sequence[str] | None = None,
+        by_direction: bool = True,
+        min_speed: float = 0.0,
+        min_revolutions: float = 0.0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.channels = channels
+        self.by_direction = by_direction
+        self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Any, y: Any = None) -> SynchronousAverage:
+        """Set the channels, the samples per revolution and the names of the columns.
+
+        Parameters
+        ----------
+        X : output of OrderResampler
+            Recordings over the shaft angle.
+        y : ignored
+
+        Returns
+        -------
+        SynchronousAverage
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or X is invalid.
+        """
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
+        self._n_samples = _samples_per_revolution(rows[0])
+        super().fit(X)
+        return self
+
+    def _check_own_parameters(self) -> None:
+        pass
+
+    def _check_row(self, row: Row) -> None:
+        super()._check_row(row)
+        _check_over_angle(row, self._n_samples)
+
+    def _feature_names(self) -> list[tuple[str, ...]]:
+        if self._n_samples > MAX_COLUMNS:
+            raise ValueError(f"{self._n_samples} samples per revolution are too many columns.")
+        return [(f"average{k}",) for k in range(self._n_samples)]
+
+    def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
+        return average_revolution(strokes, self._n_samples)
+
+
+class GearIndicators(StrokeFeatures):
+    """Condition indicators of gears, from the time-synchronous average of their shaft.
+
+    Parameters
+    ----------
+    teeth : int or mapping of str to int
+        Teeth of the gear on the shaft of `OrderResampler` (see its `ratio`), or of several gears
+        on this shaft by name.
+    shaft_orders : int
+        Number of harmonics of the shaft that are removed with the regular meshing components.
+    channels : sequence of str, optional
+        Channels, in this order. Default: those of the first recording.
+    by_direction : bool
+        Compute forward and reverse strokes separately, as columns ``channel+:…`` and
+        ``channel-:…``: teeth have two flanks.
+    min_speed : float
+        As in `OrderResampler`, where it is set.
+    min_revolutions : float
+        Shorter strokes are ignored [revolutions].
+    n_jobs : int, optional
+        Number of recordings processed in parallel, by joblib's active backend (default: threads).
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels that are described.
+    ensemble_ : ndarray of shape (n_channels * n_directions * n_gears, 2)
+        Variances of the residual signal and of the envelope, averaged over the recordings of
+        `fit`: the run ensemble of NA4 and NB4.
+
+    Notes
+    -----
+    Columns ``channel:FM0`` (``channel:name:FM0`` for several gears) and so on [1]_:
+
+    - "FM0": peak-to-peak value over the amplitudes of the mesh harmonics: faults of several teeth;
+    - "FM4", "M6A": normalised 4th and 6th moment of the difference signal: faults of one or two
+      teeth; 3 and 15 if it is Gaussian;
+    - "sidebands": amplitudes of the first sidebands of the mesh over the RMS of the average;
+    - "NA4", "NB4": 4th moment of the residual signal, and of the envelope of the mesh, over the
+      square of their variance *in the recordings of fit*; about 3 for a gear without fault, and
+      growing with the damage. Fit on healthy recordings, or on all runs so far: the transform of
+      a recording never depends on the others of the same call. `na4` of
+      `emacm.stroke_features.gear_signals` gives the run ensemble in order of time.
+
+    The residual signal is the average without mesh harmonics and shaft harmonics; the difference
+    signal lacks the first sidebands too. All need several whole revolutions, and several samples
+    per tooth: theta_s of 2π / (8 teeth), say.
+
+    References
+    ----------
+    .. [1] Zakrajsek, Townsend and Decker, An analysis of gear fault detection methods as applied
+       to pitting fatigue failure data, NASA TM-105950 (1993).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import GearIndicators, OrderResampler, Recording
+    >>> angle = np.linspace(0, 60 * 2 * np.pi, 60_000)
+    >>> noise = 0.1 * np.random.default_rng(0).normal(size=60_000)
+    >>> run = Recording({"case": np.cos(13 * angle) + noise}, 10_000, angle=angle)
+    >>> over_angle = OrderResampler(2 * np.pi / 128).fit_transform([run])
+    >>> gear = GearIndicators(13, by_direction=False).set_output(transform="pandas")
+    >>> float(gear.fit_transform(over_angle)["case:FM0"].round(1)[0])
+    2.0
+    """
+
+    def __init__(
+        self,
+        teeth: int | Mapping[str, int],
+        *,
+        shaft_orders: int = 2,
+        channels: Sequence[str] | None = None,
+        by_direction: bool = True,
+        min_speed: float = 0.0,
+        min_revolutions: float = 0.0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.teeth = teeth
+        self.shaft_orders = shaft_orders
+        self.channels = channels
+        self.by_direction = by_direction
+        self.min_speed = min_speed
+        self.min_revolutions = min_revolutions
+        self.n_jobs = n_jobs
+
+    def fit(self: Self, X: Any, y: Any = None) -> Self:
+        """Set the channels and the names of the columns, and average the run ensemble.
+
+        Parameters
+        ----------
+        X : output of OrderResampler
+            Recordings over the shaft angle.
+        y : ignored
+
+        Returns
+        -------
+        GearIndicators
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or X is invalid.
+        """
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
+        self._n_samples = _samples_per_revolution(rows[0])
+        super().fit(X)
+        moments = [self._moments(row, index) for index, row in enumerate(rows)]
+        self.ensemble_ = np.mean([raw[:, -2:] for raw in moments], axis=0)
+        return self
+
+    def _gears(self) -> dict[str, int]:
+        return dict(self.teeth) if isinstance(self.teeth, Mapping) else {"": self.teeth}
+
+    def _check_own_parameters(self) -> None:
+        check_count(self.shaft_orders, "shaft_orders", at_least=0)
+        if isinstance(self.teeth, Mapping) and not self.teeth:
+            raise ValueError("teeth must contain at least one gear, got none.")
+        for name, teeth in self._gears().items():
+            if not isinstance(name, str):
+                raise TypeError(f"the names of gears must be strings, got {name!r}.")
+            check_count(teeth, f"teeth of {name!r}" if name else "teeth", at_least=4)
+            mesh_orders(teeth, self._n_samples, sidebands=1)
+
+    def _check_row(self, row: Row) -> None:
+        super()._check_row(row)
+        _check_over_angle(row, self._n_samples)
+
+    def _feature_names(self) -> list[tuple[str, ...]]:
+        names = self._gears()
+        return [((name, word) if name else (word,)) for name in names for word in _INDICATORS]
+
+    def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
+        """Return indicators, with moments in place of NA4 and NB4, and two variances, per gear."""
+        average = average_revolution(strokes, self._n_samples)
+        return np.concatenate([self._of_gear(average, teeth) for teeth in self._gears().values()])
+
+    def _of_gear(self, average: Array, teeth: int) -> list[float]:
+        residual = residual_signal(average, teeth, shaft_orders=self.shaft_orders)
+        difference = residual_signal(average, teeth, sidebands=1, shaft_orders=self.shaft_orders)
+        envelope = mesh_envelope(average, teeth)
+        envelope = envelope - envelope.mean()
+        return [
+            fm0(average, teeth),
+            normalized_moment(difference, 4),
+            normalized_moment(difference, 6),
+            sideband_level(average, teeth),
+            float(np.mean(residual**4)),
+            float(np.mean(envelope**4)),
+            float(np.mean(residual**2)),
+            float(np.mean(envelope**2)),
+        ]
+
+    def _moments(self, row: Row, index: int) -> Array:
+        return super()._row(row, index).reshape(-1, len(_INDICATORS) + 2)
+
+    def _row(self, row: Row, index: int) -> Array:
+        found = self._moments(row, index)
+        variances = np.maximum(self.ensemble_, np.finfo(np.float64).tiny ** 0.25)
+        found[:, 4:6] /= variances**2
+        return found[:, :-2].ravel()
+
+
+def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array:
+    """Average whole revolutions of strokes at uniform angles, aligned at the shaft angle.
+
+    Parameters
+    ----------
+    strokes : sequence of StrokeSignal
+        Signals at angles 2π / n_samples apart.
+    n_samples : int
+        Samples per revolution.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,)
+        Average at the shaft angles 0, 2π / n_samples, ...
+
+    Raises
+    ------
+    ValueError
+        If no stroke contains a whole revolution.
+    """
+    orders = np.arange(n_samples // 2 + 1)
+    total, n_turns = np.zeros(len(orders), complex), 0
+    for stroke in strokes:
+        turns = len(stroke.signal) // n_samples
+        whole = stroke.signal[: turns * n_samples].reshape(turns, n_samples)
+        spectrum = np.fft.rfft(whole.sum(axis=0, dtype=np.float64))
+        if stroke.direction < 0:
+            spectrum = np.conj(spectrum)
+        total += spectrum * np.exp(-1j * orders * stroke.start_angle)
+        n_turns += turns
+    if not n_turns:
+        longest = max(len(stroke.signal) for stroke in strokes) / n_samples
+        raise ValueError(
+            f"an average needs one whole revolution, but the longest stroke has {longest:.4g} "
+            f"revolutions. Check min_speed and ratio, or leave the recording out."
+        )
+    return np.fft.irfft(total / n_turns, n_samples)
+
+
+def _samples_per_revolution(row: Row) -> int:
+    if not isinstance(row, AngleRecording):
+        raise TypeError(
+            "an average over revolutions needs recordings over the shaft angle; put an "
+            "OrderResampler before it."
+        )
+    return round(_TURN / row.theta_s)
+
+
+def _check_over_angle(row: Row, n_samples: int) -> None:
+    """Raise if a recording has not as many samples per revolution."""
+    if not isinstance(row, AngleRecording):
+        return  # which StrokeFeatures reports
+    exact = _TURN / row.theta_s
+    if abs(exact - n_samples) > 1e-9 * n_samples:
+        raise ValueError(
+            f"it has {exact:.9g} samples per revolution, but {n_samples} are expected. Set theta_s "
+            f"= 2 * np.pi / {n_samples} of OrderResampler."
+        )
+    if row.direction == "travel":
+        raise ValueError(
+            "it was resampled with direction='travel', which has no shaft angle. Use "
+            "direction='strokes'."
+        )

@@ -1,0 +1,226 @@
+"""Facts about synchronous averages and gear indicators: what stays, what goes, known values."""
+
+import pickle
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+
+from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
+from emacm.stroke_features.gear_signals import (
+    fm0,
+    mesh_envelope,
+    mesh_orders,
+    na4,
+    normalized_moment,
+    residual_signal,
+    sideband_level,
+)
+
+TURN = 2 * np.pi
+FS = 8000
+N = 128
+TEETH = 13
+INDICATORS = ["FM0", "FM4", "M6A", "sidebands", "NA4", "NB4"]
+
+
+def gearbox(seed=0, missing=0.0, turns=60, ratio=1.0, reverse=False, **names):
+    """A gear of 13 teeth; the mesh loses a share of its amplitude at one tooth of 13."""
+    rng = np.random.default_rng(seed)
+    n_times = turns * 400
+    times = np.arange(n_times) / FS
+    angle = TURN * (turns - 0.3) * (times / times[-1] + 0.01 * np.sin(TURN * times / times[-1]))
+    if reverse:
+        angle = angle[-1] - angle
+    of_gear = ratio * angle
+    place = np.mod(of_gear, TURN) * TEETH / TURN  # in teeth
+    mesh = np.cos(TEETH * of_gear) * (1 - missing * ((place >= 4) & (place < 5)))
+    case = mesh + 0.3 * np.cos(2 * TEETH * of_gear + 1) + 0.05 * rng.normal(size=n_times)
+    motor = 0.5 * np.cos(6.3 * of_gear)
+    return Recording({"motor": motor, "case": case}, FS, angle=angle, **names)
+
+
+def over_angle(*recordings, **options):
+    return OrderResampler(TURN / N, **options).fit_transform(list(recordings))
+
+
+def indicators(recordings, teeth=TEETH, fitted_on=None, **options):
+    gears = GearIndicators(teeth, by_direction=False, **options).set_output(transform="pandas")
+    return gears.fit(recordings if fitted_on is None else fitted_on).transform(recordings)
+
+
+def test_fm4_of_a_gaussian_signal_is_3_and_m6a_15():
+    noise = np.random.default_rng(0).normal(2.0, 5.0, size=1_000_000)
+    assert normalized_moment(noise, 4) == pytest.approx(3, rel=0.01)
+    assert normalized_moment(noise, 6) == pytest.approx(15, rel=0.05)
+
+
+def test_fm0_of_a_pure_mesh_tone_is_2_whatever_its_amplitude():
+    angle = TURN * np.arange(3 * 64) / (3 * 64)
+    assert fm0(7 * np.cos(16 * angle), 16) == pytest.approx(2)
+
+
+def test_one_missing_tooth_raises_fm4_and_more_for_m6a():
+    healthy, broken = over_angle(gearbox(1), gearbox(2, missing=0.8))
+    found = indicators([healthy, broken], fitted_on=[healthy])
+    assert found["case:FM4"][0] < 4.5
+    assert found["case:FM4"][1] > 7
+    assert found["case:M6A"][1] / found["case:M6A"][0] > found["case:FM4"][1] / found["case:FM4"][0]
+    assert found["case:NA4"][1] > 100 * found["case:NA4"][0]
+    assert found["case:NB4"][1] > 100 * found["case:NB4"][0]
+
+
+def test_na4_grows_with_spreading_damage_where_fm4_does_not():
+    rng = np.random.default_rng(3)
+    damage = [rng.normal(0, size, 4096) for size in (1.0, 1.0, 2.0, 4.0)]
+    found = na4(damage)
+    assert found[0] == pytest.approx(3, rel=0.1)
+    assert np.all(np.diff(found[1:]) > 0)
+    fm4 = [normalized_moment(signal, 4) for signal in damage]
+    np.testing.assert_allclose(fm4, 3, rtol=0.1)
+    # The ensemble of Zakrajsek: the mean of the variances up to and including each run.
+    assert found[2] == pytest.approx(np.mean(damage[2] ** 4) / 2.0**2, rel=0.1)
+
+
+def test_na4_of_a_recording_is_relative_to_the_recordings_of_fit():
+    runs = over_angle(gearbox(1), gearbox(2), gearbox(3, missing=0.3))
+    alone = indicators(runs[2:])
+    relative = indicators(runs[2:], fitted_on=runs[:2])
+    assert relative["case:NA4"][0] > 20 * alone["case:NA4"][0]
+    assert relative["case:FM4"][0] == alone["case:FM4"][0]
+    both = indicators(runs, fitted_on=runs[:2])
+    np.testing.assert_array_equal(both.to_numpy()[2], relative.to_numpy()[0])
+
+
+def test_the_average_is_exact_over_whole_revolutions():
+    rng = np.random.default_rng(5)
+    one_turn = rng.normal(size=N)
+    signal = np.tile(one_turn, 21)[: 20 * N + 17]
+    from emacm.stroke_features.gears import average_revolution
+    from emacm.stroke_features.signals import StrokeSignal
+
+    travel = TURN / N * np.arange(len(signal))
+    stroke = StrokeSignal(signal, travel, 0.0, 1, None)
+    np.testing.assert_allclose(average_revolution([stroke], N), one_turn, atol=1e-12)
+
+
+def test_what_another_shaft_does_averages_out():
+    recording = gearbox(0, turns=200)
+    average = SynchronousAverage(by_direction=False).fit_transform(over_angle(recording))
+    motor, case = average.reshape(2, N)
+    assert np.abs(motor).max() < 0.01  # 0.5 at order 6.3
+    angle = TURN * np.arange(N) / N
+    expected = np.cos(TEETH * angle) + 0.3 * np.cos(2 * TEETH * angle + 1)
+    np.testing.assert_allclose(case, expected, atol=0.03)
+
+
+@pytest.mark.parametrize("ratio", [13 / 35, 2.5])
+def test_any_shaft_is_averaged_by_its_ratio(ratio):
+    recording = gearbox(0, turns=150, ratio=ratio)
+    resampled = over_angle(recording, ratio=ratio)
+    average = SynchronousAverage(channels=["case"], by_direction=False).fit_transform(resampled)
+    angle = TURN * np.arange(N) / N
+    expected = np.cos(TEETH * angle) + 0.3 * np.cos(2 * TEETH * angle + 1)
+    np.testing.assert_allclose(average[0], expected, atol=0.06)
+
+
+def test_strokes_of_both_directions_are_aligned_at_the_shaft_angle():
+    forward, reverse = over_angle(gearbox(0), gearbox(1, reverse=True))
+    averages = SynchronousAverage(channels=["case"], by_direction=False)
+    one, other = averages.fit_transform([forward, reverse])
+    np.testing.assert_allclose(one, other, atol=0.06)
+
+
+def test_columns_are_named_by_channel_direction_gear_and_indicator():
+    rows = over_angle(gearbox(0))
+    gears = GearIndicators({"pinion": 13, "brake": 9}, channels=["case"], by_direction=False)
+    names = list(gears.fit(rows).get_feature_names_out())
+    assert names == [f"case:{gear}:{word}" for gear in ("pinion", "brake") for word in INDICATORS]
+    average = SynchronousAverage(channels=["case"], by_direction=False).fit(rows)
+    assert list(average.get_feature_names_out()[:2]) == ["case:average0", "case:average1"]
+    assert len(average.get_feature_names_out()) == N
+
+
+def test_forward_and_reverse_flanks_are_apart():
+    t = np.arange(6 * FS) / FS
+    angle = 60 * np.sin(TURN * t / 6)
+    amplitude = np.where(np.gradient(angle) > 0, 1.0, 3.0)
+    rows = over_angle(Recording({"case": amplitude * np.cos(9 * angle)}, FS, angle=angle))
+    average = SynchronousAverage().fit_transform(rows).reshape(2, N)
+    np.testing.assert_allclose(average.max(axis=1), [1, 3], rtol=0.01)
+
+
+def test_indicators_work_in_pipelines_and_are_cloned_and_pickled():
+    recordings = [gearbox(seed) for seed in range(3)]
+    pipe = make_pipeline(OrderResampler(TURN / N), GearIndicators(TEETH, by_direction=False))
+    found = pipe.fit_transform(recordings)
+    assert found.shape == (3, 2 * len(INDICATORS))
+    np.testing.assert_array_equal(clone(pipe).fit(recordings).transform(recordings), found)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(pipe)).transform(recordings), found)
+
+
+def test_a_sideband_level_is_relative_to_the_rms():
+    angle = TURN * np.arange(256) / 256
+    average = 5 * (1 + 0.4 * np.cos(angle)) * np.cos(20 * angle)
+    rms = 5 * np.sqrt((1 + 0.4**2 / 2) / 2)
+    assert sideband_level(average, 20) == pytest.approx(5 * 0.4 / rms)
+    assert sideband_level(3 * average, 20) == pytest.approx(5 * 0.4 / rms)
+
+
+def test_the_difference_signal_lacks_mesh_and_first_sidebands_and_shaft():
+    angle = TURN * np.arange(100) / 100
+    kept = 0.2 * np.cos(3 * angle) + 0.1 * np.cos(14 * angle)
+    regular = 7 + np.cos(angle) + np.cos(2 * angle) + np.cos(12 * angle) + np.cos(24 * angle)
+    sides = np.cos(11 * angle) + np.cos(25 * angle)
+    np.testing.assert_allclose(residual_signal(kept + regular, 12), kept, atol=1e-12)
+    whole = kept + regular + sides
+    np.testing.assert_allclose(residual_signal(whole, 12, sidebands=1), kept, atol=1e-12)
+    np.testing.assert_allclose(residual_signal(whole, 12), kept + sides, atol=1e-12)
+
+
+def test_the_envelope_of_a_modulated_mesh_is_its_modulation():
+    angle = TURN * np.arange(200) / 200
+    modulation = 3 + np.cos(angle) + 0.5 * np.sin(4 * angle)
+    np.testing.assert_allclose(mesh_envelope(modulation * np.cos(20 * angle), 20), modulation)
+
+
+def test_a_silent_channel_gives_finite_indicators():
+    angle = TURN * np.linspace(0, 40, 16_000)
+    rows = over_angle(Recording({"case": np.zeros(16_000)}, FS, angle=angle))
+    assert np.all(np.isfinite(indicators(rows).to_numpy()))
+
+
+def test_what_cannot_be_averaged_is_refused():
+    recording = gearbox(0)
+    with pytest.raises(TypeError, match="put an OrderResampler before it"):
+        SynchronousAverage().fit([recording])
+    odd = OrderResampler(0.05).fit_transform([recording])
+    with pytest.raises(ValueError, match=r"has 125.66\d* samples per revolution, but 126"):
+        SynchronousAverage(by_direction=False).fit(odd)
+    travel = over_angle(recording, direction="travel")
+    with pytest.raises(ValueError, match="has no shaft angle"):
+        SynchronousAverage(by_direction=False).fit(travel)
+    slow = over_angle(recording, ratio=0.01)
+    with pytest.raises(ValueError, match=r"one whole revolution, but the longest stroke has 0\.60"):
+        SynchronousAverage(by_direction=False).fit_transform(slow)
+
+
+@pytest.mark.parametrize(
+    ("teeth", "error", "words"),
+    [
+        (63, ValueError, "63 teeth and 1 sidebands need more than 128 samples per revolution"),
+        (2.5, TypeError, "teeth must be a whole number of at least 4"),
+        ({}, ValueError, "teeth must contain at least one gear"),
+        ({"pinion": 3}, ValueError, "teeth of 'pinion' must be a whole number of at least 4"),
+        ({7: 20}, TypeError, "names of gears must be strings, got 7"),
+    ],
+)
+def test_invalid_teeth_are_refused(teeth, error, words):
+    with pytest.raises(error, match=words):
+        GearIndicators(teeth).fit(over_angle(gearbox(0)))
+
+
+def test_mesh_orders_stay_below_half_the_samples():
+    assert mesh_orders(13, 64).tolist() == [13, 26]
+    assert mesh_orders(13, 64, sidebands=1).tolist() == [12, 13, 14, 25, 26, 27]
