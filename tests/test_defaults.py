@@ -80,6 +80,12 @@ DEFAULTS = {
         "healthy": "healthy",
     },
     "Gear": {"ratio": 1.0, "name": ""},
+    "GearIndicators": {
+        "shaft_orders": 2,
+        "by_direction": True,
+        "min_speed": 0.0,
+        "min_revolutions": 0.0,
+    },
     "InductionMotor": {"name": ""},
     "InductionMotor.from_speed": {"name": ""},
     "LaboratoryBench": {
@@ -195,6 +201,7 @@ DEFAULTS = {
         "min_speed": 0.0,
         "min_revolutions": 0.0,
     },
+    "SynchronousAverage": {"by_direction": True, "min_speed": 0.0, "min_revolutions": 0.0},
     "TypicalityDisplay": {"healthy": "healthy"},
     "UnknownRocDisplay": {"threshold": 0.01},
     "actuator_recipe": {

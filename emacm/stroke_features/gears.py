@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_count
+from emacm._progress import run
 from emacm.recordings.inputs import as_recordings
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.stroke_features.gear_signals import (
@@ -243,7 +244,7 @@ class GearIndicators(StrokeFeatures):
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._n_samples = _samples_per_revolution(rows[0])
         super().fit(X)
-        moments = [self._moments(row, index) for index, row in enumerate(rows)]
+        moments = run(self._moments, rows, n_jobs=self.n_jobs)
         self.ensemble_ = np.mean([raw[:, -2:] for raw in moments], axis=0)
         return self
 
@@ -289,11 +290,11 @@ class GearIndicators(StrokeFeatures):
             float(np.mean(envelope**2)),
         ]
 
-    def _moments(self, row: Row, index: int) -> Array:
-        return super()._row(row, index).reshape(-1, len(_INDICATORS) + 2)
+    def _moments(self, row: Row) -> Array:
+        return super()._row(row).reshape(-1, len(_INDICATORS) + 2)
 
-    def _row(self, row: Row, index: int) -> Array:
-        found = self._moments(row, index)
+    def _row(self, row: Row) -> Array:
+        found = self._moments(row)
         variances = np.maximum(self.ensemble_, np.finfo(np.float64).tiny ** 0.25)
         found[:, 4:6] /= variances**2
         return found[:, :-2].ravel()
