@@ -151,7 +151,22 @@ class LeastRiskMixin:
 
     def _truth_proba(self, X: Any) -> Array:
         """Return the posterior probability of each of `truths_`."""
-        posterior = self.predict_proba(X)
+        return self.truth_proba(X, self.predict_proba(X))
+
+    def truth_proba(self, X: Any, posterior: Array) -> Array:
+        """Return the posterior probability of each of `truths_`, given that of `classes_`.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        posterior : ndarray of shape (n_recordings, n_classes)
+            Result of `predict_proba`.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_truths)
+        """
         if self.unknown is None:
             return posterior
         unknown = self.unknown_proba(X)[:, np.newaxis]

@@ -10,18 +10,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._progress import run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
+from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.pipelines import before_the_last_step, search_estimator
+from emacm.decisions.risks import decide, risks_of
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import outside_training
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
+from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.quality import recording_quality
 
 Row = dict[str, Any]
 
@@ -160,14 +163,19 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
 def _decision(model: Any, recording: Recording) -> Row:
     """Return decision, cost, typicality and posterior; the features are computed once."""
     final, table = _opened(model, [recording])
-    posterior = dict(zip(final.classes_.tolist(), final.predict_proba(table)[0], strict=True))
+    probabilities = final.predict_proba(table)
+    posterior = dict(zip(final.classes_.tolist(), probabilities[0], strict=True))
     row: Row = {
         f"P({c})": float(posterior.get(c, 0.0)) for c in np.asarray(model.classes_).tolist()
     }
-    decision = final.predict(table)[0]
+    if isinstance(final, LeastRiskMixin):
+        truths = final.truth_proba(table, probabilities)
+        cost = final.cost_
+        row["expected_cost"] = float(risks_of(truths, cost)[0].min())
+        decision = final.decisions_[decide(truths, cost)[0]]
+    else:
+        decision = final.predict(table)[0]
     row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
-    if hasattr(final, "risk"):
-        row["expected_cost"] = float(final.risk(table)[0].min())
     if hasattr(final, "typicality"):
         with suppress(ValueError):  # of a model that has learned none; the features are valid
             row["typicality"] = float(final.typicality(table)[0])
@@ -192,6 +200,7 @@ def _findings(model: Any, recording: Recording) -> Row:
     else:
         return {}
     known = [name for name in part.channels_ if name in recording.channels]
-    quality = clone(part).set_params(channels=known or None).quality([recording])
+    options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
+    quality = recording_quality(recording, known or recording.channels, *options, float(part.ratio))
     outside = outside_training(model, [recording])[0]
-    return {"warnings": quality["warnings"].iloc[0], "outside_training": "; ".join(outside)}
+    return {"warnings": quality.warnings, "outside_training": "; ".join(outside)}
