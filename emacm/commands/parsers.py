@@ -18,6 +18,7 @@ def add_parsers(commands: Any) -> None:
         The subcommands.
     """
     _add_inspect(commands)
+    _add_train(commands)
     _add_score(commands)
 
 
@@ -37,6 +38,47 @@ def _add_inspect(commands: Any) -> None:
     parser.add_argument(
         "--draft", type=Path, metavar="TOML", help="write a draft of the layout of such files"
     )
+
+
+def _add_train(commands: Any) -> None:
+    """Add ``emacm train``."""
+    parser = commands.add_parser(
+        "train", help="fit a recipe on the files of a folder, evaluate it, and save the model"
+    )
+    parser.set_defaults(run=_run_later("train"))
+    parser.add_argument("layout", metavar="LAYOUT", type=Path, help="layout of the files (TOML)")
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="folder of the files")
+    parser.add_argument(
+        "--labels", required=True, metavar="KEY", help="key of meta with the state of the machine"
+    )
+    parser.add_argument(
+        "--groups",
+        required=True,
+        metavar="KEY",
+        help="key of meta with the unit or run; a whole one is left out at a time",
+    )
+    parser.add_argument(
+        "--recipe",
+        choices=("orders", "actuator"),
+        default="orders",
+        help="orders: powers in order bins (default); actuator: emacm.actuator_recipe",
+    )
+    parser.add_argument(
+        "--out", required=True, type=Path, metavar="MODEL", help="file of the model"
+    )
+    parser.add_argument("--healthy", metavar="LABEL", help="default: healthy or normal")
+    for name, meaning in (
+        ("max-order", "highest order; default: what all recordings support, at most 20"),
+        ("revolutions", "length of a segment; default: half of the shortest recording, at most 16"),
+    ):
+        parser.add_argument(f"--{name}", type=float, metavar="N", help=meaning)
+    parser.add_argument(
+        "--min-speed", type=float, default=0.0, metavar="N", help="standstill up to N rad/s"
+    )
+    parser.add_argument("--cost", type=Path, metavar="CSV", help="costs, as for score")
+    parser.add_argument("--priors", metavar="P", help="priors, as for score")
+    parser.add_argument("--note", metavar="TEXT", help="text to be stored in the model")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
 def _add_score(commands: Any) -> None:

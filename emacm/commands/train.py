@@ -1,0 +1,113 @@
+"""The command ``emacm train``: fit a recipe on a folder, evaluate it, and save the model."""
+
+from __future__ import annotations
+
+import argparse
+from math import floor
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from emacm._checks import check_number
+from emacm.commands.score import set_costs
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.pipelines import groups_parameter
+from emacm.evaluation.evaluate import evaluate
+from emacm.models.actuator_recipe import actuator_recipe
+from emacm.models.model_files import save_model
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.files import RecordingFolder
+from emacm.recordings.layout import Layout
+from emacm.recordings.meta import read_meta
+from emacm.resampling.order_resampler import OrderResampler
+
+_OVERSAMPLED = 2.6  # samples per cycle of the highest order: there the filter is still flat
+_MOST_ORDERS, _MOST_REVOLUTIONS = 20.0, 16.0  # where the recordings allow more
+_RATES = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit, evaluate and save a model, and print its rates.
+
+    Returns
+    -------
+    int
+        0.
+    """
+    layout = Layout.from_toml(options.layout)
+    recordings = RecordingFolder(options.folder, layout)
+    labels = read_meta(recordings, options.labels, role="--labels")
+    groups = read_meta(recordings, options.groups, role="--groups")
+    healthy = _healthy(options.healthy, labels)
+    max_order, revolutions = _extent(recordings, options)
+    model = _model(options.recipe, max_order, revolutions, options.min_speed)
+    set_costs(model, options.cost, options.priors)
+    print(
+        f"{len(recordings)} recordings, {len(set(groups))} groups ({options.groups}); "
+        f"{options.recipe}: orders up to {max_order:g}, segments of {revolutions:g} revolutions"
+    )
+    print(pd.Series(labels).value_counts().sort_index().to_string())
+    found = evaluate(model, recordings, labels, units=groups, healthy=healthy, n_jobs=options.jobs)
+    print(rates_table(found.table).to_string())
+    for caveat in found.caveats:
+        print(f"- {caveat}")
+    name = groups_parameter(model)
+    model.fit(recordings, labels, **({} if name is None else {name: groups}))
+    save_model(model, options.out, note=options.note)
+    print(f"Model: {options.out}")
+    return 0
+
+
+def _healthy(name: str | None, labels: list[Any]) -> Any:
+    known = {str(label): label for label in labels}
+    for candidate in ("healthy", "normal") if name is None else (name,):
+        if candidate in known:
+            return known[candidate]
+    raise ValueError(
+        f"--healthy must name the label of healthy recordings, which the rates need; the labels "
+        f"are {sorted(known)}."
+    )
+
+
+def _extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
+    """Return the highest order and the length of a segment [revolutions]."""
+    quality = OrderResampler(min_speed=options.min_speed).quality(recordings)
+    orders, length = options.max_order, options.revolutions
+    if orders is None:
+        orders = min(_MOST_ORDERS, floor(8 * quality["max_order"].min()) / 10)
+    if length is None:
+        longest = float(quality["longest_stroke"].min())
+        length = min(_MOST_REVOLUTIONS, floor(longest / 2) or floor(8 * longest) / 10)
+    check_number(orders, "the highest order (--max-order)", above=0)
+    return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
+
+
+def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) -> Pipeline:
+    """Return the unfitted pipeline of a recipe."""
+    if recipe == "actuator":
+        return actuator_recipe(max_order=max_order, revolutions=revolutions, min_speed=min_speed)
+    bayes = CostSensitiveGaussianBayes(
+        covariance="tied", shrinkage="auto", unknown="unknown", temperature="groups"
+    )
+    return make_pipeline(
+        OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
+        OrderPSD(revolutions, max_order=max_order),
+        BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
+        FunctionTransformer(np.log10, feature_names_out="one-to-one"),
+        bayes,
+    )
+
+
+def rates_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the three rates of each hold-out scheme as texts with confidence intervals."""
+
+    def text(row: pd.Series, name: str) -> str:
+        return f"{row[name]:.3f} ({row[f'{name}_low']:.3f} to {row[f'{name}_high']:.3f})"
+
+    rates = [name for name in _RATES if name in table.columns]
+    columns = {name: [text(row, name) for _, row in table.iterrows()] for name in rates}
+    return pd.DataFrame(columns, index=table.index)

@@ -1,0 +1,107 @@
+"""From files to a table of decisions without writing Python: inspect, train, score."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from emacm import Layout, RecordingFolder, describe_model, evaluate, load_model
+from emacm.__main__ import main
+from emacm.commands.train import rates_table
+
+pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+N, FS = 4000, 1280
+
+
+def signals(worn, unit):
+    rng = np.random.default_rng(100 * unit + worn)
+    speed = 110.0 + unit + 4 * np.sin(np.arange(N) / 500)
+    angle = np.cumsum(speed) / FS
+    line = (1.5 if worn else 0.05) * np.sin(5.3 * angle)
+    return rng.normal(size=N) + line, speed
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """Write the files of five units in three formats, and stand beside them."""
+    monkeypatch.chdir(tmp_path)
+    Path("files").mkdir()
+    for unit in range(5):
+        for worn in (0, 1):
+            for run in range(3):
+                vib, speed = signals(worn, unit * 10 + run)
+                path = f"files/U{unit}_{('healthy', 'worn')[worn]}_{run}"
+                columns = {"vib": vib, "speed": speed, "time": np.arange(N) / FS}
+                if unit < 2:
+                    np.savez(f"{path}.npz", **columns)
+                elif unit < 4:
+                    scipy.io.savemat(f"{path}.mat", columns)
+                else:
+                    pd.DataFrame(columns).to_csv(f"{path}.csv", index=False)
+    Path("layout.toml").write_text(
+        'velocity = "speed"\nmeta = "{unit}_{state}_{run:d}"\n[units]\nspeed = "rad/s"\n'
+    )
+    return tmp_path
+
+
+def train(*options):
+    required = ["layout.toml", "files", "--labels", "state", "--groups", "unit"]
+    return main(["train", *required, "--out", "model.emacm", *options])
+
+
+@pytest.mark.slow
+def test_files_in_three_formats_become_a_table_of_decisions(here, capsys):
+    assert main(["inspect", "files/U0_worn_1.npz"]) == 0
+    assert train("--max-order", "10", "--note", "five units") == 0
+    printed = capsys.readouterr().out
+    assert "30 recordings, 5 groups (unit)" in printed
+    assert "false_alarm_rate" in printed
+    assert re.search(r"missed_detection_rate", printed)
+    assert describe_model("model.emacm")["note"] == "five units"
+    arguments = ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "table.csv"]
+    assert main(arguments) == 0
+    table = pd.read_csv("table.csv")
+    states = table["recording"].str.contains("worn").map({True: "worn", False: "healthy"})
+    assert len(table) == 30
+    assert (table["decision"] == states).mean() > 0.9
+    assert table["typicality"].between(0, 1).all()
+
+
+@pytest.mark.slow
+def test_the_rates_are_those_of_evaluate(here):
+    assert train("--max-order", "10", "--revolutions", "8") == 0
+    model = load_model("model.emacm")
+    folder = RecordingFolder("files", Layout.from_toml("layout.toml"))
+    labels = [recording.meta["state"] for recording in folder]
+    found = evaluate(model, folder, labels, units="unit", healthy="healthy")
+    rates = rates_table(found.table)
+    assert list(rates.columns) == ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
+    value = found.table["missed_detection_rate"].iloc[0]
+    assert rates["missed_detection_rate"].iloc[0].startswith(f"{value:.3f} (")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--healthy", "good"], "--healthy must name the label of healthy recordings"),
+        (["--labels", "condition"], "has no meta key 'condition'"),
+        (["--priors", "x"], "--priors must be 'uniform'"),
+        (["--max-order", "-3"], "the highest order (--max-order) must be a number above 0"),
+        (["--cost", "none.csv"], "none.csv"),
+    ],
+)
+def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, message):
+    assert train(*options) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+    assert not Path("model.emacm").exists()
+
+
+def test_a_bad_file_is_named(here, capsys):
+    Path("files/U0_worn_1.npz").write_bytes(b"PK")
+    assert train() == 2
+    assert "U0_worn_1.npz" in capsys.readouterr().err
