@@ -12,6 +12,9 @@ emacm:
 - strokes: how often the strokes of the recording are found in its velocity,
 - resamplings: how often signals of one sampling rate are resampled along one stroke.
 
+With `--calls` also the modules in the order in which they are entered. When all modules were in one
+folder, `OrderPSD.transform` entered 19 of them, with 584 changes and a depth of 22.
+
 Run from the repository:
 
     python benchmarks/call_path.py [--quick] [--json FILE] [--calls]
@@ -43,8 +46,8 @@ class Trace:
 
     Attributes
     ----------
-    modules : set of str
-        Modules that were entered.
+    modules : list of str
+        Modules that were entered, in this order.
     changes : Counter of (caller, callee)
         Calls from one module into another.
     depth : int
@@ -56,7 +59,7 @@ class Trace:
     """
 
     def __init__(self, function: Callable[[], Any]) -> None:
-        self.modules: set[str] = set()
+        self.modules: list[str] = []
         self.changes: Counter[tuple[str, str]] = Counter()
         self.depth = 0
         self.deepest: list[str] = []
@@ -78,7 +81,8 @@ class Trace:
             self._stack.pop()
         if event != "call":
             return
-        self.modules.add(module)
+        if module not in self.modules:
+            self.modules.append(module)
         if self._stack and self._stack[-1][1] != module:
             self.changes[self._stack[-1][1], module] += 1
         self._stack.append((frame, module))
@@ -138,7 +142,8 @@ def main() -> None:
     print(table(rows))
     if options.calls:
         for name, trace in traces.items():
-            print(f"\n{name}", "deepest:", *trace.deepest, sep="\n    ")
+            print(f"\n{name}", "modules:", *trace.modules, sep="\n    ")
+            print("deepest:", *trace.deepest, sep="\n    ")
             for (caller, callee), count in trace.changes.most_common():
                 print(f"{count:5d} {caller} -> {callee}")
             for (module, function), count in trace.calls.most_common(40):

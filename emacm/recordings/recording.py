@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
+from emacm._kernels import kernels
 from emacm.recordings.arguments import (
     check_durations,
     check_indices,
@@ -237,8 +238,9 @@ class Recording(Excerpts):
         """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
         if self.reference == "angle":
             return self._shaft, self._speed
-        integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs)
-        return self._remembered.once("angle", integrated), self._speed
+        loops = kernels()
+        integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs, loops)
+        return self._remembered.once(("angle", loops), integrated), self._speed
 
     @property
     def _speed(self) -> Series:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
+from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -99,21 +100,27 @@ class IntegratedAngle(LazySeries):
         Shaft velocity [rad/s].
     fs : float
         Its sampling rate [Hz].
+    loops : module, optional
+        The inner loops. Default: `emacm._kernels.kernels()`.
 
     Notes
     -----
     Chirico, Eq. (2.9), with the parentheses that are missing there; accumulated in float64.
     """
 
-    def __init__(self, velocity: NDArray[np.floating], fs: float) -> None:
+    def __init__(
+        self, velocity: NDArray[np.floating], fs: float, loops: ModuleType | None = None
+    ) -> None:
         super().__init__(len(velocity))
+        loops = loops or kernels()
+        self._integrate = loops.integrate
         self._half_step = 0.5 / fs
         self._velocity = velocity.view()
         self._velocity.flags.writeable = False  # so that one kind of array is compiled for
         self._known, self._lowest, self._highest = np.empty((3, -(-len(velocity) // _STRIDE)))
         found = self._known, self._lowest, self._highest
         velocity = np.ascontiguousarray(self._velocity)
-        kernels().set_checkpoints(velocity, self._half_step, _STRIDE, *found)
+        loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
         """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
@@ -125,7 +132,7 @@ class IntegratedAngle(LazySeries):
         first = start // _STRIDE
         velocity = np.ascontiguousarray(self._velocity[first * _STRIDE : stop])
         angle = np.empty(len(velocity))
-        kernels().integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
+        self._integrate(velocity, self._half_step, self._known[first:], _STRIDE, angle)
         return angle[start - first * _STRIDE :]
 
 

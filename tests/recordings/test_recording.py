@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from emacm import Recording
+from emacm._kernels import using
 from emacm.recordings import digests
 
 TIMES = np.arange(200) / 100
@@ -862,3 +863,13 @@ def test_of_channels_the_longest_is_compared_whatever_its_name():
 def test_a_short_angle_may_step_by_most_of_its_range(n_times):
     angle = np.concatenate([[0.0], np.full(n_times - 1, 9.0)])
     assert Recording({"a": np.zeros(n_times)}, 100, angle=angle).angle[-1] == 9
+
+
+def test_a_velocity_is_integrated_once_by_the_same_loops():
+    recording = Recording({"torque": np.ones(700)}, 350, velocity=np.linspace(3, 41, 700))
+    with using("numpy"):
+        angle = recording.motion[0]
+        assert recording.motion[0] is angle
+        assert pickle.loads(pickle.dumps(recording)).motion[0] is not angle
+    np.testing.assert_array_equal(angle[:], recording.motion[0][:])
+    np.testing.assert_array_equal(angle[:], recording.angle)
