@@ -47,6 +47,8 @@ from emacm import (
     actuator_recipe,
 )
 from emacm.datasets import load_cranfield
+from emacm.evaluation.bootstrap import cell_mean, gap_of_cells
+from emacm.evaluation.calibration import log_losses, most_probable
 from emacm.simulation import simulate_fleet
 
 Array = NDArray[np.float64]
@@ -203,24 +205,16 @@ def calibration(table: Table) -> pd.DataFrame:
         for name, model in models.items():
             posterior = model.predict_proba(test.X)
             places = np.searchsorted(model.classes_, test.state)
-            of_truth = posterior[np.arange(len(places)), places]
-            correct = posterior.argmax(axis=1) == places
-            for values in zip(of_truth, posterior.max(axis=1), correct, strict=True):
-                rows.append((name, *values))
-    frame = pd.DataFrame(rows, columns=["method", "of_truth", "confidence", "correct"])
-    frame["log loss"] = -np.log(np.maximum(frame["of_truth"], 1e-300))
-    found = frame.groupby("method", sort=False)[["log loss", "correct"]].mean()
-    found["calibration error"] = frame.groupby("method", sort=False)[
-        ["confidence", "correct"]
-    ].apply(calibration_error)
-    return found.rename(columns={"correct": "accuracy"})
-
-
-def calibration_error(frame: pd.DataFrame) -> float:
-    """Return the mean difference of confidence and accuracy in ten bins of confidence."""
-    bins = np.ceil(10 * frame["confidence"].to_numpy()).astype(int)
-    gaps = (frame["confidence"] - frame["correct"]).groupby(bins).sum().abs()
-    return float(gaps.sum() / len(frame))
+            confidence, correct, bins = most_probable(posterior, places)
+            columns = log_losses(posterior, places), correct, confidence - correct, bins
+            rows += [(name, *values) for values in zip(*columns, strict=True)]
+    frame = pd.DataFrame(rows, columns=["method", "log loss", "accuracy", "gap", "bin"])
+    by_method = frame.groupby("method", sort=False)
+    found = by_method[["log loss", "accuracy"]].mean()
+    found["calibration error"] = by_method[["gap", "bin"]].apply(
+        lambda part: cell_mean(part["gap"], part["bin"], gap_of_cells)
+    )
+    return found
 
 
 MATRICES = {  # missed detection, false alarm, whether to inspect, probability of "normal"

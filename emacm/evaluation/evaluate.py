@@ -150,6 +150,12 @@ def evaluate(
     for the split by unit; without either it draws recordings, and a caveat says so. The intervals
     cover the variation of the recordings held out, not that of the training data.
 
+    Families of faults are left out, and nuisances alone are scored, in the split by unit, or, if
+    there is none or it cannot be scored, by run, or at random. A nuisance predicts the label that
+    is the most frequent in its level, relative to the frequency of the label. The score within
+    one level is that of the same decisions, counted among recordings of the level: a classifier
+    that recognises the day only has a score of chance within one day.
+
     A classifier whose priors differ from the class frequencies of these recordings is, correctly,
     not calibrated on them. The calibration error of few recordings is too large, because chance
     differences add up; its interval describes its variation only.

@@ -200,14 +200,14 @@ def _alone(
     nuisance: Nuisance, scheme: Scheme | None, codes: NDArray[np.intp], bootstrap: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the balanced accuracy of predictions from the level alone."""
-    chance = {"chance": 1 / (int(codes.max()) + 1)}
+    further = {"chance": 1 / (int(codes.max()) + 1), "held_out": scheme.name if scheme else ""}
     if scheme is None:
-        return dict.fromkeys(("alone", "alone_low", "alone_high"), np.nan) | chance
+        return dict.fromkeys(("alone", "alone_low", "alone_high"), np.nan) | further
     correct, rows = predict_by_level(nuisance.levels, codes, scheme)
     groups = scheme.resampled.labels[rows]
     ((low, high),) = group_intervals([correct], [codes[rows]], groups, **bootstrap)
     value = cell_mean(correct, codes[rows])
-    return {"alone": value, "alone_low": low, "alone_high": high} | chance
+    return {"alone": value, "alone_low": low, "alone_high": high} | further
 
 
 def _within(
@@ -262,7 +262,7 @@ def nuisance_caveats(table: pd.DataFrame, n_recordings: int) -> list[str]:
         text = (
             "{nuisance!r} alone predicts the label with a balanced accuracy of {alone:.2f}"
             + limits
-            + ", where chance is {chance:.2f}. "
+            + " in {held_out!r}, where chance is {chance:.2f}. "
         ).format(**row)
         least = row["alone"] if np.isnan(row["alone_low"]) else row["alone_low"]
         if not part["recordings"].any():

@@ -68,10 +68,11 @@ class Evaluation:
         and "unknown_proba".
     nuisances : DataFrame
         One row for each nuisance and scheme: number of "levels"; balanced accuracy of predictions
-        from the nuisance "alone", with its interval, and its "chance"; "balanced_accuracy" of the
-        classifier; the same "within" one level, with its interval: the mean over all pairs of a
-        level with at least two labels and a label of the fraction recognised, its
-        "within_chance", and the number of "recordings" in these levels. NaN if there are none.
+        from the nuisance "alone", with its interval, its "chance", and the scheme in which it was
+        "held_out"; "balanced_accuracy" of the classifier; the same "within" one level, with its
+        interval: the mean over all pairs of a level with at least two labels and a label of the
+        fraction recognised, its "within_chance", and the number of "recordings" in these levels.
+        NaN if there are none.
     """
 
     table: pd.DataFrame

@@ -36,9 +36,10 @@ def test_a_day_for_each_label_predicts_it_and_leaves_no_score_within_one_day():
     assert np.isnan([row["within"], row["within_low"], row["within_chance"]]).all()
     assert row["recordings"] == 0
     assert found.caveats[0] == (
-        "'day' alone predicts the label with a balanced accuracy of 1.00 (1.00 to 1.00), where "
-        "chance is 0.50. No level of 'day' has two labels, so the score within one level cannot "
-        "be computed: what distinguishes the labels may be 'day' instead of the state of health."
+        "'day' alone predicts the label with a balanced accuracy of 1.00 (1.00 to 1.00) in "
+        "'by unit', where chance is 0.50. No level of 'day' has two labels, so the score within "
+        "one level cannot be computed: what distinguishes the labels may be 'day' instead of the "
+        "state of health."
     )
     assert "within one level" in str(found)
 
