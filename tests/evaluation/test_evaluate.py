@@ -1,6 +1,7 @@
 """Evaluation by several hold-out schemes."""
 
 import re
+import warnings
 
 import joblib
 import numpy as np
@@ -408,6 +409,24 @@ def test_an_estimator_that_refuses_new_loads_is_not_scored_by_load():
         "20.0 left out): no model for the load 20"
     )
     assert list(found.confusions) == ["random split", "by run"]
+
+
+class WarnsOfNewLoads(OnlyKnownLoads):
+    """Warns of a load that it was not trained on."""
+
+    def predict(self, X):
+        if not set(X[:, 0]) <= self.loads_:
+            warnings.warn("recording 0 (load=20): speed is above the training range", stacklevel=2)
+        return GaussianNB.predict(self, X)
+
+
+def test_a_load_held_out_is_outside_of_the_training_by_design_and_gives_no_warning():
+    X, y, runs = sub_states()
+    loads = np.tile([20.0, 40.0], len(y) // 2)
+    table = np.column_stack([loads, X])
+    evaluate(WarnsOfNewLoads(), table, y, runs=runs, conditions=loads)
+    with pytest.warns(UserWarning, match="above the training range"):
+        evaluate(WarnsOfNewLoads(), table, y, splits={"load 40": (loads == 20, loads == 40)})
 
 
 def test_a_column_of_a_table_names_the_groups():
