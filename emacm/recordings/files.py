@@ -20,7 +20,7 @@ from emacm.recordings.recent import Recent
 from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
-_BYTES = 1 << 22  # of contents that are kept in memory, in addition to the last of each thread
+_BYTES = 1 << 24  # of contents that are kept in memory, in addition to the last of each thread
 _recent: Recent[Recording] = Recent(_BYTES)
 _last = threading.local()  # the content that this thread reads, of any size
 
@@ -203,7 +203,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
     path, layout, size and time of the file, and meta (less than 1 kB), so that worker processes
-    read the file themselves. A few recordings are kept in memory (4 MiB); a file is read as a
+    read the file themselves. A few recordings are kept in memory (16 MiB); a file is read as a
     whole, and must not be changed as long as the recording is used.
 
     Parameters

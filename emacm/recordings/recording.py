@@ -161,23 +161,6 @@ class Recording(Excerpts):
         self._set(state)
         check_durations(self._timed())
 
-    def with_series(self, series: Mapping[str, Series], fs: Mapping[str, float]) -> Recording:
-        """Return a recording with the same shaft and meta, and other channels.
-
-        Parameters
-        ----------
-        series : mapping of str to Series
-            Finite channels by name; they may be computed when read.
-        fs : mapping of str to float
-            Their sampling rates [Hz].
-
-        Returns
-        -------
-        Recording
-        """
-        units = {name: unit for name, unit in self._units.items() if name in series}
-        return self._changed({"_series": dict(series), "_fs": dict(fs), "_units": units})
-
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return the recording with the changes of content that a function returns."""
         return self._changed(change(self, *arguments))
