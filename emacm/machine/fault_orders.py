@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -121,8 +122,9 @@ def order_bands(
         Smallest width of a band [orders]; must be above 0 for lines without slip. The main lobe of
         a Hann window of length `revolutions` is ``4 / revolutions`` wide.
     on_overlap : {"raise", "join", "keep"}
-        Overlapping bands contain the same power twice: raise an error that names them, join them
-        to one band "A/B", or keep them.
+        Overlapping bands contain the same power twice: raise an error that names them, join those
+        of one fault to a band "A/2xA" (bands of different faults are never joined, but kept), or
+        keep them. In a mapping, "2xA" is a line of the fault "A".
 
     Returns
     -------
@@ -150,22 +152,36 @@ def order_bands(
             f"the band of {names[place]!r} at order {low[place]:g} has no width, because the line "
             f"does not slip. Give min_width, such as 4 / revolutions of the order spectra."
         )
+    of = _faults_of(orders, names)
+    ends = [(round_edge(a), round_edge(b)) for a, b in zip(low, high, strict=True)]
     bands: dict[str, Band] = {}
+    latest: dict[Any, str] = {}  # of each fault
     for place in np.lexsort((high, low)):
-        name, band = names[place], (round_edge(low[place]), round_edge(high[place]))
-        last = next(reversed(bands), None)
+        name, band = names[place], ends[place]
+        last = latest.get(of[place]) if on_overlap == "join" else next(reversed(bands), None)
         if on_overlap == "keep" or last is None or bands[last][1] <= band[0]:
             bands[name] = band
         elif on_overlap == "join":
             joined = bands.pop(last)
-            bands[f"{last}/{name}"] = (joined[0], max(joined[1], band[1]))
+            name = f"{last}/{name}"
+            bands[name] = (joined[0], max(joined[1], band[1]))
         else:
             raise ValueError(
                 f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap, and no power "
                 f"spectrum can separate them. Reduce slip or min_width, leave one out, or set "
-                f'on_overlap to "join" or "keep".'
+                f'on_overlap to "keep", or to "join" if they are lines of one fault.'
             )
-    return bands
+        latest[of[place]] = name
+    return dict(sorted(bands.items(), key=lambda item: item[1]))
+
+
+def _faults_of(orders: Any, names: Sequence[str]) -> list[Any]:
+    """Return for each line what it is a line of."""
+    plain = [re.sub(r"(^| )\d+x", r"\1", name) for name in names]
+    if not isinstance(orders, pd.DataFrame) or not {"part", "kind"} <= set(orders.columns):
+        return list(plain)
+    kinds = zip(orders["part"], orders["kind"], plain, strict=True)
+    return [(part, kind, name if kind == "given" else "") for part, kind, name in kinds]
 
 
 def slip_ranges(

@@ -169,6 +169,11 @@ class FileSeries(LazySeries):
         """Type of the samples."""
         return self._values().dtype
 
+    @property
+    def bandwidth(self) -> float:
+        """Frequency above which a computed channel has no content [Hz]; see `ComputedSeries`."""
+        return float(getattr(self._values(), "bandwidth", np.inf))
+
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self._values())

@@ -102,8 +102,9 @@ def _quality(
     ]
     turned = [path.length / (2 * np.pi) for path in paths]
     fastest = ratio * max((high for _, high in speeds), default=0.0)
-    slowest = min(channels, key=lambda name: recording.fs[name])
-    max_order = recording.fs[slowest] / 2 / (fastest / (2 * np.pi)) if fastest else np.inf
+    limits = {name: _highest_frequency(recording, name) for name in channels}
+    slowest = min(channels, key=limits.__getitem__)
+    max_order = limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf
     n_turning = np.count_nonzero(velocity > min_speed) + np.count_nonzero(velocity < -min_speed)
     row: dict[str, float] = {
         "revolutions": float(sum(turned)),
@@ -115,7 +116,10 @@ def _quality(
         "max_order": max_order,
     }
     n_short = sum(length < 1 for length in turned)
-    found = _findings(row, slowest, n_short, fastest / ratio / fs, theta_s)
+    reason = "half its sampling rate"
+    if limits[slowest] < recording.fs[slowest] / 2:
+        reason = "the width of the band of the envelope"
+    found = _findings(row, slowest, reason, n_short, fastest / ratio / fs, theta_s)
     jump, text = jump_warning(recording)
     if jump * ratio > theta_s:
         found.append(Finding("jump", text))
@@ -124,6 +128,12 @@ def _quality(
     rates = {name: recording.fs[name] for name in channels}
     levels = {name: check.level for name, check in checks.items()}
     return Quality(row, rates, levels, tuple(found), jump > 0)
+
+
+def _highest_frequency(recording: Recording, channel: str) -> float:
+    """Return half the sampling rate of a channel, or the bandwidth of an envelope [Hz]."""
+    bandwidth = getattr(recording.series[channel], "bandwidth", np.inf)
+    return min(recording.fs[channel] / 2, float(bandwidth))
 
 
 def _speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
@@ -147,7 +157,7 @@ def jump_warning(recording: Recording) -> tuple[float, str]:
 
 
 def _findings(
-    row: dict[str, float], slowest: str, n_short: int, step: float, theta_s: float
+    row: dict[str, float], slowest: str, reason: str, n_short: int, step: float, theta_s: float
 ) -> list[Finding]:
     found = []
     if not row["strokes"]:
@@ -155,7 +165,7 @@ def _findings(
     if PASS * np.pi / theta_s > row["max_order"]:
         text = (
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
-            f"speed (half its sampling rate), though theta_s reaches order {np.pi / theta_s:.4g}"
+            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"
         )
         found.append(Finding("order", text))
     if n_short > _MANY:

@@ -365,11 +365,22 @@ def test_bands_that_overlap_are_refused_joined_or_kept():
     near = {"supply": 6.0, "BPFI": 6.123, "2xBPFI": 12.246}
     with pytest.raises(ValueError, match=r"'supply' \(5.88, 6.12\) and 'BPFI' .* overlap"):
         order_bands(near)
-    joined = order_bands(near, on_overlap="join")
-    assert joined["supply/BPFI"] == (5.88, 6.24546)
-    assert list(joined) == ["supply/BPFI", "2xBPFI"]
     assert list(order_bands(near, on_overlap="keep")) == list(near)
-    assert order_bands({"a": 6.0, "b": 6.0}, on_overlap="join") == {"a/b": (5.88, 6.12)}
+
+
+def test_lines_of_one_fault_are_joined_and_those_of_different_faults_never():
+    near = {"supply": 6.0, "BPFI": 6.123, "2xBPFI": 12.246}
+    joined = order_bands(near, on_overlap="join")
+    assert list(joined) == ["supply", "BPFI", "2xBPFI"]
+    assert joined["supply"] == (5.88, 6.12)
+    cage = {"FTF": 0.4, "screw": 0.5, "2xFTF": 0.8}
+    bands = order_bands(cage, slip=0.0, min_width=0.5, on_overlap="join")
+    assert bands == {"FTF/2xFTF": (0.15, 1.05), "screw": (0.25, 0.75)}
+    table = fault_orders(Bearing(9, 7.94, 39.04), harmonics=3)  # 3xBPFO is beside 2xBPFI
+    bands = order_bands(table, slip=0.02, on_overlap="join")
+    assert {"3xBPFO", "2xBPFI"} <= set(bands)
+    one = table[table["kind"] == "outer ring"]
+    assert list(order_bands(one, slip=0.3, on_overlap="join")) == ["BPFO", "2xBPFO/3xBPFO"]
 
 
 def test_bands_that_touch_do_not_overlap():
@@ -380,12 +391,12 @@ def test_bands_that_touch_do_not_overlap():
 
 @given(st.lists(st.floats(0.5, 60), min_size=1, max_size=30, unique=True), st.floats(1e-3, 0.1))
 def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
-    bands = order_bands({f"f{i}": v for i, v in enumerate(values)}, slip=slip, on_overlap="join")
+    bands = order_bands({f"{i}xf": v for i, v in enumerate(values)}, slip=slip, on_overlap="join")
     edges = np.array(list(bands.values()))
     assert (edges[1:, 0] >= edges[:-1, 1]).all()
     homes = {name: band for names, band in bands.items() for name in names.split("/")}
     for i, value in enumerate(values):
-        low, high = homes[f"f{i}"]
+        low, high = homes[f"{i}xf"]
         assert low < value < high
 
 

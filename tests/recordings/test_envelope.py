@@ -552,3 +552,13 @@ def test_the_edges_that_a_warning_recommends_do_not_warn():
 def test_lists_of_bands_that_are_none_are_refused(band, error, match):
     with pytest.raises(error, match=match):
         EnvelopeDetector(band, channels=["sound"]).fit([knocking()])
+
+
+def test_the_quality_of_an_envelope_knows_its_bandwidth():
+    run = Recording({"sound": noise(20_000)}, FS, velocity=np.full(20_000, TURN * 30))
+    resampler = OrderResampler(TURN / 64)
+    (found,) = EnvelopeDetector((2000, 2100)).fit_transform([run])
+    row = resampler.quality([found]).iloc[0]
+    assert row["max_order"] == pytest.approx(100 / 30)
+    assert "above order 3.333 at the highest speed (the width of the band" in row["warnings"]
+    assert resampler.quality([run])["max_order"][0] == pytest.approx(5000 / 30)
