@@ -11,6 +11,8 @@
   several evaluations; `ReliabilityDisplay`: calibration of posterior probabilities.
 - `TypicalityDisplay`: typicality over the posterior probability, of known and unknown states;
   `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
+- `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
+  `KurtogramDisplay`: spectral kurtosis by band.
 - `ContributionsDisplay`: contribution of each order to a decision, and predicted fault orders.
 
 A display is made by one of its ``from_`` methods, or from values and ``plot()``. `ax_` and
@@ -27,6 +29,8 @@ from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
 from emacm.displays.contributions import ContributionsDisplay
 from emacm.displays.densities import FeatureDensityDisplay
 from emacm.displays.evaluation import EvaluationDisplay
+from emacm.displays.fault_lines import FaultLinesDisplay
+from emacm.displays.kurtogram import KurtogramDisplay
 from emacm.displays.order_map import OrderMapDisplay
 from emacm.displays.outcomes import OutcomesDisplay
 from emacm.displays.recording import RecordingDisplay
@@ -46,7 +50,9 @@ __all__ = [
     "DecisionRegionsDisplay",
     "EvaluationDisplay",
     "ExplainedVarianceDisplay",
+    "FaultLinesDisplay",
     "FeatureDensityDisplay",
+    "KurtogramDisplay",
     "LoadingsDisplay",
     "OrderBinsDisplay",
     "OrderMapDisplay",

@@ -15,7 +15,7 @@ from emacm.displays._drawing import squared
 from emacm.machine.fault_orders import named_orders, slip_ranges
 from emacm.orders.columns import BinBlock, OrderBlock
 from emacm.recordings.envelope import EnvelopeSeries
-from emacm.recordings.envelope_detector import EnvelopeDetector
+from emacm.recordings.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 
@@ -182,10 +182,11 @@ def check_envelopes(envelopes: Mapping[str, str] | None) -> dict[str, str]:
 def envelopes_of(steps: Any) -> dict[str, str]:
     """Return the envelope channels that the steps of a fitted pipeline compute."""
     return {
-        name + (step.suffix or ""): ENVELOPES[bool(step.squared)]
+        name: ENVELOPES[bool(step.squared)]
         for _, step in getattr(steps, "steps", ())
         if isinstance(step, EnvelopeDetector)
-        for name in step.bands_
+        for channel, band in step.bands_.items()
+        for name in envelope_names(channel, band, step.suffix)
     }
 
 

@@ -222,6 +222,10 @@ class LineLevels:
             lines.append(values[rows, best])
         return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
 
+    def background(self, psd: Array) -> Array:
+        """Return the local background of each line, of the shape and the unit of `psd`."""
+        return psd / 10 ** (self.heights(psd) / 10)
+
     def sidebands(self, psd: Array, fault: FaultSeries, slip: float) -> dict[str, float]:
         """Return the mean height of the sidebands of a series, by name of the modulation [dB].
 

@@ -254,14 +254,26 @@ def _envelope_content(
     return {"_series": found, "_fs": {name: rates[name] for name in found}}
 
 
+def envelope_names(channel: str, band: Any, suffix: str | None) -> list[str]:
+    """Return the names of the envelopes of a channel.
+
+    Examples
+    --------
+    >>> envelope_names("sound", [(500.0, 1500.0)], None), envelope_names("sound", "full", "_e")
+    (['sound_500-1500Hz'], ['sound_e'])
+    """
+    if not isinstance(band, list):
+        return [channel + (suffix or "")]
+    return [f"{channel}_{low:g}-{high:g}Hz{suffix or ''}" for low, high in band]
+
+
 def _envelopes(
     measured: Recording, channel: str, band: Any, squared: bool, suffix: str
 ) -> dict[str, Series]:
     """Return the envelopes of a channel by name."""
     signal, fs = measured.series[channel], measured.fs[channel]
-    bands = {channel + suffix: band_at(band, fs)} if not isinstance(band, list) else {}
-    for low, high in band if isinstance(band, list) else ():
-        bands[f"{channel}_{low:g}-{high:g}Hz{suffix}"] = low, high
+    several = band if isinstance(band, list) else [band_at(band, fs)]
+    bands = dict(zip(envelope_names(channel, band, suffix), several, strict=True))
     found: dict[str, Series] = {}
     for name, (low, high) in bands.items():
         found[name] = EnvelopeSeries(signal, fs, (low, high), squared=squared)

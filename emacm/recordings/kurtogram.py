@@ -45,6 +45,11 @@ class Kurtogram:
     kurtosis: tuple[Array, ...]
 
     @property
+    def fs(self) -> float:
+        """Sampling rate [Hz]."""
+        return 2 * float(self.centres[0][-1] + self.centres[0][0])  # they are symmetrical
+
+    @property
     def band(self) -> tuple[float, float]:
         """Edges of the band with the largest kurtosis [Hz]; of equal ones, the widest."""
         level = int(np.argmax([values.max() for values in self.kurtosis]))

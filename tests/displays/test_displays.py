@@ -21,7 +21,9 @@ from emacm.displays import (
     DecisionRegionsDisplay,
     EvaluationDisplay,
     ExplainedVarianceDisplay,
+    FaultLinesDisplay,
     FeatureDensityDisplay,
+    KurtogramDisplay,
     LoadingsDisplay,
     OrderBinsDisplay,
     OrderMapDisplay,
@@ -51,6 +53,7 @@ from emacm.displays._drawing import (
     tint,
 )
 from emacm.displays._tables import check_values, predicted_lines, unit_of
+from emacm.recordings.kurtogram import Kurtogram
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = [(0, 1), (1, 2)]
@@ -73,7 +76,9 @@ ONE_OF_EACH = [
         pd.DataFrame([[3, 0], [1, 2]], index=["a", "b"], columns=["a", "b"]),
     ),
     ExplainedVarianceDisplay([0.7, 0.2]),
+    FaultLinesDisplay(np.arange(100) / 10, np.ones(100), {"BPFO": 2.5}),
     FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], POINTS, ["a", "a"]),
+    KurtogramDisplay(Kurtogram((9.0,), (np.array([9.0, 18.0]),), (np.array([0.2, 3.0]),))),
     LoadingsDisplay(BINS, [[0.6, 0.8]]),
     OrderBinsDisplay(BINS, {"a": [1.0, 2.0]}),
     OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),

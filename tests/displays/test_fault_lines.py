@@ -1,0 +1,91 @@
+"""Displays of fault lines and of the kurtogram: what is drawn is what was measured."""
+
+import numpy as np
+import pytest
+
+from emacm import Bearing, Recording, find_faults, kurtogram
+from emacm.displays import FaultLinesDisplay, KurtogramDisplay
+
+FS = 9_000
+BEARING = Bearing(8, 6.746, 28.499)
+ORDERS = np.arange(0, 501) / 25
+
+
+def struck(order=3.05, rate=31.0, seconds=4):
+    rng = np.random.default_rng(0)
+    times = np.arange(seconds * FS) / FS
+    hits = np.diff(np.floor(order * rate * times), prepend=0) > 0
+    ring = np.exp(-np.arange(90) / 12) * np.sin(2 * np.pi * 0.31 * np.arange(90))
+    signal = np.convolve(hits, ring)[: len(times)] + 0.3 * rng.standard_normal(len(times))
+    return Recording({"foot": signal, "casing": signal[::-1]}, FS, velocity=2 * np.pi * rate)
+
+
+def test_the_frame_holds_the_lines_that_find_faults_tells():
+    run = struck()
+    display = FaultLinesDisplay.from_recording(run, BEARING)
+    row = find_faults([run], BEARING, channels=["foot"]).iloc[0]
+    assert row["named"] == "BPFO"
+    heights = display.frame().loc["BPFO", "height"]
+    listed = [f"{height:.0f}" for height in heights]
+    assert f"{listed[0]}, {listed[1]} and {listed[2]} dB" in row["explanation"]
+    assert display.frame().loc[("BPFO", 2), "found"] == pytest.approx(6.1, abs=0.05)
+
+
+def test_symbols_stand_on_the_spectrum_and_ranges_at_the_predicted_orders():
+    psd = np.ones(len(ORDERS))
+    psd[[75, 150, 225]] = 100.0
+    display = FaultLinesDisplay(ORDERS, psd, {"BPFO": 3.02}, faults=["BPFO"], channel="foot").plot()
+    spectrum, background, symbols = display.ax_.lines[:3]
+    assert symbols.get_xdata() == pytest.approx([3, 6, 9])
+    assert symbols.get_ydata() == pytest.approx([20, 20, 20])
+    assert background.get_ydata() == pytest.approx(np.zeros(len(spectrum.get_xdata())))
+    assert {text.get_text() for text in display.ax_.texts} == {"BPFO", "2xBPFO", "3xBPFO"}
+    assert "of foot" in display.ax_.get_ylabel()
+    legend = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    assert legend == ["order spectrum", "local background", "BPFO: 20 20 20 dB"]
+
+
+def test_the_chosen_channel_and_faults_are_drawn():
+    display = FaultLinesDisplay.from_recording(struck(), BEARING, channel="casing", faults=["BSF"])
+    assert "casing" in display.ax_.get_ylabel()
+    assert set(display.frame().index.get_level_values("fault")) == {"BSF"}
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "match"),
+    [
+        (lambda: FaultLinesDisplay(ORDERS, np.ones(7), BEARING), ValueError, "spectrum"),
+        (
+            lambda: FaultLinesDisplay(ORDERS, np.ones(501), BEARING, faults=["x"]),
+            ValueError,
+            "faults names 'x'; those of the parts are",
+        ),
+        (
+            lambda: FaultLinesDisplay(ORDERS, np.ones(501), {"mesh": 30.0}),
+            ValueError,
+            "lines of 'mesh' reach order",
+        ),
+        (lambda: FaultLinesDisplay.from_recording([], BEARING), TypeError, "one Recording"),
+        (
+            lambda: FaultLinesDisplay.from_recording(struck(), BEARING, channel="z"),
+            ValueError,
+            "no channel 'z'",
+        ),
+        (lambda: KurtogramDisplay([1.0]), TypeError, "result of kurtogram"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(make, error, match):
+    with pytest.raises(error, match=match):
+        make()
+
+
+def test_the_outline_is_the_band_of_the_largest_kurtosis():
+    signal = struck().signals["foot"]
+    found = kurtogram(signal, FS, levels=5)
+    display = KurtogramDisplay.from_signal(signal, FS, levels=5, channel="foot")
+    (outline,) = display.ax_.lines
+    assert (min(outline.get_xdata()), max(outline.get_xdata())) == found.band
+    best = display.frame().iloc[display.frame()["kurtosis"].argmax()]
+    assert best["centre"] == pytest.approx(np.mean(found.band))
+    assert display.ax_.get_xlim() == (0, FS / 2)
+    assert "of foot" in display.colorbar_.ax.get_ylabel()
