@@ -27,7 +27,7 @@ from emacm.explanations.slopes import (
     mean_slope_of_cost,
     mean_slope_of_log_odds,
 )
-from emacm.explanations.unknown_statements import unknown_statements
+from emacm.explanations.unknown_statements import PROJECTED, unknown_statements
 
 Array = NDArray[np.float64]
 
@@ -91,9 +91,10 @@ def explain_decision(
     If one of the two is the unknown state, the squared distance from the nearest class is
     explained, in the metric of `CostSensitiveGaussianBayes.typicality`; the baseline is that class.
     The table then has the columns "deviation" (from that class), "outside_training" (from the range
-    of the training recordings: 0 within, NaN after a projection) and "unit" of both: "dB" for
-    powers, exactly, and "standard deviations" for other features. `attrs` has "statements":
-    sentences such as "line at order 9 to 9.5 of 'vibration', 14 dB above the training maximum".
+    of the training recordings: 0 within) and "unit" of both: "dB" for powers, exactly, and
+    "standard deviations" for other features. `attrs` has "statements": sentences such as "line at
+    order 9 to 9.5 of 'vibration', 14 dB above the training maximum". After a projection (PCA),
+    which bins deviate is not determined; give the training recordings as `background`.
 
     A pipeline with a `BinTransformer` among its steps is explained by the bins of the last one.
     Any other is explained by the columns of the step that turns recordings into a table, such as
@@ -131,12 +132,13 @@ def explain_decision(
         costs, code = None, int(classifier.distances_.nearest(traced.features)[0])
     else:
         costs, code = _saved_costs(classifier, decision, against)
-    centre = None
+    others, centre = None, None
     if background is not None:
         values = opened.table(background)[0]
         if not len(values):
             raise ValueError("background must contain at least one recording, got none.")
-        centre = traced.trace.positions(values).mean(axis=0)
+        others = traced.trace.positions(values)
+        centre = others.mean(axis=0)
     step, start, end = traced.lines(classifier, code, centre)
     if _with_unknown(classifier, decision, against):
         distances, nearest = classifier.distances_, classifier.classes_.tolist()[code]
@@ -154,8 +156,11 @@ def explain_decision(
         quantity = f"expected cost saved by deciding {decision!r} instead of {against!r}"
     contributions, bins, statements = traced.split(step, slope)[0], traced.bins, {}
     if _with_unknown(classifier, decision, against):
-        deviations = traced.deviations(classifier, power_scales(opened.maker, len(bins)), step)
+        scales = power_scales(opened.maker, len(bins))
+        deviations = traced.deviations(classifier, scales, step, others)
         texts = unknown_statements(bins, contributions, deviations, str(nearest))
+        if traced.trace.linear and others is None:
+            texts = [PROJECTED]
         bins, statements = bins.assign(**deviations.columns()), {"statements": texts}
     table = _ranked(bins, contributions)
     table.attrs = statements | {
@@ -277,14 +282,24 @@ class _Traced:
         return step, end - step @ matrix.T, end
 
     def deviations(
-        self, classifier: CostSensitiveGaussianBayes, scales: Array, step: Array
+        self,
+        classifier: CostSensitiveGaussianBayes,
+        scales: Array,
+        step: Array,
+        others: Array | None,
     ) -> Deviations:
-        """Return the deviations of one recording, which is a step away from the nearest class."""
+        """Return the deviations of one recording, which is a step away from the nearest class.
+
+        `others` are the positions of background recordings, whose range is that of the training
+        where the features are projections of several columns.
+        """
         place = self.positions[0]
         low, high, spread = np.full((3, len(place)), np.nan)
         if not self.trace.linear:  # each feature is the position of one column
             low, high = classifier.feature_range_
             spread = classifier.distances_.deviations
+        elif others is not None:
+            low, high, spread = others.min(axis=0), others.max(axis=0), others.std(axis=0)
         references = (place - step[0], low, high)
         return find_deviations(self.trace, self.values[0], scales, references, spread)
 

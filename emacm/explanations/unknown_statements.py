@@ -23,6 +23,11 @@ _BROAD = 0.5  # fraction of the bins of a channel
 _MOST = 5  # sentences
 _SHARE = 0.03  # of the largest contribution, below which a sentence is left out
 
+PROJECTED = (
+    "the features are projections of the bins, so that the bins that deviate are not determined; "
+    "give training recordings as background"
+)
+
 
 def unknown_statements(
     bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str

@@ -159,12 +159,16 @@ def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling
     assert (geometric > arithmetic).all()
 
 
-def test_after_a_projection_deviations_are_from_the_nearest_class():
-    model, _ = fitted(levels(StandardScaler(), PCA(6)))
-    table = explained(model, run(50, gain=dict.fromkeys(FIRST, 30)))
+def test_after_a_projection_the_training_recordings_tell_what_deviates():
+    model, X = fitted(levels(StandardScaler(), PCA(6)))
+    gained = run(50, gain=dict.fromkeys(FIRST, 30))
+    table = explained(model, gained)
     assert table["outside_training"].isna().all()
-    assert table["unit"].eq("dB").all()
-    assert table["deviation"].median() > 10
+    assert "give training recordings as background" in table.attrs["statements"][0]
+    options = {"decision": "unknown", "against": "healthy", "background": X}
+    table = explain_decision(model, gained, **options)
+    assert table.attrs["statements"] == ["all channels 29 dB above training: gain or unit?"]
+    assert table["deviation"].median() == pytest.approx(29.5, abs=1)
 
 
 def test_columns_that_are_no_powers_deviate_by_standard_deviations():
