@@ -197,8 +197,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         -----
         UserWarning
             If the shaft reference has an isolated jump of more than `theta_s`; if `quality` warns
-            of something that no recording of `fit` has; if a level is 20 dB, or
-            a speed a factor of 3, outside the range of these recordings.
+            of something that no recording of `fit` has; if a level is 20 dB outside the range of
+            these recordings, or a speed seems to be in another unit.
         """
         check_is_fitted(self)
         self._check_parameters()

@@ -16,7 +16,7 @@ from emacm.resampling.quality import Quality
 Range = tuple[float, float]
 
 _LEVEL, _FAR_LEVEL = 3.0, 20.0  # dB beyond the range: what is stated, and what is severe
-_SPEED, _FAR_SPEED = 1.1, 3.0  # factors beyond the range
+_SPEED = 1.1  # factor beyond the range
 _RATE = 1e-3  # relative difference of sampling rates, more than that of two clocks
 _LISTED = 5  # recordings that a warning lists
 _UNITS = (  # speed in this unit over speed in rad/s
@@ -125,7 +125,6 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     units = [unit for unit, size in _UNITS if abs(np.log(factor / size)) < np.log(_SPEED)]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
-    severe = not 1 / _FAR_SPEED < factor < _FAR_SPEED
     if row["slowest"] > high or fastest < least:  # no speed in common
         text = (
             f"speed {_span(row['slowest'], fastest)} rad/s is {way} the training range "
@@ -136,7 +135,7 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
             f"highest speed {fastest:.4g} rad/s is {way} that of the training, "
             f"{_span(low, high)} rad/s{hint}"
         )
-    return [Statement(text, severe)]
+    return [Statement(text, bool(units))]  # other speeds may be intended
 
 
 def _rates(rates: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
