@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -48,7 +49,8 @@ def run(options: argparse.Namespace) -> int:
     seal = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
     columns = [*score_columns(classes), "digest"]
     work = _Work(model, layout, columns, seal, options)
-    _check_paths(options.paths)
+    if options.watch is None:
+        _check_paths(options.paths)
     while True:
         rows = work.once()
         if options.watch is None:
@@ -76,6 +78,7 @@ class _Work:
         self._seal, self._options, self._said = seal, options, time.monotonic()
         self._table = None if options.out is None else ResultTable(options.out, columns)
         self._done: dict[tuple[str, str], Row] = {}
+        self._digests: dict[tuple[str, int, int], str] = {}  # of files that were read before
         if self._table is None:
             sys.stdout.write(
                 line_of(dict(zip(columns, columns, strict=True)), columns, as_json=False)
@@ -94,7 +97,7 @@ class _Work:
         here = {(row["recording"], row["digest"]) for row in rows}
         names = {row["recording"] for row in rows}
         others = [row for key, row in self._done.items() if key not in here and key[0] not in names]
-        self._done = _without_errors([*rows, *others])
+        self._done = {(row["recording"], row["digest"]): row for row in [*rows, *others]}
         if self._table is not None:
             self._table.finish([*rows, *others])
         return rows
@@ -102,12 +105,26 @@ class _Work:
     def _paths(self) -> Iterator[Path]:
         now = time.time()
         for path in expanded(self._options.paths):
-            if self._options.watch is None or now - path.stat().st_mtime > _SETTLED:
+            written = path.stat().st_mtime if path.is_file() else 0.0
+            if self._options.watch is None or now - written > _SETTLED:
                 yield path
+
+    def _digest(self, path: Path) -> str:
+        """Return the digest of a file and of the settings; "" for a file that is not there."""
+        try:
+            status = os.stat(path)
+            stamp = (str(path), status.st_size, status.st_mtime_ns)
+            if stamp not in self._digests:
+                self._digests[stamp] = sha256(
+                    f"{self._seal}{_digest_of(path)}".encode()
+                ).hexdigest()
+        except OSError:
+            return ""
+        return self._digests[stamp][:32]
 
     def _rows(self, paths: Sequence[Path]) -> list[Row]:
         """Return the rows of some files in order; those that are new are written."""
-        digests = [_file_digest(path, self._seal) for path in paths]
+        digests = [self._digest(path) for path in paths]
         known = [self._done.get((str(p), d)) for p, d in zip(paths, digests, strict=True)]
         new = [i for i, row in enumerate(known) if row is None]
         sources = [partial(open_recording, paths[i], self._layout) for i in new]
@@ -146,13 +163,6 @@ def _check_paths(paths: Sequence[Path]) -> None:
     for path in paths:
         if path.is_dir() and next(recording_files(path), None) is None:
             raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
-
-
-def _file_digest(path: Path, seal: str) -> str:
-    try:
-        return sha256(f"{seal}{_digest_of(path)}".encode()).hexdigest()[:32]
-    except OSError:
-        return ""
 
 
 def _digest_of(path: Path) -> str:

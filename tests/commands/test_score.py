@@ -252,3 +252,26 @@ def test_watching_decides_on_files_as_they_come(here, monkeypatch):
     assert run("--out", "table.jsonl", "--watch", "7") == 130
     rows = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
     assert [row["decision"] for row in rows if row["recording"] == "files/new_9.npz"] == ["worn"]
+
+
+def test_watching_tries_a_failed_file_again_only_when_it_changes(here, monkeypatch):
+    bad = here / "files" / "bad_9.npz"
+    bad.write_bytes(b"PK")
+    for path in (here / "files").iterdir():
+        os.utime(path, (1, 1))
+    scored, rounds = counted(monkeypatch), []
+
+    def sleep(seconds):
+        rounds.append(list(scored))
+        scored.clear()
+        if len(rounds) == 3:
+            raise KeyboardInterrupt
+        if len(rounds) == 2:
+            write(bad, True, 9)
+            os.utime(bad, (2, 2))
+
+    monkeypatch.setattr(command.time, "sleep", sleep)
+    assert run("--out", "table.csv", "--watch", "1", paths=["files", "later.npz"]) == 130
+    assert [len(names) for names in rounds] == [14, 0, 1]
+    table = pd.read_csv("table.csv")
+    assert table["recording"][table["error"].notna()].tolist() == ["later.npz"]
