@@ -486,6 +486,7 @@ def test_the_channels_are_those_of_the_first_recording_of_fit():
     more = Recording({**one.signals, "extra": noise(500)}, FS, velocity=np.ones(500))
     detector = EnvelopeDetector({"sound": BAND}, suffix="_e").fit([one, more])
     assert detector.channels_ == ("sound", "load", "sound_e")
+    assert EnvelopeDetector(BAND).fit([one, more]).bands_ == {"sound": BAND, "load": BAND}
 
 
 # Several bands, relative bands, bands at the edge
