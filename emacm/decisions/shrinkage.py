@@ -133,7 +133,8 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
 
     The largest of a sample are too large, the smallest too small. Those beyond the range of
     eigenvalues of uncorrelated features of one variance are moved to the value that would have
-    caused them [1]_; all others become equal. Their sum, which is unbiased, is kept.
+    caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
+    equal ones [2]_. Their sum, which is unbiased, is kept.
 
     Parameters
     ----------
@@ -151,6 +152,8 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
     ----------
     .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
        model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
+    .. [2] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
+       matrices, Journal of Multivariate Analysis 88 (2004).
 
     Examples
     --------
@@ -165,11 +168,16 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
         level = corrected[~above].mean()  # of the features that are equal; it only decreases
         more = values > level * (1 + np.sqrt(ratio)) ** 2
         if (more == above).all():
-            return corrected
+            break
         above = more
         half = (values[above] / level + 1 - ratio) / 2
         corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
         corrected[~above] = (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+    spread = values[~above] - values[~above].mean()
+    variance = np.mean(spread**2)
+    if variance > ratio * level**2:  # more than equal features would show
+        corrected[~above] += (1 - ratio * level**2 / variance) * spread
+    return corrected
 
 
 def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
