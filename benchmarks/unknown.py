@@ -380,7 +380,9 @@ def main() -> None:
             print(f"\nfamily left out of training, {of}\n{unknown_families(table)}")
             print(f"\n13 states, {of}\n{calibration(table)}")
             print(f"\nrealised over expected cost, {of}\n{realised_costs(table)}")
-        found = wrong_inputs(*((3, 2) if options.quick else (10, 4)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of recordings outside of the training
+            found = wrong_inputs(*((3, 2) if options.quick else (10, 4)))
     lines = found.index.str.contains(" x line at ")
     own = found.index.isin(list(OWN))
     groups = {"wrong inputs": found.index.isin(list(WRONG)), "new lines": lines, "own kinds": own}

@@ -272,13 +272,15 @@ def nuisance_caveats(table: pd.DataFrame, n_recordings: int) -> list[str]:
                 f"of health."
             )
         elif least > row["chance"]:
-            within = ", ".join(
-                "{within:.2f} (chance {within_chance:.2f}) in {scheme!r}".format(**each)
-                for _, each in part.iterrows()
-                if each["recordings"]
-            )
+            within = ", ".join(_within_text(each) for _, each in part.iterrows())
             predictive.append(
                 text + f"Within one level, the balanced accuracy of the classifier is {within}, "
                 f"from at most {part['recordings'].max()} of {n_recordings} recordings."
             )
     return separate + predictive
+
+
+def _within_text(row: pd.Series) -> str:
+    limits = "" if np.isnan(row["within_low"]) else "{within_low:.2f} to {within_high:.2f}; "
+    text = "{within:.2f} (" + limits + "chance {within_chance:.2f}) in {scheme!r}"
+    return text.format(**row) if row["recordings"] else "not known in {scheme!r}".format(**row)

@@ -114,8 +114,10 @@ def group_scheme(
         return Scheme(name, [], resampled, only)
     one_at_a_time = _group_folds(LeaveOneGroupOut(), y, grouping)
     folds = one_at_a_time
-    if n_splits is not None and len(groups) > n_splits:
-        cv = StratifiedGroupKFold(n_splits, shuffle=True, random_state=options["seed"])
+    most = int(np.unique(y, return_counts=True)[1].max())  # folds that scikit-learn accepts
+    if n_splits is not None and len(groups) > n_splits and most > 1:
+        n_folds = min(n_splits, most)
+        cv = StratifiedGroupKFold(n_folds, shuffle=True, random_state=options["seed"])
         folds = _group_folds(cv, y, grouping)
         # With one group at a time, a label of two groups is always in the training data.
         if _absent(folds, labels):

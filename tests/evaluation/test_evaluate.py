@@ -349,6 +349,13 @@ def test_folds_of_several_groups_never_leave_a_label_of_two_groups_out():
         assert found.table.loc["by run", "recordings"] == 48
 
 
+def test_more_groups_than_folds_and_fewer_recordings_of_each_class_than_folds_are_divided():
+    y, runs = np.repeat(["worn", "new", "dry"], [4, 6, 4]), np.arange(14)
+    X = np.random.default_rng(0).normal(size=(14, 2))
+    found = evaluate(GaussianNB(), X, y, runs=runs).table
+    assert found.loc["by run", ["recordings", "folds"]].tolist() == [14, 6]
+
+
 def test_the_first_four_groups_left_out_are_listed():
     runs = pd.Series(np.repeat(np.arange(14), 2), name="run")
     y = np.tile(["worn", "new"], 14)

@@ -1,18 +1,23 @@
 """Properties that should not matter, such as the day, are checked for what they tell of labels."""
 
+import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.naive_bayes import GaussianNB
+from sklearn.pipeline import make_pipeline
 
-from emacm import Recording
+from emacm import OrderPSD, OrderResampler, Recording
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.nuisances import predict_by_level, read_nuisances
 from emacm.evaluation.schemes import Fold, Scheme
 from emacm.recordings.meta import Grouping
+
+DATA = Path(os.environ.get("EMACM_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def fleet(days, n_each=3, seed=0):
@@ -192,3 +197,28 @@ def test_each_nuisance_has_a_row_for_each_scheme_and_a_line_in_print():
     assert rows == [(name, scheme) for name in nuisances for scheme in schemes]
     assert found.nuisance_summary().loc[("day", "by unit"), "chance"] == "0.5"
     assert "balanced accuracy by nuisance:" in str(found)
+
+
+def test_the_sampling_rate_of_the_mfpt_rig_predicts_two_of_its_three_states():
+    file = DATA / "bearings" / "mfpt_train.npz"
+    if not file.exists():
+        pytest.skip("no recordings of bearings; set EMACM_DATA to their folder")
+    with np.load(file) as stored:
+        names = sorted({key.partition("/")[0] for key in stored.files})
+        made = [
+            Recording(
+                {"vibration": stored[f"{name}/gs"][:30_000]},
+                float(stored[f"{name}/fs"]),
+                velocity=2 * np.pi * float(stored[f"{name}/rate"]),
+            )
+            for name in names
+        ]
+    states = [name.partition("_")[0] for name in names]
+    model = make_pipeline(OrderResampler(2 * np.pi / 64), OrderPSD(4, max_order=20), GaussianNB())
+    names = pd.Series(names, name="file")
+    found = evaluate(model, made, states, runs=names, healthy="baseline", nuisances=("fs",))
+    row = found.nuisances.iloc[-1]
+    # 97,656 Hz: both healthy and two of seven outer races; 48,828 Hz: five of these, all inner.
+    assert row["alone"] == pytest.approx((1 + 0 + 1) / 3)
+    assert row["within_chance"] == 0.5
+    assert found.caveats[0].startswith("'fs' alone predicts the label with a balanced accuracy of")
