@@ -180,6 +180,9 @@ if TYPE_CHECKING:
     from emacm.shaft.tacho import (
         pulse_times as pulse_times,
     )
+    from emacm.shaft.vibration import (
+        angle_from_vibration as angle_from_vibration,
+    )
     from emacm.stroke_features.gears import (
         GearIndicators as GearIndicators,
     )
@@ -226,6 +229,9 @@ _PUBLIC = {
         "angle_from_pulses",
         "angle_from_tacho",
         "pulse_times",
+    ],
+    "shaft.vibration": [
+        "angle_from_vibration",
     ],
     "resampling.order_resampler": [
         "OrderResampler",

@@ -1,0 +1,145 @@
+"""Refinement of a shaft speed by the phases of the lines of the shaft."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+from scipy.interpolate import PchipInterpolator
+
+from emacm.shaft.speed_evidence import Whitened
+
+Array = NDArray[np.floating]
+
+_ROUNDS = 3  # of refinement by phase
+_CLEAR = 4.0  # power of a line over that between the orders, to be used for its phase
+_LASTING = 0.3  # share of the power of lines that is left where the speed is right
+
+
+class Course(NamedTuple):
+    """Speeds in frames of a signal, and how far they can be trusted.
+
+    Attributes
+    ----------
+    white : Whitened
+        The signal.
+    times, speeds, rates : ndarray of shape (n_frames,)
+        Centres of the frames [s], speeds [Hz], and relative rates of change [1/s].
+    trusted : ndarray of bool, shape (n_frames,)
+        Which frames can be trusted.
+    duration : float
+        Of the frames [s].
+    reliable : ndarray of bool, shape (n_seconds,)
+        Seconds of which all frames can be trusted.
+    refusal : str
+        What to say if there is none.
+    """
+
+    white: Whitened
+    times: Array
+    speeds: Array
+    rates: Array
+    trusted: NDArray[np.bool_]
+    duration: float
+    reliable: NDArray[np.bool_]
+    refusal: str
+
+
+def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Refine a speed by the phases of the orders, demodulated with the angle found so far.
+
+    Parameters
+    ----------
+    course : Course
+        Speeds in frames.
+    orders : ndarray of shape (n_orders,)
+        Orders that may have lines; the clear ones are used.
+
+    Returns
+    -------
+    speed : ndarray of shape (n_times,)
+        Speed at each sample of the whitened signal [Hz].
+    lasting : ndarray of bool, shape (n_seconds,)
+        Seconds in which the lines keep their power once demodulated, as they do only if the speed
+        is right.
+    """
+    white = course.white
+    n_times = len(white.signal)
+    times = np.arange(n_times) / white.fs
+    speed = _along(times, course)
+    analytic = _analytic(white.signal)
+    window = course.duration / (4 if course.duration >= 1 else 2)
+    hop = max(1, int(window * white.fs / 2))
+    for _ in range(_ROUNDS):
+        turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
+        centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs)
+        trusted = np.interp(centres, course.times, course.trusted.astype(float)) > 0
+        speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
+    turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
+    centres, _, power = _phase_speeds(analytic, turns, orders, hop, white.fs)
+    second = np.clip(centres.astype(np.intp), 0, len(course.reliable) - 1)
+    clear = np.ones(len(course.reliable), bool)
+    np.logical_and.at(clear, second, power > _LASTING * np.median(power))
+    return speed, clear
+
+
+def _along(times: Array, course: Course) -> Array:
+    """Interpolate the trusted speeds; a single frame goes on at its rate of change."""
+    at, speeds = course.times[course.trusted], course.speeds[course.trusted]
+    if len(at) > 1:
+        inner = np.clip(times, at[0], at[-1])
+        found: Array = PchipInterpolator(at, speeds)(inner)
+        ends = course.rates[course.trusted][[0, -1]] * speeds[[0, -1]]
+        beyond = np.clip(times - inner, -course.duration / 2, course.duration / 2)
+        return found + np.where(beyond < 0, ends[0], ends[1]) * beyond
+    reach = np.clip(times - at[0], -course.duration / 2, course.duration / 2)
+    return speeds[0] * (1 + course.rates[course.trusted][0] * reach)
+
+
+def _phase_speeds(
+    analytic: NDArray[np.complex128], turns: Array, orders: Array, hop: int, fs: float
+) -> tuple[Array, Array, Array]:
+    """Return times [s], corrections of the speed [Hz] from the phases of clear orders, and power.
+
+    The power is that of the clear lines, each relative to its mean.
+    """
+    n_blocks = max(3, len(turns) // hop)
+    starts = np.linspace(0, len(turns), n_blocks + 1).astype(np.intp)[:-1]
+    length = np.diff(np.append(starts, len(turns)))
+
+    def demodulated(order: float) -> NDArray[np.complex128]:
+        wave = analytic * np.exp(-2j * np.pi * order * turns)
+        blocks = np.add.reduceat(wave, starts) / length
+        # Two blocks together, half overlapping.
+        joined: NDArray[np.complex128] = np.asarray(blocks[1:] + blocks[:-1], np.complex128)
+        return joined * (0.5 + 0j)
+
+    weights, sums, total = 0.0, 0.0, 0.0
+    centre = (starts[1:] + 0.0) / fs
+    for order in orders:
+        line = demodulated(order)
+        between = np.mean(np.abs(demodulated(order + 0.41)) ** 2) + 1e-300
+        power = np.mean(np.abs(line) ** 2)
+        if power < _CLEAR * between:
+            continue
+        turned = line[1:] * np.conj(line[:-1])
+        # Beyond ten times the noise, a line says no more than others: it may not be the order's.
+        weight = np.minimum(np.abs(turned) / between, 10 * _CLEAR)
+        total = total + np.abs(turned) / power
+        weights = weights + weight * order**2
+        sums = sums + weight * order * np.angle(turned)
+    middle = (centre[1:] + centre[:-1]) / 2
+    if np.ndim(weights) == 0:
+        return middle, np.zeros(len(middle)), np.zeros(len(middle))
+    change = sums / np.maximum(weights, 1e-300) / (2 * np.pi * np.diff(centre))
+    smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
+    return middle, smooth, np.asarray(total)
+
+
+def _analytic(signal: Array) -> NDArray[np.complex128]:
+    """Return the signal with positive frequencies only."""
+    spectrum: NDArray[np.complex128] = fft.fft(signal)
+    spectrum[(len(signal) + 1) // 2 :] = 0
+    return np.asarray(fft.ifft(spectrum), complex)

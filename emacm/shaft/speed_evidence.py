@@ -1,0 +1,316 @@
+"""Evidence for each shaft speed in short spectra of a vibration signal.
+
+The multi-order probabilistic approach [1]_ on a common grid of speeds: a speed is likely if there
+is spectral power at many of its orders. Power is compared by rank, so that the evidence is a
+likelihood ratio whatever the distribution of the background: in noise, its exponential has mean 1.
+
+References
+----------
+.. [1] Leclère, André and Antoni, A multi-order probabilistic approach for instantaneous angular
+   speed tracking, Mech. Syst. Signal Process. 81 (2016).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+
+Array = NDArray[np.floating]
+
+_MAINS = (50.0, 60.0)  # Hz
+_MAINS_TOLERANCE = 1e-3  # of the frequency
+_MAINS_LINE = 20.0  # power over the background that makes a line
+_LONG = 4.0  # s: frames of the background
+_LOBE = 1.6  # half the main lobe of a Hann window, and a little less, in 1/duration
+_PRESENT = 0.8  # probability that an order of the shaft has a line
+# Probability of a line, and distribution of its rank, Beta(shape, 1): the first orders, others.
+_LINES = (0.95, 0.08), (_PRESENT, 0.25)
+_FIRST = 2  # orders that have lines in nearly all machines
+_CLEAR_LINE = 15.0  # power over the background
+_TOP_RANKS = 5e-4, 0.03  # limits of the share of bins with a clear line
+_SKIRT = 0.02  # of the power of a line, within six bins
+_RANKS = 20_000  # values from which the distribution of powers is estimated
+_KNOTS = 129  # ranks of which the powers are estimated
+_TABLE = 1025  # logarithms of power of which the scores are computed
+_STEP = 0.5  # of the grid of speeds, in bins at the highest order
+# Numbers of orders that may have lines, from the first one on; in short frames, in which the
+# lines of high orders are not separate, the fewer ones.
+MANY_ORDERS, FEW_ORDERS = (4, 6, 8, 12, 16, 24), (4, 6, 8)
+_FRACTIONS = (1 / 2, 1 / 3, 2 / 3)  # orders that have lines if the speed is a multiple of the true
+
+
+class Whitened(NamedTuple):
+    """A signal with a flat background, at a low sampling rate.
+
+    Attributes
+    ----------
+    signal : ndarray of shape (n_times,)
+        Samples; the mean square of the background is 1 per bin of any spectrum.
+    fs : float
+        Sampling rate [Hz].
+    highest : float
+        Highest frequency in it [Hz].
+    mains : ndarray of shape (n_lines,)
+        Frequencies of lines of the mains, which are removed [Hz].
+    """
+
+    signal: Array
+    fs: float
+    highest: float
+    mains: Array
+
+
+class Evidence(NamedTuple):
+    """Logarithm of the likelihood ratio of each speed in each frame.
+
+    Attributes
+    ----------
+    times : ndarray of shape (n_frames,)
+        Centres of the frames [s].
+    speeds : ndarray of shape (n_speeds,)
+        Grid of speeds, evenly spaced [Hz].
+    ratios : ndarray of shape (n_frames, n_speeds)
+        Logarithms of likelihood ratios to "no lines".
+    rates : ndarray of shape (n_frames, n_speeds)
+        The most likely relative rate of change of each speed [1/s].
+    duration, hop : float
+        Of the frames [s].
+    fastest : float
+        Largest relative rate of change that is considered [1/s].
+    """
+
+    times: Array
+    speeds: Array
+    ratios: Array
+    rates: Array
+    duration: float
+    hop: float
+    fastest: float
+
+
+def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:
+    """Flatten the background of a signal, remove lines of the mains, and reduce the rate.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,)
+        Vibration.
+    fs : float
+        Sampling rate [Hz].
+    highest : float
+        Highest frequency of interest [Hz], below fs / 2.
+    smoothing : float
+        What is broader than this on either side [Hz] is background, such as a resonance.
+
+    Returns
+    -------
+    Whitened
+    """
+    n_times = len(signal)
+    spectrum = fft.rfft(signal - signal.mean(), fft.next_fast_len(n_times, real=True))
+    n_fft = fft.next_fast_len(n_times, real=True)
+    frequencies = np.arange(len(spectrum)) * (fs / n_fft)
+    kept = int(np.searchsorted(frequencies, highest)) + 1
+    axis, background = _background(signal, fs, highest, smoothing)
+    level = np.interp(frequencies[:kept], axis, background)
+    flat = spectrum[:kept] / np.sqrt(np.maximum(level, 1e-300))
+    mains = _mains_lines(flat, fs / n_fft, n_times / fs)
+    for line in mains:
+        near = np.abs(frequencies[:kept] - line) < _MAINS_TOLERANCE * line + 2 * fs / n_times
+        flat[near] = 0
+    n_reduced = fft.next_fast_len(min(4 * kept, n_fft), real=True)
+    padded = np.zeros(n_reduced // 2 + 1, complex)
+    padded[: min(kept, len(padded))] = flat[: len(padded)]
+    rate = fs * n_reduced / n_fft
+    reduced = fft.irfft(padded, n_reduced)[: max(2, int(n_times * rate / fs))]
+    scale = reduced.std() or 1.0
+    return Whitened(reduced / scale, rate, highest, mains)
+
+
+def measure(
+    white: Whitened,
+    duration: float,
+    speeds: tuple[float, float],
+    orders: Array | None,
+    *,
+    n_rates: int,
+    counts: tuple[int, ...] = MANY_ORDERS,
+) -> Evidence:
+    """Compute the evidence in frames of one duration.
+
+    Parameters
+    ----------
+    white : Whitened
+        The signal.
+    duration : float
+        Of a frame [s].
+    speeds : (float, float)
+        Lowest and highest speed [Hz].
+    orders : ndarray of shape (n_orders,), or None
+        Orders with lines; None for 1, 2, 3, ...
+    n_rates : int
+        Number of rates of change that are tried, odd.
+    counts : tuple of int
+        Without `orders`: numbers of orders that may have lines.
+
+    Returns
+    -------
+    Evidence
+    """
+    n_frame = min(len(white.signal), int(duration * white.fs)) // 2 * 2
+    duration = n_frame / white.fs
+    top_order = counts[-1] if orders is None else float(orders.max())
+    top = min(white.highest, top_order * speeds[1])
+    slope = 2.0 / (top * duration**2)  # two bins over a frame, at the highest frequency
+    rates = slope * (np.arange(n_rates) - n_rates // 2)
+    powers, starts = _powers(white.signal, n_frame, rates, white.fs)
+    spacing = white.fs / n_frame
+    usable = np.ones(powers.shape[-1], bool)
+    usable[: int(np.ceil(_LOBE)) + 1] = False
+    usable[int(top / spacing) + 1 :] = False
+    for line in white.mains if duration >= 1 else ():
+        bins = np.abs(np.arange(len(usable)) * spacing - line)
+        usable &= bins > _LOBE * spacing + _MAINS_TOLERANCE * line
+    if not usable.any():
+        usable[1:] = True
+    level = np.median(powers[:, n_rates // 2, usable], axis=-1)  # that between the lines
+    powers /= np.maximum(level, 1e-300)[:, np.newaxis, np.newaxis]
+    # The skirts of a strong line are no lines.
+    skirts = powers < _SKIRT * ndimage.maximum_filter1d(powers, 13, axis=-1)
+    powers[skirts] = np.minimum(powers[skirts], 1.0)
+    rank = _rank_of(powers, usable)
+    scores = [_scores_by_rank(*rank, *shape) for shape in _LINES]
+    for score in scores:
+        score[..., ~usable] = 0
+    grid = np.arange(speeds[0], speeds[1] + 1e-9, _STEP * spacing / top_order)
+    rows = [np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T) for score in scores]
+    if orders is None:
+        found = _sum_over_first_orders(rows[0], rows[1], grid / spacing, counts)
+    else:
+        found = _on_lattice(rows[0], rows[0], grid / spacing, orders, (len(orders),))
+    ratios = found.T.reshape(len(starts), n_rates, len(grid))
+    chosen = ratios.argmax(axis=1)
+    times = (starts + n_frame / 2) / white.fs
+    likely = ratios.max(axis=1).astype(np.float64) - np.log(n_rates)
+    hop = n_frame // 2 / white.fs
+    return Evidence(times, grid, likely, rates[chosen], duration, hop, float(rates[-1]))
+
+
+def _background(signal: Array, fs: float, highest: float, smoothing: float) -> tuple[Array, Array]:
+    """Return frequencies and the power between the lines of a signal."""
+    n_frame = min(len(signal), int(_LONG * fs)) // 2 * 2
+    powers, _ = _powers(signal, n_frame, np.zeros(1), fs, highest)
+    mean = powers[:, 0].mean(axis=0)
+    spacing = fs / n_frame
+    size = 2 * max(4, round(smoothing / spacing)) + 1
+    return np.arange(len(mean)) * spacing, ndimage.median_filter(mean, size, mode="nearest")
+
+
+def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:
+    """Return the multiples of the mains frequencies at which there is a steady line."""
+    power = np.abs(flat) ** 2
+    lines = []
+    for mains in _MAINS:
+        for line in mains * np.arange(1, int(len(flat) * spacing / mains) + 1):
+            reach = _MAINS_TOLERANCE * line + 1.5 / length
+            low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
+            wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
+            if power[low : high + 1].max(initial=0) > _MAINS_LINE * np.median(power[wide]):
+                lines.append(line)
+    return np.array(lines)
+
+
+def _powers(
+    signal: Array, n_frame: int, rates: Array, fs: float, highest: float | None = None
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return powers of shape (n_frames, n_rates, n_bins) of frames warped by each rate."""
+    starts = np.arange(0, len(signal) - n_frame + 1, n_frame // 2)
+    if starts[-1] + n_frame < len(signal):  # a last frame that ends with the signal
+        starts = np.append(starts, len(signal) - n_frame)
+    frames = np.lib.stride_tricks.sliding_window_view(signal, n_frame)[starts]
+    window = np.hanning(n_frame + 2)[1:-1]
+    window /= np.sqrt(np.sum(window**2))
+    n_bins = n_frame // 2 + 1
+    if highest is not None:
+        n_bins = min(n_bins, int(highest * n_frame / fs) + 2)
+    powers = np.empty((len(starts), len(rates), n_bins))
+    centred = (np.arange(n_frame) - (n_frame - 1) / 2) / fs
+    for number, rate in enumerate(rates):
+        warped = frames
+        if rate:
+            # Equal steps of the phase t + rate t²/2 of a speed that changes at this rate.
+            moved = (np.sqrt(np.maximum(1 + 2 * rate * centred, 0.04)) - 1) / rate
+            place = np.clip((moved - centred[0]) * fs, 0, n_frame - 1)
+            left = np.minimum(place.astype(np.intp), n_frame - 2)
+            part = place - left
+            warped = frames[:, left] * (1 - part) + frames[:, left + 1] * part
+        spectrum = fft.rfft(warped * window, axis=1)[:, :n_bins]
+        powers[:, number] = spectrum.real**2 + spectrum.imag**2
+    return powers, starts
+
+
+def _rank_of(powers: Array, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
+    """Return the place of each power in a table, and the ranks of the table, 1 for the smallest.
+
+    A machine has lines that are none of its shaft, in any number, so what counts is how rare a
+    power is among all bins. All clear lines count alike: none decides alone.
+    """
+    pool = powers[..., usable].ravel()
+    pool = pool[:: max(1, len(pool) // _RANKS)]
+    top = np.clip(np.mean(pool > _CLEAR_LINE), *_TOP_RANKS)
+    ranks = np.geomspace(1, top, _KNOTS)
+    knots = np.quantile(pool, 1 - ranks)
+    # By table, over the logarithm of the power: much faster than interpolation.
+    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), _TABLE)
+    place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
+    place = (place - np.float32(logs[0])) * np.float32((_TABLE - 1) / (logs[-1] - logs[0]))
+    places = np.clip(place, 0, _TABLE - 1).astype(np.intp)
+    return places, np.exp(np.interp(np.exp(logs), knots, np.log(ranks)))
+
+
+def _scores_by_rank(
+    places: NDArray[np.intp], ranks: Array, present: float, shape: float
+) -> NDArray[np.float32]:
+    """Return log likelihood ratios of "line of the shaft" to "any bin"."""
+    table = np.log(1 - present + present * shape * ranks ** (shape - 1))
+    found: NDArray[np.float32] = table.astype(np.float32)[places]
+    return found
+
+
+def _sum_over_first_orders(
+    first: NDArray[np.float32],
+    others: NDArray[np.float32],
+    places: Array,
+    counts: tuple[int, ...],
+) -> NDArray[np.float32]:
+    """Sum scores of shape (n_bins, n_rows) at the orders of each speed, given in bins."""
+    found = _on_lattice(first, others, places, np.arange(1.0, counts[-1] + 1), counts)
+    # Lines between the orders mean that the speed is a multiple of the true one.
+    between = np.zeros_like(found)
+    for fraction in _FRACTIONS:
+        lattice = np.arange(counts[-1]) + fraction
+        np.maximum(between, _on_lattice(others, others, places, lattice, counts), out=between)
+    return found - between - np.float32(np.log(len(counts)))
+
+
+def _on_lattice(
+    first: NDArray[np.float32],
+    others: NDArray[np.float32],
+    places: Array,
+    orders: Array,
+    counts: tuple[int, ...],
+) -> NDArray[np.float32]:
+    """Sum scores over the first orders, for the number of them that gives most."""
+    total = np.zeros((len(places), first.shape[1]), np.float32)
+    most = np.full_like(total, -np.inf)
+    for count, order in enumerate(orders, 1):
+        scores = first if count <= _FIRST else others
+        bins = np.rint(order * places).astype(np.intp)
+        inside = int(np.searchsorted(bins, len(scores)))
+        total[:inside] += scores[bins[:inside]]
+        if count in counts:
+            np.maximum(most, total, out=most)
+    return most

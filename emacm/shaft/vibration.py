@@ -1,0 +1,335 @@
+"""Shaft angle from vibration alone, without any shaft sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from emacm._checks import check_number, check_signal
+from emacm.shaft.phase_refinement import Course, refined_speed
+from emacm.shaft.speed_evidence import (
+    FEW_ORDERS,
+    MANY_ORDERS,
+    Evidence,
+    Whitened,
+    measure,
+    whiten,
+)
+
+Array = NDArray[np.floating]
+
+# Durations of the frames [s], numbers of rates of change, and log likelihood ratios to any other
+# speed that are needed: the longest frames give most evidence, the shortest follow most.
+_FRAMES = (4.0, 5, 4.0), (1.4, 15, 10.0)
+_HIGHEST_ORDER = MANY_ORDERS[-1]  # without `orders`
+_BROAD = 16.0  # what is broader than this over the duration of a frame is no line
+_TOGETHER = 3  # frames that decide together
+_ABSENT = -4.0  # of speeds outside of the range, in the frames in which they are
+_ALONE = 2.0  # log likelihood ratio to noise of every single frame
+_BARRED = 100.0  # log likelihood ratio against what is excluded
+_SAME = 0.004  # relative distance of speeds that are one
+_ENOUGH = 0.9  # share of reliable seconds at which no shorter frames are tried
+_FEW = 4  # cycles of a frame, of the lowest order at the lowest speed
+
+
+class Confidence(NamedTuple):
+    """How far a shaft angle can be trusted.
+
+    Attributes
+    ----------
+    fraction : float
+        Fraction of the seconds that are reliable.
+    reliable : ndarray of bool, shape (n_seconds,)
+        Which seconds of the signal are; the last one may be shorter.
+    """
+
+    fraction: float
+    reliable: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VibrationAngle:
+    """Shaft angle and speed found in a vibration signal.
+
+    Attributes
+    ----------
+    angle : ndarray of shape (n_times,)
+        Shaft angle [rad], 0 at the first sample. The direction of rotation is not known: it
+        always rises.
+    velocity : ndarray of shape (n_times,)
+        Speed of the shaft [rad/s]. In seconds that are not reliable, it is interpolated.
+    confidence : Confidence
+        Fraction of reliable seconds, and which they are.
+    """
+
+    angle: Array
+    velocity: Array
+    confidence: Confidence
+
+    def __repr__(self) -> str:
+        low, high = self.velocity.min(), self.velocity.max()
+        return (
+            f"VibrationAngle({len(self.angle)} samples, {low:.5g} to {high:.5g} rad/s, "
+            f"{self.confidence.fraction:.0%} of the seconds reliable)"
+        )
+
+
+def angle_from_vibration(
+    signal: ArrayLike,
+    fs: float,
+    *,
+    speeds: tuple[float, float],
+    orders: Sequence[float] | None = None,
+) -> VibrationAngle:
+    """Find the shaft angle in a vibration signal, without any shaft sensor.
+
+    Parameters
+    ----------
+    signal : array_like of shape (n_times,)
+        Vibration, or another signal with lines at orders of the shaft, such as a current.
+    fs : float
+        Sampling rate [Hz].
+    speeds : (float, float)
+        Lowest and highest possible speed of the shaft [rad/s]. The narrower the range, the more
+        is reliable: what lies outside is excluded.
+    orders : sequence of float, optional
+        Orders at which the signal has lines, such as the tooth number of a gear. Default: some of
+        1, 2, 3, ..., 24, the first ones before the others.
+
+    Returns
+    -------
+    VibrationAngle
+        `angle` [rad] and `velocity` [rad/s] at the samples of the signal, for
+        ``Recording(..., angle=found.angle)``, and `confidence`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the signal is not a finite numeric signal, a parameter is out of range, or no second
+        is reliable; the message gives the best speed, and the one it cannot be told from.
+
+    Notes
+    -----
+    The lines of all orders are evaluated on one grid of speeds (multi-order probabilistic
+    approach [1]_): the evidence for a speed is a sum of log likelihood ratios over its orders, by
+    the rank of the power in the spectrum, in frames of 4 s or 1.4 s, which are warped by several
+    rates of change. The most likely course with a bounded rate of change (Viterbi) is followed.
+    All other speeds, multiples and fractions in particular, are kept beside it [2]_: a second is
+    reliable only if its log likelihood ratio to *every* other speed is at least 4 (10 in the
+    shorter frames), the speed is not at an end of `speeds`, and the lines keep their power once
+    they are demodulated. The phases of the clear orders refine the speed.
+
+    For changes of up to 1 % in a few seconds. On simulated machines with 3 to 12 lines, at 0 and
+    -10 dB, the median error was 0.01 % and every reliable second within 1 %; two thirds of the
+    seconds were reliable at constant speed, half at a drift of 1 %. Faster ramps are mostly
+    refused, and so is a shaft that reverses or stands: such seconds have no one speed.
+
+    Without `orders`, the first orders are assumed to have lines: a shaft with lines at even orders
+    only is taken for one of twice the speed, unless `speeds` excludes that. Two orders at least
+    are needed. Steady lines at multiples of 50 and 60 Hz are taken for the mains and ignored, so
+    a shaft of exactly such a speed is found by its other orders only, if at all.
+
+    References
+    ----------
+    .. [1] Leclère, André and Antoni, A multi-order probabilistic approach for instantaneous
+       angular speed tracking, Mech. Syst. Signal Process. 81 (2016).
+    .. [2] ARC: alignment-based RPM estimation with curvature-adaptive tracking,
+       arXiv:2603.29354 (2026).
+
+    Examples
+    --------
+    >>> fs, rng = 2000, np.random.default_rng(1)
+    >>> t = np.arange(8 * fs) / fs
+    >>> angle = 2 * np.pi * (21.3 * t + 0.2 * np.sin(t))
+    >>> vibration = sum(np.cos(k * angle) for k in range(1, 9)) + rng.normal(size=len(t))
+    >>> found = angle_from_vibration(vibration, fs, speeds=(60, 300))
+    >>> found.confidence.fraction
+    1.0
+    >>> bool(np.abs(found.velocity / np.gradient(angle, 1 / fs) - 1).max() < 0.01)
+    True
+    """
+    samples = check_signal(signal, "signal", min_length=64).astype(np.float64)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    limits = _checked_speeds(speeds, fs)
+    chosen = None if orders is None else _checked_orders(orders)
+    longest = len(samples) / fs
+    shortest = _FEW / (limits[0] * (1 / 3 if chosen is None else _smallest_gap(chosen)))
+    if longest < shortest:
+        raise ValueError(
+            f"signal lasts {longest:.3g} s, but {shortest:.3g} s are needed to separate the orders "
+            f"at the lowest speed of {limits[0] * 2 * np.pi:.4g} rad/s. Raise the lowest speed, or "
+            f"give a longer signal."
+        )
+    if not np.ptp(samples) > 0:
+        raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
+    top = _HIGHEST_ORDER if chosen is None else float(chosen.max())
+    highest = min(0.45 * fs, top * limits[1])
+    best = _best_course(samples, fs, highest, limits, chosen, shortest)
+    if not best.reliable.any():
+        raise ValueError(best.refusal)
+    lines = np.arange(1.0, _HIGHEST_ORDER + 1) if chosen is None else chosen
+    speed, clear = refined_speed(best, lines)
+    reliable = best.reliable & clear
+    if not reliable.any():
+        raise ValueError(best.refusal)
+    times = np.arange(len(samples)) / fs
+    velocity = 2 * np.pi * np.interp(times, np.arange(len(speed)) / best.white.fs, speed)
+    steps = (velocity[1:] + velocity[:-1]) / (2 * fs)
+    angle = np.concatenate([[0.0], np.cumsum(steps)])
+    return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
+
+
+def _best_course(
+    signal: Array,
+    fs: float,
+    highest: float,
+    limits: tuple[float, float],
+    orders: Array | None,
+    shortest: float,
+) -> Course:
+    """Return the course from frames of the duration with the most reliable seconds."""
+    longest = len(signal) / fs
+    best: Course | None = None
+    for number, (frame, n_rates, margin) in enumerate(_FRAMES):
+        duration = max(min(frame, longest), shortest)
+        if number and not shortest < frame < longest:
+            continue
+        counts = FEW_ORDERS if number else MANY_ORDERS
+        white = whiten(signal, fs, highest, _BROAD / duration)
+        evidence = measure(white, duration, limits, orders, n_rates=n_rates, counts=counts)
+        course = _course(white, evidence, longest, limits, margin)
+        if best is None or course.reliable.sum() > best.reliable.sum():
+            best = course
+        if best.reliable.mean() >= _ENOUGH:
+            break
+    assert best is not None
+    return best
+
+
+def _course(
+    white: Whitened,
+    evidence: Evidence,
+    longest: float,
+    limits: tuple[float, float],
+    margin: float,
+) -> Course:
+    path = _most_likely_path(evidence, evidence.ratios)
+    speeds = evidence.speeds[path]
+    frames = np.arange(len(path))
+    margins, sums, rivals = _margins(evidence, speeds)
+    inside = (speeds > limits[0] * (1 + _SAME)) & (speeds < limits[1] * (1 - _SAME))
+    trusted = (margins >= margin) & (sums >= np.log(len(evidence.speeds))) & inside
+    trusted &= evidence.ratios[frames, path] >= _ALONE
+    reliable = np.array(
+        [
+            _covered(evidence, trusted, second, min(second + 1.0, longest))
+            for second in range(max(1, int(np.ceil(longest - 0.05))))
+        ]
+    )
+    top = int(np.argmax(margins))
+    turn = 2 * np.pi
+    refusal = (
+        f"no second of the signal shows a speed between {limits[0] * turn:.4g} and "
+        f"{limits[1] * turn:.4g} rad/s reliably. The best, {speeds[top] * turn:.5g} rad/s at "
+        f"{evidence.times[top]:.3g} s, has a log likelihood ratio of {margins[top]:.2g} to "
+        f"{rivals[top] * turn:.5g} rad/s, where {margin:g} is needed. Narrow speeds, state the "
+        f"orders of known lines, or use a shaft sensor."
+    )
+    rates = evidence.rates[frames, path]
+    return Course(
+        white, evidence.times, speeds, rates, trusted, evidence.duration, reliable, refusal
+    )
+
+
+def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
+    """Return the indices of the speeds with the most evidence and bounded steps (Viterbi)."""
+    step = evidence.speeds[1] - evidence.speeds[0]
+    reach = int(np.ceil(evidence.fastest * evidence.hop * evidence.speeds[-1] / step)) + 1
+    totals = [scores[0]]
+    for ratios in scores[1:]:
+        before = ndimage.maximum_filter1d(totals[-1], 2 * reach + 1, mode="constant", cval=-np.inf)
+        totals.append(before + ratios)
+    path = [int(np.argmax(totals[-1]))]
+    for total in reversed(totals[:-1]):
+        low = max(0, path[-1] - reach)
+        path.append(low + int(np.argmax(total[low : path[-1] + reach + 1])))
+    return np.array(path[::-1])
+
+
+def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
+    """Return log likelihood ratios of the path to its best rival and to noise, and the rival.
+
+    Rivals are the speeds in a constant ratio to the path, so that no multiple or fraction is
+    forgotten, and the most likely path elsewhere, which is as free as the path itself.
+    """
+    grid = evidence.speeds
+    step = grid[1] - grid[0]
+    # A line is as wide as the resolution, whatever its order.
+    same = np.maximum(_SAME, 2.0 / (evidence.duration * speeds))[:, np.newaxis]
+    elsewhere = evidence.ratios.copy()
+    elsewhere[np.abs(grid / speeds[:, np.newaxis] - 1) <= same] = -np.inf
+    second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -_BARRED))]
+    n_ratios = 2 * int(np.log(grid[-1] / grid[0]) / (step / grid[-1])) + 1
+    ratios = np.exp(np.linspace(-1, 1, n_ratios) * np.log(grid[-1] / grid[0]))
+    others = [_windowed(evidence, _at(evidence.ratios, grid, ratios * speeds[:, np.newaxis]))]
+    own = np.abs(ratios - 1) <= same
+    mine = np.where(own, others[0], -np.inf).max(axis=1)
+    rigid = np.where(own, -np.inf, others[0])
+    free = _windowed(evidence, _at(elsewhere, grid, second[:, np.newaxis]))[:, 0]
+    best = rigid.argmax(axis=1)
+    rival = np.where(free > rigid.max(axis=1), second, ratios[best] * speeds)
+    return mine - np.maximum(rigid.max(axis=1), free), mine, rival
+
+
+def _at(scores: Array, grid: Array, speeds: Array) -> Array:
+    """Return the scores of each frame at some speeds; those outside of the grid are excluded."""
+    places = np.rint((speeds - grid[0]) / (grid[1] - grid[0])).astype(np.intp)
+    inside = (places >= 0) & (places < len(grid))
+    found = np.take_along_axis(scores, np.clip(places, 0, len(grid) - 1), axis=1)
+    return np.where(inside, np.maximum(found, -_BARRED), _ABSENT)
+
+
+def _windowed(evidence: Evidence, scores: Array) -> Array:
+    """Sum the scores of neighbouring frames, which see the same lines and so count half."""
+    width = min(_TOGETHER, len(scores))
+    if width < 2:
+        return scores
+    summed: Array = ndimage.uniform_filter1d(scores, width, axis=0, mode="nearest")
+    return summed * (width / 2)
+
+
+def _covered(evidence: Evidence, trusted: NDArray[np.bool_], start: float, stop: float) -> bool:
+    """Tell whether all frames whose nearest times lie in a second are trusted."""
+    edges = (evidence.times[1:] + evidence.times[:-1]) / 2
+    first, last = np.searchsorted(edges, [start, stop - 1e-9])
+    return bool(np.all(trusted[first : last + 1]))
+
+
+def _checked_speeds(speeds: tuple[float, float], fs: float) -> tuple[float, float]:
+    """Return lowest and highest speed [Hz]."""
+    if not isinstance(speeds, Sequence | np.ndarray) or len(speeds) != 2:
+        raise TypeError(f"speeds must be a pair (lowest, highest) of rad/s, got {speeds!r}.")
+    low = check_number(speeds[0], "the lowest speed", above=0, unit="rad/s")
+    high = check_number(speeds[1], "the highest speed", above=low, unit="rad/s")
+    if high >= np.pi * fs / 2:
+        raise ValueError(
+            f"the highest speed must be below pi/2 times the sampling rate ({np.pi * fs / 2:.5g} "
+            f"rad/s), got {high:.5g}. Is it in rad/s?"
+        )
+    return low / (2 * np.pi), high / (2 * np.pi)
+
+
+def _checked_orders(orders: Sequence[float]) -> Array:
+    if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray) or not len(orders):
+        raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
+    return np.unique([check_number(order, "an order", above=0) for order in orders])
+
+
+def _smallest_gap(orders: Array) -> float:
+    """Return the smallest distance of the orders from one another and from 0."""
+    return float(np.diff(orders, prepend=0.0).min())

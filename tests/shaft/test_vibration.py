@@ -1,0 +1,177 @@
+"""Shaft angle from vibration: right where it is reliable, and refused where there is no shaft."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from emacm import OrderPSD, OrderResampler, Recording, angle_from_vibration
+from emacm.simulation import LaboratoryBench
+
+TURN = 2 * np.pi
+FS = 12_000
+SPEEDS = (TURN * 11, TURN * 70)
+
+
+def machine(rate, *, fs=FS, orders=range(1, 13), snr=0.0, seed=0):
+    """Lines of random size at orders of a shaft of this speed [Hz], in noise of this level [dB]."""
+    rng = np.random.default_rng(seed)
+    angle = TURN * np.cumsum(rate) / fs
+    tones = sum(rng.uniform(0.4, 1) * np.cos(k * angle + rng.uniform(0, 6)) for k in orders)
+    noise = rng.normal(size=len(angle))
+    return tones / tones.std() * 10 ** (snr / 20) + noise, TURN * rate
+
+
+def errors(found, velocity, fs=FS):
+    """Return the median relative error of the speed in each reliable second."""
+    seconds = np.flatnonzero(found.confidence.reliable)
+    relative = np.abs(found.velocity / velocity - 1)
+    return np.array([np.median(relative[int(s * fs) : int((s + 1) * fs)]) for s in seconds])
+
+
+@pytest.mark.parametrize("snr", [0, -10])
+@pytest.mark.parametrize("rate", [17.37, 24.18, 43.9])
+def test_a_constant_speed_is_found_within_a_thousandth(rate, snr):
+    signal, velocity = machine(np.full(8 * FS, rate), snr=snr)
+    found = angle_from_vibration(signal, FS, speeds=SPEEDS)
+    assert found.confidence.reliable.shape == (8,)
+    assert found.confidence.fraction >= 0.75
+    assert errors(found, velocity).max() < 1e-3
+
+
+def test_a_slowly_drifting_speed_is_followed():
+    times = np.arange(12 * FS) / FS
+    signal, velocity = machine(23.3 * (1 + 0.003 * np.sin(0.6 * times)), seed=4)
+    found = angle_from_vibration(signal, FS, speeds=SPEEDS)
+    assert found.confidence.fraction > 0.5
+    assert errors(found, velocity).max() < 4e-3
+    assert np.median(errors(found, velocity)) < 1e-3
+
+
+def test_the_lines_of_a_gear_are_enough_where_their_orders_are_known():
+    signal, velocity = machine(np.full(9 * FS, 21.7), orders=(13, 26, 39, 52), seed=2)
+    found = angle_from_vibration(signal, FS, speeds=SPEEDS, orders=[13, 26, 39, 52])
+    assert found.confidence.fraction > 0.5
+    assert errors(found, velocity).max() < 1e-3
+
+
+def test_the_angle_is_the_integral_of_the_speed_and_makes_a_recording():
+    signal, velocity = machine(np.full(8 * FS, 29.63), seed=5)
+    found = angle_from_vibration(signal, FS, speeds=SPEEDS)
+    assert found.angle.shape == found.velocity.shape == signal.shape
+    assert found.angle[0] == 0
+    seconds = np.flatnonzero(found.confidence.reliable) * FS
+    assert len(seconds) >= 4
+    turned = found.angle[seconds + FS - 1] - found.angle[seconds]
+    np.testing.assert_allclose(turned, velocity[0] * (FS - 1) / FS, rtol=1e-3)
+    run = Recording({"case": signal}, FS, angle=found.angle)
+    over_angle = OrderResampler(TURN / 32).fit_transform([run])
+    powers = OrderPSD(20).fit_transform(over_angle)[0]
+    strongest = np.argsort(powers)[-4:] / 20
+    np.testing.assert_allclose(strongest, np.rint(strongest), atol=0.051)
+
+
+def test_a_short_recording_is_found_or_refused_but_never_wrong():
+    signal, velocity = machine(np.full(2 * FS, 31.4), snr=6, seed=6)
+    found = angle_from_vibration(signal, FS, speeds=(TURN * 20, TURN * 50))
+    assert errors(found, velocity).max() < 2e-3
+
+
+def noise(seed):
+    return np.random.default_rng(seed).normal(size=8 * FS)
+
+
+def mains(frequency, strength):
+    times = np.arange(8 * FS) / FS
+    hum = sum(np.sin(TURN * frequency * k * times + k) / k for k in range(1, 8))
+    return strength * hum + noise(1)
+
+
+def resonance(frequency):
+    omega = TURN * frequency / FS
+    radius = 1 - 0.02 * omega
+    return lfilter([1], [1, -2 * radius * np.cos(omega), radius**2], noise(2)) + 0.1 * noise(3)
+
+
+NO_SHAFT = {
+    "noise": lambda: noise(0),
+    "mains at 50 Hz": lambda: mains(50.02, 1.0),
+    "mains at 60 Hz": lambda: mains(59.98, 20.0),
+    "resonance at 77 Hz": lambda: resonance(77),
+    "resonance at 412 Hz": lambda: resonance(412),
+    "a tone": lambda: noise(4) + np.sin(TURN * 317.3 * np.arange(8 * FS) / FS),
+}
+
+
+@pytest.mark.parametrize("orders", [None, [1, 2, 3], [6], [13, 26, 39]])
+@pytest.mark.parametrize("name", NO_SHAFT)
+def test_a_signal_without_a_shaft_is_refused(name, orders):
+    with pytest.raises(ValueError, match="no second of the signal shows a speed"):
+        angle_from_vibration(NO_SHAFT[name](), FS, speeds=SPEEDS, orders=orders)
+
+
+@pytest.mark.parametrize("condition", [3, 5])
+def test_a_shaft_that_reverses_all_the_time_is_refused(condition):
+    bench = LaboratoryBench(unit=3, duration=6.0, fs=FS, cutoff=4500.0)
+    recording = bench.record(condition)
+    top = np.abs(recording.velocity).max()
+    current = recording.signals["current_a"]
+    with pytest.raises(ValueError, match="no second of the signal"):
+        angle_from_vibration(current, FS, speeds=(0.3 * top, 1.5 * top), orders=[6])
+
+
+def test_seconds_without_the_shaft_are_not_reliable():
+    signal, velocity = machine(np.full(12 * FS, 26.3), snr=3, seed=8)
+    signal[6 * FS :] = noise(9)[: 6 * FS]
+    found = angle_from_vibration(signal, FS, speeds=SPEEDS)
+    reliable = found.confidence.reliable
+    assert reliable[:3].all()
+    assert not reliable[8:].any()
+    assert found.confidence.fraction == reliable.mean()
+    assert errors(found, velocity)[:3].max() < 1e-3
+
+
+@pytest.fixture(scope="module")
+def bearings():
+    root = Path(__file__).parents[2].parent / "shared" / "data"
+    file = Path(os.environ.get("EMACM_DATA", root)) / "bearings" / "cwru_faults_12k.npz"
+    if not file.exists():
+        pytest.skip("no recordings of bearings; set EMACM_DATA to their folder")
+    return np.load(file)
+
+
+def test_measured_speeds_of_a_real_motor_are_found(bearings):
+    # The labels are rounded speeds of the load step; 2x and 3x lines deviate by up to 0.12 %.
+    for name in ("1772_B_7_DE12", "1772_OR@6_14_DE12", "1797_B_14_DE12", "1750_OR@12_7_DE12"):
+        signal = bearings[name].ravel()
+        found = angle_from_vibration(signal, FS, speeds=(TURN * 20, TURN * 40))
+        assert found.confidence.fraction == 1
+        rpm = found.velocity.mean() * 60 / TURN
+        assert rpm == pytest.approx(float(name.split("_")[0]), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        (
+            {"speeds": (200.0, 100.0)},
+            ValueError,
+            "the highest speed must be a number",
+        ),
+        ({"speeds": 100.0}, TypeError, r"speeds must be a pair \(lowest, highest\) of rad/s"),
+        ({"speeds": (100.0, 9e4)}, ValueError, "below pi/2 times the sampling rate"),
+        ({"speeds": (1.0, 9.0)}, ValueError, "signal lasts 1 s, but 75.4 s are needed"),
+        ({"speeds": SPEEDS, "orders": []}, TypeError, r"a list of numbers such as \[1, 2\]"),
+        ({"speeds": SPEEDS, "orders": [0]}, ValueError, "an order must be a number above 0"),
+    ],
+)
+def test_invalid_parameters_are_refused(options, error, words):
+    with pytest.raises(error, match=words):
+        angle_from_vibration(noise(0)[:FS], FS, **options)
+
+
+def test_a_constant_signal_is_refused():
+    with pytest.raises(ValueError, match="signal is constant"):
+        angle_from_vibration(np.full(6 * FS, 3.0), FS, speeds=SPEEDS)
