@@ -15,6 +15,7 @@ from emacm._checks import check_finite_table, check_real_array
 from emacm._saved import SavedEstimator
 from emacm.conditions.healthy import find_healthy, known_conditions
 from emacm.orders.columns import OrderTable, column_names
+from emacm.recordings.inputs import described
 from emacm.recordings.meta import sorted_conditions
 
 
@@ -102,8 +103,8 @@ class FeatureBaseline(  # type: ignore[call-arg]
         ------
         TypeError, ValueError
             If X or a parameter is invalid, `healthy` is not in y, a condition has no healthy
-            recording, or a feature is not finite; the message gives the recording or the
-            condition.
+            recording, a recording was sampled at another rate than the healthy ones, or a feature
+            is not finite; the message gives the recording or the condition.
         """
         self._fitted_table(X, y)
         return self
@@ -128,6 +129,7 @@ class FeatureBaseline(  # type: ignore[call-arg]
             recording.
         """
         check_is_fitted(self)
+        self._check_rates(X)
         return self._difference(X, self.transformer_.transform(X))
 
     def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:
@@ -195,6 +197,9 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 f"RecordingStatistics(); got {self.transformer!r}."
             )
         found = find_healthy(X, y, self.condition, self.healthy, self.baseline_recordings)
+        healthy_rows = [X[i] for i in np.flatnonzero(found.mask)] if _are_recordings(X) else []
+        self._rates = _common_rates([*healthy_rows, *found.further])
+        self._check_rates(X)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y)
         healthy = _values(table)[found.mask]
@@ -207,9 +212,41 @@ class FeatureBaseline(  # type: ignore[call-arg]
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
         return table
 
+    def _check_rates(self, X: Any) -> None:
+        """Raise if a recording was sampled at another rate than the healthy ones."""
+        for index, recording in enumerate(X if _are_recordings(X) else ()):
+            for channel, rate in _rates_of(recording).items():
+                healthy = self._rates.get(channel, rate)
+                if not np.isclose(rate, healthy, rtol=1e-6, atol=0):
+                    raise ValueError(
+                        f"{described(recording, index)}: channel {channel!r} is sampled at "
+                        f"{rate:g} Hz, but in the healthy recordings at {healthy:g} Hz. Features "
+                        f"of both differ by the measurement, not by the machine: use healthy "
+                        f"recordings of the same sampling rate."
+                    )
+
     def _difference(self, X: Any, table: Any) -> Any:
         found = known_conditions(X, self.condition, self.conditions_)
         return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
+
+
+def _are_recordings(X: Any) -> bool:
+    """Return whether X is a list of recordings, over time or over the shaft angle."""
+    return isinstance(X, Sequence) and all(hasattr(entry, "channels") for entry in X)
+
+
+def _rates_of(recording: Any) -> dict[str, float]:
+    """Return the sampling rate of each channel that is used [Hz]."""
+    measured = getattr(recording, "measured", recording)
+    return {name: measured.fs[name] for name in recording.channels if name in measured.fs}
+
+
+def _common_rates(recordings: Sequence[Any]) -> dict[str, float]:
+    """Return the sampling rate of each channel of the first recording that has it [Hz]."""
+    rates: dict[str, float] = {}
+    for recording in recordings:
+        rates = _rates_of(recording) | rates
+    return rates
 
 
 def _values(table: Any) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    RecordingStatistics,
     SignalBaseline,
 )
 from emacm.orders.columns import OrderTable
@@ -187,3 +188,22 @@ def test_nothing_is_subtracted_before_the_fit(method):
     for kind in (FeatureBaseline(Levels()), SignalBaseline()):
         with pytest.raises(NotFittedError):
             getattr(kind, method)([constant(20)])
+
+
+def test_a_baseline_of_another_sampling_rate_is_refused():
+    def run(fs, **meta):
+        signal = np.random.default_rng(0).standard_normal(400)
+        return Recording({"casing": signal}, fs, velocity=np.full(400, 9.0), meta=meta)
+
+    slow = [run(12_000, load=1), run(12_000, load=1)]
+    baseline = FeatureBaseline(
+        RecordingStatistics(("rms",), by_direction=False),
+        baseline_recordings=[run(48_000, load=1)],
+        healthy=lambda recording: False,
+    )
+    match = r"recording 0 \(load=1\): channel 'casing' is sampled at 12000 Hz, .* at 48000 Hz"
+    with pytest.raises(ValueError, match=match):
+        baseline.fit(slow)
+    fitted = baseline.set_params(baseline_recordings=slow[1:]).fit(slow)
+    with pytest.raises(ValueError, match=r"recording 1 .* is sampled at 9000 Hz"):
+        fitted.transform([slow[0], run(9_000, load=1)])
