@@ -8,7 +8,8 @@ Fleets: Gaussian units with random covariances between and within units (50 unit
 each), each unit in one state, or every unit in all states; simulated actuators on the bench
 (51 units of three states, 4 recordings each; a test unit is healthy first and then has its
 state). Real recordings, Cranfield: one actuator. Seven runs are the groups, one is left out at
-a time, and six runs support sets of 80 % only: it shows differences between runs, not units.
+a time, and six runs support sets of 80 % only: it shows differences between runs, not units. Of
+the five healthy recordings of a run and load two are known, also in the columns of 3 and 10.
 
     python benchmarks/new_units.py [--data FILE] [--quick]
 """

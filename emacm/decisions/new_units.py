@@ -75,7 +75,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     densities too, and remains after `for_unit` unless units were recorded in several
     classes. Covariances are estimated from mean squares (`emacm.decisions.unit_effects`); with few
     units they are uncertain, which is not modelled: ``temperature="groups"`` and `prediction_sets`
-    take it from left-out units.
+    take it from left-out units. `evaluate` passes `runs` as groups if it is given them: give it
+    `units` only.
 
     Examples
     --------
