@@ -71,6 +71,7 @@ def test_a_damaged_bearing_in_a_mat_file_is_named(tmp_path, monkeypatch, capsys)
     assert capsys.readouterr().out.startswith("BPFI ")
 
 
+@pytest.mark.slow
 def test_the_rates_in_the_text_are_those_of_the_example(decisions):
     stated = re.search(
         r"(\d+) % of the healthy .*? called faulty, (\d+) % are sent to inspection, and\s"
@@ -82,6 +83,7 @@ def test_the_rates_in_the_text_are_those_of_the_example(decisions):
     assert [round(100 * rate) for rate in rates] == [int(number) for number in stated]
 
 
+@pytest.mark.slow
 def test_the_saved_model_decides_as_the_fitted_one(decisions):
     recordings = decisions["recordings"][::7]
     model, saved = decisions["model"], decisions["saved"]

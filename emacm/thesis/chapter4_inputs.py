@@ -80,6 +80,7 @@ def commanded_speed(condition: Condition) -> float:
 
     Examples
     --------
+    >>> from emacm.simulation import CONDITIONS
     >>> round(commanded_speed(CONDITIONS[3]))
     5264
     """

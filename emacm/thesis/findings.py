@@ -218,10 +218,8 @@ def agreement_frame(findings: Sequence[Finding]) -> pd.DataFrame:
     --------
     >>> chapter = Chapter(2, "Spectra")
     >>> _ = chapter.compare("Table 1", 2.0, [1.9, 2.3, 2.5], "three draws", kind="random")
-    >>> agreement_frame(chapter.findings)
-              figures  agree by range  agree by median  expected misses
-    kind
-    random          1               1                0              0.5
+    >>> agreement_frame(chapter.findings).loc["random"].to_dict()
+    {'figures': 1.0, 'agree by range': 1.0, 'agree by median': 0.0, 'expected misses': 0.5}
     """
     table = findings_frame(findings).groupby("kind")
     counts = pd.DataFrame({

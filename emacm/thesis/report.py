@@ -234,7 +234,7 @@ def counted(findings: Sequence[Finding]) -> str:
     Examples
     --------
     >>> chapter = Chapter(2, "Spectra")
-    >>> _ = chapter.compare("Table 1", 2.0, [1.9, 2.3], "two draws", kind="random")
+    >>> _ = chapter.compare("Table 1", 1.95, [1.9, 2.3], "two draws", kind="random")
     >>> _ = chapter.compare("Table 2", 30.0, 30.0, "half of 60", kind="arithmetic")
     >>> counted(chapter.findings)
     '1 of 1 random figures within the range of ours, 0 within its middle half; 1 other figure'

@@ -80,6 +80,7 @@ def test_without_a_cost_the_predicted_cost_is_the_predicted_error_rate():
     assert held["predicted_cost"].tolist() == pytest.approx([0.3, 0.7, 0.6, 0.2])
 
 
+@pytest.mark.slow
 def test_a_calibrated_classifier_pays_what_it_predicts():
     rng = np.random.default_rng(4)
     y = rng.choice(["new", "worn"], 6000, p=[0.7, 0.3])

@@ -27,13 +27,16 @@ from emacm import (
     EnvelopeDetector,
     FaultLines,
     FeatureBaseline,
+    GearIndicators,
     LeastRiskClassifier,
+    NewUnitClassifier,
     OrderCrossSpectrum,
     OrderPSD,
     OrderResampler,
     PosteriorProduct,
     Recording,
     SignalBaseline,
+    SynchronousAverage,
     actuator_recipe,
     describe_model,
     load_model,
@@ -94,6 +97,9 @@ MODELS = {
     ),
     "recipe": actuator_recipe(max_order=4, cost=COSTS["mapping"]),
     "envelope": make_pipeline(EnvelopeDetector({"vib": (50, 100)}), *SPECTRA, BAYES),
+    "new units": make_pipeline(*SPECTRA, NewUnitClassifier(COSTS["mapping"])),
+    "gear": make_pipeline(ANGLES, GearIndicators(5), BAYES),
+    "synchronous average": make_pipeline(ANGLES, SynchronousAverage(), *SPECTRA[1:], BAYES),
     "prewhitening": make_pipeline(CepstralPrewhitening(), *SPECTRA, BAYES),
     "least risk": make_pipeline(
         *SPECTRA, LeastRiskClassifier(LogisticRegression(), COSTS["mapping"])
@@ -122,7 +128,10 @@ def fitted():
         if name not in models:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", "fit was called without groups")
-                models[name] = MODELS[name].fit(X, STATES)
+                # Two runs of each unit and state, in the order of STATES.
+                units = {"newunitclassifier__groups": np.arange(len(X)) // 6}
+                options = units if name == "new units" else {}
+                models[name] = MODELS[name].fit(X, STATES, **options)
         return models[name]
 
     return model

@@ -486,6 +486,7 @@ def test_a_chapter_that_fails_leaves_nothing_behind(tmp_path, stand_in):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_leaves_nothing_behind(tmp_path, capsys, stand_in):
     def interrupt(number):
         raise KeyboardInterrupt
