@@ -73,6 +73,8 @@ DEFAULTS = {
         "width": 1.0,
     },
     "FaultLines": {"harmonics": 3, "slip": 0.02, "background": 0.5},
+    "FaultLinesDisplay": {"harmonics": 3, "slip": 0.02, "channel": "signal"},
+    "FaultLinesDisplay.from_recording": {"harmonics": 3, "slip": 0.02, "revolutions": 25},
     "FeatureBaseline": {"condition": "load", "healthy": "normal"},
     "FeatureDensityDisplay": {
         "shares": (0.5, 0.9),
@@ -88,6 +90,8 @@ DEFAULTS = {
     },
     "InductionMotor": {"name": ""},
     "InductionMotor.from_speed": {"name": ""},
+    "KurtogramDisplay": {"channel": "signal"},
+    "KurtogramDisplay.from_signal": {"channel": "signal"},
     "LaboratoryBench": {
         "unit": 0,
         "electrical_noise": 1.0,
@@ -104,6 +108,8 @@ DEFAULTS = {
     "LaboratoryBench.truth": {"run": 1},
     "LoadingsDisplay.from_estimator": {"n_components": 2},
     "Motor": {"name": ""},
+    "NewUnitClassifier": {"shrinkage": "auto"},
+    "NewUnitClassifier.prediction_sets": {"coverage": 0.9},
     "OrderBinsDisplay": {
         "slip": 0.02,
         "unit": "unit",
@@ -264,6 +270,7 @@ DEFAULTS = {
         "random_state": 0,
     },
     "order_bands": {"slip": 0.02, "min_width": 0.0, "on_overlap": "raise"},
+    "prediction_sets": {"coverage": 0.9},
     "pulse_times": {"edge": "rising"},
     "reproduce": {"chapters": (2, 3, 4), "quick": False, "overwrite": False},
     "reproduce_chapter2": {"quick": False},
