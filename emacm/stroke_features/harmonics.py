@@ -37,9 +37,9 @@ class ShaftHarmonics(StrokeFeatures):
         Orders of the lines, in cycles per revolution.
     channels : sequence of str, optional
         Channels, in this order. Default: those of the first recording.
-    by_direction : bool
+    by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
-        ``channel-:…``.
+        ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
     phase : {"absolute", "relative", None}
         "absolute": coefficients c and s of ``c cos(order * angle) + s sin(order * angle)``, in
         the unit of the channel, against the shaft angle. "relative": the same, with all phases
@@ -107,7 +107,7 @@ class ShaftHarmonics(StrokeFeatures):
         orders: Sequence[float] = (1, 2),
         *,
         channels: Sequence[str] | None = None,
-        by_direction: bool = True,
+        by_direction: bool | str = "auto",
         phase: str | None = "absolute",
         n_sections: int = 1,
         min_speed: float = 0.0,
@@ -184,7 +184,7 @@ class ShaftHarmonics(StrokeFeatures):
         values = super()._row(row)
         if self.phase != "relative":
             return values
-        n_ways = 2 if self.by_direction else 1
+        n_ways = 2 if self.by_direction_ else 1
         shape = (len(self.channels_), n_ways, self.n_sections, len(self.orders), 2)
         return _relative(values.reshape(shape), np.asarray(self.orders, dtype=float)).ravel()
 

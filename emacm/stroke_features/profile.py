@@ -33,9 +33,9 @@ class StrokeProfile(StrokeFeatures):
         Number of coefficients for each channel and direction, at most 10000.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
-    by_direction : bool
+    by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
-        ``channel-:…``.
+        ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
     basis : {"cosine", "mean"}
         "cosine": projections on the orthonormal cosines with 0, 1, 2, ... half waves along the
         stroke; "mean": means of equal segments of the stroke. Both in the unit of the channel.
@@ -82,7 +82,7 @@ class StrokeProfile(StrokeFeatures):
         n_coefficients: int = 8,
         *,
         channels: Sequence[str] | None = None,
-        by_direction: bool = True,
+        by_direction: bool | str = "auto",
         basis: str = "cosine",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,

@@ -36,9 +36,9 @@ class RecordingStatistics(StrokeFeatures):
         `emacm.stroke_features.statistics.signal_statistics`.
     channels : sequence of str, optional
         Channels to describe, in this order. Default: those of the first recording.
-    by_direction : bool
+    by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
-        ``channel-:…``.
+        ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
     min_speed : float
         Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
         resampled recordings, the value given there applies.
@@ -93,7 +93,7 @@ class RecordingStatistics(StrokeFeatures):
         statistics: Sequence[str] = ("mean", "rms", "peak", "crest_factor", "kurtosis", "slope"),
         *,
         channels: Sequence[str] | None = None,
-        by_direction: bool = True,
+        by_direction: bool | str = "auto",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
         sections: Sequence[str] = ("stroke",),

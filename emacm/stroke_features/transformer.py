@@ -46,7 +46,8 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     """
 
     channels: Sequence[str] | None
-    by_direction: bool
+    by_direction: bool | str
+    by_direction_: bool
     min_speed: float
     min_revolutions: float
     n_jobs: int | None
@@ -74,6 +75,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self.channels_ = chosen_channels(self.channels, rows[0].channels)
         self._over_angle = isinstance(rows[0], AngleRecording)
+        self.by_direction_ = self._separates_directions(rows)
         self._check_rows(rows)
         names = [":".join(key) for key in self._keys()]
         if len(set(names)) < len(names):
@@ -152,13 +154,28 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         return []
 
     def _check_parameters(self) -> None:
-        check_choice(self.by_direction, "by_direction", (True, False))
+        check_choice(self.by_direction, "by_direction", (True, False, "auto"))
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         check_number(self.min_revolutions, "min_revolutions", at_least=0)
         self._check_own_parameters()
 
+    def _separates_directions(self, rows: Sequence[Row]) -> bool:
+        """Return whether directions are separate; "auto": if a recording has strokes of both."""
+        if self.by_direction != "auto":
+            return bool(self.by_direction)
+        return any({1, -1} <= self._directions(row) for row in rows)
+
+    def _directions(self, row: Row) -> set[int]:
+        """Return the directions of the strokes that are not too short."""
+        if isinstance(row, AngleRecording):
+            turned = [(stroke.direction, stroke.revolutions) for stroke in row.strokes]
+        else:
+            paths = row.paths("strokes", self.min_speed)
+            turned = [(path.direction, path.length / (2 * np.pi)) for path in paths]
+        return {direction for direction, length in turned if length >= self.min_revolutions}
+
     def _keys(self) -> list[tuple[str, ...]]:
-        signs = WAYS if self.by_direction else ("",)
+        signs = WAYS if self.by_direction_ else ("",)
         return [
             key
             for channel in self.channels_
@@ -185,7 +202,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         """Raise if a recording does not match the parameters."""
         if not isinstance(row, AngleRecording):
             return
-        if self.by_direction and row.direction == "travel":
+        if self.by_direction_ and row.direction == "travel":
             raise ValueError(
                 "by_direction needs strokes, but direction='travel' of OrderResampler joins both "
                 "directions. Use direction='strokes', or by_direction=False."
@@ -218,7 +235,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
 
     def _of_channel(self, signals: StrokeSignals, number: int) -> list[Any]:
         channel, blocks = self.channels_[number], []
-        for sign, way in WAYS.values() if self.by_direction else [(0, "")]:
+        for sign, way in WAYS.values() if self.by_direction_ else [(0, "")]:
             kind = f"{way} stroke".strip()
             strokes = [s for s in signals.strokes[number] if sign in (0, s.direction)]
             if not strokes:

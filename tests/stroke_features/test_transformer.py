@@ -380,13 +380,29 @@ def test_strokes_shorter_than_min_revolutions_are_passed_over(kind):
     resampled = long.set_params(min_speed=0).fit_transform(seen)
     np.testing.assert_allclose(resampled, expected, rtol=0.05, atol=0.05)
     with pytest.raises(ValueError, match=r"no forward stroke of two samples and 30 revolutions"):
-        long.set_params(min_revolutions=30).fit_transform(seen)
+        long.set_params(min_revolutions=30, by_direction=True).fit_transform(seen)
+
+
+@kinds
+@pytest.mark.parametrize("resampled", [False, True])
+def test_directions_are_separated_where_there_are_both(kind, resampled):
+    if resampled and "rest" in getattr(kind, "sections", ()):
+        pytest.skip("resampled recordings have no rest")
+    both, one = ([FLEET[0]], [forward_only()])
+    if resampled:
+        both, one = over_angle(both), over_angle(one)
+    separate = clone(kind).set_params(by_direction="auto").fit(both)
+    assert separate.by_direction_
+    together = clone(kind).set_params(by_direction="auto").fit(one)
+    assert not together.by_direction_
+    expected = clone(kind).set_params(by_direction=False).fit_transform(one)
+    np.testing.assert_array_equal(together.transform(one), expected)
 
 
 @kinds
 def test_joined_directions_cannot_be_kept_apart(kind):
     with pytest.raises(ValueError, match="'travel'"):
-        clone(kind).fit(over_angle(FLEET, direction="travel"))
+        clone(kind).set_params(by_direction=True).fit(over_angle(FLEET, direction="travel"))
 
 
 @pytest.mark.parametrize("kind", KINDS[:3])
