@@ -87,7 +87,8 @@ def actuator_recipe(
     -------
     Pipeline
         Steps "featureunion", "standardscaler" and "costsensitivegaussianbayes". X is a list of
-        `Recording` with forward and reverse strokes and at least two channels.
+        `Recording` with at least two channels. Directions are separate if a recording of `fit`
+        has strokes in both; a machine with one direction needs no setting.
 
     Raises
     ------
@@ -165,7 +166,7 @@ def actuator_recipe(
 
 def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> FeatureUnion:
     """Return the features that are computed from recordings over the shaft angle."""
-    spectra: dict[str, Any] = {"by_direction": True, "n_jobs": n_jobs}
+    spectra: dict[str, Any] = {"by_direction": "auto", "n_jobs": n_jobs}
     bins: dict[str, Any] = {"bin_size": 1 / revolutions, "max_order": max_order}
     strokes: dict[str, Any] = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
     return _union(

@@ -21,7 +21,7 @@ from emacm.orders.segment_plan import too_short
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import check_channels, names_of
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.resampling.inputs import as_angle_recordings, check_theta_s
+from emacm.resampling.inputs import as_angle_recordings, check_theta_s, separates_directions
 
 # Largest variation of a constant that was resampled and rounded, relative to its value; assumed.
 _RESAMPLED, _ROUNDED = 1e-8, 4
@@ -62,7 +62,7 @@ class OrderCrossSpectrum(WelchEstimator):
         Fraction of a segment that the next one has in common with it, in [0, 1).
     detrend : {"constant", "linear", None, False}
         What is removed from each segment. Only leakage is left in the first two lines.
-    by_direction : bool
+    by_direction : bool or "auto"
         Separate columns for forward and reverse strokes, ``…+@…`` and ``…-@…``.
     short : {"raise", "pad"}
         What is done with a recording none of whose strokes is as long as a segment: an error, or an
@@ -142,7 +142,7 @@ class OrderCrossSpectrum(WelchEstimator):
         window: Any = "hann",
         overlap: float = 0.5,
         detrend: Any = "constant",
-        by_direction: bool = False,
+        by_direction: bool | str = False,
         short: str = "raise",
         max_order: float | None = None,
         verbose: bool | int = False,
@@ -185,6 +185,7 @@ class OrderCrossSpectrum(WelchEstimator):
             If a parameter or X is invalid.
         """
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
+        self.by_direction_ = separates_directions(self.by_direction, rows)
         self.theta_s_ = rows[0].theta_s
         self.pairs_ = _checked_pairs(self.pairs, rows[0].channels)
         self.channels_ = tuple(dict.fromkeys(name for pair in self.pairs_ for name in pair))
@@ -241,7 +242,7 @@ class OrderCrossSpectrum(WelchEstimator):
 
     def _check_rows(self, rows: list[AngleRecording]) -> None:
         check_channels(rows, self.channels_)
-        check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum", by_direction=self.by_direction)
+        check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum", by_direction=self.by_direction_)
 
     def _estimate(self, row: AngleRecording) -> NDArray[np.floating]:
         """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
@@ -289,7 +290,7 @@ class OrderCrossSpectrum(WelchEstimator):
             for kind in self._kinds
             for name in ([kind] if kind == "coherence" else [f"{kind}.{part}" for part in parts])
         ]
-        signs = "+-" if self.by_direction else ("",)
+        signs = "+-" if self.by_direction_ else ("",)
         return [f"{x}*{y}:{name}{sign}" for x, y in self.pairs_ for name in names for sign in signs]
 
     def _bins(self) -> dict[str, Band] | None:

@@ -19,7 +19,12 @@ from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings, check_angle_step, check_theta_s
+from emacm.resampling.inputs import (
+    as_angle_recordings,
+    check_angle_step,
+    check_theta_s,
+    separates_directions,
+)
 
 
 class OrderPSD(WelchEstimator):
@@ -43,8 +48,9 @@ class OrderPSD(WelchEstimator):
         "spectrum" [U²] a tone of amplitude A reads A²/2.
     average : {"mean", "median"}
         How the segments of a recording are combined.
-    by_direction : bool
+    by_direction : bool or "auto"
         Separate columns for forward and reverse strokes, ``channel+@…`` and ``channel-@…``.
+        "auto": if a recording of `fit` has strokes of at least one revolution in both directions.
     short : {"raise", "pad"}
         What is done with a recording none of whose strokes is as long as a segment: an error, or an
         estimate padded with zeros, in which each stroke is weighted by its length (for any
@@ -111,7 +117,7 @@ class OrderPSD(WelchEstimator):
         detrend: Any = "constant",
         scaling: str = "density",
         average: str = "mean",
-        by_direction: bool = False,
+        by_direction: bool | str = False,
         short: str = "raise",
         max_order: float | None = None,
         theta_s: float | None = None,
@@ -153,10 +159,11 @@ class OrderPSD(WelchEstimator):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
-        check_choice(self.by_direction, "by_direction", (True, False))
+        check_choice(self.by_direction, "by_direction", (True, False, "auto"))
         for seen in ("n_features_in_", "feature_names_in_"):
             self.__dict__.pop(seen, None)  # of an earlier fit on a table
         rows = self._checked(X, reset=True)
+        self.by_direction_ = separates_directions(self.by_direction, rows)
         self._over_angle = isinstance(rows[0], AngleRecording)
         self.theta_s_ = self._stated_theta_s(rows[0])
         self.channels_ = rows[0].channels if self._over_angle else (BARE_CHANNEL,)
@@ -213,7 +220,7 @@ class OrderPSD(WelchEstimator):
         if store is None:
             spectra = run(estimate, rows, **options)
         else:
-            directions = (2,) if self.by_direction else ()
+            directions = (2,) if self.by_direction_ else ()
             shape = (len(self.channels_), *directions, len(self.orders_))
             spectra = recalled(estimate, rows, store, self._plan, shape, **options)
         table = np.stack(spectra).reshape(len(rows), -1)
@@ -244,7 +251,7 @@ class OrderPSD(WelchEstimator):
         return table
 
     def _refuse_direction(self) -> None:
-        if self.by_direction:
+        if self.by_direction and self.by_direction != "auto":
             raise ValueError(
                 "by_direction needs recordings over shaft angle, as OrderResampler returns them; "
                 "plain rows have no direction. Set by_direction=False."
@@ -258,7 +265,7 @@ class OrderPSD(WelchEstimator):
                 f"Fit it again."
             )
         check_channels(rows, self.channels_, others=False, ordered=True)
-        check_theta_s(rows, self.theta_s_, "OrderPSD", by_direction=self.by_direction)
+        check_theta_s(rows, self.theta_s_, "OrderPSD", by_direction=self.by_direction_)
 
     def _stated_theta_s(self, first: Any) -> float | None:
         stated = self.theta_s
@@ -277,7 +284,7 @@ class OrderPSD(WelchEstimator):
         if self.theta_s_ is None:
             return tuple(f"line{k}" for k in range(len(self.orders_)))
         channels = self.channels_
-        if self.by_direction:
+        if self.by_direction_:
             channels = tuple(channel + sign for channel in channels for sign in "+-")
         return order_columns(channels, self.orders_)
 

@@ -245,7 +245,8 @@ class WelchEstimator(TransformerMixin, SavedEstimator):
     theta_s_: float | None
     orders_: NDArray[np.floating]
     n_per_segment_: int
-    by_direction: bool
+    by_direction: bool | str
+    by_direction_: bool
     _plan: SegmentPlan
     _columns_out: tuple[str, ...]
     _names_in: Sequence[str] | None
@@ -272,6 +273,7 @@ class WelchEstimator(TransformerMixin, SavedEstimator):
     def _set_plan(self, samples_per_rev: float, **changed: Any) -> None:
         """Plan the segments, as the parameters say, and keep the axis."""
         stated = {name: getattr(self, name) for name in _OPTIONS if hasattr(self, name)}
+        changed["by_direction"] = self.by_direction_
         self._plan = segment_plan(samples_per_rev, **stated | changed)
         self.orders_ = self._plan.orders
         self.n_per_segment_ = self._plan.n_per_segment

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from emacm._checks import check_number
+from emacm._checks import check_choice, check_number
 from emacm.recordings.inputs import as_recordings, described
 from emacm.resampling.angle_recording import AngleRecording
 
@@ -112,3 +112,33 @@ def check_theta_s(
                 "by_direction needs strokes, but direction='travel' of OrderResampler joins "
                 "both directions. Use direction='strokes'."
             )
+
+
+def separates_directions(by_direction: bool | str, rows: Sequence[Any]) -> bool:
+    """Return whether forward and reverse strokes are separate.
+
+    Parameters
+    ----------
+    by_direction : bool or "auto"
+        "auto": if a recording has strokes of at least one revolution in both directions.
+    rows : sequence of AngleRecording or ndarray
+        Rows of `fit`; arrays have no direction.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        If `by_direction` is neither.
+    """
+    check_choice(by_direction, "by_direction", (True, False, "auto"))
+    if by_direction != "auto":
+        return bool(by_direction)
+    turning = (
+        {stroke.direction for stroke in row.strokes if stroke.revolutions >= 1}
+        for row in rows
+        if isinstance(row, AngleRecording)
+    )
+    return any({1, -1} <= directions for directions in turning)

@@ -238,3 +238,25 @@ def test_more_features_than_fit_into_memory_are_refused():
 def test_a_highest_order_that_needs_less_than_two_samples_per_revolution_is_refused():
     with pytest.raises(ValueError, match=r"max_order must be a number at least 0\.83\d*, got 0\.5"):
         actuator_recipe(max_order=0.5)
+
+
+def test_a_machine_with_one_direction_needs_no_setting():
+    rng = np.random.default_rng(5)
+    angle = np.cumsum(2 * np.pi * (9 + rng.uniform(size=3000))) / 300
+    runs = [
+        Recording(
+            {
+                "torque": np.sin(angle) + (1 + k % 2) * rng.standard_normal(3000),
+                "current": np.cos(angle) + rng.standard_normal(3000),
+            },
+            300,
+            angle=angle,
+        )
+        for k in range(8)
+    ]
+    states = ["normal", "worn"] * 4
+    groups = {"costsensitivegaussianbayes__groups": [k // 2 for k in range(8)]}
+    recipe = actuator_recipe().set_output(transform="pandas").fit(runs, states, **groups)
+    columns = recipe[:-1].transform(runs).columns
+    assert not any("+" in name.partition("@")[0].partition(":")[0] for name in columns)
+    assert list(recipe.predict(runs)) == states

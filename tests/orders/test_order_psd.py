@@ -302,3 +302,18 @@ def test_padded_spectra_end_at_max_order():
     expected = whole.fit_transform([row])[:, : 8 * 3 + 5]
     np.testing.assert_array_equal(cut.fit_transform([row]), expected)
     assert cut.orders_[-1] == 3.5
+
+
+def test_directions_are_separated_on_demand_where_there_are_both():
+    turn = 2 * np.pi
+    there = np.linspace(0, 40 * turn, 4001)
+    both = Recording(
+        {"x": np.sin(3 * np.r_[there, there[-2::-1]])}, 100, angle=np.r_[there, there[-2::-1]]
+    )
+    one = Recording({"x": np.sin(3 * there)}, 100, angle=there)
+    for run, channels in ((both, {"x+", "x-"}), (one, {"x"})):
+        rows = OrderResampler(turn / 20).fit_transform([run])
+        psd = OrderPSD(8, by_direction="auto").fit(rows)
+        assert {name.partition("@")[0] for name in psd.get_feature_names_out()} == channels
+        assert psd.transform(rows).shape == (1, len(channels) * len(psd.orders_))
+    assert OrderPSD(8, by_direction="auto").fit(np.ones((2, 50))).by_direction_ is False
