@@ -1,6 +1,7 @@
 """Where the real recordings are, how examples are drawn, and figures without a screen."""
 
 import os
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -16,6 +17,14 @@ settings.register_profile("explore", deadline=None, derandomize=False, print_blo
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def closed_figures():
+    """Close the figures of a test; pyplot warns of more than 20."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(scope="session")

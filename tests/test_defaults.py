@@ -183,7 +183,7 @@ DEFAULTS = {
     "RecordingFolder": {"pattern": "**/*"},
     "RecordingStatistics": {
         "statistics": ("mean", "rms", "peak", "crest_factor", "kurtosis", "slope"),
-        "by_direction": True,
+        "by_direction": "auto",
         "min_speed": 0.0,
         "min_revolutions": 0.0,
         "sections": ("stroke",),
@@ -192,7 +192,7 @@ DEFAULTS = {
     },
     "ShaftHarmonics": {
         "orders": (1, 2),
-        "by_direction": True,
+        "by_direction": "auto",
         "phase": "absolute",
         "n_sections": 1,
         "min_speed": 0.0,
@@ -202,7 +202,7 @@ DEFAULTS = {
     "SignalCache": {"max_bytes": 268435456},
     "StrokeProfile": {
         "n_coefficients": 8,
-        "by_direction": True,
+        "by_direction": "auto",
         "basis": "cosine",
         "min_speed": 0.0,
         "min_revolutions": 0.0,
