@@ -115,7 +115,7 @@ def _add_score(commands: Any) -> None:
         help="exit status 1 if one of these decisions is made",
     )
     parser.add_argument(
-        "--watch", type=float, metavar="SECONDS", help="look for new files again and again"
+        "--watch", type=float, metavar="SECONDS", help="look for new files at this interval [s]"
     )
     parser.add_argument(
         "--again", action="store_true", help="decide again on files that are in the table"

@@ -18,9 +18,9 @@ from emacm.recordings.inputs import check_channel_names, chosen_channels
 class FaultLines(OrderTableTransformer):
     """Level of the spectral lines of each fault above their local background [dB].
 
-    Takes the place of `BinTransformer` where the geometry of the machine is known. The levels do
-    not depend on the gain of a channel, and not on the slip of the rolling elements, so they can
-    be compared between machines.
+    It replaces `BinTransformer` if the geometry of the machine is known. The levels do not depend
+    on the gain of a channel, and not on the slip of the rolling elements, so they can be compared
+    between machines.
 
     Parameters
     ----------

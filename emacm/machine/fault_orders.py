@@ -232,7 +232,8 @@ def named_orders(
     Raises
     ------
     TypeError, ValueError
-        If `orders` is no table or mapping, is empty, has a name twice, or an order is not positive.
+        If `orders` is not a table or mapping, is empty, has a name twice, or an order is not
+        positive.
 
     Examples
     --------
@@ -263,7 +264,7 @@ def named_orders(
 
 
 def check_part(part: Any, number: int) -> None:
-    """Raise a TypeError if the part of this number is none."""
+    """Raise a TypeError if the object is not a part; the message gives its number."""
     if not isinstance(part, Part):
         raise TypeError(
             f"part {number} must be a Bearing, BallScrew, Gear, PlanetaryGear, Motor, "

@@ -256,9 +256,9 @@ class LineLevels:
     def p_values(self, psd: Array, levels: Array) -> Array:
         """Return the probability of levels at least as high in background alone.
 
-        The background is taken as noise whose lines are Gamma distributed, as averages of
-        Welch's method are; their shape is read from the spread of each spectrum, and the levels
-        of 2000 simulated spectra of that shape are measured in the same way.
+        The background is assumed to be noise whose lines are Gamma distributed, as averages of
+        Welch's method are. The shape parameter is estimated from the spread of each spectrum. The
+        levels of 2000 simulated spectra of that shape are measured in the same way.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class LineLevels:
         Returns
         -------
         excess : ndarray of shape (n_rows, n_series)
-            Level less the mean level of background alone [dB].
+            Level minus the mean level of background alone [dB].
         p : ndarray of shape (n_rows, n_series)
             As of `p_values`.
         """

@@ -87,8 +87,8 @@ class InductionMotor(Part):
     pole_pairs : int
         Half the number of poles.
     slip : float
-        Slip s: speed of the rotor below the synchronous speed, as a share of it. It changes with
-        the load; `from_speed` computes it.
+        Slip s: speed of the rotor below the synchronous speed, as a fraction of it. The slip
+        changes with the load; `from_speed` computes it.
     bars : int, optional
         Number of rotor bars; required for the order at which they pass.
     name : str

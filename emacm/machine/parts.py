@@ -1,4 +1,4 @@
-"""What the parts of a machine have in common: their lines, a speed ratio and a name."""
+"""Common properties of the parts of a machine: their lines, a speed ratio and a name."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Line(NamedTuple):
 
 
 class Part:
-    """Base of the parts of a machine, which know the orders of their faults.
+    """Base class of the parts of a machine, which compute the orders of their faults.
 
     Orders are cycles per revolution of the motor shaft. The formulas of rolling elements assume
     rolling without slip; real ones slip by 1 to 2 %, and their lines are marked accordingly. The

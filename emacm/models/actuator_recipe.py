@@ -71,15 +71,16 @@ def actuator_recipe(
         the posterior. Both are learned by leaving out groups of recordings that were
         measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
         passes them; without groups, single recordings are left out, with a warning that
-        near-duplicates make the model over-confident. None, for both, is the thesis. Few
-        groups are little evidence: with four, a recording far away may still be given a class.
+        near-duplicates make the model over-confident. None, for both, is the method of the thesis.
+        With few groups (for example four), a recording that is far from the training data may still
+        be given a class.
     revolutions : float
         Length of a segment of the spectra, and the inverse of the bin width. Short segments give
         few bins with little scatter.
     max_order : float
         Highest order of the spectra; `OrderResampler.quality` gives the highest valid order.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s].
+        Speed up to which the shaft counts as standing still [rad/s].
     n_jobs : int, optional
         Number of recordings processed in parallel.
 
@@ -104,7 +105,7 @@ def actuator_recipe(
 
     With `healthy`, the mean healthy signals are learned from all training recordings, also from
     those that are left out to learn what is unknown: new recordings are then less typical than
-    these, above all if there are few healthy ones.
+    these, especially if there are few healthy ones.
 
     The features and the classifier were selected on runs 1 to 7 of a ball screw sampled 5 times
     per revolution; ``benchmarks/real_actuator.py`` states the number of variants tried. For another

@@ -51,12 +51,12 @@ def bearing_recipe(
         Length of a segment of the spectra. 25 revolutions separate the lines of most bearings; a
         recording must be at least as long.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s].
+        Speed up to which the shaft counts as standing still [rad/s].
     channels : sequence of str, optional
         Vibration channels, in this order. Default: all.
     classifier : estimator, optional
-        Last step, such as `CostSensitiveGaussianBayes`. Default: none, so that the result of
-        `transform` are the levels.
+        Last step, such as `CostSensitiveGaussianBayes`. Default: none, so that `transform` returns
+        the levels.
     n_jobs : int, optional
         Number of recordings processed in parallel.
 

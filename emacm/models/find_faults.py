@@ -71,7 +71,7 @@ def find_faults(
         - "recording" (number in X), "channel",
         - "named": name of the fault, or "none",
         - the name of each fault: its score [dB], the mean level of its lines above the local
-          background, less the same of background alone (1 to 3 dB, as the best slip is chosen),
+          background, minus that of background alone (1 to 3 dB, because the best slip is chosen),
         - "p(<fault>)": probability of a score at least as high in background alone, not
           smaller than 1/2001,
         - "slip": deviation of the lines from their predicted orders, of the fault named or, if

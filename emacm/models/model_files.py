@@ -100,10 +100,10 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     """Load a model that `save_model` has saved.
 
     Nothing in the file is executed: only types of emacm and scikit-learn that hold numbers are
-    constructed, and a file of which a byte was changed is refused. The check rows are evaluated;
-    under other versions than those of the file, a warning states the versions. A digest is no
-    signature: load files only from where you would accept measurements from. skops does not
-    protect against files that exhaust the memory.
+    constructed, and a file in which any byte was changed is refused. The check rows are evaluated;
+    under other versions than those of the file, a warning states the versions. A digest is not a
+    signature: load files only from sources that you trust. skops does not protect against files
+    that exhaust the memory.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     TypeError
         If the file contains types that are not trusted; the message names them.
     ValueError
-        If it is no model file, is damaged, or the check rows give other posteriors.
+        If it is not a model file, is damaged, or the check rows give other posteriors.
 
     Warns
     -----
@@ -178,7 +178,7 @@ def describe_model(path: str | os.PathLike[str]) -> dict[str, Any]:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model file, or is damaged.
+        If it is not a model file, or is damaged.
     """
     return _read(path)[0]
 
@@ -202,7 +202,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
     with located(f"model {path}"):
         start = len(_START)
         if content[:start] != _START:
-            raise ValueError("it is no model file of emacm.save_model, or of a later version.")
+            raise ValueError("it is not a model file of emacm.save_model, or of a later version.")
         digest, body = content[start : start + 64], content[start + 65 :]
         if sha256(body).hexdigest().encode() != digest or content[start + 64 : start + 65] != b"\n":
             raise ValueError(

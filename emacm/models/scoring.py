@@ -37,7 +37,7 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
     model : estimator, Pipeline, ConditionRouter or search
         A fitted classifier of recordings.
     recordings : sequence of Recording
-        Such as a `RecordingFolder`. Only the recordings in work are in memory.
+        Such as a `RecordingFolder`. Only the recordings that are being processed are in memory.
     n_jobs : int, optional
         Number of recordings processed in parallel.
 
@@ -59,7 +59,7 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
     Raises
     ------
     TypeError, ValueError
-        If `model` is no fitted classifier, or `recordings` is no sequence.
+        If `model` is not a fitted classifier, or `recordings` is not a sequence.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def check_model(model: Any) -> list[Any]:
     Raises
     ------
     TypeError, ValueError
-        If it is no classifier with `predict_proba`, or not fitted.
+        If it is not a classifier with `predict_proba`, or not fitted.
     """
     if isinstance(model, type) or not hasattr(model, "fit"):
         raise TypeError(f"model must be a fitted classifier of recordings, got {model!r}.")

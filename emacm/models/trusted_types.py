@@ -32,7 +32,7 @@ _OTHERS = {
 
 
 def check_types(names: Sequence[str]) -> None:
-    """Raise a TypeError if a type is none that a model file may contain.
+    """Raise a TypeError if a model file must not contain one of the types.
 
     Parameters
     ----------

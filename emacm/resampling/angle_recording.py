@@ -38,7 +38,7 @@ class AngleRecording:
     interpolation : {"linear", "cubic"}
         Used where `antialias` is False.
     antialias : bool
-        Whether orders above π/theta_s are filtered out before they fold.
+        Whether orders above π/theta_s are filtered out, so that they are not aliased.
     direction : {"strokes", "forward", "reverse", "travel"}
         What counts as a stroke.
     min_speed : float

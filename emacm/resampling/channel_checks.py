@@ -25,7 +25,7 @@ _DIGITAL = 0.9  # fraction of time at constant values above which a signal is a 
 
 
 class ChannelCheck(NamedTuple):
-    """What is known of one channel.
+    """Level and defect of one channel.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class ChannelCheck(NamedTuple):
     defect : {"", "constant", "clipped", "drop-outs"}
         What is wrong; empty if nothing.
     text : str
-        The same in words.
+        Description of the defect.
     """
 
     level: float
@@ -58,10 +58,11 @@ def check_channel(series: Series, name: str) -> ChannelCheck:
 
     Notes
     -----
-    A channel is clipped if it rests at its largest or smallest value at least five times for three
-    samples or more, and gets there by steps of the usual size: a signal that turns slowly there,
-    in coarse digits, does not. Drop-outs are stretches of 16 or more equal samples, at any value,
-    that begin and end with such steps. Signals with few values (switches) are left out.
+    A channel is clipped if it stays at its largest or smallest value at least five times for three
+    or more samples, and reaches this value by steps of the usual size. A coarsely quantised signal
+    with a smooth maximum reaches it by small steps, so it is not clipped. Drop-outs are stretches
+    of 16 or more equal samples, at any value, that begin and end with such steps. Signals with few
+    values (switches) are left out.
 
     Examples
     --------

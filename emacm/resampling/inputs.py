@@ -1,4 +1,4 @@
-"""What estimators that stand after OrderResampler ask of recordings over the shaft angle."""
+"""Checks of recordings over the shaft angle, for the estimators after OrderResampler."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
     Raises
     ------
     TypeError
-        If X is no list, or an entry is of another type, such as a recording over time.
+        If X is not a list, or an entry is of another type, such as a recording over time.
     ValueError
         If X is empty.
     """
@@ -49,8 +49,8 @@ def check_angle_step(theta_s: Any) -> float:
     Parameters
     ----------
     theta_s : float
-        Angle between samples [rad], at most π. A float32 (or float16) number that 2π/n rounds to
-        stands for 2π/n.
+        Angle between samples [rad], at most π. A rounded float32 (or float16) value of 2π/n is
+        replaced by 2π/n.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def check_theta_s(
         if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
             raise ValueError(
                 f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
-                f"{who} was fitted on {theta_s!r}. Resample it alike, or fit again."
+                f"{who} was fitted on {theta_s!r}. Use the same theta_s, or fit again."
             )
         if by_direction and row.direction == "travel":
             raise ValueError(

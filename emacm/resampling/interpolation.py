@@ -1,4 +1,4 @@
-"""Reading a signal off between its time samples, without a filter, as the thesis does."""
+"""Interpolation of a signal between its time samples, without a filter, as in the thesis."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def interpolated(
     theta_s: float,
     interpolation: str,
 ) -> Iterator[NDArray[np.floating]]:
-    """Yield the rows at the grid angles, some at a time.
+    """Yield the rows at the grid angles, block by block.
 
     Parameters
     ----------
-    rows : sequence of ndarray of shape (n_times,), or of what slices like one
+    rows : sequence of ndarray of shape (n_times,), or of objects that can be sliced like one
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
     path : ShaftPath
-        Way of the shaft.
+        Travel of the shaft over time.
     theta_s : float
         Angle between samples of the result [rad].
     interpolation : {"linear", "cubic"}
@@ -44,7 +44,7 @@ def interpolated(
     Yields
     ------
     ndarray of shape (n_rows, n_angles)
-        The next angles; together they are all that the path holds.
+        The next angles; all blocks together cover the whole path.
     """
     first, last = path.sample_range(fs, len(rows[0]))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf

@@ -18,10 +18,10 @@ _ENTRY = 1000  # bytes that the entry of a stroke takes besides its signals
 class KeptSignals:
     """Blocks of resampled signals, stroke by stroke, up to a total size.
 
-    What does not fit is resampled whenever it is read. Blocks are kept as they were computed, so
-    that every reader receives the same numbers, cut in the same way, and computes the same sums to
-    the last bit. There is no lock: two threads that read the same stroke at the same time may both
-    resample it.
+    Signals that do not fit are resampled whenever they are read. Blocks are kept as they were
+    computed. Every reader therefore receives the same blocks, and its sums are identical bit for
+    bit. There is no lock: two threads that read the same stroke at the same time may both resample
+    it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class KeptSignals:
         n_angles : int
             Number of samples over the angle.
         stream : iterator of ndarray of shape (n_rows, n_angles)
-            What resamples them; it is not started where they are kept.
+            The resampled blocks; not computed if they are kept already.
 
         Yields
         ------

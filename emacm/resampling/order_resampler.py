@@ -47,8 +47,9 @@ _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
 class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
     """Resample recordings from uniform time to uniform shaft angle.
 
-    Faults that are locked to the shaft then stand at fixed orders (cycles per
-    revolution), however speed and direction change.
+    This is computed order tracking (COT), or angular resampling. Faults that are synchronous with
+    the shaft then appear at fixed orders (cycles per revolution), whatever the speed and the
+    direction.
 
     Parameters
     ----------
@@ -59,14 +60,14 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Used only with ``antialias=False``. "linear" is the thesis, Eq. (2.13).
     antialias : bool
         Band-limited resampling: flat within 0.01 dB up to 0.78 of π/theta_s,
-        and nothing folds into that range from above, at any speed.
+        and no content above is aliased into that range, at any speed.
     direction : {"strokes", "forward", "reverse", "travel"}
         "strokes" resamples each stretch of one direction by itself, along its
-        own motion; "forward" and "reverse" keep one kind; "travel" is one path
-        over the integral of the speed, which folds phases at each turn.
+        own motion; "forward" and "reverse" keep one kind; "travel" is one path over the integral of
+        |speed|, which folds the phases at each reversal.
     min_speed : float
-        Speed up to which the measured shaft counts as standing [rad/s]. Set it above
-        the noise of the shaft reference at rest.
+        Speed up to which the measured shaft counts as standing still [rad/s]. Set it above the
+        noise of the shaft reference at rest.
     ratio : float
         Revolutions of the shaft of interest per revolution of the measured shaft, such as 13/35
         for the output shaft of a pinion of 13 teeth and a wheel of 35. Angles, revolutions and
@@ -76,8 +77,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     fs : float, optional
         Sampling rate [Hz] of bare arrays and DataFrames.
     reference : int or str, optional
-        Which channel of bare arrays or DataFrames is the shaft; it is no
-        channel of the result unless `channels` names it.
+        Channel of bare arrays or DataFrames that holds the motion of the shaft. It is not a channel
+        of the result unless `channels` names it.
     reference_kind : {"velocity", "angle"}
         What that channel holds [rad/s or rad].
     n_jobs : int, optional
@@ -98,8 +99,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     -----
     `X` is a list of `Recording`, or, where `fs` and `reference` are given, an
     array of shape (n_recordings, n_channels, n_times), a list of arrays of
-    shape (n_channels, n_times), or a list of DataFrames (a row a sample).
-    Bare arrays name their channels "x0", "x1" and so on.
+    shape (n_channels, n_times), or a list of DataFrames (one row per sample). Bare arrays name
+    their channels "x0", "x1" and so on.
 
     Examples
     --------
@@ -159,8 +160,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Raises
         ------
         TypeError, ValueError
-            If a parameter or a recording is not what it should be; the message
-            names the recording.
+            If a parameter or a recording is invalid; the message names the recording.
         """
         self._check_parameters()
         recordings = self._recordings(X)
@@ -226,7 +226,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         ]
 
     def quality(self, X: Any) -> pd.DataFrame:
-        """Tell how far each recording can be trusted over the shaft angle.
+        """State revolutions, speed range, highest valid order and defects of each recording.
 
         Parameters
         ----------
@@ -236,16 +236,16 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Returns
         -------
         DataFrame
-            A row for each recording, with columns
+            One row for each recording, with columns
 
-            - ``revolutions``: angle run in strokes [revolutions of the shaft of interest],
+            - ``revolutions``: angle travelled in strokes [revolutions of the shaft of interest],
             - ``strokes``: their number,
             - ``longest_stroke`` [revolutions],
-            - ``standing``: share of the time at or below `min_speed`,
+            - ``standing``: fraction of the time at or below `min_speed`,
             - ``slowest``, ``fastest``: range of its speed in strokes [rad/s],
             - ``max_order``: highest order that the sampling rates support at
-              the highest speed; above it there is nothing but images,
-            - ``warnings``: what to mind, in words; empty if nothing.
+              the highest speed; above it the spectrum contains only images,
+            - ``warnings``: description of the defects; empty if there are none.
         """
         self._check_parameters()
         recordings = self._recordings(X)
@@ -319,13 +319,13 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
 
     def _from_bare(self, entry: Any) -> Recording:
         if isinstance(entry, AngleRecording):
-            raise TypeError("it is over the shaft angle already; OrderResampler comes first.")
+            raise TypeError("it is over the shaft angle already; OrderResampler must come first.")
         if not isinstance(entry, np.ndarray | pd.DataFrame | list | tuple):
             raise TypeError(f"expected a Recording, an array or a DataFrame, got {received(entry)}")
         if self.fs is None or self.reference is None:
             raise ValueError(
-                f"a bare {type(entry).__name__} says neither how fast it was sampled nor how the "
-                f"shaft moved. Make a Recording of it, or set fs and reference of OrderResampler."
+                f"a bare {type(entry).__name__} has neither a sampling rate nor a shaft reference. "
+                f"Make a Recording of it, or set fs and reference of OrderResampler."
             )
         channels = _bare_channels(entry)
         names = list(channels)

@@ -1,4 +1,4 @@
-"""What a recording allows over the shaft angle: revolutions, speeds, highest order, findings."""
+"""Quality of a recording over the shaft angle: revolutions, speeds, highest order, findings."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ _MANY = 10  # strokes of less than a revolution that look like noise
 
 
 class Finding(NamedTuple):
-    """Something to mind in a recording: its kind, and a sentence."""
+    """A warning about a recording: its kind, and a sentence."""
 
     kind: str
     text: str
 
 
 class Quality(NamedTuple):
-    """What is known of one recording without resampling it.
+    """Properties of one recording that are known without resampling it.
 
     Attributes
     ----------
     row : dict of str to float
-        The columns of `OrderResampler.quality` but the last.
+        The columns of `OrderResampler.quality` except the last one.
     rates, levels : dict of str to float
         Sampling rate [Hz] and level (root mean square about the mean) of each channel.
     findings : tuple of Finding
-        What to mind.
+        Warnings about the recording.
     has_jump : bool
-        Whether the shaft reference has an isolated jump of any size, which is no speed.
+        Whether the shaft reference has an isolated jump of any size, which no real motion has.
     """
 
     row: dict[str, float]
@@ -58,7 +58,7 @@ def recording_quality(
     direction: str,
     ratio: float = 1.0,
 ) -> Quality:
-    """Return what is known of a recording; it is determined once.
+    """Return the properties of a recording; they are computed once.
 
     Parameters
     ----------

@@ -19,8 +19,8 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
     Recordings over the shaft angle are resampled whenever an estimator reads them. A
     `FeatureUnion` gives all recordings to its members one after the other, so each member resamples
     them again. With this step before the union, strokes are found and signals resampled once.
-    The results are equal to the last bit. Signals are released with the recordings, when the
-    union is done.
+    The results are identical bit for bit. Signals are released with the recordings, when the union
+    is done.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
 
     Notes
     -----
-    Threads share what is kept. It is part neither of a pickle nor of joblib's hash, so worker
-    processes resample on their own.
+    Threads share the kept signals. Kept signals are neither pickled nor included in joblib's hash,
+    so each worker process resamples again.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
         Raises
         ------
         TypeError, ValueError
-            If X is no such list, or `max_bytes` is no number of bytes.
+            If X is not such a list, or `max_bytes` is not a number of bytes.
         """
         check_count(self.max_bytes, "max_bytes", at_least=0)
         self.channels_ = as_angle_recordings(X, "SignalCache")[0].channels
@@ -91,7 +91,7 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
         Raises
         ------
         TypeError, ValueError
-            If X is no such list, or a recording has other channels.
+            If X is not such a list, or a recording has other channels.
         """
         check_is_fitted(self)
         rows = as_angle_recordings(X, "SignalCache")

@@ -1,18 +1,17 @@
-"""Band-limited resampling: time samples are spread over the angle grid, not read off.
+"""Band-limited resampling: time samples are spread over the angle grid (gridding).
 
 The result is
 
     y(a) = integral x(s) K(a - s) ds = sum_n x_n K(a - s_n) ds_n
 
-where s is the angle run along the stroke and K a low-pass filter over angle. The
-sum over time samples is exact as long as x(t) K(a - s(t)) holds nothing above the
-sampling rate, so there is no interpolation loss, and the filter follows the
-speed by itself. K is done in two steps, which is the gridding of a non-uniform
-Fourier transform (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41(5),
-2019, for the kernel): each time sample is spread over the four nearest points of
-a grid twice as fine, and a short filter evens the kernel out, cuts off, and keeps
-every other point. Where the time samples are too sparse for the sum to be exact,
-they are first made denser by band-limited interpolation at uniform times.
+where s is the angle travelled along the stroke and K a low-pass filter over angle. The sum over
+time samples is exact as long as x(t) K(a - s(t)) holds nothing above the sampling rate, so there is
+no interpolation loss, and the cut-off frequency of the filter follows the speed. K is applied in
+two steps, as in the gridding of a type-1 non-uniform Fourier transform (Barnett, Magland and af
+Klinteberg, SIAM J. Sci. Comput. 41(5), 2019, for the kernel): each time sample is spread over the
+four nearest points of a grid twice as fine, and a short filter corrects for the kernel, limits the
+band, and keeps every other point. Where the time samples are too sparse for the sum to be exact,
+they are first upsampled by band-limited interpolation at uniform times.
 """
 
 from __future__ import annotations
@@ -51,23 +50,23 @@ _MEAN_OF, _MEAN_BELOW = 96, 5000  # samples that a mean is taken of, of a signal
 def spread_rows(
     rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
 ) -> Iterator[NDArray[np.floating]]:
-    """Yield the rows at the grid angles with their orders limited to what the grid holds.
+    """Yield the rows at the grid angles, limited to the orders that the grid can represent.
 
     Parameters
     ----------
-    rows : sequence of ndarray of shape (n_times,), or of what slices like one
+    rows : sequence of ndarray of shape (n_times,), or of objects that can be sliced like one
         Signals at times ``n / fs``.
     fs : float
         Their sampling rate [Hz].
     path : ShaftPath
-        Way of the shaft.
+        Travel of the shaft over time.
     theta_s : float
         Angle between samples of the result [rad].
 
     Yields
     ------
     ndarray of shape (n_rows, n_angles)
-        The next angles; together they are all that the path holds.
+        The next angles; all blocks together cover the whole path.
     """
     n_angles = path.count(theta_s)
     first, last = path.sample_range(fs, len(rows[0]))
@@ -102,7 +101,7 @@ class _Block(NamedTuple):
     Attributes
     ----------
     travel : ndarray of shape (n,)
-        Angle run [rad].
+        Angle travelled [rad].
     ends : (float, float)
         That of the samples before and after them.
     values : list of ndarray of shape (n,)

@@ -1,6 +1,6 @@
-"""Shaft angle from whatever a machine measures: speed, encoder, resolver, screw, currents.
+"""Shaft angle from measured signals: speed, encoder, resolver, screw position, currents.
 
-Every angle that leaves here is cumulative, in radians and float64. For a tachometer see
+All angles that are returned are cumulative, in radians and float64. For a tachometer see
 `emacm.shaft.tacho`.
 """
 
@@ -23,10 +23,11 @@ _WIDEST = 1.25  # periods that a wrapped angle spans, with noise
 def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0) -> Angle:
     """Integrate the shaft speed by the trapezoid rule [1]_.
 
-    The sum runs in float64: in float32 it errs by 0.04 rad after 10 s. The error of the rule
-    is about ``(a_end - a_start) / (12 fs**2)`` with `a` the acceleration: none at constant
-    speed or on a ramp (1e-10 rad of rounding in 3 s), 3e-7 rad for 30 sin(2 pi t) rad/s at
-    10 kHz. A bias of the speed adds up without limit: prefer a measured angle where there is one.
+    The sum is accumulated in float64: in float32 its error is 0.04 rad after 10 s. The error of the
+    rule is about ``(a_end - a_start) / (12 fs**2)`` with `a` the acceleration: none at constant
+    speed or on a ramp (1e-10 rad of rounding in 3 s), 3e-7 rad for 30 sin(2 pi t) rad/s at 10 kHz.
+    A bias of the speed causes an error that grows without limit: use a measured angle if there is
+    one.
 
     Parameters
     ----------
@@ -68,9 +69,9 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
 def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
     """Undo the wrapping of an absolute encoder.
 
-    Between two samples the shaft must turn less than half a period; a faster one cannot be
-    told from a slower one that turns the other way. Below that the result is exact (1e-12 rad
-    seen after 100 revolutions) for any motion, reversals included.
+    Between two samples the shaft must turn by less than half a period, because a faster motion
+    cannot be distinguished from a slower one in the other direction. Below that limit the result is
+    exact (1e-12 rad seen after 100 revolutions) for any motion, reversals included.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
 
 
 def is_wrapped(angle: ArrayLike) -> bool:
-    """Tell whether an angle in radians is wrapped: it spans 2 pi at most and some step exceeds pi.
+    """Return whether an angle [rad] is wrapped: it spans 2 pi at most and some step exceeds pi.
 
     Parameters
     ----------
@@ -134,18 +135,19 @@ def is_wrapped(angle: ArrayLike) -> bool:
 
 
 def angle_from_resolver(sine: ArrayLike, cosine: ArrayLike, *, pole_pairs: int = 1) -> Angle:
-    """Turn the demodulated outputs of a resolver into the shaft angle, by the arctangent.
+    """Compute the shaft angle from the demodulated outputs of a resolver, by the arctangent.
 
     Exact (1e-12 rad) for perfect outputs, reversals included, while the electrical angle
-    ``e = pole_pairs * angle`` turns less than pi between samples. Imperfect ones err, to
-    first order and in electrical radians [1]_, by
+    ``e = pole_pairs * angle`` turns less than pi between samples. The errors of imperfect outputs,
+    to first order and in electrical radians [1]_, are
 
-    - ``eps / 2 * sin(2 e)`` if the sine is larger than the cosine by the share `eps`;
-    - ``d * cos(e)`` for an offset of the sine by the share `d` of its amplitude, and
+    - ``eps / 2 * sin(2 e)`` if the sine is larger than the cosine by the fraction `eps`;
+    - ``d * cos(e)`` for an offset of the sine by the fraction `d` of its amplitude, and
       ``-d * sin(e)`` for one of the cosine;
     - ``q / 2 * (1 + cos(2 e))`` if the sine leads by `q` rad (quadrature error);
 
-    that is, at shaft orders `pole_pairs` and twice that. Divide by `pole_pairs` for the shaft.
+    that is, at shaft orders `pole_pairs` and twice that. Divide them by `pole_pairs` for the error
+    of the shaft angle.
 
     Parameters
     ----------
@@ -196,9 +198,10 @@ def angle_from_resolver(sine: ArrayLike, cosine: ArrayLike, *, pole_pairs: int =
 
 
 def angle_from_position(position: ArrayLike, lead: float) -> Angle:
-    """Turn the position of a screw drive into the angle of its screw, ``2 pi position / lead``.
+    """Compute the angle of a screw from the position of its nut, ``2 pi position / lead``.
 
-    Exact up to rounding for any motion; what is elastic between screw and sensor is in it.
+    Exact up to rounding for any motion; elastic deflection between screw and sensor is included in
+    the angle.
 
     Parameters
     ----------
@@ -236,17 +239,17 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
     """Follow the shaft of a synchronous motor by its phase currents, without a shaft sensor.
 
     The angle is that of the current vector after the Clarke transform [1]_ (amplitude-invariant;
-    the zero sequence drops out). When the torque changes sign the vector turns round, by pi, so
-    what is unwrapped is twice its angle, which must therefore turn less than pi / 2 electrically
-    between samples. Where the vector is weak, as while the torque changes sign, the angle is
-    bridged by a straight line that goes on at the speed seen on either side, over stretches as
-    long as the gap; at the ends it is held. Where a change of speed moves the rotor by more than
-    a quarter of an electrical turn during a gap, the angle is off by pi / pole_pairs from there on.
+    the zero sequence drops out). When the torque changes sign, the vector jumps by pi. Therefore
+    twice its angle is unwrapped, and the electrical angle must turn by less than pi / 2 between
+    samples. Where the vector is short, for example while the torque changes sign, the angle is
+    interpolated by a straight line at the speed on either side, measured over sections as long as
+    the gap. At the ends the angle is held. Where a change of speed moves the rotor by more than a
+    quarter of an electrical turn during a gap, the angle is off by pi / pole_pairs from there on.
 
-    Errors seen at 4 pole pairs: 1e-12 rad for clean currents of steady torque, reversing motion
-    included, 1.4e-3 rad through reversals of torque, 0.02 rad with noise of 2 % on each phase,
-    0.1 rad with noise of 0.5 % through reversals of torque. A current vector
-    that changes its place against the rotor (field weakening) moves the angle as well.
+    Measured errors at 4 pole pairs: 1e-12 rad for clean currents of steady torque, reversing motion
+    included, 1.4e-3 rad through reversals of torque, 0.02 rad with noise of 2 % on each phase, 0.1
+    rad with noise of 0.5 % through reversals of torque. A current vector that changes its position
+    relative to the rotor (field weakening) changes the angle as well.
 
     Parameters
     ----------
@@ -255,7 +258,7 @@ def angle_from_currents(currents: ArrayLike, *, pole_pairs: int, weak: float = 0
     pole_pairs : int
         Pole pairs of the motor.
     weak : float
-        Share of the RMS length of the current vector below which it has no angle.
+        Fraction of the RMS length of the current vector below which it has no angle.
 
     Returns
     -------

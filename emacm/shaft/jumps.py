@@ -34,10 +34,10 @@ class Jump(NamedTuple):
 def largest_jump(velocity: Series, fs: float) -> Jump | None:
     """Return the largest isolated jump of the shaft angle.
 
-    A jump is a speed, for at most three samples, of more than six times the highest speed in the
-    eleven samples on either side of them, and more than ten times the median speed. No shaft
+    A jump is a section of at most three samples with a speed of more than six times the highest
+    speed in the eleven samples on either side, and more than ten times the median speed. No shaft
     accelerates and brakes so fast; an encoder that slips or an electrical spike looks like this.
-    Steps of a stepping motor and counts of a coarse encoder are no jumps, as there are many.
+    Steps of a stepping motor and counts of a coarse encoder are not jumps, because there are many.
 
     Parameters
     ----------

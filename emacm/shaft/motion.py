@@ -29,7 +29,7 @@ class Stroke(NamedTuple):
 
 
 class Series(Protocol):
-    """What can be sliced like a 1-D array."""
+    """An object that can be sliced like a 1-D array."""
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -46,7 +46,7 @@ class Series(Protocol):
 
 
 class LazySeries:
-    """A 1-D array of which slices are computed when they are read.
+    """A 1-D array whose slices are computed when they are read.
 
     Subclasses implement `read`.
 

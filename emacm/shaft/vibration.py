@@ -38,14 +38,14 @@ _FEW = 4  # cycles of a frame, of the lowest order at the lowest speed
 
 
 class Confidence(NamedTuple):
-    """How far a shaft angle can be trusted.
+    """Reliability of a shaft angle.
 
     Attributes
     ----------
     fraction : float
         Fraction of the seconds that are reliable.
     reliable : ndarray of bool, shape (n_seconds,)
-        Which seconds of the signal are; the last one may be shorter.
+        Which seconds of the signal are reliable; the last one may be shorter.
     """
 
     fraction: float
@@ -96,7 +96,7 @@ def angle_from_vibration(
         Sampling rate [Hz].
     speeds : (float, float)
         Lowest and highest possible speed of the shaft [rad/s]. The narrower the range, the more
-        is reliable: what lies outside is excluded.
+        seconds are reliable, because speeds outside are excluded.
     orders : sequence of float, optional
         Orders at which the signal has lines, such as the tooth number of a gear. Default: some of
         1, 2, 3, ..., 24, the first ones before the others.
@@ -111,28 +111,30 @@ def angle_from_vibration(
     ------
     TypeError, ValueError
         If the signal is not a finite numeric signal, a parameter is out of range, or no second
-        is reliable; the message gives the best speed, and the one it cannot be told from.
+        is reliable; the message gives the best speed, and the speed from which it cannot be
+        distinguished.
 
     Notes
     -----
     The lines of all orders are evaluated on one grid of speeds (multi-order probabilistic
     approach [1]_): the evidence for a speed is a sum of log likelihood ratios over its orders, by
     the rank of the power in the spectrum, in frames of 4 s or 1.4 s, which are warped by several
-    rates of change. The most likely course with a bounded rate of change (Viterbi) is followed.
-    All other speeds, multiples and fractions in particular, are kept beside it [2]_: a second is
-    reliable only if its log likelihood ratio to *every* other speed is at least 4 (10 in the
-    shorter frames), the speed is not at an end of `speeds`, and the lines keep their power once
-    they are demodulated. The phases of the clear orders refine the speed.
+    rates of change. The most likely speed over time with a bounded rate of change is found by the
+    Viterbi algorithm. It is compared with all other speeds, in particular its multiples and
+    fractions [2]_: a second is reliable only if its log likelihood ratio to *every* other speed is
+    at least 4 (10 in the shorter frames), the speed is not at an end of `speeds`, and the lines
+    keep their power once they are demodulated. The phases of the clear orders refine the speed.
 
-    For changes of up to 1 % in a few seconds. On simulated machines with 3 to 12 lines, at 0 and
-    -10 dB, the median error was 0.01 % and every reliable second within 1 %; two thirds of the
-    seconds were reliable at constant speed, half at a drift of 1 %. Faster ramps are mostly
-    refused, and so is a shaft that reverses or stands: such seconds have no one speed.
+    The method is for speed changes of up to 1 % within a few seconds. On simulated machines with 3
+    to 12 lines, at 0 and -10 dB, the median error was 0.01 % and every reliable second within 1 %;
+    two thirds of the seconds were reliable at constant speed, half at a drift of 1 %. Faster ramps
+    are mostly refused, and so are seconds in which the shaft reverses or stands still, because they
+    have no single speed.
 
-    Without `orders`, the first orders are assumed to have lines: a shaft with lines at even orders
-    only is taken for one of twice the speed, unless `speeds` excludes that. Two orders at least
-    are needed. Steady lines at multiples of 50 and 60 Hz are taken for the mains and ignored, so
-    a shaft of exactly such a speed is found by its other orders only, if at all.
+    Without `orders`, the first orders are assumed to have lines: for a shaft with lines at even
+    orders only, twice the true speed is found, unless `speeds` excludes that. Two orders at least
+    are needed. Steady lines at multiples of 50 and 60 Hz are taken for the mains and ignored, so a
+    shaft of exactly such a speed is found by its other orders only, if at all.
 
     References
     ----------

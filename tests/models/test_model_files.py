@@ -296,7 +296,7 @@ def test_a_missing_file_is_an_error(tmp_path):
 
 def test_a_pickle_is_refused(tmp_path):
     joblib.dump(BAYES, tmp_path / "model.joblib")
-    with pytest.raises(ValueError, match="it is no model file"):
+    with pytest.raises(ValueError, match="it is not a model file"):
         load_model(tmp_path / "model.joblib")
 
 
@@ -363,7 +363,7 @@ def test_mutated_files_are_refused_and_execute_nothing(saved, n_files):
         else:
             changed[place:place] = rng.bytes(int(rng.integers(1, 9)))
         saved.write_bytes(changed)
-        with pytest.raises(ValueError, match=r"damaged|no model file"):
+        with pytest.raises(ValueError, match=r"damaged|not a model file"):
             load_model(saved)
     assert not EXECUTED
 

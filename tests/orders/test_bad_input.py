@@ -344,7 +344,7 @@ CASES = [
         "recording 0",
         "theta_s = 0.1",
         "0.196",
-        "Resample it alike, or fit again",
+        "Use the same theta_s, or fit again",
     ),
     Case(
         "two steps in one list",

@@ -385,7 +385,7 @@ def test_a_small_ripple_on_a_large_level_has_a_response():
 
 def test_another_theta_s_is_refused(over_angle):
     other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive()])
-    with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Resample it alike"):
+    with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Use the same theta_s"):
         OrderCrossSpectrum(4).fit(over_angle).transform(other)
 
 

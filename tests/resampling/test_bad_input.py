@@ -96,7 +96,7 @@ CASES = [
         T,
         "recording 0",
         "over the shaft angle already",
-        "OrderResampler comes first",
+        "OrderResampler must come first",
     ),
     Case(
         "a bare array without a rate",
