@@ -29,9 +29,8 @@ def pulse_times(
 
     A pulse counts once the signal has gone from below ``threshold - hysteresis / 2`` to above
     ``threshold + hysteresis / 2``; its time is the last crossing of the threshold in between,
-    by linear interpolation. If the slopes are resolved by several samples, the error is far less
-    than a sample. For square pulses it is up to half a sample, which is ``speed / (2 fs)`` rad of
-    shaft angle.
+    by linear interpolation. The error is far less than a sample if slopes are resolved, up to half
+    a sample for square pulses: ``speed / (2 fs)`` rad of shaft angle.
 
     Parameters
     ----------
@@ -42,8 +41,8 @@ def pulse_times(
     threshold : float, optional
         Level whose crossing is a pulse. Default: halfway between the 0.1 and 99.9 % percentiles.
     hysteresis : float, optional
-        Width of the band around the threshold; noise within this band causes no pulses. Default: a
-        quarter of the distance of the two percentiles.
+        Width of the band in which noise causes no pulses. Default: a quarter of the distance of the
+        two percentiles.
     edge : {"rising", "falling"}
         Edge to use: the steeper one is more accurate.
 
@@ -129,14 +128,13 @@ def angle_from_pulses(
     contains a double pulse. Of the two pulses at its ends, the one is removed without which the
     remaining speed is smoother. A long interval is compared with a speed that is a parabola over
     three intervals on either side. It is filled if 1.5 or more intervals are expected in it, so a
-    start from rest is not treated as a fault. Single faults were simulated on shafts with steady,
-    ramping, starting, braking and rippling speed (20 %, ten pulses per cycle). More than three
-    intervals from the ends, every missing pulse and 99 % of the double pulses were found. With 1 %
-    of jitter, the wrong one of two close pulses is removed in 2 % of the cases. Within three
-    intervals of the ends this holds only at constant speed, and with at least six pulses. Otherwise
-    a fault there may not be detected or may be misidentified; an undetected fault shifts all later
-    angles by ``2 pi / pulses_per_rev``. A sudden stop looks like missing pulses, so check `missing`
-    and `double`.
+    start from rest is not treated as a fault. In simulations with single faults and steady,
+    ramping, starting, braking and rippling speed (20 %, ten pulses per cycle), every missing pulse
+    and 99 % of the double pulses were found more than three intervals from the ends. With 1 % of
+    jitter, the wrong one of two close pulses is removed in 2 % of cases. Within three intervals of
+    the ends this holds only at constant speed, and with at least six pulses. Otherwise a fault may
+    be missed or misidentified; a missed one shifts all later angles by ``2 pi / pulses_per_rev``. A
+    sudden stop looks like missing pulses: check `missing` and `double`.
 
     Between pulses the angle is a cubic spline, its slopes limited to stay monotone [1]_. Measured
     errors at one pulse per revolution: 1e-11 rad at constant speed and at constant acceleration,
