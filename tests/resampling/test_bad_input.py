@@ -104,7 +104,7 @@ CASES = [
         V,
         "recording 0",
         "bare ndarray",
-        "how fast",
+        "neither a sampling rate",
         "Recording",
         "fs and reference",
     ),
