@@ -105,10 +105,9 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     classifier applies to the next `predict`, and equals a refit. `cost_`, `decisions_` and
     `priors_` contain the values in effect.
 
-    `partial_fit` neither warns nor raises if covariances are singular, since further
-    recordings may change that; `predict` and the other methods then do.
-    `CalibratedClassifierCV` decides for the most probable class, whatever the cost; wrap it in
-    `LeastRiskClassifier`.
+    `partial_fit` neither warns nor raises if covariances are singular, because further recordings
+    may change that. `predict` and the other methods warn or raise. `CalibratedClassifierCV` decides
+    for the most probable class, whatever the cost; wrap it in `LeastRiskClassifier`.
 
     References
     ----------
@@ -211,7 +210,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
 
     @available_if(can_add_recordings)
     def partial_fit(self, X, y, classes=None, sample_weight=None):
-        """Add recordings; any division into parts gives the result of one `fit` of all of them.
+        """Add recordings; the result equals one `fit` of all, however they are divided into parts.
 
         Parameters
         ----------

@@ -98,7 +98,7 @@ def label_positions(found: Sequence[Any], known: Sequence[Any], name: str, role:
     for position, label in enumerate(found):
         if label not in place:
             raise ValueError(
-                f"{name} contains {label!r} at position {position}, which is no known {role}. "
+                f"{name} contains {label!r} at position {position}, which is not a known {role}. "
                 f"Known: {list(known)}."
             )
     return [place[label] for label in found]

@@ -1,8 +1,8 @@
 """Gaussian densities of the classes without one group of recordings, from moments.
 
-A recording is judged fairly only by a model that was fitted without it, and without those that
-were measured together with it. The moments of the remaining recordings are those of all less
-those of the group: neither features nor moments are computed again.
+An unbiased assessment of a recording requires a model that was fitted without it, and without those
+that were measured together with it. The moments of the remaining recordings are those of all
+recordings minus those of the group: neither features nor moments are computed again.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class LeftOut:
 def left_out_gaussians(training: Training, covariance: str, shrinkage: Any) -> list[LeftOut]:
     """Fit Gaussian densities without each group in turn.
 
-    Equal to as many fits from the beginning, but for rounding.
+    The result equals that of separate fits without each group, except for rounding.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is learned from left-out groups: typicality, and the temperature of posteriors."""
+"""Calibration on left-out groups: typicality, and the temperature of posteriors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class LeftOutCalibration(NamedTuple):
     typicality : Typicality, DetectorTypicality or None
         A function of features. None before anything was left out.
     temperature : float or None
-        Of least log loss; None if it was not asked for.
+        Temperature of least log loss; None if it was not requested.
     """
 
     typicality: Callable[[Any], Array] | None
@@ -94,7 +94,7 @@ class LeftOutMixin:
         Returns
         -------
         typicality : ndarray of shape (n_recordings,)
-            In (0, 1]. 0.01 or less: rarer than one in a hundred known recordings.
+            In (0, 1]. 0.01 or less: at most one in a hundred known recordings is so far away.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Metrics of decisions: which are correct, what they have cost on average."""
+"""Metrics of decisions: which decisions are correct, and their mean cost."""
 
 from __future__ import annotations
 

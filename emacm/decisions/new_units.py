@@ -31,8 +31,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     The scatter within a class is divided into a covariance between units and one within a unit
     (a mixed model with a random effect of each unit). The first recording of a new unit is judged
-    with the sum of both. `for_unit` takes recordings of that unit whose state is known, usually
-    healthy ones, and returns a classifier that subtracts the expected offset and has
+    with the sum of both covariances. `for_unit` takes recordings of that unit whose state is known,
+    usually healthy ones, and returns a classifier that subtracts the expected offset and has
     narrower densities; with many recordings they are those within a unit.
 
     Parameters
@@ -71,12 +71,12 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     Notes
     -----
-    Class means of different units differ by chance. As far as this stems from units it widens the
-    densities too, and remains after `for_unit` unless units were recorded in several
+    Class means of different units differ by chance. The part of this that is caused by the units
+    widens the densities too, and remains after `for_unit` unless units were recorded in several
     classes. Covariances are estimated from mean squares (`emacm.decisions.unit_effects`); with few
-    units they are uncertain, which is not modelled: ``temperature="groups"`` and `prediction_sets`
-    take it from left-out units. `evaluate` passes `runs` as groups if it is given them: give it
-    `units` only.
+    units they are uncertain, which the densities do not contain; ``temperature="groups"`` and
+    `prediction_sets` determine this uncertainty from left-out units. `evaluate` passes `runs` as
+    groups if `runs` are given: give `units` only.
 
     Examples
     --------
@@ -207,7 +207,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         Raises
         ------
         ValueError
-            If an input is invalid, a label is no class, or `fit` had no groups.
+            If an input is invalid, a label is not a class, or `fit` had no groups.
         """
         table = self._checked_features(X)
         labels = [y] * len(table) if np.ndim(y) == 0 else label_list(y)
@@ -227,15 +227,16 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         The set has the most probable class, and every class that is at least as probable as a
         threshold: the one with which the sets of units that were left out in training contain the
         true class with probability `coverage`, for present priors. It applies to first recordings
-        of new units; after `for_unit`, posteriors are surer and sets contain it more often.
+        of new units; after `for_unit`, posteriors are more certain and sets contain the true class
+        more often.
 
         Parameters
         ----------
         X : array-like of shape (n_recordings, n_features)
             Features.
         coverage : float, default=0.9
-            Probability above 0 and below 1. If the most probable class is right more often, the
-            sets have one class and cover more.
+            Probability above 0 and below 1. If the most probable class is correct more often than
+            that, the sets have one class and a higher coverage.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Temperature of posteriors: how much weight the densities deserve, found on left-out groups."""
+"""Temperature of posteriors: calibration of over-confident densities on left-out groups."""
 
 from __future__ import annotations
 

@@ -1,11 +1,12 @@
-"""How typical a recording is of the training recordings: distances and their calibration.
+"""Typicality of a recording relative to the training: distances and their calibration.
 
-Three distances to the classes are combined. *Inside* the discriminant space, the span of the
-differences between class means, unknown states show most clearly; *outside* of it deviations
-show that no difference between classes resembles; the *largest* deviation of a single feature
-shows a new spectral line. What is far is decided by training recordings that are left out
-together with their group, never by the chi-square distribution: in 176 dimensions its 99 %
-quantile is exceeded by one known recording in five of runs that were not trained on.
+Three distances to the classes are combined. The distance *inside* the discriminant space (the span
+of the differences between class means) shows unknown states most clearly. The distance *outside* of
+it shows deviations that are unlike any difference between classes. The *largest* deviation of a
+single feature shows a new spectral line. Distances are compared with those of training recordings
+that are left out together with their group, and not with the chi-square distribution: in 176
+dimensions its 99 % quantile is exceeded by one known recording in five of runs that were not
+trained on.
 """
 
 from __future__ import annotations

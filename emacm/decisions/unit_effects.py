@@ -34,7 +34,7 @@ _LEAST = 1e-6  # variance of the differences between classes, where that within 
 
 @dataclass(frozen=True)
 class UnitLevels:
-    """What is known of one unit: its level m_k + b in each class, and its offset b.
+    """Estimates for one unit: its level m_k + b in each class, and its offset b.
 
     Attributes
     ----------

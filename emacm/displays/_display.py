@@ -1,4 +1,4 @@
-"""What all displays share: `plot`, and power by group of recordings and channel."""
+"""Base classes of the displays: `plot`, and power by group of recordings and channel."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def line_style(number: int) -> dict[str, Any]:
 
 
 def tint(colour: str, share: float) -> str:
-    """Mix a colour, ``#rrggbb``, with white; `share` is the share of the colour.
+    """Mix a colour, ``#rrggbb``, with white; `share` is the fraction of the colour.
 
     Examples
     --------

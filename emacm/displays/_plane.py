@@ -66,7 +66,7 @@ class PlaneDisplay(Display):
 
 
 def check_classifier(estimator: Any, *attributes: str) -> None:
-    """Raise an error if a classifier is not fitted, or has not the attributes of a Gaussian one."""
+    """Raise an error if a classifier is not fitted, or lacks the attributes of a Gaussian one."""
     check_is_fitted(estimator)
     missing = [name for name in attributes if not hasattr(estimator, name)]
     if missing:

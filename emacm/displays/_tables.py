@@ -94,7 +94,8 @@ def predicted_lines(
     fault_orders : DataFrame of `emacm.fault_orders`, mapping of str to float, or None
         Orders by name. In a mapping every order may slip.
     slip : float
-        Share of its order by which a line that slips may be lower or higher.
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order.
 
     Returns
     -------

@@ -18,12 +18,12 @@ from emacm.orders.columns import BinBlock
 
 @dataclass(eq=False, repr=False)
 class ExplainedVarianceDisplay(Display):
-    """Share of the variance that each principal component explains.
+    """Fraction of the variance that each principal component explains.
 
     Parameters
     ----------
     shares : array-like of shape (n_components,)
-        Share of each component, from 0 to 1.
+        Fraction for each component, from 0 to 1.
     n_shown : int
         Highest number of components to draw.
 

@@ -30,8 +30,8 @@ class ContributionsDisplay(OrderDisplay):
     fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are marked. Those outside of the bins are not drawn.
     slip : float
-        Share of its order by which a line that slips may be lower or higher: this range is shaded.
-        In a mapping every order may slip.
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and this range is shaded. In a mapping every order may slip.
     decision : str
         The decision that is explained.
     unit : str

@@ -33,7 +33,7 @@ class EvaluationDisplay(Display):
         Counts: rows are the decisions (families, if there are any), columns the true classes.
     calibration : DataFrame, optional
         One row for each bin of confidence (the highest posterior probability): "confidence" and
-        "frequency" (the share of correct decisions) with its interval "low" to "high" (may be
+        "frequency" (the fraction of correct decisions) with its interval "low" to "high" (may be
         NaN), and "count". Without it there is no third panel.
     scheme : str
         Scheme of `confusion` and `calibration`.
@@ -54,7 +54,7 @@ class EvaluationDisplay(Display):
     Raises
     ------
     TypeError, ValueError
-        If a column is missing, or a value is not a share or a count.
+        If a column is missing, or a value is not a rate or a count.
 
     Examples
     --------

@@ -37,7 +37,7 @@ class KurtogramDisplay(Display):
     Raises
     ------
     TypeError
-        If `found` is no result of `kurtogram`.
+        If `found` is not a result of `kurtogram`.
 
     Notes
     -----

@@ -56,8 +56,8 @@ class OrderMapDisplay(OrderDisplay):
     fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are named. Those above `max_order` are not drawn.
     slip : float
-        Share of its order by which a line that slips may be lower or higher: a bar beside the map
-        marks this range. In a mapping every order may slip.
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and a bar beside the map marks this range. In a mapping every order may slip.
 
     Attributes
     ----------

@@ -117,7 +117,7 @@ class DecisionRegionsDisplay(PlaneDisplay):
         n_grid : int
             Number of points along each axis at which the classifier decides.
         margin : float, optional
-            Space around the recordings, as a share of their range. Default: 0.08, and 1 for a
+            Space around the recordings, as a fraction of their range. Default: 0.08, and 1 for a
             classifier with an unknown state, which is decided far from the recordings.
         ax : matplotlib Axes, optional
             Where to draw.

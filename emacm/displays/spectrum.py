@@ -40,8 +40,8 @@ class OrderSpectrumDisplay(PowerDisplay):
     fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
         Predicted fault orders, which are marked. Those above `max_order` are not drawn.
     slip : float
-        Share of its order by which a line that slips may be lower or higher: this range is shaded.
-        In a mapping every order may slip.
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and this range is shaded. In a mapping every order may slip.
     healthy : str
         Label of the healthy state: it is first in the legend and always has the same colour.
     scale : {"dB", "linear"}

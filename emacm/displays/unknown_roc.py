@@ -1,4 +1,4 @@
-"""ROC curves of the unknown: families of faults that were left out of training."""
+"""ROC curves of unknown states: families of faults that were left out of training."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def scheme_caveats(
 
 
 def novelty_caveats(table: pd.DataFrame, refused: Mapping[str, str]) -> list[str]:
-    """Return what limits the conclusions about unknown states.
+    """Return the caveats about unknown states.
 
     Parameters
     ----------

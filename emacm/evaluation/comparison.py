@@ -32,7 +32,7 @@ class Comparison:
         reference, with the limits of their confidence intervals (``accuracy``, ``accuracy_low``,
         ``accuracy_high``). NaN where they are not paired.
     caveats : list of str
-        What limits the conclusions.
+        Limits of the conclusions.
     scheme : str
         Hold-out scheme that is compared.
     reference : str
@@ -119,12 +119,12 @@ def compare(
 
     Notes
     -----
-    Differences are paired: both evaluations are computed for the same draws of whole groups, so
-    that what is difficult in a run or unit does not count [1]_. This requires the same recordings
+    Differences are paired: both evaluations are computed for the same bootstrap draws of whole
+    groups, so that the difficulty of a run or unit cancels [1]_. This requires the same recordings
     and folds, that is, equal positions, true classes and groups, which is checked; that the
     positions denote the same recordings is assumed. Otherwise no difference is given, and a caveat
-    states the reason. Two intervals that overlap may belong to a difference whose interval
-    excludes 0. Differences of costs need equal costs.
+    states the reason. Two intervals that overlap may belong to a difference whose interval excludes
+    0. Differences of costs need equal costs.
 
     References
     ----------

@@ -2,7 +2,7 @@
 
 A random split estimates the performance on recordings with near copies in the training data. To
 estimate performance on the next run, the next machine or a new load, hold out whole runs, machines
-or loads. `evaluate` does all of these and lists what limits the conclusions.
+or loads. `evaluate` scores all of these schemes and lists the limits of the conclusions.
 """
 
 from __future__ import annotations
@@ -98,12 +98,13 @@ def evaluate(
         that differ are an error); without any, 0-1.
     nuisances : sequence of keys or mapping, optional
         Properties that should not matter, such as ``("day", "fs")``: keys of `meta`, tuples of
-        keys or functions; a mapping of names to them or to arrays. For each, how well it predicts
-        the label by itself, and the score within one of its levels. "fs" is the sampling rate.
+        keys or functions; a mapping of names to them or to arrays. `Evaluation.nuisances` states
+        how well each predicts the label by itself, and the score within one of its levels. "fs" is
+        the sampling rate.
     unknown_families : bool, optional
-        Whether to leave each family of faults out of training in turn, to see whether it is
-        recognised as unknown; at most five folds for each family. Default: if the classifier has
-        an unknown state.
+        Whether to leave each family of faults out of training in turn, to test whether it is
+        recognised as unknown; at most five folds for each family. Default: if the classifier has an
+        unknown state.
     n_splits : int, default=10
         Largest number of folds, at least 2. Up to this number of runs (or units), one is left out
         at a time.

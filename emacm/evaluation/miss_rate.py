@@ -1,8 +1,8 @@
 """Costs with which a stated missed detection rate holds, chosen from whole units.
 
 The more a missed detection costs, the fewer faults are decided to be healthy. `miss_rate_limit`
-finds the least factor on this cost for which a test of the units proves the rate: risk control
-[1]_ [2]_ by the tests of `emacm.evaluation.provable_rates`.
+finds the smallest factor on this cost for which a statistical test on the units confirms the rate:
+risk control [1]_ [2]_ by the tests of `emacm.evaluation.provable_rates`.
 
 References
 ----------
@@ -85,10 +85,11 @@ def miss_rate_limit(
 ) -> MissRateLimit:
     """Choose the cost of missed detections so that their rate does not exceed a limit.
 
-    A missed detection is a fault that is decided to be healthy; an inspection is not. What it costs
-    more than the cheapest decision is multiplied by the least factor for which units like these
-    prove the rate: if the units were drawn anew, the rate among all units of the fleet would be
-    at most `rate` in at least the fraction `confidence` of the draws.
+    A missed detection is a fault that is decided to be healthy; an inspection is not. The excess
+    cost of a missed detection over the cheapest decision is multiplied by the smallest factor for
+    which a statistical test on these units confirms the rate. That is, if the units were sampled
+    again, the rate among all units of the fleet would be at most `rate` in at least the fraction
+    `confidence` of the samples.
 
     Parameters
     ----------

@@ -56,11 +56,11 @@ class Evaluation:
         Options of the bootstrap.
     novelty : DataFrame
         One row for each family of faults that was left out of training, with intervals as in
-        `table`: "auroc", the area under the ROC curve of typicality, by which its recordings are
-        told from the known ones; fraction of the known recordings with a typicality of at most
-        0.01 ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left
-        out that were decided to be healthy ("unknown_called_healthy"); numbers of recordings
-        ("known", "unknown"). Empty if no family was left out.
+        `table`: "auroc", the area under the ROC curve of typicality, which separates its recordings
+        from the known ones; fraction of the known recordings with a typicality of at most 0.01
+        ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left out that
+        were decided to be healthy ("unknown_called_healthy"); numbers of recordings ("known",
+        "unknown"). Empty if no family was left out.
     novelty_predictions : DataFrame
         One row for each family left out and recording held out: "left_out", "fold", "recording",
         "group", "true_label", "is_unknown" (of the family left out), "decision",

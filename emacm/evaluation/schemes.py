@@ -53,7 +53,7 @@ class Scheme:
         Why the scheme cannot be scored; empty if it can.
     may_refuse : tuple of str
         Methods, "fit" or "predict", in which a ValueError means that the estimator refuses what is
-        held out (a condition without training data) and is no error of `evaluate`.
+        held out (a condition without training data) and is not an error of `evaluate`.
     """
 
     name: str

@@ -151,7 +151,7 @@ def _levels(row: Array, scales: Array) -> Array:
 def _in_decibels(
     trace: FeatureTrace, row: Array, scales: Array, found: Array, reference: Array
 ) -> Array:
-    """Return the differences from reference positions [dB]; NaN where they cannot be told.
+    """Return the differences from reference positions [dB]; NaN where they cannot be determined.
 
     Each position depends on one column, so that all can be changed at once.
     """

@@ -1,8 +1,8 @@
 """Which orders determine a decision or a model.
 
-A classifier may be right for the wrong reason: Chirico (section 4.5) found by inspection that two
-of his four signals were separated by electrical noise of the healthy unit, at orders 12 and 36,
-and not by the bearing. These functions quantify it.
+A classifier may be correct for the wrong reason: Chirico (section 4.5) found by inspection that two
+of his four signals were separated by electrical noise of the healthy unit, at orders 12 and 36, and
+not by the bearing. These functions quantify it.
 """
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ def _of_orders(name: str, bins: pd.DataFrame, outside: Array, of: str) -> str:
 def _of_others(
     bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str
 ) -> list[tuple[float, str]]:
-    """Return sentences about columns that are no powers."""
+    """Return sentences about columns that are not powers."""
     stated = []
     for row in np.flatnonzero(~found.in_decibels):
         outside, deviation = found.outside[row], found.of_mean[row]

@@ -46,7 +46,7 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
 
 
 def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
-    """Raise a ValueError if a column of a table that was passed as a whole is no channel."""
+    """Raise a ValueError if a column of a table that was passed as a whole is not a channel."""
     for name, values in columns.items():
         if not isinstance(name, str):
             continue
@@ -88,7 +88,7 @@ def check_units(units: Any, channels: tuple[str, ...]) -> dict[str, str]:
     for name, unit in units.items():
         if name not in channels:
             raise ValueError(
-                f"units names {name!r}, which is no channel; the channels are {list(channels)}."
+                f"units names {name!r}, which is not a channel; the channels are {list(channels)}."
             )
         if not isinstance(unit, str) or not unit:
             raise TypeError(
@@ -188,7 +188,7 @@ def check_durations(series: Mapping[str, tuple[Series, float]]) -> None:
     Parameters
     ----------
     series : mapping of str to (Series, float)
-        Channels and the shaft reference under what to call them, each with its rate [Hz].
+        Channels and the shaft reference by their names in messages, each with its rate [Hz].
     """
     rates = {name: rate for name, (_, rate) in series.items()}
     lasting = {name: len(values) / rate for name, (values, rate) in series.items()}
@@ -205,7 +205,7 @@ def check_durations(series: Mapping[str, tuple[Series, float]]) -> None:
 
 
 def immutable(array: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return an array whose content nobody can change through Python.
+    """Return an array whose content cannot be changed through Python.
 
     Arrays over `bytes` and over memory maps that were opened read-only are kept as they are;
     all others are copied, as a read-only array may be made writeable again by its owner.

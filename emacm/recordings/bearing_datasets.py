@@ -68,7 +68,7 @@ def open_bearing_dataset(
     path = Path(folder).absolute() / "metadata.parquet"
     if not path.is_file():
         raise FileNotFoundError(
-            f"{str(folder)!r} has no metadata.parquet; it is no data set built by bearing-datasets."
+            f"{str(folder)!r} has no metadata.parquet; it was not built by bearing-datasets."
         )
     table = _metadata(path)
     for name, value in (where or {}).items():

@@ -1,4 +1,4 @@
-"""What the name of a column tells: its unit, and whether it is a time or a motion of the shaft."""
+"""Information in the name of a column: its unit, and whether it is a time or a shaft motion."""
 
 from __future__ import annotations
 

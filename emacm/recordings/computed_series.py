@@ -19,7 +19,7 @@ class ComputedSeries(LazySeries):
 
     Parameters
     ----------
-    signal : ndarray of shape (n_times,), or what slices like one
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
         Finite; it may be a memory map.
 
     Attributes

@@ -1,9 +1,10 @@
 """The envelope of a band of frequencies, over time.
 
-Each strike of a damaged bearing rings a resonance of the housing; its frequency tells of the
-housing, the rhythm of the strikes of the bearing. The envelope of the band of the resonance
-shows the rhythm as lines of its own. It is taken over time, where the resonance stands
-still, and before the signal is resampled over the shaft angle, where the rhythm does.
+Each impact of a damaged bearing excites a resonance of the housing. The frequency of the resonance
+is a property of the housing; the repetition rate of the impacts is a property of the bearing. The
+spectrum of the envelope of the resonance band has lines at the repetition rate. The envelope is
+computed over time, because the resonance has a constant frequency, and before the signal is
+resampled over the shaft angle, in which the repetition rate is constant.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _GATHERED = 1 << 20  # samples gathered at once for single values
 
 
 def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
-    """Return a band as two frequencies, and see that the sampling rate holds it.
+    """Return a band as two frequencies, after checking it against the Nyquist frequency.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
     Raises
     ------
     TypeError
-        If it is no pair of numbers.
+        If it is not a pair of numbers.
     ValueError
         If low is not between 0 and high, or high not below ``fs / 2``.
     """
@@ -60,8 +61,8 @@ def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
         raise ValueError(f"{name} must run from a lower to a higher frequency, got {band!r}.")
     if fs is not None and not high < fs / 2:
         raise ValueError(
-            f"{name} reaches to {high:g} Hz, but at a sampling rate of {fs:g} Hz there is nothing "
-            f"from {fs / 2:g} Hz upwards. Lower its upper edge."
+            f"{name} reaches to {high:g} Hz, but at a sampling rate of {fs:g} Hz the Nyquist "
+            f"frequency is {fs / 2:g} Hz. Lower its upper edge."
         )
     return low, high
 
@@ -86,7 +87,7 @@ def check_bands(band: Any, name: str = "band") -> Any:
 
 
 def filter_length(low: float, high: float, fs: float) -> int:
-    """Return how many taps the filter of a band has; an odd number.
+    """Return the number of taps of the filter of a band, an odd number.
 
     Parameters
     ----------
@@ -114,10 +115,11 @@ def filter_length(low: float, high: float, fs: float) -> int:
 def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexfloating]:
     """Return the taps of a filter that makes the analytic signal of a band.
 
-    A low pass by Kaiser's window [1]_, shifted to the middle of the band. It has no delay (its
-    middle tap is at time 0), half the amplitude at the edges, the whole of it from an eighth of
-    the band's width inside, and less than 80 dB from as far outside; nearer where 0 or half the
-    sampling rate is near. A constant leaves nothing.
+    A low-pass filter with a Kaiser window [1]_, shifted to the centre of the band. The filter has
+    no delay (its middle tap is at time 0). Its amplitude is one half at the edges of the band, one
+    from an eighth of the bandwidth inside the edges, and below -80 dB from an eighth of the
+    bandwidth outside. The transitions are narrower if an edge is close to 0 or to the Nyquist
+    frequency. A constant is removed.
 
     Parameters
     ----------
@@ -156,11 +158,11 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
 class EnvelopeSeries(ComputedSeries):
     """The envelope of a signal of any length, computed slice by slice when it is read.
 
-    Beyond its ends the signal is taken as its own mirror image.
+    Beyond its ends the signal is extended by its mirror image.
 
     Parameters
     ----------
-    signal : ndarray of shape (n_times,), or what slices like one
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
         Finite; it may be a memory map.
     fs : float
         Its sampling rate [Hz].
@@ -179,7 +181,7 @@ class EnvelopeSeries(ComputedSeries):
     Raises
     ------
     TypeError, ValueError
-        If the band is none that the sampling rate holds, or its filter is longer than the signal.
+        If the band is not below the Nyquist frequency, or its filter is longer than the signal.
     """
 
     _prepared = ("_taps",)
@@ -246,11 +248,12 @@ class EnvelopeSeries(ComputedSeries):
 def envelope(
     signal: ArrayLike, fs: float, band: Band, *, squared: bool = True
 ) -> NDArray[np.floating]:
-    """Return the envelope of a band of a signal: the size of its analytic signal [1]_.
+    """Return the envelope of a band of a signal: the magnitude of its analytic signal [1]_.
 
-    Without delay. Beyond its ends the signal is taken as its own mirror image, so values nearer
-    to an end than half the filter's length (2.5 over the width of a transition, which is a quarter
-    of the band's: 10 / (high - low) seconds) err.
+    The filter has no delay. Beyond its ends the signal is extended by its mirror image. Values
+    nearer to an end than half the filter length, 10 / (high - low) seconds, are therefore
+    inaccurate. (Half the filter length is 2.5 divided by the width of a transition, which is a
+    quarter of the bandwidth.)
 
     Parameters
     ----------
@@ -261,8 +264,8 @@ def envelope(
     band : (low, high)
         Edges of the band [Hz], where half of the amplitude passes.
     squared : bool
-        Return the square [U²], in which a rhythm has few lines and noise only adds a level; else
-        the envelope itself [U].
+        Return the squared envelope [U²], in which periodic impacts have few lines and noise only
+        adds a constant level; otherwise the envelope itself [U].
 
     Returns
     -------
@@ -272,8 +275,8 @@ def envelope(
     Raises
     ------
     TypeError, ValueError
-        If the signal is not finite, or shorter than the filter, or if the band is none that the
-        sampling rate holds.
+        If the signal is not finite, or shorter than the filter, or if the band is not below the
+        Nyquist frequency.
 
     References
     ----------

@@ -24,10 +24,10 @@ from emacm.shaft.motion import Series
 
 
 class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
-    """Take the envelope of a band of frequencies, in which a fault makes a resonance ring.
+    """Compute the envelope of a frequency band in which the impacts of a fault excite a resonance.
 
-    Put it before `OrderResampler`: what `OrderPSD` then gives is the (squared) envelope spectrum
-    over orders, in which a damaged bearing has its fault orders.
+    Put it before `OrderResampler`: `OrderPSD` then computes the (squared) envelope order spectrum,
+    in which a damaged bearing has lines at its fault orders.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         `CepstralPrewhitening`. "kurtogram": for each recording the band with the largest spectral
         kurtosis (`kurtogram`); its signals are read in `transform`.
     channels : sequence of str, optional
-        Channels of which the envelope is taken. Default: all of the first recording, or all that
-        `band` names.
+        Channels whose envelope is computed. Default: all of the first recording, or all that `band`
+        names.
     squared : bool
         Squared envelopes [U²], or envelopes [U].
     suffix : str, optional
-        Stand beside the measured channel, under its name with this behind it
-        (such as "_envelope"). Default: envelopes take the place and the name of their channels.
+        Keep the measured channel, and name the envelope by its name with this suffix (such as
+        "_envelope"). Default: envelopes replace their channels and have the same names.
 
     Attributes
     ----------
@@ -55,16 +55,16 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
 
     Notes
     -----
-    `X` is a list of `Recording`. What comes out are such too, with the same shaft and meta;
-    their envelopes are computed slice by slice when they are read, and not kept.
+    `X` is a list of `Recording`, and so is the result, with the same shaft and meta. Envelopes are
+    computed slice by slice when they are read, and are not kept.
 
-    The filter has no delay. A value depends on the signal within 10 / (high - low) seconds,
-    so near the ends of a recording (where the signal is taken as its own mirror image) envelopes
-    err, and a turn of the shaft is smeared by as much. It is longer where an edge is nearer
-    than an eighth of the band's width to 0 or to half the sampling rate.
+    The filter has no delay. A value depends on the signal within 10 / (high - low) seconds. Near
+    the ends of a recording, where the signal is extended by its mirror image, envelopes are
+    therefore inaccurate, and a reversal of the shaft is smeared over this time. The time is longer
+    if an edge is nearer than an eighth of the bandwidth to 0 or to the Nyquist frequency.
 
-    A squared envelope holds frequencies up to high - low, in Hz: while the shaft turns at f rev/s,
-    there is nothing above order (high - low) / f.
+    A squared envelope contains frequencies up to high - low [Hz]: while the shaft turns at f rev/s,
+    it has no content above order (high - low) / f.
 
     Source: Randall and Antoni, Mech. Syst. Signal Process. 25(2), 485-520, 2011.
 
@@ -113,8 +113,8 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         Raises
         ------
         TypeError, ValueError
-            If a parameter is not what it should be, or a recording lacks a channel or is sampled
-            too slowly for a band; the message names both.
+            If a parameter is invalid, or a recording lacks a channel or its sampling rate is too
+            low for a band; the message names both.
         """
         recordings = as_recordings(X, "EnvelopeDetector")
         check_choice(self.squared, "squared", (True, False))

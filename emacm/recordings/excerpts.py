@@ -60,7 +60,7 @@ class Excerpts:
         Raises
         ------
         TypeError, ValueError
-            If a name is not a channel, a new name is no text, or two channels get the same name.
+            If a name is not a channel, a new name is not a text, or two channels get the same name.
         """
         return self._derived(renamed_content, names)
 

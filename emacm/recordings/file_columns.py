@@ -243,7 +243,7 @@ class _Rates:
         if isinstance(fs, str):
             number = self._content.find(fs, numbers=True)
             if number not in self._content.numbers:
-                raise ValueError(f"fs = {fs!r} is no single number of the file.")
+                raise ValueError(f"fs = {fs!r} is not a single number of the file.")
             return self._content.numbers[number]
         if isinstance(fs, Mapping):
             rates = {split_unit(key)[0]: rate for key, rate in fs.items()}
@@ -289,7 +289,7 @@ def _shaft(
 
 
 def _alike(content: FileColumns, column: str) -> bool:
-    """Tell whether another column is as long as this one."""
+    """Return whether another column is as long as this one."""
     lengths = [len(values) for name, values in content.columns.items() if name != column]
     return len(content.columns[column]) in lengths
 

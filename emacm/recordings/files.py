@@ -229,7 +229,7 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     FileNotFoundError
         If there is no such file.
     TypeError, ValueError
-        If `layout` is no layout, or the name of the file does not match its `meta`. When samples
+        If `layout` is not a layout, or the name of the file does not match its `meta`. When samples
         are read: if the file was changed, is damaged, or is not what the layout states.
 
     Examples

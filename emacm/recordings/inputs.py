@@ -76,7 +76,7 @@ def as_recordings(X: Any, who: str, *, also: tuple[type, ...] = ()) -> list[Any]
     Raises
     ------
     TypeError
-        If X is no list, or an entry is of another type; the message gives its number.
+        If X is not a list, or an entry is of another type; the message gives its number.
     ValueError
         If X is empty.
     """
@@ -116,7 +116,7 @@ def check_channels(
     Raises
     ------
     ValueError
-        If they have not; the message gives the recording and the channel.
+        If a channel is missing or unexpected; the message gives the recording and the channel.
     """
     for index, recording in enumerate(recordings):
         known = recording.channels

@@ -128,7 +128,7 @@ class Layout:
             known = [item.name for item in fields(cls)]
             for name in options:
                 if name not in known:
-                    raise ValueError(f"{name!r} is no option of a layout; these are {known}.")
+                    raise ValueError(f"{name!r} is not an option of a layout; these are {known}.")
             meta = options.get("meta")
             if isinstance(meta, str) and meta.endswith(".csv"):
                 options["meta"] = str(file.parent / meta)

@@ -1,4 +1,4 @@
-"""Reader of the recordings' `meta`: condition, run, unit.
+"""Reader of the `meta` of recordings: condition, run, unit.
 
 Wherever a parameter selects content of `meta`, it has one of these forms:
 

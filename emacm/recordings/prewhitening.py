@@ -29,7 +29,7 @@ class WhitenedSeries(ComputedSeries):
 
     Parameters
     ----------
-    signal : ndarray of shape (n_times,), or what slices like one
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
         Finite; it may be a memory map.
     fs : float
         Its sampling rate [Hz].
@@ -196,9 +196,9 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
     Segments of time are used, and not of shaft angle, because resonances are at fixed frequencies
     and because the envelope is taken before the signal is resampled. While the speed changes, a
     harmonic of the shaft is spread over several frequencies of a segment and each of them is set to
-    the common level. Whitening the whole recording at once would let each event act on all
-    samples, and a long recording would not fit into memory. A recording shorter than that is one
-    segment. Beyond its ends the signal is taken as its own mirror image.
+    the common level. If the whole recording were whitened at once, each event would affect all
+    samples, and a long recording would not fit into memory. A recording that is shorter than a
+    segment is one segment. Beyond its ends the signal is extended by its mirror image.
 
     The result has no unit and a mean square of 1. It does not depend on the gain of the channel.
     Frequencies with nothing but rounding errors, such as those removed by a filter in 64-bit
@@ -243,7 +243,8 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
         Raises
         ------
         TypeError, ValueError
-            If X is no list of recordings, or a recording lacks a channel; the message gives both.
+            If X is not a list of recordings, or a recording lacks a channel; the message gives
+            both.
         """
         recordings = as_recordings(X, "CepstralPrewhitening")
         if isinstance(self.channels, str):

@@ -106,7 +106,9 @@ def _read_npz(path: Path) -> FileColumns:
     content = FileColumns({})
     with open(path, "rb") as file:  # which numpy leaves open if the archive is damaged
         if file.read(2) != b"PK":
-            raise RefusedFileError("it is no .npz file (no ZIP archive). Save it by numpy.savez.")
+            raise RefusedFileError(
+                "it is not an .npz file (no ZIP archive). Save it by numpy.savez."
+            )
         file.seek(0)
         arrays = np.load(file, allow_pickle=False)
         for name in arrays.files:
@@ -132,7 +134,7 @@ def _read_wav(path: Path) -> FileColumns:
     with open(path, "rb") as file:
         header = file.read(12)
     if header[:4] not in (b"RIFF", b"RF64") or header[8:] != b"WAVE":
-        raise RefusedFileError("it is no WAV file (no RIFF header).")
+        raise RefusedFileError("it is not a WAV file (no RIFF header).")
     stated, size = int.from_bytes(header[4:8], "little") + 8, os.stat(path).st_size
     if header[:4] == b"RIFF" and stated > size + 1:  # a padding byte may be missing
         raise RefusedFileError(

@@ -248,7 +248,7 @@ class Recording(Excerpts):
         Raises
         ------
         TypeError, ValueError
-            If `min_speed` is no number of at least 0.
+            If `min_speed` is not a number of at least 0.
         """
         min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
         find = partial(strokes_of, self._speed, min_speed)

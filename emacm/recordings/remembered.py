@@ -20,7 +20,7 @@ class Remembered:
     Parameters
     ----------
     arrays : sequence of ndarray
-        What the values depend on.
+        Arrays from which the values are computed.
     just_opened : bool
         Whether memory maps among them have just been opened by name, as after unpickling. Then
         digests of the files are remembered for the whole process, so that a worker process reads a

@@ -37,7 +37,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
     Raises
     ------
     ValueError
-        If a value is missing or no time.
+        If a value is missing or is not a time.
     """
     if values.dtype.kind in "iuf":
         seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
@@ -46,7 +46,7 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
         if dates.isna().any():
             place = int(np.argmax(dates.isna()))
             raise ValueError(
-                f"time column {name!r} has {values[place]!r} at sample {place}, which is no time. "
+                f"time column {name!r} has {values[place]!r} at sample {place}, not a time. "
                 f"Repair it, or state fs and time=False to ignore the column."
             )
         seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()

@@ -1,4 +1,4 @@
-"""What transformers that give recordings share: names of channels, and no table to put out."""
+"""Base class of transformers that return recordings: names of channels, and no output table."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RecordingTransformer(  # type: ignore[call-arg]
         return np.array(self.channels_, dtype=object)
 
     def set_output(self: Self, *, transform: str | None = None) -> Self:
-        """Accept what `Pipeline.set_output` says; recordings are no table.
+        """Accept the option of `Pipeline.set_output`; it has no effect on recordings.
 
         Parameters
         ----------

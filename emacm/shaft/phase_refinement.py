@@ -19,7 +19,7 @@ _LASTING = 0.3  # share of the power of lines that is left where the speed is ri
 
 
 class Course(NamedTuple):
-    """Speeds in frames of a signal, and how far they can be trusted.
+    """Speeds in frames of a signal, and their reliability.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Course(NamedTuple):
     reliable : ndarray of bool, shape (n_seconds,)
         Seconds of which all frames can be trusted.
     refusal : str
-        What to say if there is none.
+        Message if there is none.
     """
 
     white: Whitened

@@ -45,8 +45,8 @@ class Reading:
         Length of a recording [s].
     angle : {"trapezoid", "rectangle", "late", "printed", "band-limited"}
         Resampling: Eq. (2.13) from x(k-1), with the angle by the trapezoidal or the rectangle
-        rule, or by the trapezoidal rule 0.3 time samples late; Eq. (2.13) as printed; or the
-        default of emacm.
+        rule, or by the trapezoidal rule with a delay of 0.3 time samples; Eq. (2.13) as printed; or
+        the default of emacm.
     zeros : bool
         Whether a recording that is shorter than the window is followed by zeros under the whole
         window. If False, the window is shortened to the recording, and zeros follow it.

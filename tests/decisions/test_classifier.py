@@ -612,7 +612,7 @@ def test_partial_fit_refuses_what_it_cannot_merge():
     model.partial_fit(X, y, NAMES)
     with pytest.raises(ValueError, match=r"classes must be the same.*\['ball', 'healthy'\]"):
         model.partial_fit(X, y, NAMES[:2])
-    with pytest.raises(ValueError, match="'nut' at position 0, which is no known class"):
+    with pytest.raises(ValueError, match="'nut' at position 0, which is not a known class"):
         model.partial_fit(X[:1], ["nut"])
     with pytest.raises(ValueError, match=r"covariance or shrinkage has changed since.*Call fit"):
         model.set_params(covariance="tied").partial_fit(X, y)

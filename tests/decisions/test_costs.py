@@ -268,7 +268,12 @@ def test_the_mean_cost_serves_make_scorer():
         ([0, 1], [np.nan, 1], {}, "y_pred must contain a label everywhere, but position 0 has"),
         ([[0], [1]], [0, 1], {}, r"y_true must be one-dimensional, got shape \(2, 1\)"),
         ([0, 1], [0, 0], {"cost": MATRIX}, "3 rows, but 2 labels occur.*Give labels"),
-        ([0, 1], [0, 5], {"labels": [0, 1]}, "y_pred contains 5 at position 1.*no known decision"),
+        (
+            [0, 1],
+            [0, 5],
+            {"labels": [0, 1]},
+            "y_pred contains 5 at position 1.*not a known decision",
+        ),
         (
             [0, 5],
             [0, 0],

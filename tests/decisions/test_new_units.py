@@ -263,7 +263,7 @@ def test_fleets_that_reveal_no_variance_between_units(units, states, message):
 
 def test_invalid_input(model):
     X, y, _ = fleet()
-    with pytest.raises(ValueError, match="'worn' at position 0, which is no known class"):
+    with pytest.raises(ValueError, match="'worn' at position 0, which is not a known class"):
         model.for_unit(X[:2], "worn")
     with pytest.raises(ValueError, match="y must have one class for each of 2 recordings"):
         model.for_unit(X[:2], ["healthy"] * 3)

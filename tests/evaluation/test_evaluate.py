@@ -580,7 +580,7 @@ def test_an_unknown_decision_is_refused():
     with pytest.raises(ValueError, match=r"decided 'x', which is none of the classes \['a', 'b'\]"):
         echoed(["a", "a", "b", "b"], ["a", "a", "b", "x"], n_splits=2)
     cost = pd.DataFrame([[0, 1]], index=["a"], columns=["a", "b"])
-    with pytest.raises(ValueError, match="'b' at position 1, which is no known decision"):
+    with pytest.raises(ValueError, match="'b' at position 1, which is not a known decision"):
         echoed(
             ["a", "a", "b", "b"],
             ["a", "a", "b", "b"],

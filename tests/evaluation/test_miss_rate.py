@@ -232,7 +232,7 @@ def test_groups_reach_a_classifier_that_leaves_them_out():
         ({"groups": None}, "groups must give the unit of each recording"),
         ({"groups": [1, 2]}, "groups must hold one label for each of 240 recordings"),
         ({"y": ["healthy"]}, "y has 1 states for 240 recordings"),
-        ({"y": ["stuck"] * 240}, "y contains 'stuck' at position 0, which is no known state"),
+        ({"y": ["stuck"] * 240}, "y contains 'stuck' at position 0, which is not a known state"),
     ],
 )
 def test_invalid_arguments(options, message):

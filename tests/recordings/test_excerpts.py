@@ -62,7 +62,7 @@ def test_units_are_kept_and_compared():
 @pytest.mark.parametrize(
     ("units", "error", "message"),
     [
-        ({"torque": "Nm"}, ValueError, "units names 'torque', which is no channel"),
+        ({"torque": "Nm"}, ValueError, "units names 'torque', which is not a channel"),
         ({"b": 5}, TypeError, "the unit of channel 'b' must be a text"),
         ("g", TypeError, "units must map channels to units"),
     ],

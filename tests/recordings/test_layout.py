@@ -230,7 +230,7 @@ def test_a_layout_is_read_from_toml(tmp_path):
     ("text", "message"),
     [
         ("fs = ", "not valid TOML"),
-        ("rate = 3", "'rate' is no option of a layout; these are"),
+        ("rate = 3", "'rate' is not an option of a layout; these are"),
         ("fs = -3", "fs must be a number of Hz, above 0"),
     ],
 )
