@@ -226,7 +226,7 @@ FAILURES = {
     ),
     "text in an npz": ("a.npz", lambda p: p.write_text("vib"), LAYOUT, "not an .npz file"),
     "text in a mat": ("a.mat", lambda p: p.write_text("vib " * 200), LAYOUT, "as a .mat file"),
-    "text in a wav": ("a.wav", lambda p: p.write_text("vib" * 20), LAYOUT, "no WAV file"),
+    "text in a wav": ("a.wav", lambda p: p.write_text("vib" * 20), LAYOUT, "not a WAV file"),
     "bytes in a csv": ("a.csv", lambda p: p.write_bytes(bytes(range(256))), LAYOUT, "as a .csv"),
     "unknown type": ("a.xyz", lambda p: p.write_text("vib"), LAYOUT, "files of type .xyz"),
     "no suffix": ("a", lambda p: p.write_text("vib"), LAYOUT, "without a suffix"),

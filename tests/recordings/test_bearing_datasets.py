@@ -108,7 +108,7 @@ def test_recordings_are_selected_by_their_metadata(folder):
 
 
 def test_a_folder_without_metadata_is_an_error(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no data set built by bearing-datasets"):
+    with pytest.raises(FileNotFoundError, match="not built by bearing-datasets"):
         open_bearing_dataset(tmp_path)
     pd.DataFrame({"recording_id": [1]}).to_parquet(tmp_path / "metadata.parquet")
     with pytest.raises(ValueError, match="lacks the columns"):
