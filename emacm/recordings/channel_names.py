@@ -62,5 +62,6 @@ def check_channel_names(known: Sequence[Any], channels: Sequence[Any], where: st
     if missing:
         raise ValueError(
             f"{where} has no channel {missing[0]!r}; its channels are {list(known)}, expected "
-            f"were {list(channels)}."
+            f"were {list(channels)}. If the names differ, use Recording.rename, or channels = "
+            f"{{name: column}} in the Layout of a file."
         )

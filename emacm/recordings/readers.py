@@ -207,7 +207,8 @@ def _header(
         units, n_rows = [re.sub(r"^[\[(](.*)[\])]$", r"\1", text) for text in rows[1]], 2
     if len(names) != width:
         raise RefusedFileError(
-            f"its header has {len(names)} names {names}, but its rows have {width} values."
+            f"its header has {len(names)} names {names}, but its rows have {width} values. "
+            "Remove the lines before the header, or start them with #."
         )
     if len(set(names)) < len(names):
         raise RefusedFileError(f"its columns must have different names, got {names}.")

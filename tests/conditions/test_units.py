@@ -102,6 +102,7 @@ def test_a_router_gives_each_recording_to_the_model_of_its_condition():
         prediction_sets(router, later)
 
 
+@pytest.mark.slow
 def test_evaluate_passes_the_units_as_groups():
     frame, y, units = fleet(20)
     model = make_pipeline(StandardScaler(), NewUnitClassifier())

@@ -11,6 +11,7 @@ Y = np.arange(600) % 5
 RUNS = np.arange(600) // 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"unknown": "?"}, {"covariance": "tied"}, {"covariance": "diag"}]
 )

@@ -57,6 +57,7 @@ def test_without_variance_between_units_all_results_are_those_of_the_tied_classi
     np.testing.assert_allclose(new.within_covariance_, plain.covariances_, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crossed", [False, True])
 def test_the_covariances_are_found(crossed):
     fitted = NewUnitClassifier(shrinkage=None).fit(*fleet(1000, 6, crossed=crossed))
