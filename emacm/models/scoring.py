@@ -18,6 +18,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.pipelines import before_the_last_step, search_estimator
 from emacm.decisions.risks import decide, risks_of
+from emacm.explanations.explain import explain_decision
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import outside_training
 from emacm.recordings.inputs import as_list, received
@@ -53,7 +54,7 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         - ``P(<class>)``: posterior probability of each class,
         - ``warnings``: findings of `OrderResampler.quality`,
         - ``outside_training``: properties outside the range of the training recordings, see
-          `outside_training`,
+          `outside_training`, and what deviates where the decision is the unknown state,
         - ``error``: why there is no decision; empty if there is one.
 
     Raises
@@ -153,6 +154,8 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
             raise TypeError(f"expected a recording, got {received(recording)}")
         row |= _decision(model, recording)
         row |= _findings(model, recording)
+        if _is_unknown(row["decision"], model, recording):
+            row["outside_training"] = _reasons(model, recording, row["outside_training"])
     except Exception as error:  # whatever it is, it is the result for this recording
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
         text = str(error) if known else f"{type(error).__name__}: {error}"
@@ -190,6 +193,22 @@ def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
     (own,) = final.models_of(table)
     inner, features = _opened(own, table)
     return with_present_costs(inner, own, final.estimator, final.classes_), features
+
+
+def _is_unknown(decision: Any, model: Any, recording: Recording) -> bool:
+    """Return whether a decision is the unknown state."""
+    if any(decision == label for label in np.asarray(model.classes_).tolist()):
+        return False
+    unknown = getattr(_opened(model, [recording])[0], "unknown", None)
+    return unknown is not None and bool(decision == unknown)
+
+
+def _reasons(model: Any, recording: Recording, known: str) -> str:
+    """Return what makes a recording unknown, after what is known to be outside the training."""
+    statements: list[str] = []
+    with suppress(TypeError, ValueError):  # some models decide but cannot be explained
+        statements = explain_decision(model, recording).attrs.get("statements", [])
+    return "; ".join(filter(None, [known, *statements]))
 
 
 def _findings(model: Any, recording: Recording) -> Row:

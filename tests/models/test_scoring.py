@@ -390,3 +390,21 @@ def test_a_folder_with_bad_files_gives_rows_for_all(model, tmp_path):
     assert np.flatnonzero(table["error"]).tolist() == [3]
     assert table["decision"].drop(3).tolist() == ["healthy"] * 3 + ["worn"] * 2
     assert len(pickle.dumps(folder[0])) < 1000
+
+
+def test_an_unknown_state_is_explained_in_the_row():
+    log = FunctionTransformer(np.log10, feature_names_out="one-to-one")
+    priors = {"healthy": 0.5, "worn": 0.3, "unknown": 0.2}  # little is proven by 12 groups
+    model = pipeline(unknown="unknown", priors=priors)
+    model = make_pipeline(*(step for _, step in model.steps[:3]), log, model[-1])
+    model.fit(X, Y, costsensitivegaussianbayes__groups=np.arange(24) // 2)
+    found = signals(seed=5)
+    found["vib"] = found["vib"] + 30 * np.sin(7.3 * ANGLE)
+    new = Recording(found, FS, velocity=found.pop("speed"), meta={"load": 10})
+    table = score(model, [X[0], new])
+    assert table["decision"].tolist() == ["healthy", "unknown"]
+    assert table.loc[0, "outside_training"] == ""
+    assert re.search(
+        r"orders 6(\.5)? to 8(\.5)? of 'vib' .* above the training maximum",
+        table.loc[1, "outside_training"],
+    )
