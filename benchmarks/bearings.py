@@ -11,7 +11,7 @@ inner ring, outer ring, ball; balanced accuracy.
   score of the three faults, and by `find_faults` at a false alarm rate of 1 %.
 
 All choices and thresholds of `bearing_recipe` and `find_faults` were made on the drive end and on
-MFPT; the fan end was evaluated once, by this script.
+MFPT; the fan end was evaluated twice, by this script, with no change of a choice between.
 
     python benchmarks/bearings.py [--quick]
 """

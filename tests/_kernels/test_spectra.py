@@ -51,6 +51,7 @@ def test_a_mean_far_above_a_signal_in_float32_changes_nothing(loops, length):
     np.testing.assert_allclose(found, expected, atol=1e-12 * expected.max())
 
 
+@pytest.mark.slow
 @given(
     quarter=st.integers(16, 300),
     share=st.floats(0, 1),
@@ -70,6 +71,7 @@ def test_the_lowest_lines_are_those_of_scipy(quarter, share, step, window, remov
     np.testing.assert_allclose(found, expected[:, :n_lines], atol=1e-13 * expected.max(), rtol=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [64, 512, 4096])
 def test_no_tone_above_the_lines_wanted_aliases_onto_them(length):
     n_lines = length // 16

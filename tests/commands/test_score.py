@@ -71,6 +71,7 @@ def run(*arguments, paths=("files",)):
     return main(["score", "model.emacm", *paths, "--layout", "layout.toml", *arguments])
 
 
+@pytest.mark.slow
 def test_the_standard_output_is_the_table_of_score(here, capsys):
     assert run() == 0
     printed = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)

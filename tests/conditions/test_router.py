@@ -77,6 +77,7 @@ LOADED = table([20] * 4 + [40] * 4, [1, 2, 5, 6, 5, 6, 9, 10])
 STATES = np.array(["healthy", "healthy", "worn", "worn"] * 2)
 
 
+@pytest.mark.slow
 def test_it_predicts_what_an_estimator_fitted_on_that_condition_alone_predicts(fleet):
     X, y = fleet
     router = ConditionRouter(chain()).fit(X, y)
@@ -275,6 +276,7 @@ def test_a_second_fit_forgets_the_pooled_estimator():
 # scikit-learn
 
 
+@pytest.mark.slow
 def test_a_search_reaches_parameters_of_the_inner_steps(fleet):
     X, y = fleet
     pipe = make_pipeline(ConditionRouter(chain()))
@@ -302,6 +304,7 @@ def test_cloning_keeps_parameters_and_forgets_what_was_learnt(fleet):
     assert not hasattr(router.estimator[-1], "classes_")
 
 
+@pytest.mark.slow
 def test_folds_and_files_change_nothing(fleet, tmp_path):
     X, y = fleet
     router = ConditionRouter(chain()).fit(X, y)
@@ -651,6 +654,7 @@ PRESENT = [
 LEVELS = table([20, 40, 30, 20, 40, 55] * 3, np.linspace(0, 11, 18))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("present", PRESENT)
 @pytest.mark.parametrize(
     "model",

@@ -62,6 +62,7 @@ def test_costs_set_on_a_model_of_one_unit_take_effect():
     assert (model.predict(X) == "healthy").any()
 
 
+@pytest.mark.slow
 def test_a_search_gives_its_best_estimator():
     frame, y, units = fleet()
     X = frame[["rms", "kurtosis"]]
@@ -74,6 +75,7 @@ def test_a_search_gives_its_best_estimator():
     assert prediction_sets(search, X).shape == (240, 2)
 
 
+@pytest.mark.slow
 def test_a_router_gives_each_recording_to_the_model_of_its_condition():
     frame, y, units = fleet()
     router = ConditionRouter(make_pipeline(StandardScaler(), NewUnitClassifier(priors="uniform")))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
 from bad_input import Case, T, V, check_refused, classifier, each, features, run
 from hypothesis import given
@@ -222,6 +223,7 @@ def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
     check_refused(case)
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.sampled_from(sorted(CostSensitiveGaussianBayes().get_params())), VALUES)
 def test_any_option_of_the_classifier_is_taken_or_refused(name, value):
@@ -229,6 +231,7 @@ def test_any_option_of_the_classifier_is_taken_or_refused(name, value):
     assert not np.isnan(result).any()
 
 
+@pytest.mark.slow
 @FUZZ
 @given(
     st.dictionaries(
@@ -242,6 +245,7 @@ def test_any_mapping_of_costs_is_taken_or_refused(cost):
     assert not np.isnan(result).any()
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.lists(NUMBERS, max_size=4), st.lists(NUMBERS, max_size=4))
 def test_any_numbers_for_priors_and_costs_are_taken_or_refused(priors, cost):
@@ -252,6 +256,7 @@ def test_any_numbers_for_priors_and_costs_are_taken_or_refused(priors, cost):
     assert not np.isnan(result).any()
 
 
+@pytest.mark.slow
 @FUZZ
 @given(ANYTHING, ANYTHING, ANYTHING)
 def test_the_cost_of_any_decisions_is_a_number_or_refused(truth, decision, cost):

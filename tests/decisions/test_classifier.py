@@ -129,6 +129,7 @@ def test_feature_names_are_kept():
     assert model.n_features_in_ == 3
 
 
+@pytest.mark.slow
 def test_it_calibrates_and_searches():
     X, y = draw()
     calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(INSPECT), cv=3).fit(X, y)
@@ -535,6 +536,7 @@ def test_priors_that_do_not_fit_the_classes_are_refused(priors, error, message):
 # Pieces and weights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("covariance", "shrinkage"), CHOICES)
 @given(cuts=st.lists(st.integers(1, 89), unique=True, max_size=5), seed=st.integers(0, 99))
 @settings(max_examples=10)

@@ -24,6 +24,7 @@ def test_decisions_need_less_memory_than_the_features_they_are_made_of(method, o
     assert peak_bytes(decide, X) < 4.5 * 8 * len(X) * 5 < X.nbytes
 
 
+@pytest.mark.slow
 def test_typicality_needs_a_fraction_of_the_memory_of_the_features():
     model = CostSensitiveGaussianBayes().fit(X[:600], Y, groups=RUNS)
     model.typicality(X[:9])

@@ -40,6 +40,7 @@ def model():
     return NewUnitClassifier(priors="uniform").fit(*fleet())
 
 
+@pytest.mark.slow
 def test_without_variance_between_units_all_results_are_those_of_the_tied_classifier():
     X, y, units = fleet()
     for unit in np.unique(units):
@@ -138,6 +139,7 @@ def test_after_endless_recordings_the_densities_are_those_within_the_unit():
         one[0] - fitted.means_[2], (3, 1)), atol=1e-3)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_offset_that_is_equal_in_all_classes_cancels():
     fitted = NewUnitClassifier().fit(*fleet(60, 6, crossed=True))
     X, later = fleet(seed=6)[0][:4], fleet(seed=7)[0]
@@ -159,6 +161,7 @@ def test_classes_recorded_on_different_units_stay_uncertain(model):
     assert (np.linalg.eigvalsh(extra[0]) > 0.05).all()
 
 
+@pytest.mark.slow
 def test_known_recordings_of_a_unit_improve_its_posteriors():
     fitted = NewUnitClassifier(priors="uniform").fit(*fleet(30, 6))
     codes, losses = np.arange(200) % 3, []
@@ -222,6 +225,7 @@ def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
         probability_threshold(left_out, even, 1.0, 0.95)
 
 
+@pytest.mark.slow
 def test_unknown_states_and_temperature():
     X, y, units = fleet()
     fitted = NewUnitClassifier(unknown="new", temperature="groups").fit(X, y, groups=units)

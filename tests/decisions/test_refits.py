@@ -145,6 +145,7 @@ def test_one_group_per_class_is_an_error():
         detected().fit(X, y, groups=y)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
 def test_every_check_of_scikit_learn_passes():
     model = LeastRiskClassifier(

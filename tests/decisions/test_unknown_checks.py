@@ -14,6 +14,7 @@ CONFIGURATIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The covariance of .* is singular:UserWarning")
 @pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
 @parametrize_with_checks(CONFIGURATIONS)
@@ -21,6 +22,7 @@ def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
 def test_every_check_passes_with_ledoit_wolf(covariance):

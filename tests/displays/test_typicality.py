@@ -79,6 +79,7 @@ def fleet():
     return X, y, units
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_drawn_with_one_panel_for_each_family_left_out():
     X, y, units = fleet()
     model = CostSensitiveGaussianBayes(unknown="unknown", covariance="tied")

@@ -67,6 +67,7 @@ def test_families_differ_by_colour_and_line_and_none_has_that_of_the_healthy_sta
     assert lines["dry"].get_linestyle() != lines["worn"].get_linestyle()
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_drawn_as_it_was_computed(ax):
     rng = np.random.default_rng(1)
     units = np.repeat(np.arange(15), 6)

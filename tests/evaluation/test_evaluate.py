@@ -282,6 +282,7 @@ def test_a_square_cost_is_reduced_to_the_classes_in_the_training_data():
     assert held["decision"].tolist() == known.predict(X[unseen[1]]).tolist()
 
 
+@pytest.mark.slow
 def test_true_probabilities_lie_on_the_diagonal():
     rng = np.random.default_rng(0)
     y = rng.integers(0, 2, 4000)

@@ -36,6 +36,7 @@ def found():
     return evaluate(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=5)
 
 
+@pytest.mark.slow
 def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found):
     assert found.novelty.index.tolist() == ["dry", "worn"]
     assert found.novelty["unknown"].tolist() == [40, 20]
@@ -46,6 +47,7 @@ def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found)
     assert (held["is_unknown"] == (held["true_label"] == held["left_out"])).all()
 
 
+@pytest.mark.slow
 def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_and_the_units():
     X, y, units = fleet()
     found = evaluate(classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
@@ -159,6 +161,7 @@ def test_a_family_without_which_the_classifier_cannot_be_fitted_is_named():
     assert "no class has recordings in two groups" in caveat
 
 
+@pytest.mark.slow
 def test_costs_and_priors_of_the_family_left_out_are_left_out():
     X, y, units = fleet()
     priors = {"new": 0.5, "dry1": 0.125, "dry2": 0.125, "worn": 0.25}

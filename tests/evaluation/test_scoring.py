@@ -48,6 +48,7 @@ def test_the_probability_of_the_unknown_state_is_part_of_the_predicted_cost():
     assert known.tolist() == pytest.approx([3.1, 0.3])
 
 
+@pytest.mark.slow
 def test_predicted_costs_equal_the_risk_of_the_classifier():
     X, y, units = far_away()
     model = CostSensitiveGaussianBayes(COST, covariance="tied", unknown="unknown")
@@ -76,6 +77,7 @@ def test_a_healthy_recording_decided_unknown_is_an_inspection_and_a_faulty_one_i
     assert decided_unknown.to_dict() == {"dry": 0, "new": 1, "worn": 1}
 
 
+@pytest.mark.slow
 def test_another_classifier_with_an_unknown_state_is_scored_alike():
     from sklearn.ensemble import IsolationForest
     from sklearn.naive_bayes import GaussianNB

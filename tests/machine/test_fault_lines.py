@@ -46,6 +46,7 @@ def test_a_ball_shows_at_even_multiples_of_its_spin():
     assert levels(even)["vibration@BSF"][0] == pytest.approx(20)
 
 
+@pytest.mark.slow
 @given(st.floats(-0.019, 0.019), st.floats(1e-6, 1e6))
 @example(0.0, 1e6)
 @example(-0.019, 1e-6)

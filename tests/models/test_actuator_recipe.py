@@ -156,6 +156,7 @@ def test_decisions_on_families_include_the_unknown_state():
     assert set(model.predict(campaign()[0])) <= {"normal", "worn", "inspect", "unknown"}
 
 
+@pytest.mark.slow
 def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
     X, y = campaign(4, loads=(20,))
     families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}

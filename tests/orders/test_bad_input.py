@@ -1,6 +1,7 @@
 """Facts about bad input of order spectra: what was expected, what came, where, what to do."""
 
 import numpy as np
+import pytest
 from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
 from bad_input import (
     THETA_S,
@@ -433,6 +434,7 @@ def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
     check_refused(case)
 
 
+@pytest.mark.slow
 def test_a_padded_spectrum_of_strokes_that_are_noise_at_rest_comes_to_an_end():
     check_it_ends("""
 speed = np.full(2000, 3.0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
 from bad_input import Case, T, V, check_it_ends, check_refused, each, spectra
 from hypothesis import given
@@ -289,6 +290,7 @@ def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
     check_refused(case)
 
 
+@pytest.mark.slow
 def test_a_table_of_bins_far_narrower_than_the_lines_comes_to_an_end():
     check_it_ends("""
 try:

@@ -50,6 +50,7 @@ def test_a_resampled_recording_is_here_as_large_as_the_raw_one(recordings):
     assert sum(s.n_angles for s in over_angle.strokes) == pytest.approx(N_TIMES, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("antialias", [True, False])
 def test_fifty_recordings_need_no_more_memory_than_five(antialias):
     X = made(3, 60_000)
@@ -95,6 +96,7 @@ def test_a_recording_needs_less_memory_than_it_takes_itself(kernels, samples_per
     assert spectra_peak(recording, kernels, samples_per_rev, **options) < 5 * 480_000 * 8
 
 
+@pytest.mark.slow
 @both_kernels
 @both_ways
 def test_memory_does_not_grow_with_the_length_of_a_recording(kernels, options):

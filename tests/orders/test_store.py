@@ -546,6 +546,7 @@ def recall_logged(folder, log):
     return recalled(partial(logged, log=log), rows, SpectrumStore(folder).made(), PLAN, (2,))
 
 
+@pytest.mark.slow
 @POSIX
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 def test_workers_that_want_the_same_at_the_same_time_share_the_work(tmp_path, backend):
@@ -557,6 +558,7 @@ def test_workers_that_want_the_same_at_the_same_time_share_the_work(tmp_path, ba
         np.testing.assert_array_equal(result, 2 * np.arange(24.0).reshape(12, 2))
 
 
+@pytest.mark.slow
 def test_what_worker_processes_estimate_is_found_by_all(calls, tmp_path):
     X = [run(seed) for seed in range(6)]
     with parallel_config("loky"):
@@ -616,6 +618,7 @@ def killed_when_it_says_so(code, *args):
     return line.strip()
 
 
+@pytest.mark.slow
 @POSIX
 def test_a_search_that_was_killed_goes_on_where_it_was(calls, tmp_path):
     program = """
@@ -640,6 +643,7 @@ OrderPSD(4, memory=sys.argv[1]).fit_transform(over_angle(*(run(seed) for seed in
     np.testing.assert_array_equal(table, OrderPSD(4).fit_transform(X))
 
 
+@pytest.mark.slow
 @POSIX
 def test_what_a_killed_process_wrote_by_half_is_never_read(tmp_path):
     program = """
@@ -716,6 +720,7 @@ def test_a_backend_that_returns_all_at_once_is_reported_by_joblib(capfd):
     assert "[Parallel(n_jobs=2)]: Done" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading", "sequential"])
 def test_progress_is_shown_under_any_backend(capfd, backend):
     pytest.importorskip("tqdm")

@@ -91,6 +91,7 @@ def recording(frequency, seed=0):
     return Recording({"sound": signal}, FS, velocity=np.full(len(signal), TURN * 5))
 
 
+@pytest.mark.slow
 def test_the_detector_takes_the_band_of_each_recording():
     runs = [recording(1450), recording(3300)]
     chain = make_pipeline(

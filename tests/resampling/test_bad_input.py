@@ -415,6 +415,7 @@ except ValueError as error:
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ENDLESS.values(), ids=ENDLESS.keys())
 def test_it_comes_to_an_end(code):
     check_it_ends(code)

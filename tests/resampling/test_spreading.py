@@ -403,6 +403,7 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
             np.testing.assert_allclose(joined, whole, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shivers", [0.0, 2.0])
 @pytest.mark.parametrize("n_signals", [1, 5, 11])
 @pytest.mark.parametrize(("length", "fs"), [(300.0, 20_000.0), (30.0, 2000.0), (300.0, 300.0)])

@@ -326,6 +326,7 @@ for sick in ({}, {"ball": 0.7, "inner ring": 0.4}):
 """
 
 
+@pytest.mark.slow
 def test_another_kind_of_fault_changes_no_recording_of_the_others():
     # In a process of its own: the bench is loaded again, with one more fault, the first of all.
     printed = [

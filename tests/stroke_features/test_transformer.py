@@ -227,6 +227,7 @@ def test_a_pipeline_tells_a_worn_drive_by_them():
     assert scores.min() == 1
 
 
+@pytest.mark.slow
 def test_their_parameters_can_be_searched():
     space = {
         "featureunion__profile__n_coefficients": [1, 4],
