@@ -125,7 +125,11 @@ def _rows_of(frame: pd.DataFrame, columns: list[str], path: Path) -> list[Row]:
         )
     numbers = [n for n in columns if n in ("expected_cost", "typicality") or n.startswith("P(")]
     for name in numbers:
-        frame[name] = pd.to_numeric(frame[name].replace("", None)).astype(float)
+        # float() and not pd.to_numeric, which may change the last digit of a text.
+        frame[name] = [
+            float(value) if pd.notna(value) and value != "" else float("nan")
+            for value in frame[name]
+        ]
     texts = [name for name in columns if name not in numbers]
     frame[texts] = frame[texts].astype(object).where(frame[texts].notna(), "")
     return frame.to_dict("records")

@@ -28,6 +28,8 @@ _OTHERS = {
     "sklearn.model_selection._split.LeaveOneGroupOut",
     "sklearn.model_selection._split.StratifiedKFold",
     "sklearn.utils._bunch.Bunch",
+    "sklearn.utils._metadata_requests.MetadataRequest",
+    "sklearn.utils._metadata_requests.MethodMetadataRequest",
 }
 
 

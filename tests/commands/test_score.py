@@ -88,7 +88,8 @@ def test_the_standard_output_is_the_table_of_score(here, capsys):
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
 def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
     if suffix == ".parquet":
-        pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'files')")
+        reason = "pyarrow cannot be imported (extra 'files')"
+        pytest.importorskip("pyarrow", reason=reason, exc_type=ImportError)
     (here / "files" / "bad_7.npz").write_bytes(b"PK")
     assert run("--out", f"table{suffix}", "--jobs", "2") == 3
     printed = capsys.readouterr().out

@@ -52,7 +52,7 @@ def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_a
     X, y, units = fleet()
     found = evaluate(classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
     held = found.novelty_predictions.query("left_out == 'dry'")
-    assert held["fold"].nunique() == 2
+    assert held["fold"].nunique() > 1  # how many depends on the version of scikit-learn
     for _, part in held.groupby("fold"):
         test = np.isin(units, part["group"])
         train = ~test & ~np.isin(y, FAMILIES["dry"])

@@ -9,7 +9,9 @@ import pytest
 
 from emacm import Layout, Recording, open_bearing_dataset
 
-pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed (extra 'files')")
+pyarrow = pytest.importorskip(
+    "pyarrow", reason="pyarrow cannot be imported (extra 'files')", exc_type=ImportError
+)
 RNG = np.random.default_rng(8)
 LENGTHS = {"DE": 900, "FE": 450}
 RATES = {"DE": 12_000, "FE": 6000}

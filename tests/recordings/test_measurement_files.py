@@ -16,7 +16,8 @@ LAYOUT = Layout(velocity="speed", units={"speed": "rpm"})
 
 
 def library(name):
-    return pytest.importorskip(name, reason=f"{name} is not installed (extra 'files' or 'mdf')")
+    reason = f"{name} cannot be imported (extra 'files' or 'mdf')"
+    return pytest.importorskip(name, reason=reason, exc_type=ImportError)
 
 
 def expected(fs=2560.0, units=("g", "A")):
