@@ -83,6 +83,7 @@ def test_the_rates_are_those_of_evaluate(here):
     assert rates["missed_detection_rate"].iloc[0].startswith(f"{value:.3f} (")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -448,6 +448,7 @@ def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
         model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e160]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
 @pytest.mark.parametrize("exponent", [*range(-320, 320, 16), -161, 160])
 def test_in_any_unit_posteriors_are_the_same_or_the_unit_is_refused(covariance, exponent):

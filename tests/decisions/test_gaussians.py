@@ -249,6 +249,7 @@ def plain_log_densities(gaussians, X):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"pooled": True}, {"variances_only": True}])
 @pytest.mark.parametrize("n_features", [2, 8, 40])
 @pytest.mark.parametrize("condition", [1.0, 1e8])

@@ -84,6 +84,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MODELS)
 def test_costs_and_priors_set_after_fit_equal_those_of_a_refit(kind):
     model = clone(MODELS[kind]).fit(X, Y)
@@ -186,6 +187,7 @@ def test_a_class_without_recordings_cannot_be_given_a_prior_later():
 WRAPPED = LeastRiskClassifier(LogisticRegression())
 
 
+@pytest.mark.slow
 @parametrize_with_checks(
     [
         WRAPPED,

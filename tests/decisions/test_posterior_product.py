@@ -87,6 +87,7 @@ MEMBERS = [
 CHECKS = parametrize_with_checks([PosteriorProduct(MEMBERS)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
 def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)

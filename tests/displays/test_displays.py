@@ -116,6 +116,7 @@ def test_a_display_labels_both_axes(display):
     assert axes[0].get_ylabel() or named
 
 
+@pytest.mark.slow
 @each
 def test_a_display_is_written_to_a_file_with_its_labels(display, tmp_path):
     axes = axes_for(display)

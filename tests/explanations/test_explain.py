@@ -84,6 +84,7 @@ def adds_up(table):
     assert table["contribution"].sum() == pytest.approx(rise, rel=1e-9, abs=1e-9 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covariance", COVARIANCES)
 @pytest.mark.parametrize("chain", chains())
 def test_contributions_add_up_to_the_log_odds(chain, covariance):
@@ -312,6 +313,7 @@ def test_decisions_can_be_explained_if_none_is_a_class():
     adds_up(explain_decision(model, X.iloc[[0]], decision="state 0", against="state 1"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covariance", COVARIANCES)
 def test_the_contribution_to_a_model_is_the_mean_magnitude_over_its_decisions(covariance):
     model, X, _ = fitted("PCA", covariance)

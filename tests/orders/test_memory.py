@@ -86,6 +86,7 @@ both_kernels = pytest.mark.parametrize("kernels", ["numpy", "numba"])
 both_ways = pytest.mark.parametrize("options", [{}, {"antialias": False}])
 
 
+@pytest.mark.slow
 @both_kernels
 @pytest.mark.parametrize(
     ("samples_per_rev", "options"), [(128, {}), (1000, LINEAR), (1000, {"antialias": False})]
