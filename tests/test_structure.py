@@ -29,6 +29,7 @@ ORDER = [
     "conditions",
     "evaluation",
     "explanations",
+    "monitoring",
     "models",
     "simulation",
     "datasets",

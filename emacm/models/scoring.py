@@ -152,9 +152,10 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
         recording = source()
         if not isinstance(recording, Recording):
             raise TypeError(f"expected a recording, got {received(recording)}")
-        row |= _decision(model, recording)
+        decided, is_unknown = _decision(model, recording)
+        row |= decided
         row |= _findings(model, recording)
-        if _is_unknown(row["decision"], model, recording):
+        if is_unknown:
             row["outside_training"] = _reasons(model, recording, row["outside_training"])
     except Exception as error:  # whatever it is, it is the result for this recording
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
@@ -163,8 +164,11 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
     return row
 
 
-def _decision(model: Any, recording: Recording) -> Row:
-    """Return decision, cost, typicality and posterior; the features are computed once."""
+def _decision(model: Any, recording: Recording) -> tuple[Row, bool]:
+    """Return decision, cost, typicality and posterior, and whether it decides "unknown".
+
+    The features are computed once.
+    """
     final, table = _opened(model, [recording])
     probabilities = final.predict_proba(table)
     posterior = dict(zip(final.classes_.tolist(), probabilities[0], strict=True))
@@ -182,7 +186,8 @@ def _decision(model: Any, recording: Recording) -> Row:
     if hasattr(final, "typicality"):
         with suppress(ValueError):  # of a model that has learned none; the features are valid
             row["typicality"] = float(final.typicality(table)[0])
-    return row
+    unknown = getattr(final, "unknown", None)
+    return row, unknown is not None and bool(row["decision"] == unknown)
 
 
 def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
@@ -193,14 +198,6 @@ def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
     (own,) = final.models_of(table)
     inner, features = _opened(own, table)
     return with_present_costs(inner, own, final.estimator, final.classes_), features
-
-
-def _is_unknown(decision: Any, model: Any, recording: Recording) -> bool:
-    """Return whether a decision is the unknown state."""
-    if any(decision == label for label in np.asarray(model.classes_).tolist()):
-        return False
-    unknown = getattr(_opened(model, [recording])[0], "unknown", None)
-    return unknown is not None and bool(decision == unknown)
 
 
 def _reasons(model: Any, recording: Recording, known: str) -> str:

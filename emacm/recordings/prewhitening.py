@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite, check_number, check_real_array, located
+from emacm.recordings.channel_names import chosen_channels
 from emacm.recordings.computed_series import ComputedSeries
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
@@ -247,10 +248,8 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
             both.
         """
         recordings = as_recordings(X, "CepstralPrewhitening")
-        if isinstance(self.channels, str):
-            raise TypeError(f"channels must be a list of names; write [{self.channels!r}].")
         first = recordings[0].channels
-        self.whitened_ = tuple(first if self.channels is None else self.channels)
+        self.whitened_ = chosen_channels(self.channels, first)
         self.channels_ = self._whitened(recordings)[0].channels
         return self
 

@@ -24,13 +24,45 @@ from emacm.stroke_features.signals import StrokeSignal
 from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures
 
 Array = NDArray[np.float64]
-Self = TypeVar("Self", bound="GearIndicators")
+Self = TypeVar("Self", bound="_RevolutionFeatures")
 
 _TURN = 2 * np.pi
 _INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
 
 
-class SynchronousAverage(StrokeFeatures):
+class _RevolutionFeatures(StrokeFeatures):
+    """Base of features of averages over revolutions: all recordings have as many samples in one."""
+
+    def fit(self: Self, X: Any, y: Any = None) -> Self:
+        """Set the channels, the samples per revolution and the names of the columns.
+
+        Parameters
+        ----------
+        X : output of OrderResampler
+            Recordings over the shaft angle.
+        y : ignored
+
+        Returns
+        -------
+        estimator
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter or X is invalid.
+        """
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
+        self._n_samples = _samples_per_revolution(rows[0])
+        super().fit(X)
+        return self
+
+    def _check_row(self, row: Row) -> None:
+        super()._check_row(row)
+        _check_over_angle(row, self._n_samples)
+
+
+class SynchronousAverage(_RevolutionFeatures):
     """Time-synchronous average (TSA): the mean over whole revolutions of a shaft.
 
     What repeats in each revolution of the shaft stays, and everything else averages out. The
@@ -97,36 +129,8 @@ class SynchronousAverage(StrokeFeatures):
         self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
-    def fit(self, X: Any, y: Any = None) -> SynchronousAverage:
-        """Set the channels, the samples per revolution and the names of the columns.
-
-        Parameters
-        ----------
-        X : output of OrderResampler
-            Recordings over the shaft angle.
-        y : ignored
-
-        Returns
-        -------
-        SynchronousAverage
-            Itself.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a parameter or X is invalid.
-        """
-        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        self._n_samples = _samples_per_revolution(rows[0])
-        super().fit(X)
-        return self
-
     def _check_own_parameters(self) -> None:
         pass
-
-    def _check_row(self, row: Row) -> None:
-        super()._check_row(row)
-        _check_over_angle(row, self._n_samples)
 
     def _feature_names(self) -> list[tuple[str, ...]]:
         if self._n_samples > MAX_COLUMNS:
@@ -137,7 +141,7 @@ class SynchronousAverage(StrokeFeatures):
         return average_revolution(strokes, self._n_samples)
 
 
-class GearIndicators(StrokeFeatures):
+class GearIndicators(_RevolutionFeatures):
     """Condition indicators of gears, from the time-synchronous average of their shaft.
 
     Parameters
@@ -222,7 +226,7 @@ class GearIndicators(StrokeFeatures):
         self.min_revolutions = min_revolutions
         self.n_jobs = n_jobs
 
-    def fit(self: Self, X: Any, y: Any = None) -> Self:
+    def fit(self, X: Any, y: Any = None) -> GearIndicators:
         """Set the channels and the names of the columns, and average the run ensemble.
 
         Parameters
@@ -241,9 +245,8 @@ class GearIndicators(StrokeFeatures):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
-        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        self._n_samples = _samples_per_revolution(rows[0])
         super().fit(X)
+        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         moments = run(self._moments, rows, n_jobs=self.n_jobs)
         self.ensemble_ = np.mean([raw[:, -2:] for raw in moments], axis=0)
         return self
@@ -260,10 +263,6 @@ class GearIndicators(StrokeFeatures):
                 raise TypeError(f"the names of gears must be strings, got {name!r}.")
             check_count(teeth, f"teeth of {name!r}" if name else "teeth", at_least=4)
             mesh_orders(teeth, self._n_samples, sidebands=1)
-
-    def _check_row(self, row: Row) -> None:
-        super()._check_row(row)
-        _check_over_angle(row, self._n_samples)
 
     def _feature_names(self) -> list[tuple[str, ...]]:
         names = self._gears()

@@ -139,7 +139,7 @@ class Chapter:
         finding = Finding(
             where,
             kind,
-            published,
+            float(published),
             median,
             low - slack,
             high + slack,

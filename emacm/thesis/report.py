@@ -159,7 +159,7 @@ class Report:
         ValueError
             If a number of a finding is not finite.
         """
-        summary = [_as_json(finding) for finding in self.findings]
+        summary = [finding._asdict() for finding in self.findings]
         text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False)
         (self.folder / "summary.json").write_text(text + "\n", encoding="utf-8")
         findings_frame(self.findings).to_csv(self.folder / "tables" / "findings.csv", index=False)
@@ -262,14 +262,6 @@ def flat_table(table: pd.DataFrame) -> pd.DataFrame:
     names = [", ".join(map(str, n)) if isinstance(n, tuple) else str(n) for n in table.columns]
     plain = isinstance(table.index, pd.RangeIndex) and table.index.name is None
     return table.set_axis(names, axis=1).reset_index(drop=plain)
-
-
-def _as_json(finding: Finding) -> dict[str, Any]:
-    """Return a finding with the types of JSON."""
-    return {
-        name: value.item() if isinstance(value, np.generic) else value
-        for name, value in finding._asdict().items()
-    }
 
 
 def _paragraphs(lines: Iterable[str]) -> str:

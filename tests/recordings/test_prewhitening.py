@@ -235,7 +235,7 @@ def test_a_long_recording_is_never_held_as_a_whole():
     [
         ({}, [], ValueError, "X contains no recording"),
         ({}, [noise(5)], TypeError, "entry 0 of X .* CepstralPrewhitening, got a ndarray"),
-        ({"channels": "sound"}, [recording(noise())], TypeError, r"write \['sound'\]"),
+        ({"channels": "sound"}, [recording(noise())], TypeError, r"such as \['sound'\]"),
         (
             {"channels": ["lvdt"]},
             [recording(noise(), unit="A")],

@@ -1,0 +1,3 @@
+"""Continuous monitoring: streams, alarms, trends and remaining life."""
+
+__all__: list[str] = []
