@@ -13,13 +13,14 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import located
-from emacm.recordings.column_names import is_shaft_name, is_time_name
+from emacm.recordings.column_names import is_time_name, unit_in_name
 from emacm.recordings.file_columns import FileColumns, stated_rates
 from emacm.recordings.readers import read_columns
 from emacm.recordings.sample_times import rate_of_times, seconds_of
 from emacm.recordings.units import unit_factor
 
 _MOST_PANELS = 12
+_ANGLES = ("angle", "theta", "encoder", "winkel")
 
 
 @dataclass
@@ -34,6 +35,10 @@ class Contents:
         Sampling rates that the file states, or its column of times [Hz].
     times, shaft : str or None
         Columns that are named like times and like the motion of the shaft.
+    shaft_unit : str
+        Unit of the shaft column, from the file or from its name; "" if it is not known.
+    unused : dict of str to str
+        Columns that are neither times, shaft nor channels, and why.
     remarks : list of str
         What must be stated in a layout.
     """
@@ -42,7 +47,15 @@ class Contents:
     rates: dict[str, float]
     times: str | None
     shaft: str | None
+    shaft_unit: str
+    unused: dict[str, str]
     remarks: list[str]
+
+    @property
+    def channels(self) -> list[str]:
+        """The other columns."""
+        others = {self.times, self.shaft, *self.unused}
+        return [name for name in self.columns.columns if name not in others]
 
 
 def run(options: argparse.Namespace) -> int:
@@ -59,6 +72,8 @@ def run(options: argparse.Namespace) -> int:
         print(contents_table(contents).to_string())
     for name, number in contents.columns.numbers.items():
         print(f"{name} = {number:.9g} {contents.columns.units.get(name, '')}".rstrip())
+    for name, reason in contents.unused.items():
+        print(f"Not used: {name!r}, {reason}")
     for remark in contents.remarks:
         print(f"To be stated in the layout: {remark}")
     if options.draft is not None:
@@ -98,40 +113,47 @@ def contents_of(path: Path) -> Contents:
     if times is not None:
         try:
             values = columns.columns[times]
-            rate = rate_of_times(seconds_of(values, columns.units.get(times, ""), times), times)
+            seconds = seconds_of(values, columns.units.get(times, ""), times)
+            rate = rate_of_times(seconds, times, rates.get(times))
             same = [name for name, other in columns.columns.items() if len(other) == len(values)]
             rates |= {name: rate for name in same if name not in rates}
         except ValueError as error:
             remarks.append(str(error))
-    shaft = next(_named_like_a_shaft(columns), None)
+    shafts = columns.like_shaft()
+    shaft = shafts[0] if shafts else None
+    unit = "" if shaft is None else _shaft_unit(columns, shaft)
     if shaft is None:
         remarks.append("velocity, angle or tacho: no column is named like the motion of the shaft")
-    elif not _unit_known(columns, shaft):
+    elif not unit and _kind(shaft) != "tacho":
         remarks.append(f"the unit of {shaft!r}")
-    if any(name not in rates for name in columns.columns if name != times):
+    unused = {
+        name: "it does not consist of numbers"
+        for name, values in columns.columns.items()
+        if name != times and values.dtype.kind not in "biuf"
+    }
+    unused |= dict.fromkeys(shafts[1:], "it is named like the motion of a shaft")
+    contents = Contents(columns, rates, times, shaft, unit, unused, remarks)
+    if any(name not in rates for name in contents.channels):
         remarks.append("fs: neither the file nor a column of times states the sampling rate")
-    return Contents(columns, rates, times, shaft, remarks)
-
-
-def _named_like_a_shaft(columns: FileColumns) -> Iterator[str]:
-    return (name for name in (*columns.columns, *columns.numbers) if is_shaft_name(name))
+    return contents
 
 
 def _kind(name: str) -> str:
     words = name.lower()
     if "tach" in words or "keyphasor" in words:
         return "tacho"
-    return "angle" if "angle" in words or "theta" in words or "encoder" in words else "velocity"
+    return "angle" if any(word in words for word in _ANGLES) else "velocity"
 
 
-def _unit_known(columns: FileColumns, shaft: str) -> bool:
-    if _kind(shaft) == "tacho":
-        return True
-    try:
-        unit_factor(columns.units.get(shaft, ""), _kind(shaft))
-    except ValueError:
-        return False
-    return True
+def _shaft_unit(columns: FileColumns, shaft: str) -> str:
+    """Return the unit of a speed or an angle; "" if it is not stated, or is another one."""
+    for unit in (columns.units.get(shaft, ""), unit_in_name(shaft)):
+        try:
+            unit_factor(unit, _kind(shaft))
+        except (KeyError, ValueError):
+            continue
+        return unit
+    return ""
 
 
 def contents_table(contents: Contents) -> pd.DataFrame:
@@ -145,13 +167,15 @@ def contents_table(contents: Contents) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns "as" (time, shaft or channel), "unit", "rate [Hz]", "samples", "duration [s]",
-        "lowest", "mean", "highest" and "not finite" (number of samples).
+        Columns "as" (time, shaft, channel or not used), "unit", "rate [Hz]", "samples",
+        "duration [s]", "lowest", "mean", "highest" and "not finite" (number of samples).
     """
     rows = {}
+    roles = {contents.times: "time", contents.shaft: "shaft"}
+    roles |= dict.fromkeys(contents.unused, "not used")
     for name, values in contents.columns.columns.items():
         rate = contents.rates.get(name, np.nan)
-        role = {contents.times: "time", contents.shaft: "shaft"}.get(name, "channel")
+        role = roles.get(name, "channel")
         row: dict[str, Any] = {
             "as": role,
             "unit": contents.columns.units.get(name, ""),
@@ -182,34 +206,47 @@ def draft_layout(contents: Contents, path: Path) -> str:
     -------
     str
     """
-    columns, text = contents.columns, json.dumps
-    channels = [
-        name
-        for name, values in columns.columns.items()
-        if name not in (contents.times, contents.shaft) and values.dtype.kind in "biuf"
+    lines = [
+        f"# Layout of files like {path.name}; see emacm.Layout for all options.",
+        '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
-    lines = [f"# Layout of files like {path.name}; see emacm.Layout for all options."]
     if contents.times is not None:
-        lines.append(f"time = {text(contents.times)}")
-    elif any(name not in contents.rates for name in columns.columns):
-        lines.append("# fs = 12000  # Hz: neither the file nor a column of times states it")
-    lines.append(f"channels = {text(channels, ensure_ascii=False)}")
-    if contents.shaft is None:
-        lines.append('# velocity = "1797 rpm"  # a constant speed, or the name of a column')
+        lines.append(f"time = {_text(contents.times)}")
+    if any(name not in contents.rates for name in contents.channels):
+        lines.append("# fs = 12000  # FILL IN: sampling rate [Hz]")
     else:
-        lines.append(f"{_kind(contents.shaft)} = {text(contents.shaft)}")
+        rates = sorted({contents.rates[name] for name in contents.channels})
+        lines.append(f"# fs: {', '.join(f'{rate:.9g}' for rate in rates)} Hz, found in the file")
+    lines.append(f"channels = [{', '.join(map(_text, contents.channels))}]")
+    lines += [f"# {_text(name)} is not used: {why}" for name, why in contents.unused.items()]
+    if contents.shaft is None:
+        lines.append('# velocity = "1797 rpm"  # FILL IN: a constant speed, or a column')
+    else:
+        lines.append(f"{_kind(contents.shaft)} = {_text(contents.shaft)}")
     fields = "_".join(f"{{field{n}}}" for n in range(1, path.stem.count("_") + 2))
-    lines.append(f"# meta = {text(fields)}  # what the parts of the names of the files mean")
-    known = {name: columns.units[name] for name in channels if columns.units.get(name)}
-    shaft = contents.shaft
-    if shaft is not None and _unit_known(columns, shaft) and columns.units.get(shaft):
-        known[shaft] = columns.units[shaft]
-    lines += ["", "[units]"]
-    lines += [f"{text(name)} = {text(unit, ensure_ascii=False)}" for name, unit in known.items()]
-    if shaft is not None and not _unit_known(columns, shaft):
+    lines.append(f"# meta = {_text(fields)}  # FILL IN: what the parts of the file names mean")
+    return "\n".join([*lines, "", "[units]", *_units(contents)]) + "\n"
+
+
+def _units(contents: Contents) -> Iterator[str]:
+    """Yield the lines of a draft with the units of shaft and channels."""
+    stated, shaft = contents.columns.units, contents.shaft
+    if shaft is not None and contents.shaft_unit:
+        source = "" if stated.get(shaft) == contents.shaft_unit else "  # from its name"
+        yield f"{_text(shaft)} = {_text(contents.shaft_unit)}{source}"
+    elif shaft is not None and _kind(shaft) != "tacho":
         usual = "rpm" if _kind(shaft) == "velocity" else "rad"
-        lines.append(f"# {text(shaft)} = {text(usual)}  # the file does not state its unit")
-    return "\n".join(lines) + "\n"
+        yield f"# {_text(shaft)} = {_text(usual)}  # FILL IN: its unit"
+    for name in contents.channels:
+        if stated.get(name):
+            yield f"{_text(name)} = {_text(stated[name])}"
+        else:
+            yield f'# {_text(name)} = "g"  # FILL IN: its unit, for labels of figures'
+
+
+def _text(value: str) -> str:
+    """Return a text as TOML."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def plot(contents: Contents, path: Path) -> None:

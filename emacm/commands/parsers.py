@@ -84,7 +84,12 @@ def _add_train(commands: Any) -> None:
 def _add_score(commands: Any) -> None:
     """Add ``emacm score``."""
     parser = commands.add_parser(
-        "score", help="decide on files; one row for each, also for those that cannot be read"
+        "score",
+        help="decide on files; one row for each, also for those that cannot be read",
+        description="Decide on files; one row for each, also for those that cannot be read.",
+        epilog="Exit status: 0 if all files were decided on; 1 if a decision of --fail-on was "
+        "made; 2 for invalid arguments, model or layout; 3 if files failed (their rows state "
+        "why); 130 if it was interrupted.",
     )
     parser.set_defaults(run=_run_later("score"))
     parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")

@@ -20,6 +20,8 @@ from emacm.shaft.angle import angle_from_wrapped
 from emacm.shaft.tacho import angle_from_tacho
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
+_RATES |= {"abtastrate"}
+_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1000.0}
 _NUMBER = re.compile(r"\s*([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
 
 
@@ -56,6 +58,11 @@ class FileColumns:
         self.columns = {plain[name]: values for name, values in self.columns.items()}
         self.rates = {plain.get(name, name): rate for name, rate in self.rates.items()}
         self.numbers = {plain[name]: number for name, number in self.numbers.items()}
+
+    def like_shaft(self) -> list[str]:
+        """Return the columns and numbers with name or unit of the motion of a shaft."""
+        names = (*self.columns, *self.numbers)
+        return [name for name in names if is_shaft_name(name, self.units.get(name, ""))]
 
     def find(self, wanted: str, *, numbers: bool = False) -> str:
         """Return the full name of a column (or of a number) that a layout names.
@@ -138,7 +145,7 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     column = layout.angle or layout.tacho_column
     if column:
         return content.find(column)
-    similar = [n for n in (*content.columns, *content.numbers) if is_shaft_name(n)]
+    similar = content.like_shaft()
     hint = f"; {similar[0]!r} looks like one" if similar else ""
     example = similar[0] if similar else "speed"
     raise ValueError(
@@ -167,13 +174,13 @@ def _channel_columns(
     if layout.time is False:
         ignored |= {name for name in content.columns if is_time_name(name)}
     rest = [name for name in content.columns if name not in ignored]
-    for name in rest:
-        if is_shaft_name(name):
-            raise ValueError(
-                f"column {name!r} is named like the motion of the shaft, not like a channel. Name "
-                f"it in velocity, angle or tacho, or list the channels: channels="
-                f"{[other for other in rest if not is_shaft_name(other)]}."
-            )
+    motions = [name for name in content.like_shaft() if name in rest]
+    if motions:
+        raise ValueError(
+            f"column {motions[0]!r} is named like the motion of the shaft, not like a channel. "
+            f"Name it in velocity, angle or tacho, or list the channels: channels="
+            f"{[name for name in rest if name not in motions]}."
+        )
     if not rest:
         raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
     return {name: name for name in rest}
@@ -182,7 +189,8 @@ def _channel_columns(
 def stated_rates(content: FileColumns) -> dict[str, float]:
     """Return the sampling rates that a file states [Hz], by column.
 
-    A number named fs (or samplerate and the like) holds for all columns of its group.
+    A number named fs (or samplerate and the like) holds for all columns of its group; if the file
+    states a unit of it, this must be Hz or kHz.
 
     Parameters
     ----------
@@ -202,8 +210,11 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     for name, number in content.numbers.items():
         last = re.split(r"[/.]", name)[-1]
         if number > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
+            factor = _HERTZ.get(content.units.get(name, "").lower())
             group = name.removesuffix(last)
-            rates |= {column: number for column in content.columns if column.startswith(group)}
+            if factor is not None:
+                of_group = [column for column in content.columns if column.startswith(group)]
+                rates |= dict.fromkeys(of_group, number * factor)
     return rates | content.rates
 
 
@@ -217,7 +228,7 @@ class _Rates:
         if times is not None:
             values = content.columns[times]
             unit = layout.unit_of(times) or content.units.get(times, "")
-            fs = layout.fs if isinstance(layout.fs, float | int) else None
+            fs = layout.fs if isinstance(layout.fs, float | int) else self._stated.get(times)
             seconds = seconds_of(values, unit, times)
             self._n_times, self._of_times = len(values), rate_of_times(seconds, times, fs)
 

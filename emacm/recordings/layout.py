@@ -26,6 +26,7 @@ class Layout:
 
     Columns are the columns of a table or the arrays of a file; a column "speed [rpm]" is "speed"
     with the unit rpm. A name may contain wildcards, as ``"*_DE_time"``, if one column matches.
+    In text files, the names may stand below other lines, and above a row of units.
 
     Parameters
     ----------

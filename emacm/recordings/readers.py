@@ -1,27 +1,20 @@
-"""Readers of files, by the suffix of their names; those of npz, CSV and WAV files."""
+"""Readers of files, by the suffix of their names; those of npz and WAV files."""
 
 from __future__ import annotations
 
 import importlib
 import os
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
 from emacm.recordings.file_columns import FileColumns
 
 _PASSED_ON = (ImportError, MemoryError, FileNotFoundError, PermissionError)
-_SEPARATORS = (";", "\t", ",")
-_EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
-    {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
-)
-_HEAD = 20  # lines of a text file that are read to find its separator and its header
 
 
 class RefusedFileError(ValueError):
@@ -150,81 +143,6 @@ def _read_wav(path: Path) -> FileColumns:
     return FileColumns(columns, dict.fromkeys(columns, float(fs)))
 
 
-def _read_csv(path: Path) -> FileColumns:
-    with open(path, encoding="utf-8-sig", newline=None) as file:
-        head = [line for _, line in zip(range(_HEAD), file, strict=False)]
-    n_comments = next((i for i, line in enumerate(head) if not line.startswith("#")), len(head))
-    lines = [line.rstrip("\n") for line in head[n_comments:] if line.strip()]
-    if not lines:
-        raise RefusedFileError("it has no rows of numbers.")
-    separator = next((s for s in _SEPARATORS if s in lines[-1]), None)
-    comma = separator in (";", "\t") and any(re.search(r"\d,\d", line) for line in lines)
-    decimal = "," if comma else "."
-    rows = [_fields(line, separator) for line in lines]
-    numeric = [_is_number(row[0], decimal) or _is_number(row[-1], decimal) for row in rows]
-    names, units, n_header = _header(rows, numeric, head[:n_comments], separator)
-    table = pd.read_csv(
-        path,
-        sep=separator or r"\s+",
-        decimal=decimal,
-        header=None,
-        names=names,
-        index_col=False,
-        skiprows=n_comments + n_header,
-        encoding="utf-8-sig",
-        low_memory=False,
-        **_EXACT,
-    )
-    unnamed = [name for name in names if not name and table[name].isna().all()]
-    columns = {name: _numbers(table[name]) for name in names if name not in unnamed}
-    return FileColumns(columns, units=dict(zip(names, units, strict=False)))
-
-
-def _fields(line: str, separator: str | None) -> list[str]:
-    fields = line.split(separator) if separator else line.split()
-    return [text.strip().strip('"').strip() for text in fields]
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.replace(decimal, "."))
-    except ValueError:
-        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # a date is no name either
-    return True
-
-
-def _header(
-    rows: list[list[str]], numeric: list[bool], comments: list[str], separator: str | None
-) -> tuple[list[str], list[str], int]:
-    """Return names and units of the columns, and the number of rows that they take."""
-    width = len(rows[numeric.index(True)]) if any(numeric) else len(rows[-1])
-    if numeric[0]:
-        named = _fields(comments[-1].lstrip("# \t").rstrip("\n"), separator) if comments else []
-        names = named if len(named) == width else [f"x{i}" for i in range(width)]
-        return names, [], 0
-    names, units, n_rows = rows[0], [], 1
-    if len(rows) > 1 and not numeric[1] and len(rows[1]) == len(names):
-        units, n_rows = [re.sub(r"^[\[(](.*)[\])]$", r"\1", text) for text in rows[1]], 2
-    if len(names) != width:
-        raise RefusedFileError(
-            f"its header has {len(names)} names {names}, but its rows have {width} values. "
-            "Remove the lines before the header, or start them with #."
-        )
-    if len(set(names)) < len(names):
-        raise RefusedFileError(f"its columns must have different names, got {names}.")
-    return names, units, n_rows
-
-
-def _numbers(column: pd.Series) -> NDArray[Any]:
-    """Return a column as numbers where its cells are numbers."""
-    values = column.to_numpy()
-    if values.dtype.kind in "biuf":
-        return values
-    cells = column.astype(object).to_numpy()
-    numbers = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    return np.where(np.isnan(numbers), cells, numbers.astype(object))
-
-
 def _read_later(module: str, name: str) -> Callable[[Path], FileColumns]:
     """Return a reader of another module, which is imported when it is used."""
 
@@ -236,9 +154,9 @@ def _read_later(module: str, name: str) -> Callable[[Path], FileColumns]:
 
 READERS: dict[str, Callable[[Path], FileColumns]] = {
     ".npz": _read_npz,
-    ".csv": _read_csv,
-    ".txt": _read_csv,
-    ".tsv": _read_csv,
+    ".csv": _read_later("csv_files", "read_csv"),
+    ".txt": _read_later("csv_files", "read_csv"),
+    ".tsv": _read_later("csv_files", "read_csv"),
     ".wav": _read_wav,
     ".mat": _read_later("matlab_files", "read_mat"),
     ".parquet": _read_later("measurement_files", "read_parquet"),

@@ -62,6 +62,19 @@ def unit_factor(unit: str, kind: str) -> float:
     )
 
 
+def is_speed_unit(unit: str) -> bool:
+    """Tell whether a unit is one of angular speed; Hz and 1/s may also be of something else.
+
+    Examples
+    --------
+    >>> is_speed_unit("1/min"), is_speed_unit("Hz"), is_speed_unit("m/s")
+    (True, False, False)
+    """
+    plain = _plain(unit)
+    known = [name for names in _SPEEDS.values() for name in names]
+    return plain in map(_plain, known) and plain not in ("hz", "1/s", "s^-1")
+
+
 def same_unit(one: str, other: str) -> bool:
     """Tell whether two units are written alike, apart from spaces and exponents.
 

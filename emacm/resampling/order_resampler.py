@@ -238,14 +238,14 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         DataFrame
             One row for each recording, with columns
 
-            - ``revolutions``: angle travelled in strokes [revolutions of the shaft of interest],
-            - ``strokes``: their number,
-            - ``longest_stroke`` [revolutions],
-            - ``standing``: fraction of the time at or below `min_speed`,
-            - ``slowest``, ``fastest``: range of its speed in strokes [rad/s],
-            - ``max_order``: highest order that the sampling rates support at
+            - ``revolutions`` [rev]: angle travelled in strokes by the shaft of interest,
+            - ``strokes`` [number]: strokes,
+            - ``longest_stroke`` [rev]: its length,
+            - ``standing`` [fraction, 0 to 1]: time at or below `min_speed`,
+            - ``slowest``, ``fastest`` [rad/s]: range of its speed in strokes,
+            - ``max_order`` [cycles per rev]: highest order that the sampling rates support at
               the highest speed; above it the spectrum contains only images,
-            - ``warnings``: description of the defects; empty if there are none.
+            - ``warnings`` [text]: description of the defects; empty if there are none.
         """
         self._check_parameters()
         recordings = self._recordings(X)

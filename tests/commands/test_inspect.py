@@ -99,3 +99,41 @@ def test_a_bad_file_is_one_line_and_status_2(tmp_path, capsys, content):
     printed = capsys.readouterr().err
     assert printed.count("\n") == 1
     assert "a.npz" in printed
+
+
+def test_a_speed_without_a_unit_is_proposed_as_velocity_with_the_unit_of_its_name(tmp_path, capsys):
+    path, draft = tmp_path / "a_1.csv", tmp_path / "layout.toml"
+    rows = "".join(f"{i / 8};{5 - i};{1500 + i};{400 - i};ok\n" for i in range(20))
+    path.write_text("Rig: 3\n\ntime;b [g];MotorRPM;out speed;note\n" + rows.replace(".", ","))
+    assert main(["inspect", str(path), "--draft", str(draft)]) == 0
+    printed = capsys.readouterr().out
+    assert "Not used: 'out speed', it is named like the motion of a shaft" in printed
+    assert "Not used: 'note', it does not consist of numbers" in printed
+    assert "To be stated" not in printed
+    assert contents_table(contents_of(path))["as"].tolist() == [
+        *("time", "channel", "shaft", "not used", "not used")
+    ]
+    recording = open_recording(path, Layout.from_toml(draft))
+    assert (recording.channels, recording.fs["b"], recording.units["b"]) == (("b",), 8, "g")
+    np.testing.assert_allclose(recording.velocity[:2] * 30 / np.pi, [1500, 1501], rtol=1e-14)
+
+
+def test_a_draft_marks_all_that_the_file_does_not_state(tmp_path):
+    path, draft = tmp_path / "A_1.npz", tmp_path / "layout.toml"
+    np.savez(path, current=VIBRATION, theta=np.arange(N) * 0.7)
+    assert main(["inspect", str(path), "--draft", str(draft)]) == 0
+    text = draft.read_text(encoding="utf-8")
+    open_lines = [line.split("  # FILL IN")[0] for line in text.splitlines() if "  # FILL" in line]
+    assert open_lines == [
+        "# fs = 12000",
+        '# meta = "{field1}_{field2}"',
+        '# "theta" = "rad"',
+        '# "current" = "g"',
+    ]
+    completed = "\n".join(
+        line.removeprefix("# ") if "  # FILL" in line else line for line in text.splitlines()
+    )
+    draft.write_text(completed.replace('"rad"', '"deg"'), encoding="utf-8")
+    recording = open_recording(path, Layout.from_toml(draft))
+    assert recording.meta == {"field1": "A", "field2": "1"}
+    np.testing.assert_allclose(recording.angle[1] - recording.angle[0], np.deg2rad(0.7))

@@ -277,3 +277,11 @@ def test_watching_tries_a_failed_file_again_only_when_it_changes(here, monkeypat
     assert [len(names) for names in rounds] == [14, 0, 1]
     table = pd.read_csv("table.csv")
     assert table["recording"][table["error"].notna()].tolist() == ["later.npz"]
+
+
+def test_the_help_states_the_exit_statuses(capsys):
+    with pytest.raises(SystemExit):
+        main(["score", "--help"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Exit status: 0 if all files were decided on; 1 if a decision of --fail-on" in printed
+    assert "3 if files failed" in printed

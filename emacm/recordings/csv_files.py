@@ -1,0 +1,181 @@
+"""Reader of text files: the header is found below a preamble; separator and decimals are found."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import mode
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from emacm.recordings.column_names import is_time_name, split_unit
+from emacm.recordings.file_columns import FileColumns
+from emacm.recordings.readers import RefusedFileError
+
+_SEPARATORS = (";", "\t", ",")
+_EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
+    {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
+)
+_HEAD = 200  # lines in which separator and header are looked for
+_LAST = 3  # rows of these, which show how many values a row has
+_STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"
+    r"[#%\s]*([^\W\d][^:=;,\t]*?)\s*[:=;,\t]\s*([+-]?\d+(?:\.\d+)?)[;,\s]*"
+    r"(?:[\[(]?([^\W\d_][^\s;,\])]*)[\])]?)?[;,\s]*"
+)
+
+
+class _Row(NamedTuple):
+    """A line of the head that is not blank: its number, fields, and whether it is a comment."""
+
+    number: int
+    fields: list[str]
+    is_comment: bool
+
+
+def read_csv(path: Path) -> FileColumns:
+    """Return the columns of a text file, and the numbers that its preamble states.
+
+    Parameters
+    ----------
+    path : Path
+        The file. Lines above the header, and rows of units below it, may be of any kind.
+
+    Returns
+    -------
+    FileColumns
+
+    Raises
+    ------
+    RefusedFileError
+        If it has no rows of numbers, or no header that belongs to them.
+    """
+    encoding = _encoding(path)
+    with open(path, encoding=encoding, newline=None) as file:
+        head = [line.rstrip("\n") for line in itertools.islice(file, _HEAD)]
+    filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,")]
+    separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)
+    rows = [_row(number, line, separator) for number, line in filled]
+    names, units, start = _header(rows, comma=separator in (";", "\t"))
+    data = [line for line in head[start:] if separator in (";", "\t")]
+    table = pd.read_csv(
+        path,
+        sep=separator or r"\s+",
+        decimal="," if any(re.search(r"\d,\d", line) for line in data) else ".",
+        header=None,
+        names=names,
+        index_col=False,
+        skiprows=start,
+        encoding=encoding,
+        low_memory=False,
+        **_EXACT,
+    )
+    unnamed = [name for name in names if not name and table[name].isna().all()]
+    columns = {name: _numbers(table[name]) for name in names if name not in unnamed}
+    content = FileColumns(columns, units=dict(zip(names, units, strict=False)))
+    _add_stated_numbers(content, head[:start])
+    return content
+
+
+def _encoding(path: Path) -> str:
+    """Return UTF-8 or UTF-16, or the code page of Western Europe for what is not UTF-8."""
+    with open(path, "rb") as file:
+        start = b"".join(itertools.islice(file, _HEAD))
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    try:
+        start.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def _row(number: int, line: str, separator: str | None) -> _Row:
+    is_comment = line.startswith(("#", "%"))
+    line = line.lstrip("#% \t") if is_comment else line
+    fields = line.split(separator) if separator else line.split()
+    return _Row(number, [text.strip().strip('"').strip() for text in fields], is_comment)
+
+
+def _is_number(text: str, *, comma: bool) -> bool:
+    try:
+        float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # a date is no name either
+    return True
+
+
+def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str], int]:
+    """Return names and units of the columns, and the number of lines above the first data."""
+    numeric = [[_is_number(text, comma=comma) for text in row.fields] for row in rows]
+    widths = [len(row.fields) for row in rows if not row.is_comment]
+    width = mode(widths[-_LAST:]) if widths else 0
+    first = _first_of_data(rows, numeric, width)
+    above = [n for n in range(first) if len(rows[n].fields) == width and not any(numeric[n])]
+    named = [n for n in above if all(rows[n].fields[:-1]) and any(rows[n].fields)]
+    if not named:
+        _check_no_other_header(rows[:first], width)
+        return [f"x{i}" for i in range(width)], [], rows[first].number
+    header = named[-1]
+    if header - 1 in named and _is_row_of_units(rows[header].fields, rows[header - 1].fields):
+        header -= 1
+    names, units = rows[header].fields, []
+    if header + 1 in above:
+        units = [re.sub(r"^[\[(](.*)[\])]$", r"\1", text) for text in rows[header + 1].fields]
+    if len(set(names)) < width:
+        raise RefusedFileError(f"its columns must have different names, got {names}.")
+    return names, units, rows[header + (2 if units else 1)].number
+
+
+def _first_of_data(rows: Sequence[_Row], numeric: Sequence[list[bool]], width: int) -> int:
+    """Return the first row of numbers; if all rows have texts, the first that is not all text."""
+    wide = [n for n, row in enumerate(rows) if len(row.fields) == width and not row.is_comment]
+    for n in wide:
+        texts = [text for text, known in zip(rows[n].fields, numeric[n], strict=True) if not known]
+        if not any(texts):  # each field is a number or blank
+            return n
+    for n in wide:
+        if numeric[n][0] or numeric[n][-1]:
+            return n
+    raise RefusedFileError("it has no rows of numbers.")
+
+
+def _check_no_other_header(above: Sequence[_Row], width: int) -> None:
+    """Refuse a header that has more or fewer names than the rows have values."""
+    texts = [row.fields for row in above if not row.is_comment]
+    if texts:
+        raise RefusedFileError(
+            f"its header has {len(texts[-1])} names {texts[-1]}, but its rows have {width} values. "
+            "Correct the line above the numbers, or start all lines above them with #."
+        )
+
+
+def _is_row_of_units(fields: Sequence[str], above: Sequence[str]) -> bool:
+    """Tell whether a row of texts has the units of the names above it, rather than names."""
+    if any(split_unit(text)[1] for text in fields):
+        return False
+    return any(map(is_time_name, above)) or not any(map(is_time_name, fields))
+
+
+def _numbers(column: pd.Series) -> NDArray[Any]:
+    """Return a column as numbers where its cells are numbers."""
+    values = column.to_numpy()
+    if values.dtype.kind in "biuf":
+        return values
+    cells = column.astype(object).to_numpy()
+    numbers = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
+    return np.where(np.isnan(numbers), cells, numbers.astype(object))
+
+
+def _add_stated_numbers(content: FileColumns, preamble: Sequence[str]) -> None:
+    for line in preamble:
+        found = _STATED.fullmatch(line)
+        if found is None or found[1] in content.columns:
+            continue
+        content.numbers[found[1]] = float(found[2])
+        if found[3]:
+            content.units[found[1]] = found[3]

@@ -1,0 +1,103 @@
+"""Text files as loggers write them: a preamble, units, decimal commas, several encodings."""
+
+import numpy as np
+import pytest
+
+from emacm import Layout, open_recording
+
+ROWS = "0,0;1,5;900\n0,5;-2,5;903,5\n1,0;4;907\n"
+PREAMBLE = "Logger: XYZ 3000;;\nstarted;22.11.2026;\nsample rate;2;Hz\n\n"
+HEADER = "Zeit [s];b [m/s²];n [1/min]\n"
+
+
+def opened(tmp_path, text, layout=None, *, encoding="utf-8"):
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    return open_recording(tmp_path / "a.csv", layout or Layout(channels=["b"], velocity="n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (PREAMBLE + HEADER + ROWS, "utf-8"),
+        (PREAMBLE + HEADER + ROWS, "cp1252"),
+        (PREAMBLE + HEADER + ROWS, "utf-16"),
+        (PREAMBLE + "Zeit;b;n\ns;m/s²;1/min\n" + ROWS, "utf-8"),
+        ("maker;model;place\n" + PREAMBLE + "Zeit;b;n\n[s];[m/s²];(1/min)\n;;\n" + ROWS, "utf-8"),
+        ("maker;model;place\n" + HEADER + ROWS, "utf-8"),
+        (
+            "maker;model;place\nb;n;time\nm/s²;rpm;s\n1,5;900;0,0\n-2,5;903,5;0,5\n4;907;1\n",
+            "utf-8",
+        ),
+        ("maker;model;place\ntime;b [m/s²];n [rpm]\n" + ROWS, "utf-8"),
+        ("".join(f"key {i} = {i}\n" for i in range(150)) + HEADER + ROWS, "utf-8"),
+    ],
+)
+def test_the_header_is_found_below_a_preamble(tmp_path, text, encoding):
+    recording = opened(tmp_path, text, encoding=encoding)
+    assert recording.signals["b"].tolist() == [1.5, -2.5, 4.0]
+    assert (recording.fs["b"], dict(recording.units)) == (2.0, {"b": "m/s²"})
+    np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903.5, 907], rtol=1e-14)
+
+
+def test_a_point_stays_a_decimal_point_though_the_preamble_has_commas(tmp_path):
+    text = "Jane Doe 3,4;;\ntime;b;n [rpm]\n0.0;1.5;900\n0.5;2.25;901.75\n"
+    assert opened(tmp_path, text).signals["b"].tolist() == [1.5, 2.25]
+
+
+def test_missing_values_in_the_first_row_do_not_make_it_a_header(tmp_path):
+    text = "time,b,c,n [rpm]\n0,,x,900\n0.5,3,y,900\n1,4,z,900\n"
+    layout = Layout(channels=["b"], velocity="n")
+    with pytest.raises(ValueError, match=r"channel 'b'.* nan at sample 0"):
+        assert opened(tmp_path, text, layout).duration
+    numbered = opened(tmp_path, "1,2.5\nn/a,x\n3,4\n", Layout(fs=9, velocity=1, channels=["x1"]))
+    with pytest.raises(TypeError, match="channel 'x1' must be numeric, got 'x' at sample 1"):
+        assert numbered.duration
+
+
+@pytest.mark.parametrize(
+    ("line", "rate"),
+    [
+        ("Sample rate: 2000 Hz", 2000),
+        ("# fs = 2.5 [kHz]", 2500),
+        ("Sampling Rate;44100", 44_100),
+        ("Abtastrate\t2000\tHz\t", 2000),
+        ("Sample rate: 2000 per min", None),
+        ("Sample rate: 2000 rpm", None),
+        ("fs: 22.11.2026", None),
+    ],
+)
+def test_a_rate_in_the_preamble_is_that_of_the_columns(tmp_path, line, rate):
+    recording = opened(tmp_path, f"{line}\nb;c\n1;2\n3;4\n", Layout(velocity="1500 rpm"))
+    if rate is None:
+        with pytest.raises(ValueError, match="sampling rate of 'b' is not known"):
+            assert recording.duration
+    else:
+        assert dict(recording.fs) == {"b": rate, "c": rate}
+
+
+def test_times_that_contradict_the_rate_of_the_preamble_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"time column 'Zeit' contradicts fs = 12 Hz: .* 2 Hz"):
+        assert opened(tmp_path, "fs = 12 Hz\n" + HEADER + ROWS).duration
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,b\n0,1,900\n1,2,900\n", r"header has 2 names \['time', 'b'\], .* have 3 values"),
+        ("b,c,b\n0,1,900\n1,2,900\n", r"columns must have different names, got \['b', 'c', 'b'\]"),
+        ("# nothing\n# else\n", "has no rows of numbers"),
+        ("b;c\ng;A\n", "has no rows of numbers"),
+        ("\n\n", "has no rows of numbers"),
+    ],
+)
+def test_a_text_without_usable_columns_is_refused(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message):
+        assert opened(tmp_path, text).duration
+
+
+def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_path):
+    with pytest.raises(ValueError, match=r"column 'out' is named like the motion .*=\['b'\]"):
+        assert opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", Layout(fs=9, velocity=3)).duration
+    layout = Layout(fs=9, velocity=3, channels=["out", "b"])
+    recording = opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", layout)
+    assert recording.signals["out"].tolist() == [900, 901]
