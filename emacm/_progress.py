@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -59,7 +60,7 @@ def run(
     Notes
     -----
     Threads are those of `concurrent.futures`: joblib polls its own every 10 ms, which is as long as
-    a recording takes.
+    a recording takes. In a task of a Dask cluster, recordings are processed by its worker.
 
     Examples
     --------
@@ -71,8 +72,7 @@ def run(
         return []
     if names is not None:
         function, arguments = partial(_located, function), (names, *arguments)
-    backend, jobs_of_context = get_active_backend(prefer=prefer)
-    n_workers = backend.effective_n_jobs(jobs_of_context if n_jobs is None else _whole(n_jobs))
+    backend, n_workers = _backend(prefer, n_jobs)
     bar = _bar() if verbose else None
     tasks = (delayed(function)(*values) for values in zip(*arguments, strict=True))
     if bar is None and verbose:
@@ -92,6 +92,31 @@ def run(
     return list(bar(results, total=done + total, initial=done, unit=unit))
 
 
+def _backend(prefer: str, n_jobs: int | None) -> tuple[Any, int]:
+    """Return joblib's backend and how many recordings it processes in parallel."""
+    if n_jobs is not None:
+        _check_whole(n_jobs)
+    if _in_dask_task():
+        # There, joblib's active backend is the whole cluster again: each recording would be sent on
+        # as a task of its own.
+        threads = ThreadingBackend()
+        return threads, threads.effective_n_jobs(n_jobs)
+    backend, jobs_of_context = get_active_backend(prefer=prefer)
+    return backend, backend.effective_n_jobs(jobs_of_context if n_jobs is None else n_jobs)
+
+
+def _in_dask_task() -> bool:
+    """Tell whether a worker of a Dask cluster calls this."""
+    distributed = sys.modules.get("distributed")
+    if distributed is None:
+        return False
+    try:
+        distributed.get_worker()
+    except ValueError:  # not in a task
+        return False
+    return True
+
+
 def _located(function: Callable[..., Any], name: Callable[[], str], *values: Any) -> Any:
     try:
         return function(*values)
@@ -99,13 +124,12 @@ def _located(function: Callable[..., Any], name: Callable[[], str], *values: Any
         raise located_error(error, name()) from error
 
 
-def _whole(n_jobs: Any) -> int:
+def _check_whole(n_jobs: Any) -> None:
     meaning = "it is the number of recordings processed in parallel, -1 for one on each core."
     if isinstance(n_jobs, bool) or not isinstance(n_jobs, Integral):
         raise TypeError(f"n_jobs must be None or a whole number, got {n_jobs!r}: {meaning}")
     if n_jobs == 0:
         raise ValueError(f"n_jobs must not be 0: {meaning}")
-    return int(n_jobs)
 
 
 def _in_threads(

@@ -21,6 +21,7 @@ from emacm.decisions.risks import decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import outside_training
+from emacm.recordings.files import FileRecording
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
 from emacm.resampling.inputs import check_angle_step
@@ -148,6 +149,7 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
     empty = dict.fromkeys(score_columns(model.classes_), np.nan)
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
     row = empty | texts | {"recording": name}
+    recording = None
     try:
         recording = source()
         if not isinstance(recording, Recording):
@@ -161,6 +163,9 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
         text = str(error) if known else f"{type(error).__name__}: {error}"
         row["error"] = " ".join(text.split()) or type(error).__name__
+    finally:
+        if isinstance(recording, FileRecording):
+            recording.release()
     return row
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -110,6 +111,11 @@ class FileRecording(Recording):
         _last.held = self._key, content
         return content
 
+    def release(self) -> None:
+        """Drop the content from memory; it is read again when it is needed."""
+        _recent.drop(self._key)
+        _last.held = None
+
     def _read(self) -> Recording:
         if self._steps:
             before = self._with_steps(self._steps[:-1])
@@ -207,8 +213,9 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
-    path, layout, size and time of the file, and meta (less than 1 kB), so that worker processes
-    read the file themselves. A few recordings are kept in memory (16 MiB); a file is read as a
+    absolute path, layout, size and time of the file, and meta (less than 1 kB), so that worker
+    processes read the file themselves; on other computers it must have the same path, size and time
+    (``cp -p``, or a shared folder). A few recordings are kept in memory (16 MiB); a file is read as a
     whole, and must not be changed as long as the recording is used.
 
     Parameters
@@ -303,7 +310,7 @@ class RecordingFolder(Sequence[Recording]):
     Attributes
     ----------
     paths : list of Path
-        The files, sorted by name.
+        The files, sorted by name; absolute.
 
     Raises
     ------
@@ -326,7 +333,7 @@ class RecordingFolder(Sequence[Recording]):
     def __init__(
         self, folder: str | os.PathLike[str], layout: Layout, pattern: str = "**/*"
     ) -> None:
-        self.folder, self.layout, self.pattern = Path(folder), layout, pattern
+        self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
         self.paths = sorted(recording_files(self.folder, pattern))
@@ -350,6 +357,13 @@ class RecordingFolder(Sequence[Recording]):
     def __getitem__(self, index: Any) -> Any:
         """Return one recording, or a list of them."""
         return self._recordings[index]
+
+    def __sizeof__(self) -> int:
+        """Return the size with the recordings [bytes].
+
+        Dask sends what is larger than 1 kB to a worker once, and the rest with every task.
+        """
+        return super().__sizeof__() + sum(map(sys.getsizeof, self._recordings))
 
     def __repr__(self) -> str:
         """Folder and number of recordings."""

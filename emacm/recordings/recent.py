@@ -24,6 +24,9 @@ class Recent(Generic[Value]):
     >>> recent.put("b", 2.0, 60)
     >>> recent.get("a"), recent.get("b")
     (None, 2.0)
+    >>> recent.drop("b")
+    >>> recent.get("b") is None
+    True
     """
 
     def __init__(self, bytes_limit: int) -> None:
@@ -45,6 +48,11 @@ class Recent(Generic[Value]):
             self._bytes += n_bytes - (0 if old is None else old[1])
             while self._bytes > self._limit:
                 self._bytes -= self._held.pop(next(iter(self._held)))[1]
+
+    def drop(self, key: Any) -> None:
+        """Drop the value of a key, if it is kept."""
+        with self._lock:
+            self._bytes -= self._held.pop(key, (None, 0))[1]
 
     def clear(self) -> None:
         """Drop all values."""

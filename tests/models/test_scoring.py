@@ -25,6 +25,7 @@ from emacm import (
     score,
 )
 from emacm.models.scoring import scored_rows
+from emacm.recordings import files
 
 RNG = np.random.default_rng(4)
 FS, N = 1000.0, 3000
@@ -390,6 +391,19 @@ def test_a_folder_with_bad_files_gives_rows_for_all(model, tmp_path):
     assert np.flatnonzero(table["error"]).tolist() == [3]
     assert table["decision"].drop(3).tolist() == ["healthy"] * 3 + ["worn"] * 2
     assert len(pickle.dumps(folder[0])) < 1000
+
+
+def test_no_file_stays_in_memory_when_its_row_is_known(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_recent", files.Recent(1 << 24))
+    for number in range(3):
+        npz(tmp_path / f"{number}.npz")
+    (tmp_path / "3.npz").write_bytes(b"damaged")
+    recordings = RecordingFolder(tmp_path, LAYOUT)
+    table = score(model, recordings)
+    assert table["error"].ne("").tolist() == [False, False, False, True]
+    assert files._recent._bytes == 0
+    recordings[0].content()
+    assert files._recent._bytes > 0
 
 
 def test_an_unknown_state_is_explained_in_the_row():

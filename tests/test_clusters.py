@@ -1,0 +1,175 @@
+"""A search on a cluster: the results of one process, on files that only the workers read."""
+
+import joblib
+import numpy as np
+import pytest
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    RecordingFolder,
+)
+from emacm._progress import run
+from emacm.recordings.files import FileRecording
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # of the schedulers
+
+FS, N_TIMES, N_FILES = 12_000.0, 120_000, 20
+GRID = {"orderpsd__revolutions": [8], "bintransformer__bin_size": [1.0, 2.5]}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Write 58 MB: three columns of 10 s, five units, the worn ones with a line at order 3.58."""
+    path = tmp_path_factory.mktemp("files")
+    rng = np.random.default_rng(8)
+    speed = 150 + 20 * np.sin(np.arange(N_TIMES) / FS)
+    angle = np.cumsum(speed) / FS
+    for number in range(N_FILES):
+        state = ("healthy", "worn")[number % 2]
+        line = (0.02 + 0.03 * (number % 2)) * np.sin(3.58 * angle)
+        noise = rng.normal(size=(2, N_TIMES))
+        np.savez(
+            path / f"{'QBZAM'[number // 2 % 5]}_{state}_{number}.npz",
+            vibration=noise[0] + line,
+            current=2.5 * noise[1] + np.sin(angle),
+            speed=speed,
+        )
+    layout = Layout(fs=FS, velocity="speed", meta="{unit}_{state}_{run:d}")
+    return RecordingFolder(path, layout)
+
+
+def search_of(folder):
+    """Search, and fit the best pipeline in a task of its own: no file is read outside of tasks."""
+    states = [recording.meta["state"] for recording in folder]
+    units = [recording.meta["unit"] for recording in folder]
+    pipeline = make_pipeline(
+        OrderResampler(2 * np.pi / 50),
+        OrderPSD(),
+        BinTransformer(max_order=20),
+        FunctionTransformer(np.log10),
+        CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto"),
+    )
+    search = GridSearchCV(
+        pipeline, GRID, cv=GroupKFold(3), scoring="neg_log_loss", refit=False, error_score="raise"
+    )
+    search.fit(folder, states, groups=units)
+    best = pipeline.set_params(**search.best_params_)
+    (best,) = joblib.Parallel()([joblib.delayed(best.fit)(folder, states)])
+    return search, best
+
+
+def assert_same_results(found, expected):
+    (search, best), (search_expected, best_expected) = found, expected
+    assert search.best_params_ == search_expected.best_params_
+    scores, scores_expected = (
+        np.array([s.cv_results_[f"split{fold}_test_score"] for fold in range(3)])
+        for s in (search, search_expected)
+    )
+    assert np.ptp(scores_expected) > 0
+    np.testing.assert_array_equal(scores, scores_expected)
+    features = np.random.default_rng(2).normal(size=(9, best_expected[-1].n_features_in_))
+    assert best[-1].classes_.tolist() == ["healthy", "worn"]
+    np.testing.assert_array_equal(
+        best[-1].predict_log_proba(features), best_expected[-1].predict_log_proba(features)
+    )
+
+
+@pytest.fixture(scope="module")
+def expected(folder):
+    return search_of(folder)
+
+
+@pytest.fixture
+def unreadable_here(monkeypatch):
+    """In this process, a recording in a file cannot be read."""
+
+    def refuse(recording):
+        raise AssertionError(f"{recording.path} was read outside of the workers")
+
+    monkeypatch.setattr(FileRecording, "_read", refuse)
+
+
+def count_sent_bytes():
+    """Count what this process sends from now on, by any connection of the cluster."""
+    from distributed.comm.tcp import TCP
+
+    TCP.sent = 0
+    write = TCP.write
+
+    async def counted(self, *args, **options):
+        n_bytes = await write(self, *args, **options)
+        TCP.sent += n_bytes
+        return n_bytes
+
+    TCP.write = counted
+
+
+def sent_bytes():
+    from distributed.comm.tcp import TCP
+
+    return TCP.sent
+
+
+@pytest.fixture
+def dask_client(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="needs dask[distributed]")
+    from distributed.comm.tcp import TCP
+
+    monkeypatch.setattr(TCP, "write", TCP.write)  # to be restored after the test
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(processes=True, **options) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.wait_for_workers(2, timeout=60)
+        yield client
+
+
+def test_a_search_on_dask_has_the_results_of_one_process_and_sends_no_samples(
+    folder, expected, dask_client, unreadable_here
+):
+    n_bytes = sum(path.stat().st_size for path in folder.paths)
+    dask_client.run(count_sent_bytes)
+    count_sent_bytes()  # this process is scheduler and client
+    with joblib.parallel_config("dask"):
+        found = search_of(folder)
+    of_workers = dask_client.run(sent_bytes)
+    assert len(of_workers) == 2
+    sent = sent_bytes() + sum(of_workers.values())
+    assert_same_results(found, expected)
+    assert 0 < sent < 0.01 * n_bytes
+
+
+def test_within_a_task_of_dask_no_further_tasks_are_made(dask_client):
+    def processes(n_jobs):
+        import os
+
+        with joblib.parallel_config("dask"):
+            return {os.getpid(), *run(lambda _: os.getpid(), range(20), n_jobs=n_jobs)}
+
+    for n_jobs in (None, 1, 3):
+        assert len(dask_client.submit(processes, n_jobs).result(timeout=60)) == 1
+
+
+def test_a_search_on_ray_has_the_results_of_one_process(
+    folder, expected, unreadable_here, monkeypatch
+):
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    ray = pytest.importorskip("ray", reason="needs ray")
+    from ray.util.joblib import register_ray
+
+    register_ray()
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        with joblib.parallel_config("ray", n_jobs=2):
+            found = search_of(folder)
+    finally:
+        ray.shutdown()
+    assert_same_results(found, expected)
