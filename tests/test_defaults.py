@@ -10,11 +10,12 @@ import numpy as np
 
 import emacm
 import emacm.displays
+import emacm.monitoring
 import emacm.shaft
 import emacm.simulation
 import emacm.thesis
 
-PACKAGES = (emacm, emacm.displays, emacm.shaft, emacm.simulation, emacm.thesis)
+PACKAGES = (emacm, emacm.displays, emacm.monitoring, emacm.shaft, emacm.simulation, emacm.thesis)
 
 DEFAULTS = {
     "Actuator": {
@@ -45,6 +46,8 @@ DEFAULTS = {
     "BallScrew": {"contact_angle": np.pi / 4, "ratio": 1.0, "rotating": "screw", "name": ""},
     "Bearing": {"contact_angle": 0.0, "ratio": 1.0, "rotating": "inner", "name": ""},
     "BinTransformer": {"bin_size": 1.0, "max_order": 50.0, "stop_bands": ()},
+    "CUSUM": {"reference": 0.5},
+    "CUSUM.get_params": {"deep": True},
     "Chapter": {"opening": ""},
     "Chapter.compare": {"slack": 0.0},
     "ComparisonDisplay": {"scheme": ""},
@@ -53,6 +56,8 @@ DEFAULTS = {
     "CostSensitiveGaussianBayes": {"covariance": "full"},
     "DecisionRegionsDisplay": {"names": ("feature 1", "feature 2"), "healthy": "healthy"},
     "DecisionRegionsDisplay.from_estimator": {"n_grid": 300},
+    "EWMA": {"weight": 0.2},
+    "EWMA.get_params": {"deep": True},
     "EnvelopeDetector": {"squared": True},
     "EvaluationDisplay": {"scheme": "", "healthy": "healthy"},
     "ExplainedVarianceDisplay": {"n_shown": 20},
@@ -76,6 +81,8 @@ DEFAULTS = {
     "FaultLinesDisplay": {"harmonics": 3, "slip": 0.02, "channel": "signal"},
     "FaultLinesDisplay.from_recording": {"harmonics": 3, "slip": 0.02, "revolutions": 25},
     "FeatureBaseline": {"condition": "load", "healthy": "normal"},
+    "InputAlarm": {"typicality": 0.01, "consecutive": 2, "unknown": "unknown"},
+    "vibration_velocity": {"unit": "m/s2", "band": (10.0, 1000.0)},
     "FeatureDensityDisplay": {
         "shares": (0.5, 0.9),
         "names": ("feature 1", "feature 2"),

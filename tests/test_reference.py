@@ -14,7 +14,14 @@ import pytest
 import emacm
 import emacm.displays
 
-PUBLIC_MODULES = ["emacm", "emacm.shaft", "emacm.displays", "emacm.simulation", "emacm.datasets"]
+PUBLIC_MODULES = [
+    "emacm",
+    "emacm.shaft",
+    "emacm.monitoring",
+    "emacm.displays",
+    "emacm.simulation",
+    "emacm.datasets",
+]
 PACKAGES = {"emacm", "joblib", "matplotlib", "numpy", "pandas", "scipy", "sklearn"}
 TEMPLATES = Path(__file__).parents[1] / ".ci" / "reference"
 FILES = sorted(Path(emacm.__file__).parent.rglob("*.py"))
