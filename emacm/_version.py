@@ -1,3 +1,3 @@
-"""Version of the package; kept spectra are told apart by it."""
+"""Version of the package; part of the keys of stored spectra."""
 
 __version__ = "0.1.0"

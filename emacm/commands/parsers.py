@@ -55,7 +55,7 @@ def _add_train(commands: Any) -> None:
         "--groups",
         required=True,
         metavar="KEY",
-        help="key of meta with the unit or run; a whole one is left out at a time",
+        help="key of meta with the unit or run; the evaluation leaves out whole ones",
     )
     parser.add_argument(
         "--recipe",
@@ -66,18 +66,27 @@ def _add_train(commands: Any) -> None:
     parser.add_argument(
         "--out", required=True, type=Path, metavar="MODEL", help="file of the model"
     )
-    parser.add_argument("--healthy", metavar="LABEL", help="default: healthy or normal")
+    parser.add_argument(
+        "--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal"
+    )
     for name, meaning in (
         ("max-order", "highest order; default: what all recordings support, at most 20"),
-        ("revolutions", "length of a segment; default: half of the shortest recording, at most 16"),
+        (
+            "revolutions",
+            "revolutions per segment; default: half of the shortest recording, at most 16",
+        ),
     ):
         parser.add_argument(f"--{name}", type=float, metavar="N", help=meaning)
     parser.add_argument(
-        "--min-speed", type=float, default=0.0, metavar="N", help="standstill up to N rad/s"
+        "--min-speed",
+        type=float,
+        default=0.0,
+        metavar="N",
+        help="speed up to which the shaft counts as standing still [rad/s]",
     )
     parser.add_argument("--cost", type=Path, metavar="CSV", help="costs, as for score")
     parser.add_argument("--priors", metavar="P", help="priors, as for score")
-    parser.add_argument("--note", metavar="TEXT", help="text to be stored in the model")
+    parser.add_argument("--note", metavar="TEXT", help="text that is stored in the model file")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
@@ -85,8 +94,8 @@ def _add_score(commands: Any) -> None:
     """Add ``emacm score``."""
     parser = commands.add_parser(
         "score",
-        help="decide on files; one row for each, also for those that cannot be read",
-        description="Decide on files; one row for each, also for those that cannot be read.",
+        help="apply a model to files; one row for each, also for those that cannot be read",
+        description="Apply a model to files; one row for each, also for those that cannot be read.",
         epilog="Exit status: 0 if all files were decided on; 1 if a decision of --fail-on was "
         "made; 2 for invalid arguments, model or layout; 3 if files failed (their rows state "
         "why); 130 if it was interrupted.",

@@ -21,8 +21,8 @@ SUFFIXES = (".csv", ".jsonl", ".parquet")
 class ResultTable:
     """Rows in a file, each written as soon as it is known.
 
-    A parquet file cannot be appended to: until `finish`, its rows are in a file of lines beside
-    it, whose name ends with ".jsonl".
+    A parquet file cannot be appended to: until `finish`, its rows are in a text file in the same
+    folder, whose name ends with ".jsonl".
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ from emacm.recordings.layout import Layout
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
 _AT_ONCE = 32  # files between two writes
 _BLOCK = 1 << 20
-_SETTLED = 2.0  # s; with --watch, a file that was written later may still be written
+_SETTLED = 2.0  # s; with --watch, a file changed more recently may be incomplete
 _REPORTED = 5.0  # s between two lines of progress
 
 
@@ -46,9 +46,9 @@ def run(options: argparse.Namespace) -> int:
     alarms = _alarms(model, options.fail_on)
     settings = (_digest_of(options.model), layout.key, repr(layout.meta))
     costs = options.cost.read_text(encoding="utf-8") if options.cost else None
-    seal = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
+    settings_digest = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
     columns = [*score_columns(classes), "digest"]
-    work = _Work(model, layout, columns, seal, options)
+    work = _Work(model, layout, columns, settings_digest, options)
     if options.watch is None:
         _check_paths(options.paths)
     while True:
@@ -71,11 +71,12 @@ class _Work:
         model: Any,
         layout: Layout,
         columns: Sequence[str],
-        seal: str,
+        settings_digest: str,
         options: argparse.Namespace,
     ) -> None:
         self._model, self._layout, self._columns = model, layout, columns
-        self._seal, self._options, self._said = seal, options, time.monotonic()
+        self._settings_digest, self._options = settings_digest, options
+        self._reported = time.monotonic()
         self._table = None if options.out is None else ResultTable(options.out, columns)
         self._done: dict[tuple[str, str], Row] = {}
         self._digests: dict[tuple[str, int, int], str] = {}  # of files that were read before
@@ -93,7 +94,7 @@ class _Work:
             self._table.start(self._done.values())
         for first in range(0, len(paths), _AT_ONCE):
             rows += self._rows(paths[first : first + _AT_ONCE])
-            self._tell(len(rows), len(paths))
+            self._report(len(rows), len(paths))
         here = {(row["recording"], row["digest"]) for row in rows}
         names = {row["recording"] for row in rows}
         others = [row for key, row in self._done.items() if key not in here and key[0] not in names]
@@ -116,7 +117,7 @@ class _Work:
             stamp = (str(path), status.st_size, status.st_mtime_ns)
             if stamp not in self._digests:
                 self._digests[stamp] = sha256(
-                    f"{self._seal}{_digest_of(path)}".encode()
+                    f"{self._settings_digest}{_digest_of(path)}".encode()
                 ).hexdigest()
         except OSError:
             return ""
@@ -140,9 +141,9 @@ class _Work:
                 sys.stdout.flush()
         return [row for row in known if row is not None]
 
-    def _tell(self, done: int, total: int) -> None:
-        if time.monotonic() - self._said > _REPORTED:
-            self._said = time.monotonic()
+    def _report(self, done: int, total: int) -> None:
+        if time.monotonic() - self._reported > _REPORTED:
+            self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
 
 

@@ -1,7 +1,7 @@
 """Time-synchronous averages of healthy recordings over whole strokes, and residual recordings.
 
-What each repetition of a motion repeats (friction along the stroke, inertial forces, torque ripple
-of the motor) occurs at the same shaft angles. The average over repetitions keeps it, and
+Friction along the stroke, inertial forces and torque ripple of the motor occur at the same shaft
+angles in each repetition of a motion. The average over repetitions keeps it, and
 everything else averages out.
 """
 

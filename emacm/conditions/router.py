@@ -1,4 +1,4 @@
-"""One classifier for each condition; each recording is decided by that of its condition."""
+"""One classifier for each condition, which decides on the recordings of that condition."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _has(method: str) -> Callable[[Any], bool]:
 
 
 class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
-    """Fit one clone of a classifier for each condition, and apply it to recordings of that one.
+    """Fit one clone of a classifier for each condition, and apply it to the recordings there.
 
     Healthy signals differ between loads and speeds. If the condition of each recording is known,
     a separate classifier for each condition does not have to separate faults from load changes.
@@ -89,7 +89,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
     -----
     `cost` and `priors` of such a last step take effect when a decision is made:
     ``router.set_params(estimator__...__cost=...)`` applies to the next `predict`, as if the
-    router had been fitted anew (except where a search has selected them).
+    router had been fitted again (except where a search has selected them).
 
     A class that is absent from a condition has the probability 0 there, and a decision that
     is unknown there has infinite risk. Its costs are left out, which changes no decision, and
@@ -352,7 +352,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             if value in self.estimators_:
                 routes.append(value)
             elif self.unseen == "pooled" and hasattr(self, "pooled_"):
-                routes.append(None)  # None is no condition
+                routes.append(None)  # there is no condition None
             elif self.unseen == "nearest":
                 self._check_numbers([value, *self.conditions_])
                 routes.append(min(self.conditions_, key=lambda known: (abs(known - value), known)))

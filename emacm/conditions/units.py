@@ -34,13 +34,13 @@ def for_unit(model: Any, X: Any, y: Any) -> Any:
     Returns
     -------
     estimator
-        A copy, of a search the best estimator. In a router, conditions of which there is no
-        recording are judged as for a new unit.
+        A copy, of a search the best estimator. In a router, conditions without a
+        recording are classified as for a new unit.
 
     Raises
     ------
     TypeError
-        If the last step is no `NewUnitClassifier`.
+        If the last step is not a `NewUnitClassifier`.
     ValueError
         As `NewUnitClassifier.for_unit`, or if a condition was not in training.
 
@@ -70,7 +70,7 @@ def for_unit(model: Any, X: Any, y: Any) -> Any:
     if not hasattr(model, "for_unit"):
         raise TypeError(
             f"model must be a NewUnitClassifier, or a pipeline or ConditionRouter that ends in "
-            f"one; the last step is {type(model).__name__}, which knows no units."
+            f"one; the last step is {type(model).__name__}, which has no unit effects."
         )
     return model.for_unit(X, y)
 
@@ -95,7 +95,7 @@ def prediction_sets(model: Any, X: Any, coverage: float = 0.9) -> NDArray[np.boo
     Raises
     ------
     TypeError
-        If the last step is no `NewUnitClassifier`. Of a `ConditionRouter`, ask the model of one
+        If the last step is not a `NewUnitClassifier`. For a `ConditionRouter`, use the model of one
         condition, ``prediction_sets(router.estimators_[load], X)``.
     ValueError
         As `NewUnitClassifier.prediction_sets`.

@@ -68,7 +68,7 @@ def actuator_recipe(
         As for `CostSensitiveGaussianBayes`; for decisions on families, a table of `family_costs`.
     unknown, temperature
         As for `CostSensitiveGaussianBayes`: the label of the unknown state, and the calibration of
-        the posterior. Both are learned by leaving out groups of recordings that were
+        the posterior. Both are estimated by leaving out groups of recordings that were
         measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
         passes them; without groups, single recordings are left out, with a warning that
         near-duplicates make the model over-confident. None, for both, is the method of the thesis.
@@ -104,8 +104,8 @@ def actuator_recipe(
     used, as they depend on the start and end positions; `RecordingStatistics` provides them.
 
     With `healthy`, the mean healthy signals are learned from all training recordings, also from
-    those that are left out to learn what is unknown: new recordings are then less typical than
-    these, especially if there are few healthy ones.
+    those that are left out to calibrate the unknown state: new recordings are then less typical
+    than these, especially if there are few healthy ones.
 
     The features and the classifier were selected on runs 1 to 7 of a ball screw sampled 5 times
     per revolution; ``benchmarks/real_actuator.py`` states the number of variants tried. For another

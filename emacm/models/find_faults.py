@@ -55,7 +55,7 @@ def find_faults(
     slip : float
         Largest deviation of rolling elements from the predicted orders, as a fraction.
     false_alarm : float
-        Probability that a fault is named where there is nothing but background, for each row. At
+        Probability that a fault is named in a row that contains only background. At
         1, the fault with the highest score is always named, and no threshold applies.
     channels : sequence of str, optional
         Channels, in this order. Default: all.
@@ -264,7 +264,7 @@ def _row(
         text = f"no fault: {text}; its score of {found.scores[best]:.1f} dB, the highest, is below "
         text += f"{limits[best]:.1f} dB"
     else:
-        text = f"no fault: {text}, as background alone may be (p = {found.p[best]:.2g})"
+        text = f"no fault: {text}, which background alone may reach (p = {found.p[best]:.2g})"
     return row | {"explanation": text}
 
 

@@ -1,4 +1,4 @@
-"""Model files: a fitted pipeline without pickled code, with what is known of it."""
+"""Model files: a fitted pipeline without pickled code, with a description of it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     The file holds the model, as skops writes it, and a description: versions, classes, decisions,
     costs, priors, channels, sampling rates, and check rows with the posteriors that the model
     gives for them. Costs and priors may have any form. Recordings given as `baseline_recordings`
-    are not stored, but what was learned from them.
+    are not stored, only the baselines computed from them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is unusual about recordings that a model is to decide on."""
+"""Properties of recordings that are outside the range of the training recordings."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def scored_rows(
     list of dict
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what they say is in the rows
+        warnings.simplefilter("ignore", UserWarning)  # the rows contain them
         return run(partial(_row, model), sources, names, n_jobs=n_jobs)
 
 
@@ -159,7 +159,7 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
         row |= _findings(model, recording)
         if is_unknown:
             row["outside_training"] = _reasons(model, recording, row["outside_training"])
-    except Exception as error:  # whatever it is, it is the result for this recording
+    except Exception as error:  # any error is the result for this recording
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
         text = str(error) if known else f"{type(error).__name__}: {error}"
         row["error"] = " ".join(text.split()) or type(error).__name__
@@ -189,7 +189,7 @@ def _decision(model: Any, recording: Recording) -> tuple[Row, bool]:
         decision = final.predict(table)[0]
     row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
     if hasattr(final, "typicality"):
-        with suppress(ValueError):  # of a model that has learned none; the features are valid
+        with suppress(ValueError):  # the model has no typicality; the features are valid
             row["typicality"] = float(final.typicality(table)[0])
     unknown = getattr(final, "unknown", None)
     return row, unknown is not None and bool(row["decision"] == unknown)
@@ -206,7 +206,7 @@ def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
 
 
 def _reasons(model: Any, recording: Recording, known: str) -> str:
-    """Return what makes a recording unknown, after what is known to be outside the training."""
+    """Return the sentences on properties outside the training range, then what makes it unknown."""
     statements: list[str] = []
     with suppress(TypeError, ValueError):  # some models decide but cannot be explained
         statements = explain_decision(model, recording).attrs.get("statements", [])

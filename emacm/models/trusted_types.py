@@ -56,7 +56,7 @@ def check_types(names: Sequence[str]) -> None:
 
 
 def _is_ours(name: str) -> bool:
-    """Tell whether this is an estimator of emacm, or a class of its own that only holds values."""
+    """Tell whether this is an estimator of emacm, or one of its classes that only hold values."""
     module, _, short = name.rpartition(".")
     parts = module.split(".")
     if len(parts) != 3 or parts[0] != "emacm" or parts[1] not in _SUBPACKAGES:

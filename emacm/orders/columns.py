@@ -85,7 +85,7 @@ class OrderTable(np.ndarray):
         self.columns = None
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        """Return what a ufunc or a reduction made: a number, or an array without names.
+        """Return the result of a ufunc or a reduction: a number, or an array without names.
 
         A logarithm of 0, as of the power of a dead channel, raises a ValueError: only here are
         the recording and the column known.
@@ -164,7 +164,7 @@ def number_name(number: float) -> str:
 
 
 class BinPowers(np.ndarray):
-    """Powers in bins: a plain array whose logarithm, if it does not exist, is located.
+    """Powers in bins: a plain array; an error of its logarithm states recording and column.
 
     Parameters
     ----------

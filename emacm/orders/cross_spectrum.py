@@ -49,7 +49,7 @@ class CrossAverages:
     pairs : tuple of (int, int)
         Input and output channel of each pair.
     n_segments : int
-        Segments that were averaged.
+        Number of segments averaged.
     channels : sequence of str
         Names of the channels, for messages.
     """
@@ -82,7 +82,7 @@ class CrossAverages:
         Returns
         -------
         ndarray of shape (n_pairs, n_orders)
-            From 0 to 1; 0 where either has no power (at order 0 once the mean is taken out).
+            From 0 to 1; 0 where either has no power (as at order 0 if the mean was removed).
 
         Raises
         ------
@@ -293,8 +293,8 @@ def frequency_response(
 ) -> tuple[NDArray[np.floating], Complex]:
     """Estimate the frequency response from `x` to `y` over orders, H1 [1]_.
 
-    Noise in `y` causes no bias; noise in `x` makes it too small, by the fraction of the power of
-    `x` that is noise.
+    Noise in `y` causes no bias; noise in `x` biases the magnitude towards 0, by the fraction of the
+    power of `x` that is noise.
 
     Parameters
     ----------

@@ -59,13 +59,13 @@ class OrderCrossSpectrum(WelchEstimator):
     window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`.
     overlap : float
-        Fraction of a segment that the next one has in common with it, in [0, 1).
+        Fraction of a segment that overlaps the next one, in [0, 1).
     detrend : {"constant", "linear", None, False}
-        What is removed from each segment. Only leakage is left in the first two lines.
+        What is removed from each segment; it also distorts the first two spectral lines.
     by_direction : bool or "auto"
         Separate columns for forward and reverse strokes, ``…+@…`` and ``…-@…``.
     short : {"raise", "pad"}
-        What is done with a recording none of whose strokes is as long as a segment: an error, or an
+        For a recording whose strokes are all shorter than a segment: an error, or an
         estimate in which each stroke, padded with zeros, is one segment weighted by its length.
     max_order : float, optional
         Highest order of interest: where bins end, or above which lines are omitted.
@@ -104,7 +104,7 @@ class OrderCrossSpectrum(WelchEstimator):
 
     For n independent segments of uncorrelated noise, coherence is 1/n on average; for a single one
     it is always 1, which is refused. Recordings with more segments have less of this bias: compare
-    recordings of about equal length. Noise of the input makes the response too small.
+    recordings of about equal length. Noise at the input biases the response towards 0.
 
     Bins should be narrow compared with 1/delay: where one channel lags by a revolution, the phase
     changes by 2π within one order, and the cross spectrum of a bin of that width cancels.

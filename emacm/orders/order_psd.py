@@ -33,14 +33,14 @@ class OrderPSD(WelchEstimator):
     Parameters
     ----------
     revolutions : float
-        Length of a segment; the distance between spectral lines is 1/revolutions orders, whatever
-        theta_s is (to the nearest whole number of samples).
+        Length of a segment; the distance between spectral lines is 1/revolutions orders (to the
+        nearest whole number of samples), independent of theta_s.
     n_per_segment : int, optional
         Length of a segment in samples (the thesis' L), in place of `revolutions`.
     window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`.
     overlap : float
-        Fraction of a segment that the next one has in common with it, in [0, 1).
+        Fraction of a segment that overlaps the next one, in [0, 1).
     detrend : {"constant", "linear", None, False}
         What is removed from each segment.
     scaling : {"density", "spectrum"}
@@ -52,7 +52,7 @@ class OrderPSD(WelchEstimator):
         Separate columns for forward and reverse strokes, ``channel+@…`` and ``channel-@…``.
         "auto": if a recording of `fit` has strokes of at least one revolution in both directions.
     short : {"raise", "pad"}
-        What is done with a recording none of whose strokes is as long as a segment: an error, or an
+        For a recording whose strokes are all shorter than a segment: an error, or an
         estimate padded with zeros, in which each stroke is weighted by its length (for any
         `average`).
     max_order : float, optional
@@ -61,9 +61,9 @@ class OrderPSD(WelchEstimator):
         Angle between samples [rad] of plain rows. Recordings contain theirs.
     memory : None, str, path, joblib.Memory or SpectrumStore
         Folder in which spectra are kept between calls, folds, candidates of a search and processes,
-        up to 1 GiB (`emacm.orders.store.SpectrumStore` sets another limit). A spectrum is found by
-        the content of its recording and all settings, including those of resampling. Resampled
-        signals are not kept.
+        up to 1 GiB (`emacm.orders.store.SpectrumStore` sets another limit). The key of a
+        spectrum is the content of its recording and all settings, including those of resampling.
+        Resampled signals are not kept.
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib (the higher, the more often).
@@ -201,8 +201,8 @@ class OrderPSD(WelchEstimator):
         Raises
         ------
         TypeError, ValueError
-            If theta_s or channels differ from those of `fit`, or a recording holds no segment (the
-            message gives its number and its revolutions).
+            If theta_s or channels differ from those of `fit`, or a recording has no stroke as
+            long as a segment (the message gives its number and its revolutions).
         """
         check_is_fitted(self)
         rows = self._checked(X, reset=False)

@@ -60,7 +60,7 @@ class SegmentPlan:
     by_direction : bool
         Whether forward and reverse strokes are averaged separately.
     short : {"raise", "pad"}
-        What is done with a recording none of whose strokes is as long as a segment.
+        For a recording whose strokes are all shorter than a segment: an error, or zero padding.
     """
 
     samples_per_rev: float
@@ -272,7 +272,7 @@ class SegmentPlan:
         first: int,
         n_segments: int,
     ) -> NDArray[np.floating]:
-        """Squared lines, summed over segments or, for the median, of each.
+        """Squared magnitudes of spectral lines, summed over segments or, for the median, of each.
 
         Shape (n_channels, n_orders) or (n_channels, n_segments, n_orders).
         """

@@ -1,11 +1,11 @@
 """Spectra that are kept between calls: in memory, and in files that processes share.
 
-A spectrum is found by the content of its recording and by all settings. Files contain numbers only,
+The key of a spectrum is the content of its recording and all settings. Files contain numbers only,
 no pickled code. Each is written under a temporary name and then renamed, and ends with a checksum;
 whatever cannot be read, or is not a spectrum of the expected shape, is estimated again.
 
-`joblib.Memory` is not used: it took five times as long to read a spectrum, it deletes files of
-others in the same folder, and it accepts a damaged file that can still be read.
+`joblib.Memory` is not used: it took five times as long to read a spectrum, it deletes foreign
+files in the same folder, and it accepts a damaged file that can still be read.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class SpectrumStore:
             self._make_room()
 
     def _make_room(self) -> None:
-        """Delete the oldest files where the limit is exceeded; files of others are left alone."""
+        """Delete the oldest files where the limit is exceeded; other files are not touched."""
         files = []
         for file in Path(self.folder, _FOLDER).glob("[0-9a-f][0-9a-f]/*"):
             name, _, ending = file.name.partition(".")

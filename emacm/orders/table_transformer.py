@@ -1,4 +1,4 @@
-"""What transformers of order spectra share: the order axis, read from the columns of the table."""
+"""Base of the transformers of order spectra, which read the order axis from the columns."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         return np.array(self._columns_out, dtype=object)
 
     def _fit_table(self, X: Any) -> NDArray[np.floating]:
-        """Return the spectra that `fit` gets, and remember their columns."""
+        """Check the spectra passed to `fit`, and store the names of their columns."""
         names = self._checked_names(X)
         options = {"dtype": np.float64, "ensure_min_features": 2, "ensure_all_finite": False}
         if names is not None and _names_orders(names):
@@ -71,7 +71,7 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         return psd
 
     def _read_table(self, X: Any) -> NDArray[np.floating]:
-        """Return the spectra that `transform` gets, in float64 or float32."""
+        """Check the spectra passed to `transform`; return them in float64 or float32."""
         check_is_fitted(self)
         names = self._checked_names(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}

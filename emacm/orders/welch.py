@@ -59,7 +59,7 @@ def segment_plan(
     window : str, tuple or array-like of shape (n_per_segment,)
         As for `scipy.signal.get_window`. "hann" is Chirico, Eq. (2.17).
     overlap : float
-        Fraction of a segment that the next one has in common with it, in [0, 1).
+        Fraction of a segment that overlaps the next one, in [0, 1).
     detrend : {"constant", "linear", None, False}
         What is removed from each segment. "constant" distorts the first two lines, so bins of
         interest should begin above them.
@@ -74,7 +74,7 @@ def segment_plan(
     by_direction : bool
         Average forward and reverse strokes separately.
     short : {"raise", "pad"}
-        What is done with a recording none of whose strokes is as long as a segment.
+        For a recording whose strokes are all shorter than a segment: an error, or zero padding.
 
     Raises
     ------
@@ -239,7 +239,7 @@ class WelchEstimator(TransformerMixin, SavedEstimator):
     """Base of the estimators that average over segments of recordings over shaft angle.
 
     A subclass has options of `segment_plan` among its parameters. Its `fit` sets `theta_s_`, calls
-    `_set_plan`, and sets the names of the columns and what is known of its input.
+    `_set_plan`, and sets the names of the columns and the attributes of its input.
     """
 
     theta_s_: float | None

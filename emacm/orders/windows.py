@@ -1,4 +1,4 @@
-"""Windows of the segments of Welch's method, and what is removed from a segment first."""
+"""Windows and detrending of the segments of Welch's method."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _named_window(window: Any, length: int) -> NDArray[np.floating]:
         values = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
     except (ValueError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(
-            f"window must be what scipy.signal.get_window takes, such as 'hann' or "
+            f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
             f"('kaiser', 8.0); got {window!r}: {error}"
         ) from error
     _checked(values, window).flags.writeable = False

@@ -105,7 +105,7 @@ def _is_number(text: str, *, comma: bool) -> bool:
     try:
         float(text.replace(",", ".") if comma else text)
     except ValueError:
-        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # a date is no name either
+        return bool(re.match(r"\d{4}-\d\d-\d\d[T ]", text))  # nor is a date a name
     return True
 
 

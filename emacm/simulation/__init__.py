@@ -7,7 +7,7 @@
 - `simulate_actuator`, `simulate_fleet`: a preset of the bench with short runs at 4 kHz, to try a
   pipeline within seconds.
 
-The same seed gives the same recordings, in whatever order they are simulated.
+The same seed gives the same recordings, in any order of simulation.
 
 Examples
 --------

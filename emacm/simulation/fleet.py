@@ -27,7 +27,7 @@ def simulate_actuator(
     duration: float = 6.0,
     fs: float = 4000.0,
 ) -> Recording:
-    """Simulate one short run of an actuator that strokes to and fro: a preset of the bench.
+    """Simulate one short run of an actuator that moves back and forth: a preset of the bench.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def na4(residuals: Sequence[ArrayLike]) -> Array:
     """Return NA4 of each of several runs of one gear, in order of time [1]_.
 
     The fourth moment of a residual signal over the square of its variance averaged over the runs
-    so far, so that NA4, other than FM4, keeps growing while damage spreads over the teeth.
+    so far, so that NA4, unlike FM4, keeps growing while damage spreads over the teeth.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def na4(residuals: Sequence[ArrayLike]) -> Array:
 
 
 def mesh_envelope(average: ArrayLike, teeth: int) -> Array:
-    """Return the envelope of the signal around the mesh order, half the mesh order wide each side.
+    """Return the envelope of the band of ± half the mesh order around the mesh order.
 
     Parameters
     ----------
@@ -210,4 +210,6 @@ def sideband_level(average: ArrayLike, teeth: int) -> float:
     return float(level / np.maximum(np.sqrt(np.mean(x**2)), _TINY))
 
 
-_TINY = np.finfo(np.float64).tiny ** 0.25  # of a signal without any power; its square is no 0
+_TINY = (
+    np.finfo(np.float64).tiny ** 0.25
+)  # of a signal without power; its square must not underflow to 0

@@ -31,7 +31,7 @@ _INDICATORS = ("FM0", "FM4", "M6A", "sidebands", "NA4", "NB4")
 
 
 class _RevolutionFeatures(StrokeFeatures):
-    """Base of features of averages over revolutions: all recordings have as many samples in one."""
+    """Base of features of averaged revolutions, which have the same number of samples each."""
 
     def fit(self: Self, X: Any, y: Any = None) -> Self:
         """Set the channels, the samples per revolution and the names of the columns.
@@ -269,7 +269,7 @@ class GearIndicators(_RevolutionFeatures):
         return [((name, word) if name else (word,)) for name in names for word in _INDICATORS]
 
     def _features(self, strokes: Sequence[StrokeSignal]) -> Array:
-        """Return indicators, with moments in place of NA4 and NB4, and two variances, per gear."""
+        """Return indicators of each gear, with moments in place of NA4, NB4, and two variances."""
         average = average_revolution(strokes, self._n_samples)
         return np.concatenate([self._of_gear(average, teeth) for teeth in self._gears().values()])
 
@@ -348,7 +348,7 @@ def _samples_per_revolution(row: Row) -> int:
 
 
 def _check_over_angle(row: Row, n_samples: int) -> None:
-    """Raise if a recording has not as many samples per revolution."""
+    """Raise if a recording has another number of samples per revolution."""
     if not isinstance(row, AngleRecording):
         return  # which StrokeFeatures reports
     exact = _TURN / row.theta_s

@@ -43,13 +43,13 @@ class ShaftHarmonics(StrokeFeatures):
     phase : {"absolute", "relative", None}
         "absolute": coefficients c and s of ``c cos(order * angle) + s sin(order * angle)``, in
         the unit of the channel, against the shaft angle. "relative": the same, with all phases
-        counted from that of the first order in the forward strokes (of all strokes, without
+        relative to that of the first order in the forward strokes (of all strokes, without
         `by_direction`). None: amplitudes, sqrt(c² + s²).
     n_sections : int
         Number of equal sections of each stroke with coefficients of their own, for friction
         that varies along a screw; numbered from 1 in the direction of motion.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        Speed up to which the shaft counts as standing still [rad/s], as in `OrderResampler`. For
         resampled recordings, the value given there applies.
     min_revolutions : float
         Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
@@ -190,7 +190,7 @@ class ShaftHarmonics(StrokeFeatures):
 
 
 def _relative(lines: Array, orders: Array) -> Array:
-    """Count phases of (channel, way, section, order, [cos, sin]) from the first way and order."""
+    """Refer phases of (channel, direction, section, order, [cos, sin]) to those of index 0."""
     waves = lines[..., 0] - 1j * lines[..., 1]
     reference = np.angle(waves[:, 0, :, 0].mean(axis=-1))
     turned = waves * np.exp(-1j * reference[:, None, None, None] * orders / orders[0])
@@ -241,7 +241,7 @@ def harmonic_coefficients(
     Each sample is weighted by the angle that it represents, so that over whole revolutions the
     coefficients are those of the time-synchronous average, and other orders are rejected even
     if the speed changes. At even angles, apart from the trend, they are the Fourier coefficients
-    of the average revolution (assumed: no source is followed).
+    of the average revolution (no source is cited).
 
     Examples
     --------

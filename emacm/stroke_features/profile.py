@@ -40,7 +40,7 @@ class StrokeProfile(StrokeFeatures):
         "cosine": projections on the orthonormal cosines with 0, 1, 2, ... half waves along the
         stroke; "mean": means of equal segments of the stroke. Both in the unit of the channel.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        Speed up to which the shaft counts as standing still [rad/s], as in `OrderResampler`. For
         resampled recordings, the value given there applies.
     min_revolutions : float
         Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give

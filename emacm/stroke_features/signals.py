@@ -83,7 +83,7 @@ def cut_into_strokes(
     channels : sequence of str
         Names of the channels.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s]; a recording over the angle
+        Speed up to which the shaft counts as standing still [rad/s]; a recording over the angle
         has its own value.
     min_revolutions : float
         Strokes shorter than this [revolutions] are ignored; over time they count as rest.

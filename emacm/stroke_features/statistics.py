@@ -40,7 +40,7 @@ class RecordingStatistics(StrokeFeatures):
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
         ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
     min_speed : float
-        Speed up to which the shaft counts as standing [rad/s], as in `OrderResampler`. For
+        Speed up to which the shaft counts as standing still [rad/s], as in `OrderResampler`. For
         resampled recordings, the value given there applies.
     min_revolutions : float
         Shorter strokes are ignored [revolutions]. A noisy shaft reference at standstill can give
@@ -257,7 +257,7 @@ def common_slope(signals: Sequence[ArrayLike], turns: Sequence[ArrayLike]) -> fl
     Notes
     -----
     The least-squares solution of ``signal[i] = level[i] + slope * turns[i]`` is the sum of the
-    centred products over the sum of the centred squares (assumed: no source is followed).
+    centred products over the sum of the centred squares (no source is cited).
 
     Examples
     --------

@@ -28,7 +28,7 @@ SIGNALS = {  # channel: name in the thesis
 }
 UNITS = {"lvdt": "in", "velocity": "rad/s", "current_a": "A", "accelerometer": "g"}
 REVOLUTIONS = 8  # of a segment; not in the thesis. Condition 1 makes 14 revolutions in 10 s.
-MIN_SPEED = 1.0  # rad/s; below it, noise of the resolver cuts strokes
+MIN_SPEED = 1.0  # rad/s; below it, noise of the resolver divides strokes
 _COMMAND = (0.0, 1.0)  # orders of the commanded motion, below one per revolution
 _FUNDAMENTAL = (POLE_PAIRS - 0.4, POLE_PAIRS + 0.4)  # chapter 3: 5.6 to 6.4
 

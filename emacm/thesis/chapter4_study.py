@@ -24,7 +24,7 @@ GROUPS = ("inner ring", "electrical noise", "shaft")  # kinds of predicted order
 LINE_WIDTH = 4 / REVOLUTIONS  # orders: main lobe of a Hann window
 OUTCOMES = ("correct", "false alarm", "missed detection")
 _NOISE = (2, 6)  # multiples of the supply: orders 12 and 36 of section 4.5
-_SHAFT = 3  # highest multiple of the shaft order
+_SHAFT = 3  # highest harmonic of the shaft
 
 
 class Model(NamedTuple):

@@ -36,7 +36,7 @@ def shares_table(studies: Sequence[Study]) -> pd.DataFrame:
 
 
 def ranges_as_text(shares: pd.DataFrame) -> pd.DataFrame:
-    """Return a `shares_table` with each range beside its median, as text.
+    """Return a `shares_table` as text: medians with their ranges in parentheses.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def _shares_of_one(study: Study) -> pd.DataFrame:
 
 
 def lines_table(study: Study, n_lines: int = 8) -> pd.DataFrame:
-    """Return the strongest lines of each classifier."""
+    """Return the strongest spectral lines of each classifier."""
     tables = []
     for model, explanation in zip(study.models, study.explanations, strict=True):
         top = explanation.head(n_lines)

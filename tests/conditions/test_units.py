@@ -116,7 +116,7 @@ def test_other_classifiers_know_no_units():
     frame, y, _ = fleet()
     X = frame[["rms", "kurtosis"]]
     model = make_pipeline(StandardScaler(), CostSensitiveGaussianBayes()).fit(X, y)
-    with pytest.raises(TypeError, match="CostSensitiveGaussianBayes, which knows no units"):
+    with pytest.raises(TypeError, match="CostSensitiveGaussianBayes, which has no unit effects"):
         for_unit(model, X[:2], "healthy")
     with pytest.raises(TypeError, match="last step, got CostSensitiveGaussianBayes"):
         prediction_sets(model, X)
