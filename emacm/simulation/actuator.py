@@ -8,10 +8,12 @@ import numpy as np
 
 from emacm._checks import check_number
 from emacm.simulation.conditions import INCH, POUND, RPM
+from emacm.simulation.constants import MOUNTING, OF_RUNS, OF_UNITS, WARM
 
 PEAK_SPEED = 4572 * RPM  # rad/s, Table 4.1
 RATED_FORCE = 3700 * POUND  # N, Table 4.1
 RATED_CURRENT = 15.6 * float(np.sqrt(2))  # A peak, Table 4.1
+SUPPLY_VOLTAGE = 220.0  # V RMS between phases, Table 4.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,13 +21,15 @@ class Actuator:
     """Constants of one electro-mechanical actuator on the bench.
 
     The thesis states 12 poles, a peak speed of 4572 RPM at 220 V, and 3700 lbf at 15.6 A RMS
-    (Table 4.1). All constants below are assumed.
+    (Table 4.1). All constants below are assumed; constants of sensors and drive are in
+    `emacm.simulation.constants`.
 
     Attributes
     ----------
     screw_lead : float
-        Travel per revolution [in]. With the efficiency below, 220 V between phases hold 4572 RPM
-        and 3700 lbf at 15.6 A for 0.17 in at most; 0.2 in is the nearest common lead.
+        Travel per revolution [in]. By Table 4.1 the back-EMF between phases at 4572 RPM is
+        1310 V per inch of lead at the efficiency below: 220 V allow 0.168 in. The default is
+        4 mm, a common lead: 206 V.
     efficiency : float
         Efficiency of the ball screw; the loss is friction in proportion to the load.
     inertia : float
@@ -34,6 +38,10 @@ class Actuator:
         Coulomb [N m] and viscous friction [N m s/rad] without load.
     stiffness : float
         Stiffness of nut, rod and clevis [N/m].
+    winding_resistance : float
+        Resistance of a phase [Ohm].
+    winding_inductance : float
+        Inductance of a phase [H]; the same in both axes.
     max_current : float
         Current limit of the controller [A].
     torque_gain : float
@@ -48,6 +56,13 @@ class Actuator:
         Cogging torque [N m], at order 36: the least common multiple of 12 poles and 18 slots.
     unbalance : float
         Mass times radius of the rotor [kg m]; 4e-5 is the balance grade G 6.3 of 3 kg.
+    waviness : float
+        Amplitude of the force of a ball-pass line of a healthy unit, with load and preload equal
+        to the rated force [N]: some 10 nm of waviness on a contact of 5e7 N/m.
+    recirculation : float
+        Amplitude of the friction torque of balls that enter the return of the screw [N m].
+    resolver_error : float
+        Amplitude of the error of the resolver at orders 1 and 2 [arcmin]; a third at order 12.
     rolling_noise : float
         RMS force of the rolling elements on the housing, white up to 24 kHz, at peak speed and
         with load and preload equal to the rated force [N].
@@ -60,7 +75,8 @@ class Actuator:
     accelerometer_gain : float
         Reading per acceleration.
     phase_mismatch : float
-        Relative excess of the current of phase A.
+        Negative-sequence current relative to the positive sequence: relative excess of the
+        current of phase A.
     electrical_noise : float
         Electrical noise of the motor in the cables of LVDT and velocity, relative to the default.
     mark : float
@@ -74,15 +90,17 @@ class Actuator:
     Examples
     --------
     >>> round(Actuator().torque_constant, 3)
-    0.67
+    0.528
     """
 
-    screw_lead: float = 0.2
+    screw_lead: float = 0.1575
     efficiency: float = 0.9
     inertia: float = 1.5e-3
     coulomb: float = 0.4
     viscous: float = 1e-3
     stiffness: float = 1e8
+    winding_resistance: float = 0.25
+    winding_inductance: float = 1.5e-3
     max_current: float = 40.0
     torque_gain: float = 1.0
     position_gain: float = 40.0
@@ -90,6 +108,9 @@ class Actuator:
     ripple: float = 0.05
     cogging: float = 0.02
     unbalance: float = 4e-5
+    waviness: float = 1.0
+    recirculation: float = 0.01
+    resolver_error: float = 3.0
     rolling_noise: float = 20.0
     housing_mass: float = 12.0
     resonance: float = 420.0
@@ -125,6 +146,11 @@ class Actuator:
         return self.torque_gain * rated / RATED_CURRENT
 
     @property
+    def emf_constant(self) -> float:
+        """Peak back-EMF of a phase per speed [V s/rad]: ``2/3`` of the torque constant."""
+        return 2 / 3 * self.torque_constant
+
+    @property
     def max_torque(self) -> float:
         """Torque at the current limit [N m]."""
         return self.torque_constant * self.max_current
@@ -135,28 +161,20 @@ class Actuator:
         return 2 * np.pi / self.screw_lead
 
 
-_MAY_BE_0 = ("coulomb", "viscous", "ripple", "cogging", "unbalance", "rolling_noise") + (
+_MAY_BE_0 = (
+    "winding_resistance",
+    "winding_inductance",
+    "coulomb",
+    "viscous",
+    "ripple",
+    "cogging",
+    "unbalance",
+    "waviness",
+    "recirculation",
+    "resolver_error",
+    "rolling_noise",
     "electrical_noise",
 )
-
-# Standard deviations of the logarithm, from unit to unit and from run to run. Assumed: parts of the
-# same design agree within per cents, except for friction and the effects of shape deviations.
-_OF_UNITS = {
-    "coulomb": 0.15,
-    "viscous": 0.15,
-    "torque_gain": 0.02,
-    "ripple": 0.4,
-    "cogging": 0.3,
-    "unbalance": 0.4,
-    "rolling_noise": 0.2,
-    "resonance": 0.03,
-    "damping": 0.2,
-    "lvdt_gain": 0.003,
-    "accelerometer_gain": 0.03,
-    "electrical_noise": 0.3,
-}
-_OF_RUNS = {"coulomb": 0.03, "viscous": 0.03, "rolling_noise": 0.03, "electrical_noise": 0.05}
-
 
 def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
     """Draw the constants of one unit.
@@ -185,7 +203,7 @@ def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.
     True
     """
     spread = check_number(spread, "unit_spread", at_least=0)
-    unit = _scattered(nominal, rng, _OF_UNITS, spread)
+    unit = _scattered(nominal, rng, OF_UNITS, spread)
     offset, mismatch, turn = rng.normal(0, [0.002, 0.003, 2.0])
     return replace(
         unit,
@@ -195,8 +213,15 @@ def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.
     )
 
 
-def draw_run(unit: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
-    """Draw the constants of a unit in one run: friction and electrical noise vary.
+def draw_run(
+    unit: Actuator,
+    rng: np.random.Generator,
+    *,
+    spread: float = 1.0,
+    warmth: float = 0.0,
+    mounting: float = 0.0,
+) -> Actuator:
+    """Draw the constants of a unit in one run: friction, electrical noise, temperature, mounting.
 
     Parameters
     ----------
@@ -206,6 +231,10 @@ def draw_run(unit: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -
         Random numbers of the run.
     spread : float
         Run-to-run variation relative to the default; 0 gives the unit itself.
+    warmth : float
+        Temperature between 0 (cold) and 1 (warm): friction, torque constant and resonance fall.
+    mounting : float
+        Standard normal deviate of the mounting of the accelerometer.
 
     Returns
     -------
@@ -217,16 +246,20 @@ def draw_run(unit: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -
         If `spread` is not a number or negative.
     """
     spread = check_number(spread, "run_spread", at_least=0)
-    return _scattered(unit, rng, _OF_RUNS, spread)
+    drawn = _scattered(unit, rng, OF_RUNS, spread)
+    shifts = {name: warmth * shift for name, shift in WARM.items()}
+    shifts["accelerometer_gain"] += MOUNTING * mounting
+    return _multiplied(drawn, {name: np.exp(spread * by) for name, by in shifts.items()})
 
 
 def _scattered(
     actuator: Actuator, rng: np.random.Generator, deviations: dict[str, float], spread: float
 ) -> Actuator:
     factors = np.exp(spread * rng.normal(0, list(deviations.values())))
-    changed = {
-        name: getattr(actuator, name) * float(factor)
-        for name, factor in zip(deviations, factors, strict=True)
-    }
+    return _multiplied(actuator, dict(zip(deviations, factors, strict=True)))
+
+
+def _multiplied(actuator: Actuator, factors: dict[str, float]) -> Actuator:
+    changed = {name: getattr(actuator, name) * float(by) for name, by in factors.items()}
     changed["damping"] = min(changed.get("damping", actuator.damping), 1.0)
     return replace(actuator, **changed)

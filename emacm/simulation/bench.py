@@ -14,10 +14,19 @@ from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.actuator import RATED_CURRENT, Actuator, draw_run, draw_unit
 from emacm.simulation.conditions import CONDITIONS, load_error, load_force, position_command
+from emacm.simulation.constants import CARRIER, RUNS_PER_MOUNTING, SHAFT_DECIMATION
+from emacm.simulation.drive import carrier_ripple, phase_voltage
 from emacm.simulation.faults import FAULTS, Passage, ball_passage, check_faults
+from emacm.simulation.imperfections import (
+    Imperfections,
+    draw_imperfections,
+    healthy_lines,
+    resolver_error,
+    warmth,
+)
 from emacm.simulation.mechanics import bench_motion, rod_position
 from emacm.simulation.motor import Torques, phase_currents, shaft_torques
-from emacm.simulation.sensors import SHAFT_DECIMATION, cable_noise, measured, resolver_angle
+from emacm.simulation.sensors import cable_noise, interference, measured, resolver_angle
 from emacm.simulation.vibration import housing_acceleration, housing_force
 
 PHASES = ("a", "b", "c")
@@ -40,7 +49,9 @@ class BenchTruth(NamedTuple):
     position : ndarray of shape (n_times,)
         Position of the rod [in].
     currents : ndarray of shape (3, n_times)
-        Phase currents [A].
+        Phase currents, including the ripple of the inverter [A].
+    voltage : ndarray of shape (n_times,)
+        Peak voltage of a phase, without the ripple of the inverter [V].
     acceleration : ndarray of shape (n_times,)
         Acceleration of the housing [g].
     passages : dict of str to Passage
@@ -57,6 +68,7 @@ class BenchTruth(NamedTuple):
     force: NDArray[np.floating]
     position: NDArray[np.floating]
     currents: NDArray[np.floating]
+    voltage: NDArray[np.floating]
     acceleration: NDArray[np.floating]
     passages: dict[str, Passage]
     position_command: NDArray[np.floating]
@@ -71,6 +83,12 @@ class LaboratoryBench:
     commands of Table 4.3 against a load. Signals are scaled and limited as in Table 4.2, filtered
     at 15 kHz and sampled at 48 kHz. Every part is a mechanical or electrical model; constants
     state their source or "assumed". No constant was chosen by the result of a classifier.
+
+    The three phases are fed by an inverter from 220 V: currents sum to zero, and current and
+    voltage are limited. A healthy unit has lines of its rolling elements, the resolver has errors
+    at orders 1, 2 and 12, and cables carry mains and switching noise, which are fixed in time. A
+    unit warms up during its runs in a condition, and every five runs its accelerometer is mounted
+    again.
 
     Parameters
     ----------
@@ -198,21 +216,24 @@ class LaboratoryBench:
             If the condition or run does not exist.
         """
         truth = self.truth(condition, run)
+        angle = truth.torques.angle
         current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
+        error, slope = resolver_error(angle, truth.actuator, self._imperfections)
         quantities = {
             "lvdt": truth.actuator.lvdt_gain * truth.position + truth.actuator.lvdt_offset,
-            "velocity": truth.torques.velocity,
+            "velocity": (1 + slope) * truth.torques.velocity,  # computed from the resolver
             **{f"current_{x}": truth.currents[PHASES.index(x)] for x in self.phases},
             "accelerometer": truth.actuator.accelerometer_gain * truth.acceleration,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
         level = self.electrical_noise * truth.actuator.electrical_noise
+        waves = interference(truth.times, self._rng("interference", condition, run))
         signals = {}
         for name, values in quantities.items():
             sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
             mark = truth.actuator.mark + len(sensor)  # different phases in different cables
-            cable = cable_noise(sensor, truth.torques.angle, current, level, mark)
+            cable = cable_noise(sensor, angle, current, level, mark) + waves.volts(sensor)
             signals[name] = measured(
                 sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable
             )[kept]
@@ -222,7 +243,9 @@ class LaboratoryBench:
         return Recording(
             {name: signals[name] for name in self.channels},
             self.fs,
-            angle=resolver_angle(truth.torques.angle[kept], self._rng("resolver", condition, run)),
+            angle=resolver_angle(
+                angle[kept], self._rng("resolver", condition, run), error[kept]
+            ),
             shaft_fs=self.fs / SHAFT_DECIMATION,
             meta=self.meta(condition, run),
         )
@@ -247,7 +270,7 @@ class LaboratoryBench:
         row, faults = CONDITIONS[_known(condition)], self._present
         check_count(run, "run")
         of_run = self._rng("run", condition, run)
-        unit = draw_run(self.built, of_run, spread=self.run_spread)
+        unit = self._in_run(condition, run, of_run)
         phase = of_run.uniform(0, 2 * np.pi)
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
         n_before = round(_BEFORE * self.fs)
@@ -263,21 +286,37 @@ class LaboratoryBench:
             for name in faults
             if FAULTS[name].rolls
         }
+        lines = healthy_lines(
+            motion.angle, self._imperfections, self._rng("lines", condition, run), self.fs
+        )
         friction_rng = self._rng("friction", condition, run)
-        torques = shaft_torques(motion, force, unit, faults, passages, friction_rng)
+        torques = shaft_torques(motion, force, unit, faults, passages, friction_rng, lines.torque)
         position, knocks = rod_position(
             torques.angle, force, unit, faults.get("backlash", 0.0), self.fs
         )
         shaking = housing_force(
-            torques, unit, faults, passages, knocks, self._rng("forces", condition, run), self.fs
+            torques,
+            unit,
+            faults,
+            passages,
+            knocks,
+            self._rng("forces", condition, run),
+            self.fs,
+            lines.force,
         )
+        voltage = phase_voltage(torques.motor, torques.velocity, unit)
+        currents = phase_currents(torques.motor, torques.angle, unit, faults)
+        if self.fs / 2 > CARRIER:
+            turned = self._rng("carrier", condition, run).uniform(0, 2 * np.pi)
+            currents += carrier_ripple(voltage, torques.angle, times, turned, unit)
         return BenchTruth(
             unit,
             times,
             torques,
             force,
             position,
-            phase_currents(torques.motor, torques.angle, unit, faults),
+            currents,
+            voltage,
             housing_acceleration(shaking, unit, self.fs),
             passages,
             position_command(row, times, phase),
@@ -314,6 +353,21 @@ class LaboratoryBench:
     @property
     def _present(self) -> dict[str, float]:
         return {name: severity for name, severity in self.faults.items() if severity}
+
+    @property
+    def _imperfections(self) -> Imperfections:
+        return draw_imperfections(self._rng("imperfections"), spread=self.unit_spread)
+
+    def _in_run(self, condition: int, run: int, rng: np.random.Generator) -> Actuator:
+        """Return the constants of the unit in a run: warm-up, and the mounted accelerometer."""
+        mounted = self._rng("mounting", condition, (run - 1) // RUNS_PER_MOUNTING)
+        return draw_run(
+            self.built,
+            rng,
+            spread=self.run_spread,
+            warmth=warmth(self._rng("warmth", condition), run),
+            mounting=float(mounted.standard_normal()),
+        )
 
     def _rng(self, stream: str, condition: int = 0, run: int = 0) -> np.random.Generator:
         # The name, not a number in a list: a new fault or channel must not change any other stream.

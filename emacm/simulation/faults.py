@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
+from emacm.simulation.constants import SLIP
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -25,7 +26,13 @@ _LINES = fault_orders(BEARING)["order"]
 CAGE_ORDER = float(_LINES["FTF"])
 _LOAD_ZONE = 1.2  # assumed: Stribeck's epsilon; above 1 the whole ring is loaded, as under thrust
 _IMPACT_SCATTER = 0.2  # assumed: standard deviation of the logarithm of the size of an impact
-_SLIP = 0.005  # assumed: standard deviation of the interval between two impacts, relative to it
+# Orders of the rolling elements of a healthy unit, by part.
+HEALTHY_ORDERS: Mapping[str, float] = MappingProxyType(
+    {
+        **{name: float(_LINES[name]) for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
+        "screw": float(fault_orders(SCREW)["order"]["BPFO"]),
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +63,8 @@ class Fault:
     friction_noise : float
         RMS of the random part of the friction, relative to the Coulomb friction.
     imbalance : float
-        Fraction of its current that phase A lacks.
+        Negative-sequence current relative to the positive sequence, in phase opposition in phase
+        A: the fraction of its current that phase A lacks. The currents still sum to zero.
     backlash : float
         Clearance of the nut [in].
     place, width : float
@@ -94,7 +102,7 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
         # A spall in the groove of the nut.
         "screw": Fault(
-            orders=(float(fault_orders(SCREW)["order"]["BPFO"]),),
+            orders=(HEALTHY_ORDERS["screw"],),
             rolls=True,
             torque=0.3,
             impact=0.04,
@@ -225,7 +233,7 @@ def ball_passage(
     (order,) = FAULTS[fault].orders
     steps = np.diff(angle, prepend=angle[0]) * (order / (2 * np.pi))
     start = rng.uniform()
-    slip = np.cumsum(_SLIP * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
+    slip = np.cumsum(SLIP * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
     phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
     impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
     sizes = np.exp(_IMPACT_SCATTER * rng.standard_normal(len(impacts)))

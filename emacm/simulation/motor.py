@@ -11,13 +11,15 @@ from scipy import signal as filters
 
 from emacm.simulation.actuator import RATED_CURRENT, Actuator
 from emacm.simulation.conditions import POUND
+from emacm.simulation.constants import (
+    COGGING_ORDER,
+    DAMPING,
+    DEAD_TIME,
+    FREE_TORQUE,
+    STICTION_SPEED,
+)
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.mechanics import Motion, jam_torque
-
-_COGGING_ORDER = 36.0  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
-_STICTION_SPEED = 1.0  # rad/s, assumed: range over which friction changes its sign
-_DAMPING = 0.8  # damping ratio of the velocity loop, assumed
-_DEAD_TIME = ((5, 0.010), (7, 0.007))  # harmonics of the current and their sizes; assumed
 
 
 class Torques(NamedTuple):
@@ -49,6 +51,7 @@ def shaft_torques(
     faults: Mapping[str, float],
     passages: Mapping[str, Passage],
     rng: np.random.Generator,
+    lines: NDArray[np.floating] | float = 0.0,
 ) -> Torques:
     """Return the torques that a motion requires, and the motion including their ripple.
 
@@ -66,6 +69,8 @@ def shaft_torques(
         Passages of rolling elements over the defects.
     rng : Generator
         Random numbers of the friction.
+    lines : ndarray of shape (n_times,) or float
+        `HealthyLines.torque`.
 
     Returns
     -------
@@ -79,15 +84,22 @@ def shaft_torques(
     loop a defect is visible in the current, above it in the speed.
     """
     load = force * POUND * actuator.torque_per_force
-    direction = np.tanh(motion.velocity / _STICTION_SPEED)
+    direction = np.tanh(motion.velocity / STICTION_SPEED)
     dry = faults.get("lubrication", 0.0)
     coulomb = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
     coulomb = coulomb + (1 / actuator.efficiency - 1) * np.abs(load)
     coulomb = coulomb + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
     friction = direction * coulomb + actuator.viscous * motion.velocity
     mean = actuator.inertia * motion.acceleration + load + friction
+    # Where a jam stops the shaft, friction takes what exceeds the torque limit.
+    limited = np.clip(mean, -actuator.max_torque, actuator.max_torque)
+    friction += limited - mean
+    mean = limited
     ripple = _ripple(motion.angle, mean, actuator, faults)
-    ripple -= direction * _braking(motion.angle, load, actuator, faults, passages, rng)
+    braking = _braking(motion.angle, load, actuator, faults, passages, rng)
+    rated = actuator.torque_constant * RATED_CURRENT
+    braking += actuator.recirculation * (FREE_TORQUE + np.abs(load) / rated) * lines
+    ripple -= direction * braking
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
     return Torques(
         mean + actuator.inertia * acceleration - ripple,
@@ -106,8 +118,9 @@ def phase_currents(
     actuator: Actuator,
     faults: Mapping[str, float],
 ) -> NDArray[np.floating]:
-    """Return the currents of the three phases.
+    """Return the currents of the three phases, which sum to zero: the star point is not connected.
 
+    Unequal phases add a current that passes the phases in the opposite order (negative sequence).
     The controller keeps the current vector perpendicular to the rotor flux (no d-current), so
     that torque is proportional to its length. Dead time of the inverter adds the 5th and 7th
     harmonic; their torque is included in the cogging torque.
@@ -135,15 +148,15 @@ def phase_currents(
     array([-10.,   5.,   5.])
     """
     length = torque / actuator.torque_constant
-    mismatch = _mismatch(actuator, faults)
     turning = np.exp(1j * POLE_PAIRS * angle)
-    harmonics = {k: share * turning**k for k, share in ((1, 1.0), *_DEAD_TIME)}
-    currents = np.empty((3, len(angle)))
-    for row, gain in enumerate((1 + mismatch, 1 - mismatch / 2, 1 - mismatch / 2)):
-        behind = np.exp(-2j * np.pi / 3 * row)
-        wave = sum((behind**k * line).imag for k, line in harmonics.items())
-        currents[row] = -gain * length * wave
-    return currents
+    squared = turning * turning
+    fifth = squared * squared * turning
+    # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
+    positive = turning + DEAD_TIME[1] * fifth * squared
+    negative = _mismatch(actuator, faults) * turning + DEAD_TIME[0] * fifth
+    a = -length * (positive.imag + negative.imag)
+    across = length * (np.sqrt(3) / 2) * (positive.real - negative.real)
+    return np.stack((a, across - a / 2, -across - a / 2))
 
 
 def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
@@ -160,11 +173,11 @@ def _ripple(
     """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
     eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
     ripple = actuator.ripple * np.sin(angle + actuator.mark)
-    ripple += actuator.cogging * np.sin(_COGGING_ORDER * angle + actuator.mark)
+    ripple += actuator.cogging * np.sin(COGGING_ORDER * angle + actuator.mark)
     if eccentric:
         ripple += eccentric * np.sin(angle + 2 * actuator.mark)
-    # Sine currents of unequal amplitude: part of the torque pulsates at twice the supply order.
-    share = -_mismatch(actuator, faults) / 2
+    # The torque of the negative sequence pulsates at twice the supply order.
+    share = -_mismatch(actuator, faults)
     if share:
         ripple += share * mean * np.cos(2 * POLE_PAIRS * angle)
     return ripple
@@ -183,7 +196,7 @@ def _braking(
     rated = actuator.torque_constant * RATED_CURRENT
     for name, passage in passages.items():
         size = faults[name] * FAULTS[name].torque
-        braking += size * (0.3 + np.abs(load) / rated) * passage.pulses
+        braking += size * (FREE_TORQUE + np.abs(load) / rated) * passage.pulses
     if cage := faults.get("cage", 0.0):
         braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):
@@ -210,7 +223,7 @@ def _loop_response(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
-    below = [1.0, 2 * _DAMPING * corner, corner**2]
+    below = [1.0, 2 * DAMPING * corner, corner**2]
     above = ([1.0], [1.0, 0.0], [1.0, 0.0, 0.0])
     fs = 1 / (times[1] - times[0])
     disturbed = ripple / actuator.inertia

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
 
 from emacm.shaft.angle import angle_from_resolver
 from emacm.simulation.conditions import TRANSDUCERS
+from emacm.simulation.constants import (
+    BANDWIDTH,
+    BITS,
+    CARRIER,
+    CARRIER_PICKUP,
+    FILTER_ORDER,
+    MAINS,
+    MAINS_LINES,
+    NOISE,
+    NOISE_RATE,
+    PICKUP,
+    PICKUP_FLOOR,
+    RANGE,
+    RESOLVER_NOISE,
+    SHAFT_DECIMATION,
+)
 from emacm.simulation.faults import POLE_PAIRS
+from emacm.simulation.waves import sine_wave
 
-# RMS noise of each sensor up to half of 48 kHz [V]; assumed.
-NOISE = {"lvdt": 1e-3, "velocity": 2e-3, "current": 5e-3, "accelerometer": 3e-3, "load": 1e-3}
-# Electrical noise of the motor in the cables [V at rated current], at 2 and 6 times the electrical
-# order: section 4.5 of the thesis reports orders 12 and 36. Sizes assumed.
-PICKUP = {"lvdt": (2e-3, 1.5e-3), "velocity": (6e-3, 4e-3)}
 PICKUP_ORDERS = (2.0 * POLE_PAIRS, 6.0 * POLE_PAIRS)
-_PICKUP_FLOOR = 0.3  # fraction without current; assumed
-_RANGE, _BITS = 10.0, 16  # range [V] and resolution of the converter; assumed
-_FILTER_ORDER = 4  # Butterworth conditioning filter; assumed
-_NOISE_RATE = 48_000.0  # Hz: sampling rate to which NOISE refers
-SHAFT_DECIMATION = 10  # samples of the channels per sample of the shaft angle
-_RESOLVER_NOISE = 5e-5  # RMS relative to the amplitude: 14 bits; assumed
-_RESOLVER_MISMATCH = 2e-4  # relative difference of the two amplitudes; assumed
 
 
 def cable_noise(
@@ -62,7 +69,7 @@ def cable_noise(
         size * np.sin(order * angle + mark)
         for order, size in zip(PICKUP_ORDERS, PICKUP[sensor], strict=True)
     ]
-    return level * (_PICKUP_FLOOR + np.abs(current)) * np.sum(lines, axis=0)
+    return level * (PICKUP_FLOOR + np.abs(current)) * np.sum(lines, axis=0)
 
 
 def measured(
@@ -76,8 +83,9 @@ def measured(
 ) -> NDArray[np.float32]:
     """Return a quantity as recorded by the data acquisition.
 
-    Scales and full scales are those of Table 4.2, followed by the white noise of the sensor, the
-    conditioning filter and a converter of 16 bits and 10 V (assumed, except for the cut-off).
+    Scales and full scales are those of Table 4.2. LVDT and velocity pass the filter of their
+    demodulator. White noise of the sensor, conditioning filter and a converter of 16 bits and 10 V
+    follow (assumed, except for the cut-off).
 
     Parameters
     ----------
@@ -106,16 +114,75 @@ def measured(
     3.0
     """
     scale, peak, _ = TRANSDUCERS[sensor]
-    noise = NOISE[sensor] * np.sqrt(fs / _NOISE_RATE) * rng.standard_normal(len(values))
-    volts = values / scale + noise + cable
-    sos = filters.butter(_FILTER_ORDER, cutoff, fs=fs, output="sos")
-    volts, _ = filters.sosfilt(sos, volts, zi=filters.sosfilt_zi(sos) * volts[0])
-    step = 2 * _RANGE / 2**_BITS
+    noise = NOISE[sensor] * np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(values))
+    volts = values / scale
+    if sensor in BANDWIDTH and BANDWIDTH[sensor] < fs / 2:
+        volts = _low_pass(volts, 2, BANDWIDTH[sensor], fs)
+    volts = _low_pass(volts + noise + cable, FILTER_ORDER, cutoff, fs)
+    step = 2 * RANGE / 2**BITS
     volts = np.clip(np.round(volts / step) * step, -peak / scale, peak / scale)
     return (volts * scale).astype(np.float32)
 
 
-def resolver_angle(angle: NDArray[np.floating], rng: np.random.Generator) -> NDArray[np.floating]:
+def _low_pass(
+    values: NDArray[np.floating], order: int, cutoff: float, fs: float
+) -> NDArray[np.floating]:
+    """Apply a Butterworth filter that starts at rest."""
+    sos = filters.butter(order, cutoff, fs=fs, output="sos")
+    passed, _ = filters.sosfilt(sos, values, zi=filters.sosfilt_zi(sos) * values[0])
+    return passed
+
+
+class Interference(NamedTuple):
+    """Waves that are fixed in time, the same in all channels of a run.
+
+    Attributes
+    ----------
+    mains, carrier : ndarray of shape (n_times,)
+        Mains and switching of the inverter, relative to `MAINS` and `CARRIER_PICKUP`.
+    """
+
+    mains: NDArray[np.floating]
+    carrier: NDArray[np.floating]
+
+    def volts(self, sensor: str) -> NDArray[np.floating]:
+        """Return the interference in the cable of a sensor [V]."""
+        carrier = CARRIER_PICKUP.get(sensor, 0.0)
+        mains = MAINS[sensor] * self.mains
+        return mains + carrier * self.carrier if carrier else mains
+
+
+def interference(times: NDArray[np.floating], rng: np.random.Generator) -> Interference:
+    """Return the waves of mains and inverter in a run.
+
+    Parameters
+    ----------
+    times : ndarray of shape (n_times,)
+        Times [s].
+    rng : Generator
+        Random numbers of the run: phases.
+
+    Returns
+    -------
+    Interference
+        Lines above half the sampling rate, which the conditioning filter removes, are left out.
+    """
+    fs = 1 / (times[1] - times[0])
+    phases = rng.uniform(0, 2 * np.pi, len(MAINS_LINES) + 1)
+    mains, carrier = np.zeros_like(times), np.zeros_like(times)
+    for (hertz, size), phase in zip(MAINS_LINES, phases[1:], strict=True):
+        if hertz < fs / 2:
+            mains += size * sine_wave(hertz, times, phase)
+    if fs / 2 > CARRIER:
+        carrier = sine_wave(CARRIER, times, phases[0])
+    return Interference(mains, carrier)
+
+
+def resolver_angle(
+    angle: NDArray[np.floating],
+    rng: np.random.Generator,
+    error: NDArray[np.floating] | float = 0.0,
+) -> NDArray[np.floating]:
     """Return the shaft angle measured by the resolver, at a tenth of the rate of the channels.
 
     Parameters
@@ -124,14 +191,14 @@ def resolver_angle(angle: NDArray[np.floating], rng: np.random.Generator) -> NDA
         Shaft angle at the rate of the channels [rad].
     rng : Generator
         Random numbers of the noise.
+    error : ndarray of shape (n_times,) or float
+        Error of the resolver [rad], as returned by `resolver_error`.
 
     Returns
     -------
     ndarray of shape (ceil(n_times / 10),)
-        Cumulative angle [rad], the first within half a revolution of 0, with noise and with an
-        error at order 2 caused by unequal amplitudes.
+        Cumulative angle [rad], the first within half a revolution of 0, with noise and error.
     """
-    turned = angle[::SHAFT_DECIMATION]
-    noise = _RESOLVER_NOISE * rng.standard_normal((2, len(turned)))
-    sine = (1 + _RESOLVER_MISMATCH) * np.sin(turned) + noise[0]
-    return angle_from_resolver(sine, np.cos(turned) + noise[1])
+    turned = (angle + error)[::SHAFT_DECIMATION]
+    noise = RESOLVER_NOISE * rng.standard_normal((2, len(turned)))
+    return angle_from_resolver(np.sin(turned) + noise[0], np.cos(turned) + noise[1])

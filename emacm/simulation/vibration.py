@@ -9,17 +9,12 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 
 from emacm.simulation.actuator import PEAK_SPEED, RATED_CURRENT, RATED_FORCE, Actuator
+from emacm.simulation.constants import CONTACT, MODES, NOISE_RATE, PRELOAD, RADIAL
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.motor import Torques
 
 GRAVITY = 9.80665  # m/s²
-# Modes of the housing: frequency relative to the first, participation. Assumed: fixture, housing
-# and end shield, at 420, 1900 and 5200 Hz.
-MODES = ((1.0, 0.3), (1900 / 420, 0.4), (5200 / 420, 0.3))
-_NOISE_RATE = 48_000.0  # Hz: sampling rate to which the level of the rolling noise refers
 _HIGHEST = 0.45  # highest modal frequency, relative to the sampling rate
-_CONTACT = 1e-4  # s: duration of an impact; assumed
-_RADIAL = 4.0  # N: force of the motor at rated current, at twice its electrical order; assumed
 
 
 def housing_force(
@@ -30,11 +25,13 @@ def housing_force(
     knocks: NDArray[np.intp],
     rng: np.random.Generator,
     fs: float,
+    lines: NDArray[np.floating] | float = 0.0,
 ) -> NDArray[np.floating]:
     """Return the force that excites the housing.
 
     Rolling noise and impacts are proportional to speed and to the square root of the load
-    (assumed; measured exponents vary); unbalance is proportional to the square of speed.
+    (assumed; measured exponents vary); unbalance is proportional to the square of speed. The
+    force of waviness is displacement times contact stiffness, and does not depend on speed.
 
     Parameters
     ----------
@@ -52,6 +49,8 @@ def housing_force(
         Random numbers of the rolling noise.
     fs : float
         Sampling rate [Hz].
+    lines : ndarray of shape (n_times,) or float
+        `HealthyLines.force`.
 
     Returns
     -------
@@ -61,16 +60,17 @@ def housing_force(
     angle = torques.angle
     speed = np.abs(torques.velocity) / PEAK_SPEED
     thrust = np.abs(torques.load) / (RATED_FORCE * actuator.torque_per_force)
-    pressed = np.sqrt(0.2 + thrust)  # the preload is a fifth of the rated force
+    pressed = np.sqrt(PRELOAD + thrust)
     current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
     rolling = 1 + FAULTS["lubrication"].rolling_noise * faults.get("lubrication", 0.0)
     if cage := faults.get("cage", 0.0):
         rub = FAULTS["cage"].rolling_noise * cage
         rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * angle + actuator.mark))
-    white = np.sqrt(fs / _NOISE_RATE) * rng.standard_normal(len(angle))  # constant density
+    white = np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(angle))  # constant density
     force = actuator.rolling_noise * speed * pressed * rolling * white
+    force += actuator.waviness * pressed * lines
     force += actuator.unbalance * torques.velocity**2 * np.sin(angle + 2 * actuator.mark)
-    force += _RADIAL * current * np.sin(2 * POLE_PAIRS * angle + actuator.mark)
+    force += RADIAL * current * np.sin(2 * POLE_PAIRS * angle + actuator.mark)
     if eccentric := faults.get("eccentricity", 0.0):
         # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
         pull = FAULTS["eccentricity"].force * eccentric * np.sin(angle + 2 * actuator.mark)
@@ -123,6 +123,6 @@ def _contact_force(impulses: NDArray[np.floating], fs: float) -> NDArray[np.floa
     """Convert impulses [N s] to half-sines of force [N] of the duration of the contact."""
     if not impulses.any():
         return impulses
-    n_contact = max(1, round(_CONTACT * fs))
+    n_contact = max(1, round(CONTACT * fs))
     shape = np.sin(np.pi * (np.arange(n_contact) + 0.5) / n_contact)
     return filters.lfilter(shape * (fs / shape.sum()), [1.0], impulses)
