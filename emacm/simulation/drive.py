@@ -73,7 +73,7 @@ def torque_limiter(actuator: Actuator) -> Callable[[float, float], float]:
     -------
     callable
         From motor torque [N m] and shaft speed [rad/s] to the torque within the limits: the
-        nearest for which `phase_voltage` is at most 97 % of `VOLTAGE_LIMIT`.
+        nearest for which `phase_voltage` is at most 95 % of `VOLTAGE_LIMIT`.
 
     Examples
     --------

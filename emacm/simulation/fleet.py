@@ -38,14 +38,14 @@ def simulate_actuator(
     unit, run : int
         Number of the unit, from 0, and of its run, from 1.
     condition : int
-        Row of Table 4.3 of the thesis. Condition 4: strokes of 22 revolutions, at most 49 rev/s.
+        Row of Table 4.3 of the thesis. Condition 4: strokes of 28 revolutions, at most 61 rev/s.
     seed : int
         Seed of all random numbers.
     duration : float
         Length of the recording [s].
     fs : float
         Sampling rate [Hz]. The 4 kHz of the default, instead of 48 kHz, contain only the first
-        two modes of the housing and orders up to 40.
+        two modes of the housing and orders up to 24.
 
     Returns
     -------

@@ -117,14 +117,17 @@ def test_the_resolver_and_the_velocity_channel_tell_the_same_motion():
     recording = record(4)
     velocity = recording.signals["velocity"].astype(float)
     turned = np.concatenate(([0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2))) / 48_000
-    away = turned[::10] - recording.angle
-    assert np.ptp(away) < 0.05  # of 180 rad
+    # Of both filters: sqrt(2) / w of second order at 800 Hz, 2.613 / w of fourth at 15 kHz.
+    delay = np.sqrt(2) / (2 * np.pi * 800) + 2.613 / (2 * np.pi * 15_000)
+    times = np.arange(len(turned)) / 48_000
+    away = np.interp(times[::10] + delay, times, turned)[:-10] - recording.angle[:-10]
+    assert np.ptp(away) < 0.05  # of 230 rad
 
 
 def test_the_rod_moves_a_lead_for_each_revolution():
     recording = record(3)
     slope = np.polyfit(recording.angle, recording.signals["lvdt"][::10], 1)[0]
-    assert slope == pytest.approx(0.2 / (2 * np.pi), rel=0.02)
+    assert slope == pytest.approx(0.1575 / (2 * np.pi), rel=0.02)
 
 
 @pytest.mark.parametrize("condition", [2, 3, 4, 5])
@@ -136,8 +139,10 @@ def test_the_current_has_its_fundamental_at_order_6(condition):
 @pytest.mark.parametrize("harmonic", [1, 2, 4, 6])
 def test_an_inner_ring_defect_strikes_at_harmonics_of_6_123(harmonic):
     bad = record(3, faults=(("inner ring", 0.5),))
-    assert contrast(bad, "accelerometer", harmonic * INNER) > 4
-    assert contrast(record(3), "accelerometer", harmonic * INNER) < 2.5
+    assert contrast(bad, "accelerometer", harmonic * INNER) > 50
+    # A healthy ring has a line of waviness at the first two harmonics.
+    small = 20 if harmonic <= 2 else 2.5
+    assert contrast(record(3), "accelerometer", harmonic * INNER) < small
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -254,12 +259,12 @@ def test_vibration_grows_with_load():
     assert shaking[pushed].std() > 1.3 * shaking[free].std()
 
 
-@pytest.mark.parametrize("channel", ["lvdt", "velocity"])
-@pytest.mark.parametrize("order", [12, 36])
+@pytest.mark.parametrize(("channel", "order"), [("lvdt", 12), ("lvdt", 36), ("velocity", 36)])
 def test_the_motors_noise_stands_at_orders_12_and_36_as_the_parameter_says(channel, order):
     usual, little, none = (record(4, electrical_noise=noise) for noise in (1.0, 0.2, 0.0))
     assert contrast(usual, channel, order) > 100
-    # A fifth of the noise has a 25th of its power; in the velocity there is ripple too.
+    # A fifth of the noise has a 25th of its power. The velocity at order 12 has an error of the
+    # resolver too.
     assert level(usual, channel, order) == pytest.approx(
         25 * level(little, channel, order), rel=0.2
     )

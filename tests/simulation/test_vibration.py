@@ -63,8 +63,8 @@ def test_strikes_grow_in_proportion_to_severity_and_speed():
 
 
 def test_strikes_grow_with_the_load():
-    light, heavy = (np.abs(struck(load=load)).max() for load in (0.0, 13.3))
-    # 13.3 N m is the torque of 3700 lbf: from a preload of a fifth to 1.2.
+    light, heavy = (np.abs(struck(load=load)).max() for load in (0.0, 10.478))
+    # 10.478 N m is the torque of 3700 lbf at a lead of 0.1575 in: from a preload of a fifth to 1.2.
     assert heavy / light == pytest.approx(np.sqrt(6), rel=0.01)
 
 
