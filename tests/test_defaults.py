@@ -19,12 +19,14 @@ PACKAGES = (emacm, emacm.displays, emacm.monitoring, emacm.shaft, emacm.simulati
 
 DEFAULTS = {
     "Actuator": {
-        "screw_lead": 0.2,
+        "screw_lead": 0.1575,
         "efficiency": 0.9,
         "inertia": 0.0015,
         "coulomb": 0.4,
         "viscous": 0.001,
         "stiffness": 100000000.0,
+        "winding_resistance": 0.25,
+        "winding_inductance": 0.0015,
         "max_current": 40.0,
         "torque_gain": 1.0,
         "position_gain": 40.0,
@@ -32,6 +34,9 @@ DEFAULTS = {
         "ripple": 0.05,
         "cogging": 0.02,
         "unbalance": 4e-05,
+        "waviness": 1.0,
+        "recirculation": 0.01,
+        "resolver_error": 3.0,
         "rolling_noise": 20.0,
         "housing_mass": 12.0,
         "resonance": 420.0,

@@ -28,7 +28,12 @@ _INPUTS = [
         "6.123",
         "section 4.5. It may result from Eq. (2.1) as printed, which is that of the outer ring",
     ),
-    ("lead of the screw", "{lead:g} in", _ASSUMED),
+    (
+        "lead of the screw",
+        "{lead:g} in",
+        "4 mm; by Table 4.1, 220 V allow 0.168 in at 4572 rev/min. Table 4.3 requires 0.23 in for "
+        "condition 3: both cannot hold",
+    ),
     ("length of a recording", "{duration:g} s", _ASSUMED),
     (
         "θ_s",
@@ -68,7 +73,7 @@ def inputs_table(duration: float) -> pd.DataFrame:
     Examples
     --------
     >>> inputs_table(10.0).loc["lead of the screw", "value"]
-    '0.2 in'
+    '0.1575 in'
     """
     constants = {"lead": Actuator().screw_lead, "duration": duration}
     rows = [(name, value.format(**constants), source) for name, value, source in _INPUTS]
@@ -82,7 +87,7 @@ def commanded_speed(condition: Condition) -> float:
     --------
     >>> from emacm.simulation import CONDITIONS
     >>> round(commanded_speed(CONDITIONS[3]))
-    5264
+    6685
     """
     slope = 4.0 if condition.shape == "triangle" else 2 * np.pi
     return 60 * slope * abs(condition.amplitude) * condition.frequency / Actuator().screw_lead

@@ -265,7 +265,7 @@ def test_a_damaged_inner_ring_shows_in_the_envelope_and_not_in_the_plain_spectru
         LaboratoryBench(faults=faults, duration=4.0).record(condition=5)
         for faults in ({}, {"inner ring": 0.5})
     )
-    assert contrast(damaged, order) < 2
+    assert contrast(damaged, order) < 2 * contrast(sound, order)  # waviness of a healthy ring
     assert contrast(sound, order, detector) < 5
     assert contrast(damaged, order, detector) > 20
 

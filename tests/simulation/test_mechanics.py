@@ -70,7 +70,7 @@ def test_the_voltage_limits_the_speed_of_a_coarse_screw():
     coarse = Actuator(screw_lead=0.25)
     fastest = np.abs(moved(3, coarse).velocity).max()
     free = 0.95 * 220 * np.sqrt(2 / 3) / coarse.emf_constant  # without current
-    assert 0.9 * free < fastest < free < 0.7 * PEAK_SPEED
+    assert 0.9 * free < fastest < 1.01 * free < 0.7 * PEAK_SPEED
 
 
 def test_a_finer_screw_turns_more():

@@ -270,8 +270,8 @@ def test_stated_inputs_are_those_of_the_bench():
 
 def test_condition_3_requires_more_than_the_peak_speed(chapter):
     table = chapter.tables["conditions"]
-    # A triangle of 2.05 in at 2.14 Hz and 0.2 in per revolution: 4 x 2.05 x 2.14 / 0.2 rev/s.
-    assert table.loc[3, "commanded speed [rev/min]"] == pytest.approx(5264, abs=1)
+    # A triangle of 2.05 in at 2.14 Hz and 0.1575 in per revolution: 4 x 2.05 x 2.14 / 0.1575 rev/s.
+    assert table.loc[3, "commanded speed [rev/min]"] == pytest.approx(6685, abs=1)
     assert table.loc[4, "commanded speed [rev/min]"] == pytest.approx(
         60 * 2 * np.pi * 2.2 * 0.7 / 0.2
     )
