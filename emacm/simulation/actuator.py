@@ -176,6 +176,7 @@ _MAY_BE_0 = (
     "electrical_noise",
 )
 
+
 def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
     """Draw the constants of one unit.
 

@@ -243,9 +243,7 @@ class LaboratoryBench:
         return Recording(
             {name: signals[name] for name in self.channels},
             self.fs,
-            angle=resolver_angle(
-                angle[kept], self._rng("resolver", condition, run), error[kept]
-            ),
+            angle=resolver_angle(angle[kept], self._rng("resolver", condition, run), error[kept]),
             shaft_fs=self.fs / SHAFT_DECIMATION,
             meta=self.meta(condition, run),
         )

@@ -1,4 +1,4 @@
-"""Imperfections of a healthy unit: error of the resolver, lines of its rolling elements, warm-up."""
+"""Imperfections of a healthy unit: resolver error, lines of its rolling elements, warm-up."""
 
 from __future__ import annotations
 

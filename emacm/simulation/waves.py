@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def sine_wave(
-    frequency: float, times: NDArray[np.floating], phase: float
-) -> NDArray[np.floating]:
+def sine_wave(frequency: float, times: NDArray[np.floating], phase: float) -> NDArray[np.floating]:
     """Return a sine of a whole number of hertz over evenly spaced times.
 
     Parameters

@@ -163,7 +163,7 @@ def test_the_lvdt_is_exposed_as_deciding_on_orders_12_and_36_of_the_healthy_unit
             np.abs(strongest["order"].iloc[0] - 36) < 0.2
         )
         assert {"2xsupply", "6xsupply"} <= set(lvdt[lvdt["conditions"] == condition]["predicted"])
-        assert set(strongest["louder"]) == {"healthy"}
+        assert strongest["louder"].iloc[0] == "healthy"
     carried = shares.xs("LVDT", level="signal")
     fast = carried.loc[["2", "3", "4", "5"]]
     assert (fast["electrical noise [%]"] > 20 * fast["electrical noise, by chance [%]"]).all()
@@ -273,9 +273,10 @@ def test_condition_3_requires_more_than_the_peak_speed(chapter):
     # A triangle of 2.05 in at 2.14 Hz and 0.1575 in per revolution: 4 x 2.05 x 2.14 / 0.1575 rev/s.
     assert table.loc[3, "commanded speed [rev/min]"] == pytest.approx(6685, abs=1)
     assert table.loc[4, "commanded speed [rev/min]"] == pytest.approx(
-        60 * 2 * np.pi * 2.2 * 0.7 / 0.2
+        60 * 2 * np.pi * 2.2 * 0.7 / 0.1575
     )
-    assert 70 < table.loc[3, "stroke reached [%]"] < 85
+    # 4526 of 6685 rev/min, and the time to reverse at the current limit.
+    assert 55 < table.loc[3, "stroke reached [%]"] < 62
 
 
 def test_every_kind_of_picture_is_drawn_of_one_condition_and_has_a_caption(chapter):
@@ -340,7 +341,7 @@ def test_in_condition_1_the_housing_shakes_below_order_100_by_less_than_the_chan
         hertz, psd = filters.welch(truth.acceleration, bench.fs, nperseg=12_000)
         shaken = trapezoid(psd[hertz <= top], hertz[hertz <= top])
         noise = NOISE["accelerometer"] ** 2 * top / 24_000  # white up to half of 48 kHz
-        assert shaken < 0.01 * noise
+        assert shaken < 0.05 * noise  # with the lines of healthy rolling elements
         assert trapezoid(psd, hertz) > 10 * shaken  # the ringing lies above
 
 
