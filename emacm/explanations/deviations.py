@@ -16,11 +16,13 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 from emacm.explanations.feature_traces import FeatureTrace
+from emacm.explanations.step_names import names_of
+from emacm.machine.fault_lines import FaultLines
 from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_psd import OrderPSD
 
 Array = NDArray[np.float64]
 
-_LOGARITHMS = {np.log: 10 / np.log(10), np.log10: 10.0, np.log2: 10 * np.log10(2)}  # dB per unit
 _POWER = np.inf  # stands for a column that is a power, and no logarithm of one
 _PROBE = 10.0  # dB by which columns are changed, to find out how the positions depend on them
 _EXACT = 1e-6  # relative deviation from a straight line
@@ -123,23 +125,42 @@ def power_scales(maker: Any, n_columns: int) -> Array:
     ndarray of shape (n_columns,)
         dB per unit of a logarithm of a power, inf for a power, NaN for anything else.
     """
-    if isinstance(maker, BinTransformer):
+    if isinstance(maker, BinTransformer | OrderPSD):
         return np.full(n_columns, _POWER)
+    if isinstance(maker, FaultLines):  # levels in dB
+        return np.ones(n_columns)
     if isinstance(maker, FeatureUnion):
         blocks = [step for _, step in maker.transformer_list if step != "drop"]
-        widths = [len(step.get_feature_names_out()) for step in blocks]
+        widths = [len(names_of(step)) for step in blocks]
         parts = [power_scales(*pair) for pair in zip(blocks, widths, strict=True)]
         whole = np.concatenate([*parts, np.empty(0)])
         return whole if len(whole) == n_columns else np.full(n_columns, np.nan)
     scale = np.nan
     for _, step in maker.steps if isinstance(maker, Pipeline) else ():
-        if isinstance(step, BinTransformer):
+        if isinstance(step, BinTransformer | OrderPSD):
             scale = _POWER
+        elif isinstance(step, FaultLines):
+            scale = 1.0
         elif isinstance(step, FunctionTransformer) and np.isinf(scale):
-            scale = _LOGARITHMS.get(step.func, np.nan)
+            scale = _decibels_per_unit(step)
         elif step not in (None, "passthrough"):
             scale = np.nan
     return np.full(n_columns, scale)
+
+
+def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
+    """Return what one unit of a logarithm of a power is in dB; NaN if it is another function."""
+    if logarithm.func is None:
+        return _POWER
+    powers = 10.0 ** np.arange(-3, 4)[:, np.newaxis]  # 10 dB apart
+    with np.errstate(all="ignore"):
+        try:
+            values = logarithm.func(powers, **(logarithm.kw_args or {}))
+            steps = np.diff(np.asarray(values, np.float64), axis=0)
+        except (TypeError, ValueError, AttributeError):  # a function of DataFrames, for example
+            return np.nan
+        straight = np.ptp(steps) <= _EXACT * np.abs(steps).max()
+    return float(_PROBE / steps.mean()) if straight and steps.any() else np.nan
 
 
 def _levels(row: Array, scales: Array) -> Array:

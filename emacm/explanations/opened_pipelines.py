@@ -18,6 +18,8 @@ from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import search_estimator
+from emacm.explanations.step_names import is_skipped, names_of
+from emacm.machine.fault_lines import FaultLines
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
 from emacm.recordings.inputs import refuse_single
@@ -32,7 +34,7 @@ _RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class OpenedPipeline:
-    """A fitted pipeline, divided after its last `BinTransformer` or where a table is computed.
+    """A fitted pipeline, divided after its last `BinTransformer` or `FaultLines`, or at its table.
 
     Attributes
     ----------
@@ -58,8 +60,8 @@ class OpenedPipeline:
     def of(cls, pipeline: Any, X: Any) -> OpenedPipeline:
         """Divide a fitted pipeline, search or classifier whose input is `X`.
 
-        Nested pipelines are flattened. Without a `BinTransformer`, the pipeline is divided after
-        the first step that turns the recordings `X` into a table, such as a `FeatureUnion`.
+        Nested pipelines are flattened. Without such a step, the pipeline is divided after the first
+        step that turns the recordings `X` into a table, such as a `FeatureUnion`.
         """
         refuse_single(X)
         steps = _flat_steps(pipeline)
@@ -74,7 +76,8 @@ class OpenedPipeline:
                 f"got {name!r} ({type(classifier).__name__})."
             )
         check_is_fitted(classifier)
-        places = [i for i, (_, step) in enumerate(steps) if isinstance(step, BinTransformer)]
+        kinds = BinTransformer | FaultLines
+        places = [i for i, (_, step) in enumerate(steps) if isinstance(step, kinds)]
         if places:
             cut = places[-1]
         elif _are_recordings(X):
@@ -104,8 +107,8 @@ class OpenedPipeline:
         if self.maker is None:
             return self._own_table(X)
         for step in self.before:
-            X = X if _is_skipped(step) else step.transform(X)
-        frame = _bin_frame(_names_of(self.maker))
+            X = X if is_skipped(step) else step.transform(X)
+        frame = _bin_frame(names_of(self.maker))
         if isinstance(self.maker, BinTransformer):
             edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
             frame = frame.assign(low=edges[:, 0], high=edges[:, 1])
@@ -182,16 +185,12 @@ def _are_recordings(X: Any) -> bool:
     return listed and len(X) > 0 and isinstance(X[0], Recording | AngleRecording)
 
 
-def _is_skipped(step: Any) -> bool:
-    return step is None or isinstance(step, str)
-
-
 def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
     """Return the index of the step that turns recordings into a table, tested with one of them."""
     sample, reason = list(X[:1]), "No step turns them into a table."
     try:
         for place, (_, step) in enumerate(steps):
-            if not _is_skipped(step):
+            if not is_skipped(step):
                 sample = step.transform(sample)
                 if len(getattr(sample, "shape", ())) == 2:
                     return place
@@ -201,18 +200,6 @@ def _first_table(steps: Sequence[tuple[str, Any]], X: Any) -> int:
         f"X contains recordings, but the steps before the classifier give no table: {reason} "
         f"Pass the table, or the whole pipeline."
     )
-
-
-def _names_of(maker: Any) -> NDArray[Any]:
-    """Return the names of the columns of a step."""
-    try:
-        return maker.get_feature_names_out()
-    except AttributeError as error:
-        raise ValueError(
-            f"the columns of {type(maker).__name__} have no names, which an explanation needs: "
-            f"{error} In that step, write FunctionTransformer(np.log10, "
-            f"feature_names_out='one-to-one')."
-        ) from error
 
 
 def _bin_frame(names: Sequence[Any] | NDArray[Any]) -> pd.DataFrame:

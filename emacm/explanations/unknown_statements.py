@@ -50,10 +50,11 @@ def unknown_statements(
     list of str
         The most important first.
     """
+    powers = found.in_decibels & bins["low"].notna().to_numpy()  # in bands of orders
     channels = {
-        str(name): np.flatnonzero((bins["channel"] == name) & found.in_decibels)
+        str(name): np.flatnonzero((bins["channel"] == name) & powers)
         for name in bins["channel"].unique()
-        if ((bins["channel"] == name) & found.in_decibels).any()
+        if ((bins["channel"] == name) & powers).any()
     }
     gain = _common_gain(channels, found)
     if gain:
@@ -64,7 +65,7 @@ def unknown_statements(
     stated: list[tuple[float, str]] = []
     for name, rows in channels.items():
         stated += _of_channel(name, rows, bins, shares, found, nearest)
-    stated += _of_others(bins, shares, found, nearest)
+    stated += _of_others(np.flatnonzero(~powers), bins, shares, found, nearest)
     stated.sort(key=lambda pair: -pair[0])
     texts = [text for weight, text in stated[:_MOST] if weight >= _SHARE * stated[0][0]]
     if not texts:
@@ -164,8 +165,7 @@ def _of_orders(name: str, bins: pd.DataFrame, outside: Array, of: str) -> str:
     if (others <= abs(outside[peak]) - height).all():
         bins, outside = bins.iloc[[peak]], outside[[peak]]
     low, high = bins["low"].min(), bins["high"].max()
-    label = bins["column"].iloc[0].rpartition("@")[2]
-    orders = f"order {low:g} to {high:g}" if np.isfinite(low) else repr(label)
+    orders = f"order {low:g} to {high:g}"
     if len(bins) > 2:
         return f"orders {low:g} to {high:g} of {name!r} {_span(outside)} {of}"
     kind = "line at " if outside[0] > 0 else ""
@@ -173,16 +173,18 @@ def _of_orders(name: str, bins: pd.DataFrame, outside: Array, of: str) -> str:
 
 
 def _of_others(
-    bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str
+    rows: NDArray[np.intp], bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str
 ) -> list[tuple[float, str]]:
-    """Return sentences about columns that are not powers."""
+    """Return sentences about columns that are not powers in a band of orders."""
     stated = []
-    for row in np.flatnonzero(~found.in_decibels):
+    for row in rows:
         outside, deviation = found.outside[row], found.of_mean[row]
         if not (np.abs(outside) > _LEAST or (np.isnan(outside) and np.abs(deviation) > 3)):
             continue
         way = "above" if deviation > 0 else "below"
         size = f"{abs(deviation):.3g} standard deviations {way}"
+        if found.in_decibels[row]:
+            size = _decibels(float(deviation))
         text = f"{bins['column'].iloc[row]!r} {size} {nearest!r}"
         stated.append((float(np.abs(shares[row])), text))
     return stated

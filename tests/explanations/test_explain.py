@@ -601,10 +601,29 @@ def test_lines_without_bins_are_explained_by_their_orders():
     )
 
 
+def to_decibels(power):
+    return 10 * np.log10(power + 1e-300)
+
+
+@pytest.mark.parametrize("function", [np.log, to_decibels])
+def test_a_logarithm_without_names_has_those_of_its_columns(function):
+    expected = explain_model(named_features().fit(KNOCKING, KNOCKS), KNOCKING)
+    model = named_features(log_names=None)
+    model[0].transformer_list[0][1][-1].func = function
+    table = explain_model(model.fit(KNOCKING, KNOCKS), KNOCKING)
+    assert set(table["column"]) == set(expected["column"])
+    np.testing.assert_allclose(table["contribution"].sum(), expected["contribution"].sum())
+
+
+def sums(power):
+    return np.cumsum(power, axis=1)
+
+
 def test_features_without_names_are_refused():
-    model = named_features(log_names=None).fit(KNOCKING, KNOCKS)
+    model = named_features(log_names=None)
+    model[0].transformer_list[0][1][-1].func = sums
     with pytest.raises(ValueError, match=r"have no names, .* feature_names_out='one-to"):
-        explain_model(model, KNOCKING)
+        explain_model(model.fit(KNOCKING, KNOCKS), KNOCKING)
 
 
 def test_a_recording_without_reverse_strokes_is_refused():

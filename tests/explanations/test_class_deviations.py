@@ -1,0 +1,169 @@
+"""Facts about deviations of a recording from a class, in dB."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.decomposition import PCA
+from sklearn.feature_selection import SelectKBest
+from sklearn.pipeline import FeatureUnion, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    FaultLines,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    explain_decision,
+)
+from emacm.explanations.class_deviations import class_deviations
+
+N, FS, SPEED = 6000, 1100, 70.0  # 60.8 revolutions
+LINE = 4.55
+STATES = np.array(["healthy", "outer", "inner"] * 8)
+
+
+def recording(state, seed, gain=1.0, order=LINE):
+    rng = np.random.default_rng(seed)
+    angle = SPEED * np.arange(N) / FS
+    amplitude = {"healthy": 0.1, "outer": 1.0, "inner": 3.0}[state] * (1 + 0.05 * rng.normal())
+    wave = amplitude * np.sin(order * angle)
+    channels = {"sound": rng.normal(size=N), "gear": 0.3 * rng.normal(size=N) + wave}
+    return Recording({n: gain * v for n, v in channels.items()}, FS, velocity=SPEED)
+
+
+RUNS = [recording(state, seed) for seed, state in enumerate(STATES)]
+NEW = recording("outer", 99)
+
+
+def pipeline(*between, line=None):
+    spectra = (OrderResampler(2 * np.pi / 25), OrderPSD(12, max_order=9))
+    line = BinTransformer(0.5, max_order=9) if line is None else line
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", unknown="unknown")
+    return make_pipeline(*spectra, line, *between, bayes)
+
+
+def fitted(model):
+    return model.fit(RUNS, STATES, costsensitivegaussianbayes__groups=np.arange(24) // 3)
+
+
+def decibels(power):
+    return 10 * np.log10(power)
+
+
+def with_floor(power):
+    return np.log2(power + 1e-30)
+
+
+def measured_level(runs):
+    """Return the mean level of the bin of the line [dB], computed by the steps alone."""
+    table = make_pipeline(*pipeline().named_steps.values())[:-1].fit_transform(runs)
+    names = make_pipeline(*pipeline().named_steps.values())[:-1].fit(runs).get_feature_names_out()
+    return decibels(np.asarray(table)[:, list(names).index("gear@4.5-5")]).mean()
+
+
+@pytest.mark.parametrize(
+    "between",
+    [
+        [FunctionTransformer(np.log)],
+        [FunctionTransformer(np.log10), StandardScaler()],
+        [FunctionTransformer(decibels), StandardScaler()],
+        [FunctionTransformer(with_floor)],
+        [FunctionTransformer(), FunctionTransformer(np.log)],
+    ],
+)
+def test_a_logarithm_of_the_user_gives_decibels(between):
+    model = fitted(pipeline(*between))
+    table = class_deviations(model, NEW, "healthy").set_index("column")
+    expected = measured_level([NEW]) - measured_level(RUNS[::3])
+    assert table.loc["gear@4.5-5", "deviation"] == pytest.approx(expected, abs=1e-6)
+    assert set(table["unit"]) == {"dB"}
+    assert table["deviation"].idxmax() == "gear@4.5-5"
+    assert table.loc["gear@4.5-5", "sigmas"] > 10
+
+
+def test_a_logarithm_inside_a_union_gives_decibels_without_names():
+    steps = [step for _, step in pipeline(FunctionTransformer(decibels)).steps]
+    union = FeatureUnion([("powers", make_pipeline(*steps[1:4]))], verbose_feature_names_out=False)
+    model = fitted(make_pipeline(steps[0], union, StandardScaler(), steps[-1]))
+    table = class_deviations(model, NEW, "healthy").set_index("column")
+    expected = measured_level([NEW]) - measured_level(RUNS[::3])
+    assert table.loc["gear@4.5-5", "deviation"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_fault_that_another_fault_raises_more_is_raised():
+    model = fitted(pipeline(FunctionTransformer(np.log)))
+    assert model.predict([NEW]) == "outer"
+    table = class_deviations(model, NEW, "healthy").set_index("column")
+    assert table.loc["gear@4.5-5", "deviation"] > 10
+    against = class_deviations(model, NEW, "inner").set_index("column")
+    assert against.loc["gear@4.5-5", "deviation"] < -5
+
+
+@pytest.mark.parametrize("between", [[], [StandardScaler()]])
+def test_levels_of_fault_lines_are_decibels(between):
+    lines = FaultLines({"outer race": LINE, "cage": 0.41}, harmonics=1)
+    model = fitted(pipeline(*between, line=lines))
+    table = class_deviations(model, NEW, "healthy").set_index("column")
+    levels = pd.DataFrame(model[:3].transform([*RUNS[::3], NEW]), columns=table.index)
+    expected = levels.iloc[-1] - levels.iloc[:-1].mean()
+    np.testing.assert_allclose(table["deviation"], expected)
+    assert set(table["unit"]) == {"dB"}
+    assert table["deviation"].idxmax() == "gear@outer race"
+
+
+def test_a_decision_by_fault_lines_is_explained():
+    model = fitted(pipeline(line=FaultLines({"outer race": LINE, "cage": 0.41}, harmonics=1)))
+    table = explain_decision(model, NEW, against="healthy")
+    assert table["column"][0] == "gear@outer race"
+    assert table["contribution"].sum() == pytest.approx(
+        table.attrs["value"] - table.attrs["baseline_value"]
+    )
+
+
+def test_what_is_unknown_of_fault_lines_is_stated_by_the_name_of_the_fault():
+    lines = FaultLines({"outer race": LINE, "cage": 0.41, "ball": 2.3}, harmonics=1)
+    model = fitted(pipeline(line=lines))
+    new = recording("inner", 7, order=2.3)
+    assert model.predict([new]) == "unknown"
+    statements = explain_decision(model, new).attrs["statements"]
+    assert any("'gear@ball'" in text and "dB above" in text for text in statements)
+    assert not any("nan" in text or "gain" in text for text in statements)
+
+
+def test_projected_bins_need_recordings_of_the_class():
+    model = fitted(pipeline(FunctionTransformer(np.log), PCA(5)))
+    with pytest.raises(ValueError, match="give training recordings as background"):
+        class_deviations(model, NEW, "healthy")
+    table = class_deviations(model, NEW, "healthy", background=RUNS[::3]).set_index("column")
+    expected = measured_level([NEW]) - measured_level(RUNS[::3])
+    assert table.loc["gear@4.5-5", "deviation"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_columns_that_were_not_selected_are_not_a_number():
+    model = fitted(pipeline(FunctionTransformer(np.log), SelectKBest(k=3)))
+    table = class_deviations(model, NEW, "healthy").set_index("column")
+    assert table["deviation"].notna().sum() == 3
+    assert table.loc["gear@4.5-5", "deviation"] > 10
+
+
+@pytest.mark.parametrize("covariance", ["full", "diag"])
+def test_each_class_has_its_own_standard_deviations(covariance):
+    model = pipeline(FunctionTransformer(np.log)).set_params(
+        costsensitivegaussianbayes__covariance=covariance, costsensitivegaussianbayes__shrinkage=0.0
+    )
+    if covariance == "full":
+        model.set_params(costsensitivegaussianbayes__shrinkage=0.5)
+    table = class_deviations(fitted(model), NEW, "healthy")
+    levels = np.log(make_pipeline(*model.named_steps.values())[:3].transform(RUNS[::3]))
+    spread = table["deviation"] / table["sigmas"] * np.log(10) / 10
+    assert (spread > 0).all()
+    if covariance == "diag":
+        np.testing.assert_allclose(spread, levels.std(axis=0, ddof=1), rtol=1e-6)
+
+
+def test_a_reference_that_is_no_class_is_refused():
+    model = fitted(pipeline(FunctionTransformer(np.log)))
+    with pytest.raises(ValueError, match=r"one of the classes \['healthy', 'inner', 'outer'\]"):
+        class_deviations(model, NEW, "normal")
