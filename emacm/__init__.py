@@ -150,6 +150,9 @@ if TYPE_CHECKING:
     from emacm.recordings.recording import (
         Recording as Recording,
     )
+    from emacm.reports.maintenance import (
+        maintenance_report as maintenance_report,
+    )
     from emacm.resampling.order_resampler import (
         OrderResampler as OrderResampler,
     )
@@ -351,6 +354,9 @@ _PUBLIC = {
     ],
     "models.find_faults": [
         "find_faults",
+    ],
+    "reports.maintenance": [
+        "maintenance_report",
     ],
     "recordings.kurtogram": [
         "spectral_kurtosis",

@@ -34,6 +34,7 @@ ORDER = [
     "simulation",
     "datasets",
     "displays",
+    "reports",
     "thesis",
     "demo",
     "commands",

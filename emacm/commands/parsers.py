@@ -20,6 +20,7 @@ def add_parsers(commands: Any) -> None:
     _add_inspect(commands)
     _add_train(commands)
     _add_score(commands)
+    _add_report(commands)
 
 
 def _run_later(name: str) -> Callable[[argparse.Namespace], int]:
@@ -133,4 +134,60 @@ def _add_score(commands: Any) -> None:
     )
     parser.add_argument(
         "--again", action="store_true", help="decide again on files that are in the table"
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="DIR", help="write maintenance reports into this folder"
+    )
+    _add_report_options(parser)
+
+
+def _add_report(commands: Any) -> None:
+    """Add ``emacm report``."""
+    parser = commands.add_parser(
+        "report", help="write maintenance reports of files, a page of HTML and PDF for each"
+    )
+    parser.set_defaults(run=_run_later("report"))
+    parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    parser.add_argument(
+        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
+    )
+    parser.add_argument(
+        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("report"),
+        metavar="DIR",
+        help="folder of the pages, or one file that ends with .html or .pdf (default: report)",
+    )
+    parser.add_argument(
+        "--history", type=Path, metavar="FILE", help="table of earlier results, of emacm score"
+    )
+    _add_report_options(parser)
+
+
+def _add_report_options(parser: argparse.ArgumentParser) -> None:
+    """Add what the reports of ``emacm report`` and ``emacm score`` have in common."""
+    parser.add_argument(
+        "--actions",
+        type=Path,
+        metavar="FILE",
+        help="recommended action for each decision: TOML (decision = 'text') or CSV with the "
+        "columns decision and action",
+    )
+    parser.add_argument(
+        "--parts",
+        type=Path,
+        metavar="TOML",
+        help="components of the machine: tables such as [[Bearing]] with n_balls, ball_diameter, "
+        "pitch_diameter, name; [orders] with BPFI = 5.4",
+    )
+    parser.add_argument(
+        "--unit", metavar="KEY", help="key of meta with the unit, for 'since when' in reports"
+    )
+    parser.add_argument(
+        "--time",
+        metavar="KEY",
+        help="key of meta with the time of a recording (default: when its file was written)",
     )

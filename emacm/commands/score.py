@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from emacm.commands.paths import check_paths, expanded
 from emacm.commands.result_tables import ResultTable, Row, line_of
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model, score_columns, scored_rows
-from emacm.recordings.files import open_recording, recording_files
+from emacm.recordings.files import open_recording
 from emacm.recordings.layout import Layout
 
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
@@ -50,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     columns = [*score_columns(classes), "digest"]
     work = _Work(model, layout, columns, settings_digest, options)
     if options.watch is None:
-        _check_paths(options.paths)
+        check_paths(options.paths)
     while True:
         rows = work.once()
         if options.watch is None:
@@ -80,6 +81,11 @@ class _Work:
         self._table = None if options.out is None else ResultTable(options.out, columns)
         self._done: dict[tuple[str, str], Row] = {}
         self._digests: dict[tuple[str, int, int], str] = {}  # of files that were read before
+        self._reports: Any = None
+        if options.report is not None:
+            from emacm.commands.report import FileReports  # with the displays
+
+            self._reports = FileReports(options, layout, options.report)
         if self._table is None:
             sys.stdout.write(
                 line_of(dict(zip(columns, columns, strict=True)), columns, as_json=False)
@@ -98,9 +104,12 @@ class _Work:
         here = {(row["recording"], row["digest"]) for row in rows}
         names = {row["recording"] for row in rows}
         others = [row for key, row in self._done.items() if key not in here and key[0] not in names]
+        is_new = [(row["recording"], row["digest"]) not in self._done for row in rows]
         self._done = {(row["recording"], row["digest"]): row for row in [*rows, *others]}
         if self._table is not None:
             self._table.finish([*rows, *others])
+        if self._reports is not None and rows:
+            self._reports.update(pd.DataFrame(rows), is_new)
         return rows
 
     def _paths(self) -> Iterator[Path]:
@@ -150,20 +159,6 @@ class _Work:
 def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:
     """Return the rows with a decision, by file and digest; files that failed are tried again."""
     return {(row["recording"], row["digest"]): row for row in rows if not row["error"]}
-
-
-def expanded(paths: Sequence[Path]) -> list[Path]:
-    """Return files, and in place of folders the files in them, sorted."""
-    found: list[Path] = []
-    for path in paths:
-        found += sorted(recording_files(path)) if path.is_dir() else [path]
-    return list(dict.fromkeys(found))
-
-
-def _check_paths(paths: Sequence[Path]) -> None:
-    for path in paths:
-        if path.is_dir() and next(recording_files(path), None) is None:
-            raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
 
 
 def _digest_of(path: Path) -> str:

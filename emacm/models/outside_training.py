@@ -12,6 +12,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import search_estimator
 from emacm.recordings.inputs import as_list
 from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.training_range import Statement
 
 
 def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
@@ -60,28 +61,36 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     12.73 revolutions, in the training at least 95.48
     channel 'vibration' 60 dB above training, 0.7071 (root mean square)
     """
-    found = _statements(model, as_list(recordings))
+    found = training_statements(model, as_list(recordings))
     if found is None:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
             f"training recordings."
         )
-    return found
+    return [[statement.text for statement in own] for own in found]
 
 
-def _statements(model: Any, X: list[Any]) -> list[list[str]] | None:
-    """Return the sentences about each recording; None without an `OrderResampler`."""
+def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:
+    """Return what `outside_training` states, and whether it is severe.
+
+    Returns
+    -------
+    list of list of Statement, or None
+        None without an `OrderResampler`.
+    """
     model = search_estimator(model)
     if isinstance(model, OrderResampler):
-        return [[statement.text for statement in own] for own in model.outside_training(X)]
+        return model.outside_training(X)
     if isinstance(model, ConditionRouter):
-        parts = [_statements(own, [x]) for own, x in zip(model.models_of(X), X, strict=True)]
+        parts = [
+            training_statements(own, [x]) for own, x in zip(model.models_of(X), X, strict=True)
+        ]
         return None if None in parts else [part[0] for part in parts if part is not None]
     if isinstance(model, FeatureUnion):
-        return _merged([_statements(step, X) for _, step in model.transformer_list])
+        return _merged([training_statements(step, X) for _, step in model.transformer_list])
     if isinstance(model, Pipeline):
         for _, step in model.steps:
-            found = _statements(step, X)
+            found = training_statements(step, X)
             if found is not None:
                 return found
             if step in (None, "passthrough") or not hasattr(step, "transform"):
@@ -91,11 +100,11 @@ def _statements(model: Any, X: list[Any]) -> list[list[str]] | None:
                 return None
         return None
     inner = [*getattr(model, "estimators_", []), getattr(model, "estimator_", None)]
-    return _merged([_statements(part, X) for part in inner if part is not None])
+    return _merged([training_statements(part, X) for part in inner if part is not None])
 
 
-def _merged(parts: Sequence[list[list[str]] | None]) -> list[list[str]] | None:
-    """Join the sentences of several parts of a model, each once."""
+def _merged(parts: Sequence[list[list[Statement]] | None]) -> list[list[Statement]] | None:
+    """Join the statements of several parts of a model, each once."""
     known = [part for part in parts if part is not None]
     if not known:
         return None

@@ -174,7 +174,7 @@ def _decision(model: Any, recording: Recording) -> tuple[Row, bool]:
 
     The features are computed once.
     """
-    final, table = _opened(model, [recording])
+    final, table = opened_classifier(model, [recording])
     probabilities = final.predict_proba(table)
     posterior = dict(zip(final.classes_.tolist(), probabilities[0], strict=True))
     row: Row = {
@@ -195,13 +195,26 @@ def _decision(model: Any, recording: Recording) -> tuple[Row, bool]:
     return row, unknown is not None and bool(row["decision"] == unknown)
 
 
-def _opened(model: Any, X: list[Any]) -> tuple[Any, Any]:
-    """Return the classifier behind routers and pipelines, with its present costs, and its input."""
+def opened_classifier(model: Any, X: list[Any]) -> tuple[Any, Any]:
+    """Return the classifier behind routers and pipelines, with its present costs, and its input.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted classifier.
+    X : list of Recording
+        Of one condition, if the model has several.
+
+    Returns
+    -------
+    classifier : estimator
+    table : table of shape (n_recordings, n_features)
+    """
     final, table = before_the_last_step(model, X)
     if not isinstance(final, ConditionRouter):
         return final, table
     (own,) = final.models_of(table)
-    inner, features = _opened(own, table)
+    inner, features = opened_classifier(own, table)
     return with_present_costs(inner, own, final.estimator, final.classes_), features
 
 

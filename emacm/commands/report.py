@@ -1,0 +1,102 @@
+"""The command ``emacm report``, and the reports of ``emacm score``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+
+from emacm.commands.paths import check_paths, expanded
+from emacm.recordings.files import open_recording
+from emacm.recordings.layout import Layout
+from emacm.reports.inputs import (
+    known_times,
+    read_actions,
+    read_parts,
+    read_results,
+    value_of,
+    with_units_and_times,
+)
+from emacm.reports.maintenance import Reports, read_settings
+from emacm.reports.pages import Page
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the reports of files.
+
+    Returns
+    -------
+    int
+        0; 3 if there is no decision on some of the files, whose pages state why.
+    """
+    layout = Layout.from_toml(options.layout)
+    check_paths(options.paths)
+    reports = FileReports(options, layout, options.out)
+    history = None if options.history is None else read_results(options.history)
+    paths = expanded(options.paths)
+    failed = reports.write(paths, history)
+    print(f"{len(paths)} reports: {reports.last}")
+    return 3 if failed else 0
+
+
+class FileReports:
+    """Reports of files, with the options of the command line.
+
+    Parameters
+    ----------
+    options : Namespace
+        With model, actions, parts, unit and time.
+    layout : Layout
+        Of the files.
+    out : Path
+        Folder, or a file that ends with .html or .pdf.
+    """
+
+    def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:
+        actions = None if options.actions is None else read_actions(options.actions)
+        parts = None if options.parts is None else read_parts(options.parts)
+        self._reports = Reports(read_settings(options.model, actions, parts), out)
+        self._layout, self._unit, self._time = layout, options.unit, options.time
+        self.last = out
+
+    def write(self, paths: Sequence[Path], history: pd.DataFrame | None) -> bool:
+        """Write the pages of files; return whether there is no decision on some of them."""
+        pages = self._pages(paths, history)
+        self.last = self._reports.write(pages)[-1]
+        return any(page.kind == "error" for page in pages)
+
+    def update(self, rows: pd.DataFrame, is_new: Sequence[bool]) -> None:
+        """Write the pages of new results, and an index of all.
+
+        Parameters
+        ----------
+        rows : DataFrame
+            All results of files.
+        is_new : sequence of bool
+            Which of them are new; those without a page are taken as well.
+        """
+        names = rows["recording"].astype(str).tolist()
+        wanted = [new or no for new, no in zip(is_new, self._reports.missing(names), strict=True)]
+        paths = [Path(name) for name, chosen in zip(names, wanted, strict=True) if chosen]
+        kept = rows[[not chosen for chosen in wanted]]
+        before = [
+            Page(str(name), str(decision), "other")
+            for name, decision in zip(kept["recording"], kept["decision"], strict=True)
+        ]
+        if paths:
+            self._reports.write(self._pages(paths, kept if self._unit else None), before)
+
+    def _pages(self, paths: Sequence[Path], history: pd.DataFrame | None) -> list[Page]:
+        layout, unit = self._layout, self._unit
+        sources = [partial(open_recording, path, layout) for path in paths]
+        units = times = None
+        if unit is not None or history is not None:
+            times = known_times(paths, layout, self._time)
+            units = None if unit is None else [value_of(path, layout, unit) for path in paths]
+        if history is not None:
+            history = with_units_and_times(history, layout, unit, self._time)
+        names = [str(path) for path in paths]
+        return self._reports.pages(sources, names, history, units, times, self._time or "")

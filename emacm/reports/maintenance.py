@@ -1,0 +1,304 @@
+"""Maintenance reports of recordings: one page for each decision."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm.machine.lines import fault_series
+from emacm.models.model_files import describe_model, load_model
+from emacm.models.scoring import check_model
+from emacm.recordings.inputs import as_list
+from emacm.recordings.meta import read_meta
+from emacm.reports.history import as_times, check_history, since
+from emacm.reports.html_pages import html_of, index_of
+from emacm.reports.pages import HEALTHY, Page, Settings, page_of
+from emacm.reports.pdf_pages import write_pdf
+
+_WRITTEN = (".html", ".pdf")
+
+
+def maintenance_report(
+    model: Any,
+    recordings: Any,
+    path: str | os.PathLike[str],
+    *,
+    actions: Mapping[Any, str] | None = None,
+    parts: Any = None,
+    healthy: Any = None,
+    background: Any = None,
+    history: pd.DataFrame | None = None,
+    unit: Any = None,
+    time: Any = None,
+) -> list[Path]:
+    """Write a report for maintenance staff: one page for each decision, as HTML and PDF.
+
+    A page states, in this order: what is wrong with the measurement, if anything is; the decision
+    and its confidence; since when; the recommended action; which orders of which component are
+    raised by how many dB, with a picture; what was checked and found normal; the recording, the
+    model and the versions. A recording that cannot be decided on has a page with the reason.
+
+    Parameters
+    ----------
+    model : estimator, or path of a model file
+        Fitted classifier of recordings, as for `score`. Of a file of `save_model`, note and digest
+        are stated.
+    recordings : sequence of Recording
+        Such as a `RecordingFolder`.
+    path : str or Path
+        A file that ends with .html or .pdf, with all pages; or a folder, in which each recording
+        has an HTML and a PDF file, and "index.html" lists them. The folder is made if needed.
+    actions : mapping of label to str, optional
+        Recommended action for each decision.
+    parts : part, or sequence of parts, optional
+        `Bearing`, `Gear` and so on, or mappings of fault names to orders: the components whose
+        orders are looked for. Default: those of a `FaultLines` step of the model.
+    healthy : label, optional
+        The healthy state. Default: "healthy" or "normal". Deviations are from its mean; without
+        such a state, from that of the most probable other one.
+    background : list of Recording, optional
+        Healthy recordings. Needed only where the features are projections (PCA, LDA).
+    history : DataFrame, optional
+        Earlier results, as from `score`, with the column "decision", and "unit" and "time" if these
+        are given.
+    unit : key of meta, tuple of keys, callable or array-like, optional
+        The unit of each recording. Default: with `history`, all are of the same unit.
+    time : key of meta, callable or array-like, optional
+        Time of each recording: dates, or numbers such as cycles. The recordings of a unit count as
+        earlier results of each other. Default: the recordings are later than all of `history`.
+
+    Returns
+    -------
+    list of Path
+        The files that were written.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed (extra ``plot``).
+    TypeError, ValueError
+        If `model` is not a fitted classifier, an action is given for something that is not a
+        decision, a part, the history or a time is invalid, or `path` is a file of another type.
+
+    Notes
+    -----
+    A component is named if at least half of its first three lines are raised by 3 dB and 4 standard
+    deviations above the healthy recordings of the training, and, where the model computes order
+    spectra, at least half of them are 6 dB above the local background.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
+    >>> from emacm import maintenance_report
+    >>> from sklearn.pipeline import make_pipeline
+    >>> rng = np.random.default_rng(0)
+    >>> runs = [
+    ...     Recording({"vibration": level * rng.normal(size=4000)}, 1000, velocity=100.0)
+    ...     for level in (1.0, 1.1, 0.9, 3.0, 3.3, 2.7)
+    ... ]
+    >>> bayes = CostSensitiveGaussianBayes(covariance="diag", shrinkage=0.1)
+    >>> model = make_pipeline(OrderResampler(2 * np.pi / 16), OrderPSD(0.25), bayes)
+    >>> model = model.fit(runs, ["healthy"] * 3 + ["worn"] * 3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = maintenance_report(model, runs[4:5], folder, actions={"worn": "Grease it."})
+    ...     [file.name for file in files], "Grease it." in files[0].read_text(encoding="utf-8")
+    (['recording_0.html', 'recording_0.pdf', 'index.html'], True)
+    """
+    reports = Reports(read_settings(model, actions, parts, healthy, background), path)
+    entries = as_list(recordings)
+    units = None if unit is None else read_meta(entries, unit, role="unit", arrays=True)
+    times = None if time is None else read_meta(entries, time, role="time", arrays=True)
+    names = [str(getattr(entry, "path", f"recording {n}")) for n, entry in enumerate(entries)]
+    sources = [partial(_itself, entry) for entry in entries]
+    counter = time if isinstance(time, str) else ""
+    return reports.write(reports.pages(sources, names, history, units, times, counter))
+
+
+class Reports:
+    """Pages in a file or in a folder.
+
+    Parameters
+    ----------
+    settings : Settings
+        What is the same for all pages.
+    path : str or Path
+        As for `maintenance_report`.
+    """
+
+    def __init__(self, settings: Settings, path: str | os.PathLike[str]) -> None:
+        self._settings = settings
+        self._target, self._is_file = _target(path)
+
+    def pages(
+        self,
+        sources: Sequence[Callable[[], Any]],
+        names: Sequence[str],
+        history: Any = None,
+        units: list[Any] | None = None,
+        times: list[Any] | None = None,
+        counter: str = "",
+    ) -> list[Page]:
+        """Return the pages of recordings that functions open; see `add_since`."""
+        pages = [
+            page_of(self._settings, source, name)
+            for source, name in zip(sources, names, strict=True)
+        ]
+        add_since(pages, history, units, times, counter)
+        return pages
+
+    def missing(self, names: Sequence[str]) -> list[bool]:
+        """Return for each recording whether its page has not been written before."""
+        if self._is_file:
+            return [True] * len(names)
+        return [not (self._target / f"{stem}.html").exists() for stem in file_stems(names)]
+
+    def write(self, pages: Sequence[Page], before: Sequence[Page] = ()) -> list[Path]:
+        """Write pages, and return the files; in a folder, the index is the last one.
+
+        Parameters
+        ----------
+        pages : sequence of Page
+            What is written.
+        before : sequence of Page
+            Pages in the folder that are only listed in the index.
+        """
+        if self._is_file:
+            _write(pages, self._target)
+            return [self._target]
+        listed = [*before, *pages]
+        stems = file_stems([page.name for page in listed])
+        files = []
+        for page, stem in zip(pages, stems[len(before) :], strict=True):
+            for suffix in _WRITTEN:
+                files.append(self._target / f"{stem}{suffix}")
+                _write([page], files[-1])
+        index, links = self._target / "index.html", [f"{stem}.html" for stem in stems]
+        index.write_text(index_of(list(zip(listed, links, strict=True))), encoding="utf-8")
+        return [*files, index]
+
+
+def read_settings(
+    model: Any, actions: Any = None, parts: Any = None, healthy: Any = None, background: Any = None
+) -> Settings:
+    """Check and return what is the same for all pages, see `maintenance_report`."""
+    about, file = None, None
+    if isinstance(model, str | os.PathLike):
+        file = Path(model)
+        about, model = describe_model(file), load_model(file)
+    classes = check_model(model)
+    if healthy is None:
+        healthy = next((label for label in classes if str(label) in HEALTHY), None)
+    elif healthy not in classes:
+        raise ValueError(f"healthy must be one of the classes {classes}, got {healthy!r}.")
+    if parts is not None:
+        fault_series(parts, 1)  # raises if one is invalid
+    return Settings(model, about, file, _actions(actions, model), parts, healthy, background)
+
+
+def _actions(actions: Any, model: Any) -> dict[str, str] | None:
+    if actions is None:
+        return None
+    if not isinstance(actions, Mapping):
+        raise TypeError(f"actions must map decisions to texts, got {type(actions).__name__}.")
+    final = model.steps[-1][1] if hasattr(model, "steps") else model
+    known = getattr(model, "decisions_", getattr(final, "decisions_", model.classes_))
+    decisions = [str(label) for label in np.asarray(known).tolist()]
+    for label, text in actions.items():
+        if str(label) not in decisions:
+            raise ValueError(
+                f"actions has {label!r}, which is not a decision of the model; these are "
+                f"{decisions}."
+            )
+        if not isinstance(text, str):
+            raise TypeError(f"the action for {label!r} must be a text, got {text!r}.")
+    return {str(label): text for label, text in actions.items()}
+
+
+def add_since(
+    pages: Sequence[Page],
+    history: Any,
+    units: list[Any] | None,
+    times: list[Any] | None,
+    counter: str = "",
+) -> None:
+    """Write into each page since when its decision has been made.
+
+    Parameters
+    ----------
+    pages : sequence of Page
+        The pages.
+    history : DataFrame, optional
+        Earlier results.
+    units, times : list, optional
+        Of the pages.
+    counter : str
+        Name of times that are numbers.
+    """
+    if history is None and (units is None or times is None):
+        return
+    known = pd.DataFrame(columns=["decision", "unit", "time"])
+    if history is not None:
+        known = check_history(history, units, times)
+    if times is not None:
+        both = as_times([*known["time"].tolist(), *times])
+        known, times = known.assign(time=both[: len(known)]), both[len(known) :]
+        decided = [page.decision for page in pages]
+        here = pd.DataFrame({"decision": decided, "unit": units, "time": times}, dtype=object)
+        here = here[[page.kind != "error" for page in pages]]
+        known = pd.concat([known.astype(object), here], ignore_index=True)
+    for number, page in enumerate(pages):
+        if page.kind != "error":
+            own = known if units is None else known[known["unit"].astype(str) == str(units[number])]
+            page.since = since(page.decision, times and times[number], own, counter)
+
+
+def _write(pages: Sequence[Page], file: Path) -> None:
+    """Write pages so that an interruption leaves no incomplete file."""
+    unfinished = file.with_name(f".{file.stem}.{os.getpid()}.part{file.suffix}")
+    if file.suffix == ".pdf":
+        write_pdf(pages, unfinished)
+    else:
+        unfinished.write_text(html_of(pages), encoding="utf-8")
+    os.replace(unfinished, file)
+
+
+def _target(path: str | os.PathLike[str]) -> tuple[Path, bool]:
+    """Return a file or folder, and whether it is a file."""
+    target = Path(path)
+    if target.suffix in _WRITTEN and not target.is_dir():
+        return target, True
+    if target.is_file():
+        raise ValueError(f"path must end with .html or .pdf, or be a folder; got {str(path)!r}.")
+    target.mkdir(parents=True, exist_ok=True)
+    return target, False
+
+
+def file_stems(names: Sequence[str]) -> list[str]:
+    """Return names of files without suffix; where files have the same name, with their folder.
+
+    Examples
+    --------
+    >>> file_stems(["a/run.npz", "b/run.npz", "b/new.npz", "recording 3"])
+    ['a_run', 'b_run', 'new', 'recording_3']
+    """
+    stems = [Path(name).stem for name in names]
+    longer = [
+        f"{Path(name).parent.name}_{stem}" if stems.count(stem) > 1 else stem
+        for name, stem in zip(names, stems, strict=True)
+    ]
+    unique = [
+        f"{stem}_{longer[:n].count(stem) + 1}" if longer.count(stem) > 1 else stem
+        for n, stem in enumerate(longer)
+    ]
+    return [stem.replace(" ", "_") for stem in unique]
+
+
+def _itself(entry: Callable[[], Any]) -> Any:
+    return entry

@@ -1,0 +1,204 @@
+"""The content of one page: what is stated about one recording, in the order of importance."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from emacm.explanations.class_deviations import class_deviations
+from emacm.explanations.explain import explain_decision
+from emacm.machine.fault_lines import FaultLines
+from emacm.models.model_files import parts_of
+from emacm.models.outside_training import training_statements
+from emacm.models.scoring import scored_rows
+from emacm.recordings.recording import Recording
+from emacm.reports.facts import Facts, model_facts, recording_facts
+from emacm.reports.order_spectra import order_spectra
+from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, find_raised
+from emacm.reports.verdicts import Verdict, verdict_on
+
+_AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
+HEALTHY = ("healthy", "normal")  # names of the healthy state, unless it is given
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is the same for all pages of a report.
+
+    Attributes
+    ----------
+    model : estimator
+        Fitted classifier.
+    about, path : mapping and Path, optional
+        Description and file of the model.
+    actions : mapping of str to str, optional
+        Recommended action for each decision.
+    parts : part or sequence of parts, optional
+        Components of the machine.
+    healthy : label
+        The healthy state; None if there is none.
+    background : list of Recording, optional
+        Healthy recordings.
+    """
+
+    model: Any
+    about: Mapping[str, Any] | None
+    path: Path | None
+    actions: Mapping[str, str] | None
+    parts: Any
+    healthy: Any
+    background: Any
+
+
+@dataclass
+class Page:
+    """The content of one page.
+
+    Attributes
+    ----------
+    name : str
+        The recording.
+    decision : str
+        The decision, or that there is none.
+    kind : {"healthy", "fault", "unknown", "other", "error"}
+        Kind of the decision.
+    first : list of str
+        What is wrong with the recording; the decision may be wrong if `doubtful`.
+    doubtful : bool
+        Whether it is so far from what can be decided on that it must be checked first.
+    sentences : list of str
+        The decision and its confidence.
+    since, action : str
+        Since when, and the recommended action; empty if they are not known.
+    statements : list of str
+        What deviates from the training, of an unknown state.
+    rows : list of Row
+        Raised orders.
+    reference : str
+        The class above which they are raised.
+    normal, notes : list of str
+        What was found normal, and what must be noted.
+    recording, model_facts : list of (str, str)
+        Facts.
+    spectra, deviations : DataFrame, optional
+        What is drawn.
+    findings : Findings, optional
+        What is raised.
+    units : mapping of str to str
+        Units of the channels.
+    parts : part or sequence of parts, optional
+        Whose orders are marked.
+    """
+
+    name: str
+    decision: str
+    kind: str
+    first: list[str] = field(default_factory=list)
+    doubtful: bool = False
+    sentences: list[str] = field(default_factory=list)
+    since: str = ""
+    action: str = ""
+    statements: list[str] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    reference: str = ""
+    normal: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    recording: Facts = field(default_factory=list)
+    model_facts: Facts = field(default_factory=list)
+    spectra: pd.DataFrame | None = None
+    deviations: pd.DataFrame | None = None
+    findings: Findings | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    parts: Any = None
+
+
+def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
+    """Return the page of a recording that a function opens; an error is its content.
+
+    Parameters
+    ----------
+    settings : Settings
+        What is the same for all pages.
+    source : callable
+        Returns the recording.
+    name : str
+        Name of the recording.
+
+    Returns
+    -------
+    Page
+        Its `since` is empty.
+    """
+    (row,) = scored_rows(settings.model, [source], [name])
+    facts = model_facts(settings.model, settings.about, settings.path)
+    if row["error"]:
+        reason = _AS_A_LIST.sub("", row["error"])
+        page = Page(name, "no decision", "error", [reason], True, model_facts=facts)
+        page.recording = [("File", name)]
+        return page
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
+        recording = source()
+        verdict = verdict_on(settings.model, recording, row, settings.healthy)
+        page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
+        page.recording, page.model_facts = recording_facts(recording, name), facts
+        page.units = recording.units
+        page.action = _action(settings, str(verdict.decision))
+        _add_warnings(page, settings.model, recording, row)
+        page.normal += verdict.normal
+        _add_findings(page, settings, recording, verdict)
+    return page
+
+
+def _action(settings: Settings, decision: str) -> str:
+    if settings.actions is None:
+        return ""
+    return settings.actions.get(decision, "none is given for this decision")
+
+
+def _add_warnings(page: Page, model: Any, recording: Recording, row: Mapping[str, Any]) -> None:
+    """State what is wrong with a recording, or that nothing is."""
+    found = training_statements(model, [recording])
+    statements = [] if found is None else found[0]
+    defects = [text for text in row["warnings"].split("; ") if text]
+    page.first = [*defects, *(statement.text for statement in statements)]
+    page.doubtful = bool(defects) or any(statement.severe for statement in statements)
+    if not defects:
+        page.normal.append("channels without clipping, interruption or constant values")
+    if found is not None and not statements:
+        page.normal.append("speed, sampling rates, levels and length within those of the training")
+
+
+def _add_findings(page: Page, settings: Settings, recording: Recording, verdict: Verdict) -> None:
+    """State which orders are raised, or why this is not known."""
+    model, parts = settings.model, settings.parts
+    if parts is None:
+        known = [part.parts for part in parts_of(model) if isinstance(part, FaultLines)]
+        parts = known[0] if known else None
+    page.parts = parts
+    reference = settings.healthy if settings.healthy is not None else verdict.other
+    page.spectra = order_spectra(model, [recording])
+    background = settings.background
+    try:
+        if verdict.kind == "unknown":
+            explained = explain_decision(model, recording, background=background)
+            page.statements = explained.attrs["statements"]
+        table = class_deviations(model, recording, reference, background=background)
+    except (TypeError, ValueError) as error:
+        page.notes.append(f"Which orders are raised is not known: {error}")
+        return
+    found = find_raised(table, str(reference), parts, page.spectra)
+    page.deviations, page.findings, page.reference = table, found, str(reference)
+    page.rows = found.rows
+    page.normal += found.normal
+    page.notes += found.notes
+    page.notes.append(
+        f"Deviations are from the mean of the training recordings of {str(reference)!r}; those of "
+        f"at least {LEAST:g} dB and {SIGMAS:g} standard deviations are listed."
+    )

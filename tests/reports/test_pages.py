@@ -1,0 +1,287 @@
+"""What the pages of maintenance reports state."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from bearing_models import (
+    BEARING,
+    COST,
+    LINES,
+    STATES,
+    bins_model,
+    fitted,
+    recording,
+    runs,
+    steps,
+)
+from sklearn.decomposition import PCA
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm import (
+    BinTransformer,
+    ConditionRouter,
+    CostSensitiveGaussianBayes,
+    FaultLines,
+    LeastRiskClassifier,
+    Recording,
+    RecordingStatistics,
+    family_costs,
+    order_bands,
+)
+from emacm.reports.maintenance import read_settings
+from emacm.reports.pages import page_of
+
+
+def page(model, new, name="run 7", **options):
+    options.setdefault("parts", BEARING)
+    return page_of(read_settings(model, **options), lambda: new, name)
+
+
+def words(found):
+    """Return all the text of a page."""
+    drawn = ("spectra", "deviations", "findings", "parts")
+    return repr([value for name, value in vars(found).items() if name not in drawn])
+
+
+def expected_level(state, line, model):
+    """Return by how many dB the bin of a line is above the mean of the healthy ones."""
+    names = list(model[2].get_feature_names_out())
+    levels = 10 * np.log10(model[:3].transform([*runs()[::3], recording(state, 99)]))
+    (column,) = [k for k, n in enumerate(names) if n.startswith(f"vib@{line}-")]
+    return levels[-1, column] - levels[:-1, column].mean()
+
+
+def test_a_page_states_which_orders_of_which_component_are_raised_by_how_many_decibels():
+    found = page(bins_model(), recording("outer race", 99))
+    assert (found.decision, found.kind) == ("outer race", "fault")
+    first = found.rows[0]
+    assert first.component == "outer ring (drive end BPFO)"
+    assert (first.channel, first.orders) == ("vib", "3.585, 7.17, 10.75")
+    sizes = [expected_level("outer race", line, bins_model()) for line in ("3.5", "7", "10.5")]
+    assert first.raised == ", ".join(f"+{size:.0f}" for size in sizes) + " dB"
+    assert min(sizes) > 8
+    assert len(found.rows) == 1
+    assert any(
+        t.startswith("no series of raised lines of inner ring (drive end BPFI)")
+        for t in found.normal
+    )
+    assert "all 34 order bands of amps as in 'healthy'" in found.normal
+
+
+def test_confidence_is_in_words():
+    found = page(bins_model(), recording("outer race", 99))
+    assert found.sentences[0].startswith("Confidence: very high. The probability")
+    assert "above 99 %" in found.sentences[0]
+    found = page(bins_model(), recording("inner race", 98))
+    assert found.sentences == [
+        "Confidence: high. The probability of this state is 97 %.",
+        "Possible too: unknown (3 %).",
+    ]
+    text = words(found)
+    assert "nats" not in text
+    assert "1.000" not in text
+    assert "100 %" not in text
+
+
+def test_a_healthy_recording_has_nothing_raised_and_much_that_is_normal():
+    found = page(bins_model(), recording("healthy", 97))
+    assert (found.decision, found.kind, found.rows, found.first) == ("healthy", "healthy", [], [])
+    assert any("speed, sampling rates, levels and length" in text for text in found.normal)
+    assert any("without clipping" in text for text in found.normal)
+    assert any("as typical as the training" in text for text in found.normal)
+
+
+def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
+    found = page(bins_model(), recording("healthy", 96, order=4.2))
+    assert (found.decision, found.kind) == ("unknown", "unknown")
+    assert "unlike all states that the model knows (healthy, inner race and" in found.sentences[0]
+    assert any("order 4 to 4.5 of 'vib'" in text for text in found.statements)
+    assert {row.component for row in found.rows} == {"no predicted order"}
+    assert "4 to 4.5" in {row.orders for row in found.rows}
+
+
+def test_wrong_input_is_stated_first_and_makes_the_decision_doubtful():
+    found = page(bins_model(), recording("outer race", 95, gain=1000))
+    assert found.doubtful
+    assert "channel 'vib' 60 dB above training" in found.first[0]
+    assert found.rows[0] == ("all orders together", "vib", "all", "+60 dB")
+    assert found.rows[1].component == "outer ring (drive end BPFO)"  # beyond the gain
+    assert not any("levels and length within" in text for text in found.normal)
+    clipped = np.clip(recording("healthy", 94).signals["vib"], -0.8, 0.8)
+    new = Recording(
+        {"vib": clipped, "amps": recording("healthy", 94).signals["amps"]}, 2000, velocity=110.0
+    )
+    found = page(bins_model(), new)
+    assert found.doubtful
+    assert "clipped" in found.first[0]
+    assert not any("without clipping" in text for text in found.normal)
+
+
+def test_a_recording_that_cannot_be_decided_on_states_the_reason():
+    found = page(bins_model(), recording("healthy", 93, n=900))
+    assert (found.decision, found.kind, found.doubtful) == ("no decision", "error", True)
+    assert found.first[0].startswith("no stroke holds a segment of 16 revolutions")
+    missing = page_of(read_settings(bins_model()), partial(open, "none.npz"), "none.npz")
+    assert "none.npz" in missing.first[0]
+
+
+def test_a_decision_that_is_no_state_names_the_possible_ones():
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10))))
+    always = {("inspect", state): 0.0 for state in LINES} | {("inspect", "unknown"): 0.0}
+    model.set_params(costsensitivegaussianbayes__cost=COST | always)
+    found = page(model, recording("outer race", 92))
+    assert (found.decision, found.kind) == ("inspect", "other")
+    assert "'inspect' has the lowest expected cost" in found.sentences[0]
+    assert found.sentences[1].startswith("Possible too: outer race (above 99 %)")
+
+
+def test_a_family_has_the_probability_of_its_states():
+    families = {"healthy": ["healthy"], "bearing": ["outer race", "inner race"]}
+    bayes = CostSensitiveGaussianBayes(family_costs(families), covariance="tied", shrinkage="auto")
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), bayes=bayes)))
+    found = page(model, recording("outer race", 91))
+    assert (found.decision, found.kind) == ("bearing", "fault")
+    assert "above 99 %" in found.sentences[0]
+    assert any("not calibrated" in text for text in found.sentences)
+
+
+def test_an_improbable_decision_states_that_its_reason_are_the_costs():
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10))))
+    model.set_params(costsensitivegaussianbayes__cost={("healthy", "outer race"): 1e9})
+    model.set_params(costsensitivegaussianbayes__temperature=1e3)
+    found = page(model, recording("healthy", 90))
+    assert found.decision == "outer race"
+    assert any("because the costs of the other decisions" in text for text in found.sentences)
+    assert found.sentences[0].startswith("Confidence: low")
+
+
+# Models of other kinds
+
+
+def decibels(power):
+    return 10 * np.log10(power)
+
+
+@pytest.mark.parametrize("function", [np.log, np.log2, decibels])
+def test_a_logarithm_of_the_user_changes_no_statement(function):
+    new = recording("outer race", 99)
+    model = fitted(make_pipeline(*steps(FunctionTransformer(function), StandardScaler())))
+    assert page(model, new).rows == page(bins_model(), new).rows
+
+
+@pytest.mark.parametrize("parts", [None, BEARING])
+def test_fault_lines_name_the_component(parts):
+    lines = FaultLines(BEARING, harmonics=2)
+    model = fitted(make_pipeline(*steps(StandardScaler(), table=lines)))
+    found = page(model, recording("outer race", 99), parts=parts)
+    assert found.decision == "outer race"
+    first = found.rows[0]
+    assert (first.component, first.channel) == ("outer ring (drive end BPFO)", "vib")
+    levels = model[:3].transform([*runs()[::3], recording("outer race", 99)])[:, 0]
+    assert first.raised == f"+{levels[-1] - levels[:-1].mean():.0f} dB"
+    # The third line of BPFO is where the second one of BPFI may be; the spectrum decides.
+    assert any("no series of raised lines of" in text and "BPFI" in text for text in found.normal)
+
+
+def test_named_bands_name_their_lines_without_parts():
+    bands = order_bands({"BPFO": 3.5848, "BPFI": 5.4152}, slip=0.03)
+    table = BinTransformer(edges=bands)
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log), table=table)))
+    found = page(model, recording("outer race", 99), parts=None)
+    assert [(row.orders, row.channel) for row in found.rows] == [("BPFO", "vib")]
+
+
+def test_projected_features_need_healthy_recordings():
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), PCA(6))))
+    new = recording("outer race", 99)
+    found = page(model, new)
+    assert found.rows == []
+    assert any("give training recordings as background" in text for text in found.notes)
+    found = page(model, new, background=runs()[::3])
+    assert found.rows[0].component == "outer ring (drive end BPFO)"
+
+
+def test_a_router_is_stated_by_the_model_of_the_condition():
+    router = ConditionRouter(make_pipeline(*steps(FunctionTransformer(np.log10))), condition="load")
+    X = [recording(s, k, meta={"load": 40 * (k % 2)}) for k, s in enumerate(np.repeat(STATES, 2))]
+    groups = np.arange(48) // 6
+    router.fit(X, np.repeat(STATES, 2), costsensitivegaussianbayes__groups=groups)
+    found = page(router, recording("outer race", 99, meta={"load": 40}))
+    assert found.rows[0].component == "outer ring (drive end BPFO)"
+    assert found.spectra is not None
+    assert ("Meta", "load = 40") in found.recording
+
+
+def test_a_model_without_densities_states_why_no_orders_are_given():
+    forest = LeastRiskClassifier(RandomForestClassifier(30, random_state=0), COST)
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), bayes=forest)))
+    found = page(model, recording("outer race", 99))
+    assert found.decision == "outer race"
+    assert found.rows == []
+    assert any(text.startswith("Which orders are raised is not known") for text in found.notes)
+
+
+def test_features_without_orders_are_in_standard_deviations():
+    model = make_pipeline(
+        RecordingStatistics(("std", "kurtosis")),
+        CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1),
+    ).fit(runs(), STATES)
+    found = page(model, recording("outer race", 99, gain=30.0))
+    assert found.rows[0].orders == "std"
+    assert found.rows[0].channel == "vib"
+    assert found.rows[0].raised.endswith("standard deviations")
+    assert found.spectra is None
+
+
+def test_without_a_healthy_state_the_most_probable_other_one_is_the_reference():
+    faulty = STATES != "healthy"
+    model = make_pipeline(*steps(FunctionTransformer(np.log10)))
+    model.set_params(costsensitivegaussianbayes__cost=None)
+    X = [run for run, chosen in zip(runs(), faulty, strict=True) if chosen]
+    model.fit(X, STATES[faulty], costsensitivegaussianbayes__groups=np.arange(16) // 2)
+    found = page(model, recording("outer race", 99))
+    assert found.reference == "inner race"
+    assert {row.component for row in found.rows} >= {"outer ring (drive end BPFO)"}
+
+
+# Facts and settings
+
+
+def test_facts_of_recording_and_model_are_stated():
+    found = page(bins_model(), recording("healthy", 97, meta={"unit": "A"}))
+    facts = dict(found.recording)
+    assert facts["Recording"] == "run 7"
+    assert facts["Length"] == "4.5 s, 78.77 revolutions"
+    assert facts["Speed of the shaft"] == "1050 rpm"
+    assert facts["Channels"] == "vib [m/s²], 2000 Hz; amps [unit not stated], 2000 Hz"
+    facts = dict(found.model_facts)
+    assert facts["States"] == "healthy, inner race, outer race"
+    assert facts["Trained on"].startswith("1050 rpm; 78.77 revolutions; 2000 Hz; levels")
+    assert "emacm" in facts["Versions"]
+    assert "not saved" in facts["Model"]
+
+
+def test_actions_are_those_of_the_table():
+    actions = {"outer race": "Replace it.", "inspect": "Look."}
+    assert page(bins_model(), recording("outer race", 99), actions=actions).action == "Replace it."
+    found = page(bins_model(), recording("healthy", 97), actions=actions)
+    assert found.action == "none is given for this decision"
+    assert page(bins_model(), recording("healthy", 97)).action == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"actions": {"worn": "Look."}}, ValueError, "'worn', which is not a decision"),
+        ({"actions": {"healthy": 3}}, TypeError, "action for 'healthy' must be a text"),
+        ({"actions": "none"}, TypeError, "must map decisions to texts"),
+        ({"healthy": "good"}, ValueError, "healthy must be one of the classes"),
+        ({"parts": "bearing"}, TypeError, "part 0 must be a Bearing"),
+    ],
+)
+def test_invalid_settings_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        read_settings(bins_model(), **options)
