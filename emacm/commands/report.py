@@ -81,7 +81,7 @@ class FileReports:
         names = rows["recording"].astype(str).tolist()
         wanted = [new or no for new, no in zip(is_new, self._reports.missing(names), strict=True)]
         paths = [Path(name) for name, chosen in zip(names, wanted, strict=True) if chosen]
-        kept = rows[[not chosen for chosen in wanted]]
+        kept = rows.loc[[not chosen for chosen in wanted]]
         before = [
             Page(str(name), str(decision), "other")
             for name, decision in zip(kept["recording"], kept["decision"], strict=True)

@@ -37,7 +37,7 @@ figcaption,.notes{font-size:.85rem;color:#444}
 article{max-width:none;padding:0;break-after:page}article:last-child{break-after:auto}
 h1{font-size:10pt}h2{font-size:9pt;margin:.7rem 0 .2rem;break-after:avoid}
 .decision strong{font-size:13pt}th,td{padding:.1rem .5rem .1rem 0}
-figure{margin:.3rem 0}img{max-height:88mm;width:auto;max-width:100%}
+figure{margin:.3rem 0}img{max-height:78mm;width:auto;max-width:100%}
 .both{display:grid;grid-template-columns:1fr 1fr;gap:0 1.5rem}
 .decision,figure,.first{break-inside:avoid}.decision,.first{print-color-adjust:exact}}
 """.strip()

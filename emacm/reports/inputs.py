@@ -118,7 +118,7 @@ def read_results(path: Path) -> pd.DataFrame:
         if path.suffix == ".parquet":
             table = pd.read_parquet(path)
         elif path.suffix == ".jsonl":
-            table = pd.read_json(path, lines=True, convert_dates=False)
+            table = pd.read_json(path, lines=True, dtype=False)
         elif path.suffix == ".csv":
             table = pd.read_csv(path, keep_default_na=False, dtype={"decision": str})
         else:
@@ -162,7 +162,7 @@ def with_units_and_times(
     paths = [Path(name) for name, keep in zip(names, kept, strict=True) if keep]
     columns = {} if unit is None else {"unit": [value_of(path, layout, unit) for path in paths]}
     times = [time_of(path, layout, time) for path in paths]
-    return table[kept].assign(**columns, time=times)
+    return table.loc[kept].assign(**columns, time=times)
 
 
 def value_of(path: Path, layout: Layout, key: str) -> Any:

@@ -1,0 +1,188 @@
+"""The command report and the reports of score: pages of files, with actions, parts and history."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from emacm import (
+    Bearing,
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Gear,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    RecordingFolder,
+    save_model,
+)
+from emacm.__main__ import main
+from emacm.reports.inputs import read_actions, read_parts, read_results
+
+pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+LAYOUT = 'fs = 1000\nvelocity = "speed"\nmeta = "{unit}_{state}_{day:d}"\n[units]\nspeed = "rpm"\n'
+PARTS = '[orders]\n"outer race" = 4.7\n'
+ACTIONS = 'healthy = "None."\nworn = "Replace the bearing."\n'
+N = 2000
+
+
+def write(path, worn, seed):
+    rng = np.random.default_rng(seed)
+    angle = 90.0 * np.arange(N) / 1000
+    line = (2.0 if worn else 0.1) * np.sin(4.7 * angle)
+    np.savez(path, vib=rng.normal(size=N) + line, speed=np.full(N, 90 * 30 / np.pi))
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    for name, first in (("training", 0), ("new", 50)):
+        (folder / name).mkdir()
+        for number in range(12 if name == "training" else 3):
+            state = "worn" if number % 3 == 2 else "healthy"
+            write(folder / name / f"A_{state}_{number}.npz", state == "worn", first + number)
+    (folder / "layout.toml").write_text(LAYOUT)
+    (folder / "parts.toml").write_text(PARTS)
+    (folder / "actions.toml").write_text(ACTIONS)
+    X = RecordingFolder(folder / "training", Layout.from_toml(folder / "layout.toml"))
+    model = make_pipeline(
+        OrderResampler(2 * np.pi / 24),
+        OrderPSD(4),
+        BinTransformer(0.5, max_order=9),
+        FunctionTransformer(np.log10),
+        CostSensitiveGaussianBayes(covariance="diag", shrinkage=0.1),
+    )
+    save_model(model.fit(X, [recording.meta["state"] for recording in X]), folder / "model.emacm")
+    return folder
+
+
+@pytest.fixture
+def here(bench, tmp_path, monkeypatch):
+    shutil.copytree(bench, tmp_path / "bench")
+    monkeypatch.chdir(tmp_path / "bench")
+    return tmp_path / "bench"
+
+
+def run(command, *arguments, paths=("new",)):
+    return main([command, "model.emacm", *paths, "--layout", "layout.toml", *arguments])
+
+
+REPORT = ("--actions", "actions.toml", "--parts", "parts.toml", "--unit", "unit", "--time", "day")
+
+
+def test_a_folder_of_files_gives_pages_and_an_index(here, capsys):
+    assert run("report", *REPORT) == 0
+    assert capsys.readouterr().out == f"3 reports: {Path('report/index.html')}\n"
+    html = Path("report/A_worn_2.html").read_text(encoding="utf-8")
+    assert "Replace the bearing." in html
+    assert "<td>outer race</td>" in html
+    assert "New: the recording before, of this unit, was &#x27;healthy&#x27; (day 1)." in html
+    assert Path("report/A_worn_2.pdf").read_bytes().startswith(b"%PDF")
+    assert Path("report/index.html").read_text(encoding="utf-8").count("<a href=") == 3
+
+
+def test_earlier_results_state_since_when(here):
+    table = {"recording": ["old/A_worn_0.npz", "old/A_worn_1.npz"], "decision": ["healthy", "worn"]}
+    pd.DataFrame(table).to_csv("earlier.csv", index=False)
+    paths = ["new/A_worn_2.npz", "new/A_worn_9.npz"]
+    options = ("--history", "earlier.csv", *REPORT, "--out", "all.html")
+    assert run("report", *options, paths=paths) == 3
+    html = Path("all.html").read_text(encoding="utf-8")
+    assert "Since day 1, in 2 recordings in a row" in html
+    assert "there is no file" in html or "No such file" in html
+
+
+def test_score_writes_reports_of_new_files_and_lists_all(here):
+    options = ("--out", "table.csv", "--report", "pages", *REPORT)
+    assert run("score", *options) == 0
+    pages = sorted(path.name for path in Path("pages").glob("*.html"))
+    assert pages == ["A_healthy_0.html", "A_healthy_1.html", "A_worn_2.html", "index.html"]
+    written = {path: path.stat().st_mtime_ns for path in Path("pages").glob("A_*")}
+    write(Path("new/A_worn_3.npz"), True, 77)
+    Path("pages/A_healthy_0.html").unlink()  # as after an interruption
+    assert run("score", *options) == 0
+    new = {path for path in Path("pages").glob("A_*") if path not in written}
+    assert new == {Path("pages/A_worn_3.html"), Path("pages/A_worn_3.pdf")}
+    same = [path for path, time in written.items() if path.stat().st_mtime_ns == time]
+    assert {path.stem for path in same} == {"A_healthy_1", "A_worn_2"}
+    html = Path("pages/A_worn_3.html").read_text(encoding="utf-8")
+    assert "Since day 2, in 2 recordings in a row" in html
+    assert Path("pages/index.html").read_text(encoding="utf-8").count("<a href=") == 4
+
+
+def test_without_a_key_the_time_is_that_of_the_file(here):
+    for number, path in enumerate(sorted(Path("new").iterdir())):
+        os.utime(path, (1.7e9 + 86400 * number, 1.7e9 + 86400 * number))
+    assert run("report", "--unit", "unit", "--out", "all.html") == 0
+    day = pd.Timestamp.fromtimestamp(1.7e9 + 86400)
+    html = Path("all.html").read_text(encoding="utf-8")
+    assert f"was &#x27;healthy&#x27; ({day:%Y-%m-%d %H:%M})" in html
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--actions", "parts.toml"], "the action for"),
+        (["--unit", "bench"], "its meta has no 'bench', only ['unit', 'state', 'day']"),
+        (["--history", "layout.toml"], "must end with .csv, .jsonl or .parquet"),
+        (["--parts", "layout.toml"], "it has a table 'fs'"),
+        (["--out", "layout.toml"], "path must end with .html or .pdf, or be a folder"),
+    ],
+)
+def test_an_invalid_command_is_status_2_and_one_line(here, capsys, arguments, message):
+    Path("parts.toml").write_text("[actions]\nworn = 3\n")
+    assert run("report", *arguments) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.err.count("\n") == 1
+
+
+def test_parts_are_read_by_the_names_of_their_classes(tmp_path):
+    file = tmp_path / "parts.toml"
+    file.write_text(
+        '[[Bearing]]\nn_balls = 9\nball_diameter = 7.94\npitch_diameter = 39.04\nname = "DE"\n'
+        "[Gear]\nteeth = 17\nmating_teeth = 43\n[orders]\nsupply = 6\n"
+    )
+    bearing, gear, orders = read_parts(file)
+    assert bearing == Bearing(9, 7.94, 39.04, name="DE")
+    assert gear == Gear(17, 43)
+    assert orders == {"supply": 6}
+    file.write_text("[Bearing]\nn_balls = 9\n")
+    with pytest.raises(TypeError, match=r"Bearing: .*ball_diameter"):
+        read_parts(file)
+    file.write_text("")
+    with pytest.raises(ValueError, match="holds no part"):
+        read_parts(file)
+    file.write_text("Bearing = ")
+    with pytest.raises(ValueError, match="not valid TOML"):
+        read_parts(file)
+
+
+def test_actions_are_read_from_tables_too(tmp_path):
+    (tmp_path / "a.csv").write_text("decision,action\nworn,Replace it.\nNone,Look.\n")
+    assert read_actions(tmp_path / "a.csv") == {"worn": "Replace it.", "None": "Look."}
+    (tmp_path / "b.csv").write_text("state,action\nworn,Replace it.\n")
+    with pytest.raises(ValueError, match="columns 'decision' and 'action', got"):
+        read_actions(tmp_path / "b.csv")
+    (tmp_path / "c.toml").write_text("[actions]\n3 = 'Look.'\n")
+    assert read_actions(tmp_path / "c.toml") == {"3": "Look."}
+    (tmp_path / "d.toml").write_text("actions = 3\n")
+    with pytest.raises(ValueError, match="must hold actions"):
+        read_actions(tmp_path / "d.toml")
+
+
+def test_results_of_all_types_are_read(tmp_path):
+    table = pd.DataFrame({"recording": ["a.npz"], "decision": ["7"]})
+    table.to_csv(tmp_path / "t.csv", index=False)
+    table.to_json(tmp_path / "t.jsonl", orient="records", lines=True)
+    for suffix in ("csv", "jsonl"):
+        assert read_results(tmp_path / f"t.{suffix}")["decision"].astype(str).tolist() == ["7"]
+    table[["decision"]].to_csv(tmp_path / "u.csv", index=False)
+    with pytest.raises(ValueError, match="not a table of emacm score"):
+        read_results(tmp_path / "u.csv")
