@@ -235,6 +235,7 @@ def _findings(model: Any, recording: Recording) -> Row:
         return {}
     known = [name for name in part.channels_ if name in recording.channels]
     options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
-    quality = recording_quality(recording, known or recording.channels, *options, float(part.ratio))
+    more = (float(part.ratio), part.max_rest)
+    quality = recording_quality(recording, known or recording.channels, *options, *more)
     outside = outside_training(model, [recording])[0]
     return {"warnings": quality.warnings, "outside_training": "; ".join(outside)}

@@ -17,7 +17,7 @@ from scipy import fft
 
 from emacm._kernels import kernels
 from emacm.orders.windows import detrended, window_values
-from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.shaft.motion import blocks as blocks_of
 
 # Whole, or in consecutive blocks; shape (n_channels, n_angles).
@@ -26,7 +26,7 @@ Section = tuple[NDArray[np.floating], int, int]
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
 
-_JOINED_BYTES = 2 << 20  # blocks up to this size are joined with the rest of the one before
+_SECTION_BYTES = 1 << 19  # of the segments of a section
 _LEAST_POWER = 1e-290  # below, float64 loses digits
 _LEAST_RANGE = 1e-140  # of a signal whose power is above that
 
@@ -118,32 +118,37 @@ class SegmentPlan:
             If no stroke (`by_direction`: of one direction) is as long as a segment, or powers of a
             channel are outside the range of float64.
         """
-        if isinstance(row, np.ndarray):
-            kinds: list[tuple[str, list[int], list[Signal]]] = [
-                ("row", [len(row)], [[row[np.newaxis]]])
-            ]
-        else:
-            rows = range(len(row.channels))
-            kinds = [
-                (kind, [s.n_angles for s in strokes], [s.blocks(rows) for s in strokes])
-                for kind, strokes in row.strokes_by_kind(self.by_direction)
-            ]
-        spectra = []
         with np.errstate(over="ignore", invalid="ignore"):
-            for kind, lengths, signals in kinds:
-                whole = [
-                    s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment
-                ]
-                if whole:
-                    spectra.append(self.average_of(whole))
-                elif self.short == "pad" and max(lengths, default=0) > 1:
-                    strokes = (np.concatenate(list(blocks), axis=1) for blocks in signals)
-                    spectra.append(self.padded(strokes))
-                else:
-                    raise too_short(lengths, self, kind, "OrderPSD")
-        powers = np.stack(spectra, axis=1) if self.by_direction else spectra[0]
+            if isinstance(row, np.ndarray):
+                powers = self._spectrum([[row[np.newaxis]]], [len(row)], "row")
+            else:
+                kinds = row.strokes_by_kind(self.by_direction)
+                spectra = [self._stroke_spectrum(row, *strokes) for strokes in kinds]
+                powers = np.stack(spectra, axis=1) if self.by_direction else spectra[0]
         check_range(powers, row)
         return powers
+
+    def _stroke_spectrum(
+        self, row: AngleRecording, kind: str, strokes: Sequence[AngleStroke]
+    ) -> NDArray[np.floating]:
+        """Estimate the power spectra of some strokes, channels of one sampling rate at a time."""
+        powers = np.empty((len(row.channels), self.n_orders))
+        lengths = [stroke.n_angles for stroke in strokes]
+        for group in row.rate_groups:
+            signals = [stroke.blocks(group) for stroke in strokes]
+            powers[group] = self._spectrum(signals, lengths, kind)
+        return powers
+
+    def _spectrum(
+        self, signals: Sequence[Signal], lengths: Sequence[int], kind: str
+    ) -> NDArray[np.floating]:
+        """Estimate the power spectra of signals of these lengths."""
+        whole = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
+        if whole:
+            return self.average_of(whole)
+        if self.short == "pad" and max(lengths, default=0) > 1:
+            return self.padded(np.concatenate(list(blocks), axis=1) for blocks in signals)
+        raise too_short(lengths, self, kind, "OrderPSD")
 
     def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
         """Average the power spectra of all segments of all signals.
@@ -329,32 +334,67 @@ def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Sect
     spans two signals, which are read one at a time; shorter signals are skipped.
     """
     for signal in signals:
-        parts = iter([signal] if isinstance(signal, np.ndarray) else signal)
-        rest: NDArray[np.floating] | None = None
-        for block in parts:
-            # At least as long as a segment, where it is not the last one.
-            held = [block]
-            for more in parts if block.shape[1] < length else ():
-                held.append(more)
-                if sum(part.shape[1] for part in held) >= length:
-                    break
-            block = held.pop() if len(held) == 1 else np.concatenate(held, axis=1)
-            del held
-            first = 0  # in the block, of the segments that lie entirely inside
-            if rest is not None and block.nbytes <= _JOINED_BYTES:
-                block, rest = np.concatenate([rest, block], axis=1), None
-            if rest is not None:
-                # Segments that begin in the rest; only these samples are copied.
-                first = -rest.shape[1] % step
-                joined = np.concatenate([rest, block[:, : first - step + length]], axis=1)
-                count = (joined.shape[1] - length) // step + 1
-                if count > 0:
-                    yield joined, 0, count
-            count = max(0, (block.shape[1] - first - length) // step + 1)
-            if count:
-                yield block, first, count
-            rest = block[:, first + count * step :].copy()
+        cutter = SectionCutter(length, step)
+        for block in [signal] if isinstance(signal, np.ndarray) else signal:
+            yield from cutter.add(block)
             del block  # before the next one is made
+        yield from cutter.finish()
+
+
+class SectionCutter:
+    """Cuts a signal that comes block by block into sections of an equal number of segments.
+
+    A sum over segments is therefore the same bit for bit, whatever the blocks are.
+
+    Parameters
+    ----------
+    length, step : int
+        As for `sections`.
+
+    Attributes
+    ----------
+    rest : list of ndarray of shape (n_channels, n_angles)
+        The samples from the start of the next section on.
+    """
+
+    def __init__(self, length: int, step: int) -> None:
+        self._length, self._step = length, step
+        self.rest: list[NDArray[np.floating]] = []
+
+    def add(self, block: NDArray[np.floating]) -> Iterator[Section]:
+        """Yield the sections that are complete with the next samples."""
+        # An even number, as two segments may be transformed together.
+        n_segments = 2 * max(1, _SECTION_BYTES // (16 * self._length * len(block)))
+        onward = n_segments * self._step
+        whole, n_rest = onward - self._step + self._length, self._n_rest
+        n_complete = (n_rest + block.shape[1] - whole) // onward + 1
+        if n_complete < 1:
+            self.rest.append(block.copy())
+            return
+        start = -n_rest  # of the next section, in the block
+        if self.rest:
+            # Sections that begin in the rest; only their samples are copied.
+            n_joined = min(n_complete, -(-n_rest // onward))
+            stop = start + (n_joined - 1) * onward + whole
+            joined = np.concatenate([*self.rest, block[:, :stop]], axis=1)
+            for k in range(n_joined):
+                yield joined, k * onward, n_segments
+            start += n_joined * onward
+            self.rest = [joined[:, n_joined * onward : n_rest].copy()]
+            del joined
+        for first in range(start, n_complete * onward - n_rest, onward):
+            yield block, first, n_segments
+        self.rest = [*self.rest, block[:, max(0, n_complete * onward - n_rest) :].copy()]
+
+    def finish(self) -> Iterator[Section]:
+        """Yield the last section, which may be shorter."""
+        count = (self._n_rest - self._length) // self._step + 1
+        if count > 0:
+            yield np.concatenate(self.rest, axis=1), 0, count
+
+    @property
+    def _n_rest(self) -> int:
+        return sum(part.shape[1] for part in self.rest)
 
 
 def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:

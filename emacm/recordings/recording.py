@@ -39,7 +39,7 @@ from emacm.shaft.motion import (
     sources,
 )
 from emacm.shaft.paths import ShaftPath, paths_along
-from emacm.shaft.strokes import Stroke, strokes_of
+from emacm.shaft.strokes import Stroke, longest_gap, strokes_of
 
 _MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
@@ -232,13 +232,15 @@ class Recording(Excerpts):
             return self._shaft
         return DifferentiatedVelocity(self._shaft, self.shaft_fs)
 
-    def strokes(self, min_speed: float = 0.0) -> list[Stroke]:
+    def strokes(self, min_speed: float = 0.0, max_rest: float | None = None) -> list[Stroke]:
         """Return the sections in which the shaft turns in one direction.
 
         Parameters
         ----------
         min_speed : float
             Speed up to which the shaft counts as standing still [rad/s].
+        max_rest : float, optional
+            Longest time at standstill that does not end a stroke [s]. Default: any.
 
         Returns
         -------
@@ -248,11 +250,12 @@ class Recording(Excerpts):
         Raises
         ------
         TypeError, ValueError
-            If `min_speed` is not a number of at least 0.
+            If one of the two is not a number of at least 0.
         """
         min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
-        find = partial(strokes_of, self._speed, min_speed)
-        return self._remembered.once(("strokes", min_speed), find, most=_MANY)
+        max_gap = longest_gap(max_rest, self.shaft_fs)
+        find = partial(strokes_of, self._speed, min_speed, max_gap)
+        return self._remembered.once(("strokes", min_speed, max_gap), find, most=_MANY)
 
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a result of the content; computed again only after a file was written."""
@@ -263,22 +266,24 @@ class Recording(Excerpts):
         """Largest isolated jump of the shaft reference, see `emacm.shaft.jumps`; None if none."""
         return self._remembered.once("jump", lambda: largest_jump(self._speed, self.shaft_fs))
 
-    def paths(self, direction: str = "strokes", min_speed: float = 0.0) -> list[ShaftPath]:
+    def paths(
+        self, direction: str = "strokes", min_speed: float = 0.0, max_rest: float | None = None
+    ) -> list[ShaftPath]:
         """Return the travel of the shaft along each of its strokes.
 
         Parameters
         ----------
         direction : {"strokes", "forward", "reverse", "travel"}
             As for `OrderResampler`.
-        min_speed : float
-            Speed up to which the shaft counts as standing still [rad/s].
+        min_speed, max_rest : float
+            As for `strokes`.
 
         Returns
         -------
         list of ShaftPath
             In order of time.
         """
-        strokes = self.strokes(min_speed)
+        strokes = self.strokes(min_speed, max_rest)
         return paths_along(self.motion[0], self.shaft_fs, strokes, direction, min_speed)
 
     @property

@@ -45,6 +45,8 @@ class AngleRecording:
         Speed up to which the measured shaft counts as standing still [rad/s].
     ratio : float
         Revolutions of the shaft of interest per revolution of the measured shaft.
+    max_rest : float or None
+        Longest time at standstill that does not end a stroke [s].
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -55,6 +57,7 @@ class AngleRecording:
     direction: str = "strokes"
     min_speed: float = 0.0
     ratio: float = 1.0
+    max_rest: float | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, for pickle and joblib's hash; no kept signals."""
@@ -81,7 +84,7 @@ class AngleRecording:
         """The strokes in order of time; their signals are not resampled yet."""
         paths = None if self.kept is None else self.kept.paths
         if paths is None:
-            measured = self.measured.paths(self.direction, self.min_speed)
+            measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
             paths = [path.geared(self.ratio) for path in measured]
         if self.kept is not None:
             self.kept.paths = paths

@@ -40,6 +40,7 @@ from emacm.resampling.training_range import (
     warn_of_severe,
 )
 from emacm.shaft.paths import DIRECTIONS
+from emacm.shaft.strokes import longest_gap
 
 _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
 
@@ -68,6 +69,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     min_speed : float
         Speed up to which the measured shaft counts as standing still [rad/s]. Set it above the
         noise of the shaft reference at rest.
+    max_rest : float, optional
+        Longest time at standstill within a stroke [s]; a longer one ends it. Default: a stroke ends
+        only where the direction changes.
     ratio : float
         Revolutions of the shaft of interest per revolution of the measured shaft, such as 13/35
         for the output shaft of a pinion of 13 teeth and a wheel of 35. Angles, revolutions and
@@ -124,6 +128,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         antialias: bool = True,
         direction: str = "strokes",
         min_speed: float = 0.0,
+        max_rest: float | None = None,
         ratio: float = 1.0,
         channels: Sequence[str] | None = None,
         fs: float | None = None,
@@ -136,6 +141,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self.antialias = antialias
         self.direction = direction
         self.min_speed = min_speed
+        self.max_rest = max_rest
         self.ratio = ratio
         self.channels = channels
         self.fs = fs
@@ -221,6 +227,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
                 self.direction,
                 float(self.min_speed),
                 float(self.ratio),
+                self.max_rest,
             )
             for recording in recordings
         ]
@@ -281,6 +288,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             min_speed=float(self.min_speed),
             direction=self.direction,
             ratio=float(self.ratio),
+            max_rest=self.max_rest,
         )
         return run(quality, recordings, n_jobs=self.n_jobs)
 
@@ -296,6 +304,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_choice(self.antialias, "antialias", (True, False))
         check_choice(self.direction, "direction", DIRECTIONS)
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
+        longest_gap(self.max_rest, 1.0)
         check_number(self.ratio, "ratio", at_least=1 / _LARGEST_RATIO, at_most=_LARGEST_RATIO)
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
         if isinstance(self.reference, bool) or not isinstance(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from emacm.recordings.recording import Recording
 from emacm.resampling.channel_checks import check_channel
-from emacm.resampling.spreading import PASS
+from emacm.resampling.fine_grid import PASS
 
 _MANY = 10  # strokes of less than a revolution that look like noise
 
@@ -57,6 +57,7 @@ def recording_quality(
     min_speed: float,
     direction: str,
     ratio: float = 1.0,
+    max_rest: float | None = None,
 ) -> Quality:
     """Return the properties of a recording; they are computed once.
 
@@ -74,12 +75,14 @@ def recording_quality(
         What counts as a stroke.
     ratio : float
         Revolutions of the shaft of interest per revolution of the measured shaft.
+    max_rest : float or None
+        Longest time at standstill that does not end a stroke [s].
 
     Returns
     -------
     Quality
     """
-    options = (tuple(channels), theta_s, min_speed, direction, ratio)
+    options = (tuple(channels), theta_s, min_speed, direction, ratio, max_rest)
     return recording.once(("quality", *options), partial(_quality, recording, *options))
 
 
@@ -90,11 +93,12 @@ def _quality(
     min_speed: float,
     direction: str,
     ratio: float,
+    max_rest: float | None,
 ) -> Quality:
     velocity, fs = recording.velocity, recording.shaft_fs
     if direction == "travel":
         direction = "strokes"  # which is what travel joins
-    paths = [path.geared(ratio) for path in recording.paths(direction, min_speed)]
+    paths = [path.geared(ratio) for path in recording.paths(direction, min_speed, max_rest)]
     starts = [round(path.start_time * fs) for path in paths]
     speeds = [
         _speed_range(velocity[start : start + path.n_times])

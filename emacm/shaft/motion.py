@@ -123,9 +123,13 @@ class IntegratedAngle(LazySeries):
         loops.set_checkpoints(velocity, self._half_step, _STRIDE, *found)
 
     def speed_limit(self, start: int, stop: int) -> float:
-        """Return an upper bound of the speed from sample `start` to `stop` [rad/s]."""
-        pieces = slice(start // _STRIDE, -(-stop // _STRIDE))
-        return max(float(self._highest[pieces].max()), -float(self._lowest[pieces].min()))
+        """Return the highest speed from sample `start` to `stop` (exclusive) [rad/s]."""
+        first = min(-(-start // _STRIDE) * _STRIDE, stop)
+        last = max(stop // _STRIDE * _STRIDE, first)
+        pieces = slice(first // _STRIDE, last // _STRIDE)
+        ends = self._velocity[start:first], self._velocity[last:stop]
+        found = *ends, self._highest[pieces], self._lowest[pieces]
+        return max(float(np.abs(speeds).max(initial=0.0)) for speeds in found)
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the angles `start` to `stop` (exclusive) [rad]."""

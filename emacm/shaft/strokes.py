@@ -47,7 +47,31 @@ def find_strokes(velocity: ArrayLike, *, min_speed: float = 0.0) -> list[Stroke]
     return strokes_of(speed, check_number(min_speed, "min_speed", at_least=0, unit="rad/s"))
 
 
-def strokes_of(velocity: Series, min_speed: float) -> list[Stroke]:
+def longest_gap(max_rest: float | None, fs: float) -> float:
+    """Return the most samples from one in which the shaft turns to the next of the same stroke.
+
+    Parameters
+    ----------
+    max_rest : float or None
+        Longest time at standstill that does not end a stroke [s]; None for any.
+    fs : float
+        Sampling rate of the shaft reference [Hz].
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `max_rest` is not a number of at least 0.
+    """
+    if max_rest is None:
+        return np.inf
+    return check_number(max_rest, "max_rest", at_least=0, unit="s") * fs + 1
+
+
+def strokes_of(velocity: Series, min_speed: float, max_gap: float = np.inf) -> list[Stroke]:
     """Find strokes as `find_strokes` does, block by block and without checks.
 
     Parameters
@@ -56,6 +80,8 @@ def strokes_of(velocity: Series, min_speed: float) -> list[Stroke]:
         Finite shaft velocity [rad/s], signed.
     min_speed : float
         Speed up to which the shaft counts as standing still [rad/s].
+    max_gap : float
+        Most samples from one in which the shaft turns to the next of the same stroke.
 
     Returns
     -------
@@ -63,15 +89,41 @@ def strokes_of(velocity: Series, min_speed: float) -> list[Stroke]:
     """
     strokes: list[Stroke] = []
     for first, block in blocks(velocity):
-        for start, stop, sign in _sections(block, min_speed):
-            if strokes and strokes[-1].direction == sign:
-                strokes[-1] = Stroke(strokes[-1].start, first + stop, sign)
-            else:
-                strokes.append(Stroke(first + start, first + stop, sign))
+        extend_strokes(strokes, first, block, min_speed, max_gap)
     return strokes
 
 
-def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tuple[int, int, int]]:
+def extend_strokes(
+    strokes: list[Stroke],
+    first: int,
+    velocity: NDArray[np.floating],
+    min_speed: float,
+    max_gap: float = np.inf,
+) -> None:
+    """Extend strokes, the last of which may still go on, by the next samples.
+
+    Parameters
+    ----------
+    strokes : list of Stroke
+        Those of the samples before; changed in place.
+    first : int
+        Number of the first of the next samples.
+    velocity : ndarray of shape (n_times,)
+        Finite shaft velocity [rad/s], signed.
+    min_speed, max_gap : float
+        As for `strokes_of`.
+    """
+    for start, stop, sign in _sections(velocity, min_speed, max_gap):
+        last = strokes[-1] if strokes else None
+        if last and last.direction == sign and first + start - (last.stop - 1) <= max_gap:
+            strokes[-1] = Stroke(last.start, first + stop, sign)
+        else:
+            strokes.append(Stroke(first + start, first + stop, sign))
+
+
+def _sections(
+    velocity: NDArray[np.floating], min_speed: float, max_gap: float
+) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, last + 1 and direction of the strokes within one block."""
     if velocity.min() > min_speed:
         yield 0, len(velocity), 1
@@ -83,6 +135,6 @@ def _sections(velocity: NDArray[np.floating], min_speed: float) -> Iterator[tupl
     if not len(turning):
         return
     signs = np.sign(velocity[turning]).astype(np.int8)
-    cuts = np.flatnonzero(np.diff(signs)) + 1
+    cuts = np.flatnonzero((np.diff(signs) != 0) | (np.diff(turning) > max_gap)) + 1
     for i, j in zip([0, *cuts], [*cuts, len(turning)], strict=True):
         yield int(turning[i]), int(turning[j - 1]) + 1, int(signs[i])

@@ -287,11 +287,11 @@ def reversing_recording(fault):
     length=st.integers(8, 300),
     overlap=st.sampled_from([0.0, 0.25, 0.5, 0.9]),
     average=st.sampled_from(["mean", "median"]),
-    joined=st.sampled_from([0, 1000, 1 << 20]),  # bytes of blocks that are joined with a rest
+    at_once=st.sampled_from([0, 10_000, 1 << 20]),  # bytes of the segments of a section
 )
-@example(sizes=[100, 100], length=100, overlap=0.5, average="mean", joined=0)
-@example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median", joined=0)
-def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average, joined):
+@example(sizes=[100, 100], length=100, overlap=0.5, average="mean", at_once=0)
+@example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median", at_once=0)
+def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average, at_once):
     signal = np.random.default_rng(sum(sizes)).standard_normal((2, sum(sizes)))
     plan = segment_plan(32.0, n_per_segment=length, overlap=overlap, average=average)
     cuts = np.cumsum(sizes)[:-1]
@@ -302,9 +302,11 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
         return
     expected = plan.average_of([signal])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plans, "_JOINED_BYTES", joined)
+        patch.setattr(plans, "_SECTION_BYTES", at_once)
+        whole = plan.average_of([signal])
         found = plan.average_of([iter(blocks)])
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(whole, expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_array_equal(found, whole)
 
 
 def test_by_direction_a_fault_of_forward_strokes_stands_in_forward_columns_only():

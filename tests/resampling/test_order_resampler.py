@@ -27,6 +27,7 @@ PARAMETERS = {
     "antialias": False,
     "direction": "forward",
     "min_speed": 0.5,
+    "max_rest": 2.5,
     "ratio": 13 / 35,
     "channels": ["b"],
     "fs": 2000.0,

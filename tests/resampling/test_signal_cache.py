@@ -82,7 +82,7 @@ def found(monkeypatch):
     original = emacm.recordings.recording.strokes_of
 
     def counted(*args):
-        calls.append(args[-1])
+        calls.append(args[1])
         return original(*args)
 
     monkeypatch.setattr(emacm.recordings.recording, "strokes_of", counted)

@@ -14,8 +14,9 @@ import emacm.resampling.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm._kernels import kernels, using
 from emacm.orders.welch import order_psd
+from emacm.resampling.fine_grid import PASS
 from emacm.resampling.interpolation import interpolated
-from emacm.resampling.spreading import PASS, spread_rows
+from emacm.resampling.spreading import spread_rows, upsampling
 from emacm.shaft.paths import ShaftPath
 
 TURN = 2 * np.pi
@@ -383,7 +384,7 @@ def test_upsampling_sets_in_where_the_sparse_samples_need_it():
     factors = []
     for samples_per_rev in (60.4, 85.0, 85.4, 144.9, 145.3, 411.9, 412.4):
         _, path = steady(5.0, 5 * samples_per_rev, 1.0)
-        factors.append(emacm.resampling.spreading._upsampling(5 * samples_per_rev, path, THETA_S))
+        factors.append(upsampling(5 * samples_per_rev, path.fastest, THETA_S))
     assert factors == [4, 4, 3, 3, 2, 2, 1]
 
 
@@ -397,10 +398,13 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
     signal = np.random.default_rng(0).standard_normal((2, len(travel)))
     with using(name):
         _, whole = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
-        for at_once in (150, 5000):
-            monkeypatch.setattr(kernels(), "BLOCK", at_once)
+        for part in (150, 5000):
+            monkeypatch.setattr(emacm.resampling.spreading, "_PART", part)
             _, joined = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
             np.testing.assert_allclose(joined, whole, atol=1e-12)
+            monkeypatch.setattr(kernels(), "BLOCK", 5)  # of a single part
+            _, in_blocks = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
+            np.testing.assert_array_equal(in_blocks, joined)
 
 
 @pytest.mark.slow

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from motions import stroke_paths
 
+from emacm import Recording
 from emacm.shaft.angle import angle_from_velocity
 from emacm.shaft.motion import IntegratedAngle
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import find_strokes
+from emacm.shaft.strokes import extend_strokes, find_strokes, strokes_of
 
 FS = 1000.0
 TURN = 2 * np.pi
@@ -57,6 +58,27 @@ def test_rest_between_opposite_directions_belongs_to_neither():
 
 def test_a_speed_of_just_min_speed_is_rest():
     assert find_strokes([1.0, 1.5, -1.0, 1.5, 1.0], min_speed=1.0) == [(1, 4, 1)]
+
+
+def test_a_rest_longer_than_allowed_ends_a_stroke():
+    speed = np.array([5.0, 5.0, 0.1, 0.2, 5.0, 0.0, 0.0, 0.0, 5.0, -5.0])
+    run = Recording({"force": speed}, 10.0, velocity=speed)
+    assert run.strokes(0.5) == [(0, 9, 1), (9, 10, -1)]
+    assert run.strokes(0.5, max_rest=0.3) == [(0, 9, 1), (9, 10, -1)]
+    assert run.strokes(0.5, max_rest=0.2) == [(0, 5, 1), (8, 9, 1), (9, 10, -1)]
+    assert run.strokes(0.5, max_rest=0) == [(0, 2, 1), (4, 5, 1), (8, 9, 1), (9, 10, -1)]
+    with pytest.raises(ValueError, match=r"max_rest must be .*at least 0"):
+        run.strokes(0.5, max_rest=-1)
+
+
+@given(speeds, limits, st.sampled_from([0, 1, 4, np.inf]), st.data())
+def test_strokes_found_block_by_block_are_those_of_the_whole(velocity, min_speed, rest, data):
+    cuts = data.draw(st.lists(st.integers(1, len(velocity) - 1), max_size=5).map(sorted))
+    strokes = []
+    for first, last in pairwise([0, *cuts, len(velocity)]):
+        if last > first:
+            extend_strokes(strokes, first, velocity[first:last], min_speed, rest + 1)
+    assert strokes == strokes_of(velocity, min_speed, rest + 1)
 
 
 def test_a_shaft_at_rest_has_no_strokes():

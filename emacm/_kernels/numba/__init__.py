@@ -7,7 +7,6 @@ They have no branch and no variable offset inside, so that the compiler can vect
 from emacm._kernels.numba.motion import integrate, set_checkpoints
 from emacm._kernels.numba.resampling import (
     BLOCK,
-    PART,
     READ_BLOCK,
     decimate,
     interpolate_linear,
@@ -19,7 +18,6 @@ from emacm._kernels.numba.spectra import SEGMENT_BYTES, powers, segment_powers, 
 
 __all__ = [
     "BLOCK",
-    "PART",
     "READ_BLOCK",
     "SEGMENT_BYTES",
     "decimate",

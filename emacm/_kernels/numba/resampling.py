@@ -9,7 +9,6 @@ from emacm._kernels.numba.compilation import compiled
 
 # Large blocks: with small ones, threads wait for one another more often.
 BLOCK = 1 << 18  # time samples that are spread
-PART = 1 << 15  # of them, that are spread before the complete points are decimated
 READ_BLOCK = 1 << 17  # time samples that are interpolated
 
 _AT_ONCE = 8  # signals that are spread in one pass

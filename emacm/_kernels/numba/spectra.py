@@ -56,7 +56,9 @@ def segment_powers(
     taps, gains = low_pass or (None, 0.5)
     n_kept = length if taps is None else length // _DECIMATION
     total = np.zeros((len(signals), n_lines))
-    signals = np.ascontiguousarray(signals, np.float64)
+    if signals.dtype != np.float64 or not signals.flags.c_contiguous:  # convert what is read only
+        signals = signals[:, first : first + (n_segments - 1) * step + length].astype(np.float64)
+        first = 0
     n_pairs = -(-n_segments // 2)
     for rows, start, stop in batches(len(signals), n_pairs, 16 * n_kept, SEGMENT_BYTES):
         begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start

@@ -6,7 +6,6 @@ Each function has a twin in `emacm._kernels.numba`, with the same arguments and 
 from emacm._kernels.numpy.motion import integrate, set_checkpoints
 from emacm._kernels.numpy.resampling import (
     BLOCK,
-    PART,
     READ_BLOCK,
     decimate,
     interpolate_linear,
@@ -18,7 +17,6 @@ from emacm._kernels.numpy.spectra import SEGMENT_BYTES, powers, segment_powers, 
 
 __all__ = [
     "BLOCK",
-    "PART",
     "READ_BLOCK",
     "SEGMENT_BYTES",
     "decimate",

@@ -6,9 +6,7 @@ import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
 
-BLOCK = PART = READ_BLOCK = (
-    1 << 15
-)  # time samples processed at a time, for which several arrays are held
+BLOCK = READ_BLOCK = 1 << 15  # time samples processed at a time, for which several arrays are held
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int32]

@@ -1,0 +1,283 @@
+"""The fine grid that time samples are spread over, and the filter that keeps every other point.
+
+Both are applied to a stroke part by part, in parts of a fixed number of samples counted from its
+start, and with sums that do not depend on what follows. The result is therefore the same bit for
+bit whether a stroke is read at once or while it is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+import scipy  # which imports scipy.signal, a tenth of a second, when it is used
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+# All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
+# folds into it down by more than 60 dB.
+PASS = 0.78  # of the highest order pi/theta_s: how far the band-limited result is flat
+KERNEL_REACH = 4 - PASS  # highest order the kernel still lets through, per pi/theta_s
+LEAST_REVERSAL = 0.25  # rad by which a shaft may always turn back along a stroke
+_WIDTH = 4  # grid points over which a time sample is spread
+_SHAPE = 2.4 * _WIDTH  # of the kernel exp(shape (sqrt(1 - z²) - 1)); least folding at this grid
+_DEGREE = 5  # of the polynomials that stand for the kernel: within 1e-4 of it
+_HALF = 20  # of the decimating filter, in points of the fine grid
+_FIRST = _WIDTH // 2  # point that the filter of the first output reads first
+_MARGIN = _HALF + _FIRST  # fine grid points needed beyond either end of the stroke
+
+
+class Block(NamedTuple):
+    """Consecutive time samples, dense enough for their sum to stand for the integral.
+
+    Attributes
+    ----------
+    travel : ndarray of shape (n,)
+        Angle travelled [rad].
+    ends : (float, float)
+        That of the samples before and after them.
+    values : list of ndarray of shape (n,)
+        Of each row.
+    """
+
+    travel: NDArray[np.floating]
+    ends: tuple[float, float]
+    values: list[NDArray[np.floating]]
+
+    def cut(self, first: int, last: int) -> Block:
+        """Return the samples `first` to `last` (exclusive)."""
+        before = float(self.travel[first - 1]) if first else self.ends[0]
+        after = float(self.travel[last]) if last < len(self.travel) else self.ends[1]
+        values = [row[first:last] for row in self.values]
+        return Block(self.travel[first:last], (before, after), values)
+
+
+class FineGrid:
+    """The fine grid of one stroke, of which only the part in work is held.
+
+    Point `_MARGIN` + 2 j is the angle of output j.
+
+    Parameters
+    ----------
+    loops : module
+        The inner loops.
+    means : ndarray of shape (n_rows,)
+        Subtracted from the rows and added to the outputs, so that a large offset comes out exact
+        whatever the ripple of the filter.
+    theta_s : float
+        Angle between outputs [rad].
+    part : int
+        Samples that are spread before the complete points are decimated.
+    max_reversal : float
+        Largest angle by which the shaft turns back on its way [rad].
+    """
+
+    def __init__(
+        self,
+        loops: ModuleType,
+        means: NDArray[np.floating],
+        theta_s: float,
+        part: int,
+        max_reversal: float = 0.0,
+    ) -> None:
+        self._loops = loops
+        self.means = means
+        self._step = theta_s / 2
+        self._part = part
+        self._reversal = max(max_reversal, LEAST_REVERSAL)
+        # So far behind the farthest sample an output may stand: what the shaft may still turn back,
+        # and as much again, as a shaft that went beyond its end is mirrored back from there; the
+        # filter; as much as mirror images reach over the ends; and a point, for rounding.
+        self._lag = 2 * self._reversal / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
+        self._done = 0  # outputs
+        self._used = 0  # points held, from point 2 * self._done upwards
+        self._grid = np.zeros((len(means), 0))
+        self._reached = 0.0  # farthest angle travelled so far
+        nothing = np.empty(0)
+        self._tail = Block(nothing, (0.0, 0.0), [nothing] * len(means))
+
+    @property
+    def n_held(self) -> int:
+        """Samples that are held for the mirror image at the end of the stroke."""
+        return len(self._tail.travel)
+
+    def add(self, block: Block) -> NDArray[np.floating]:
+        """Spread the next samples, and return the outputs that are complete.
+
+        Parameters
+        ----------
+        block : Block
+            A whole number of parts, except for the last samples of the stroke.
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_outputs)
+            May be empty.
+        """
+        farthest = max(self._reached, float(block.travel.max()))
+        outputs = np.empty((len(block.values), max(0, self._n_complete(farthest))))
+        done, n_times = 0, len(block.travel)
+        for start in range(0, n_times, self._part):
+            part = block.cut(start, min(start + self._part, n_times))
+            self._reached = max(self._reached, float(part.travel.max()))
+            if not self._done:  # the mirror image at the start
+                self._spread_image(part, -1, 0.0, np.inf)
+            self._spread(part, 1, self._offset, self._reached / self._step + self._offset)
+            ready = self._n_complete(self._reached)
+            if ready > 0:
+                self._decimate(outputs, done, ready)
+                done += ready
+        self._tail = self._tail_with(block)
+        return outputs
+
+    def finish(self, length: float, n_angles: int) -> NDArray[np.floating]:
+        """Return the last outputs of a stroke.
+
+        Parameters
+        ----------
+        length : float
+            Its length [rad].
+        n_angles : int
+            Number of all its outputs.
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_outputs)
+        """
+        limit = 2 * (n_angles - 1) + 1 + 2 * _MARGIN - 2 * self._done  # of the points needed
+        for sign, shift in _mirror_images(length, _MARGIN * self._step):
+            self._spread_image(self._tail, sign, shift, limit)
+        outputs = np.empty((len(self.means), n_angles - self._done))
+        if outputs.shape[1]:
+            self._reach(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
+            self._decimate(outputs, 0, outputs.shape[1])
+        return outputs
+
+    def _n_complete(self, reached: float) -> int:
+        """Count the outputs that no later sample changes."""
+        return int((reached / self._step + self._offset - self._lag) // 2)
+
+    def _decimate(self, outputs: NDArray[np.floating], done: int, n_outputs: int) -> None:
+        """Fill some outputs, and drop the points that are not needed any more."""
+        taps, grid = _decimating_filter(), (self._grid, self._used, _FIRST)
+        self._loops.decimate(*grid, taps, self.means, outputs, done, n_outputs)
+        self._done, self._used = self._done + n_outputs, self._used - 2 * n_outputs
+
+    @property
+    def _offset(self) -> float:
+        """Place of the start of the path among the points held."""
+        return _MARGIN - 2.0 * self._done
+
+    def _spread_image(self, block: Block, sign: int, shift: float, limit: float) -> None:
+        """Spread samples at the angles ``sign * travel + shift``, but not beyond a point."""
+        offset = shift / self._step + self._offset
+        position = sign / self._step * block.travel + offset
+        inside = np.flatnonzero((position > 0) & (position < limit))
+        if len(inside):
+            near = block.cut(int(inside[0]), int(inside[-1]) + 1)
+            self._spread(near, sign, offset, min(float(position.max()), limit))
+
+    def _spread(self, block: Block, sign: int, offset: float, top: float) -> None:
+        """Spread samples at angles of either sign; `top` is the highest point that they reach."""
+        self._reach(int(top) + 1 + _WIDTH // 2)
+        place, grid = (sign / self._step, offset, _kernel_halves()), (self._grid, self._used)
+        self._loops.spread(block.travel, block.ends, *place, block.values, self.means, *grid)
+
+    def _reach(self, n_points: int) -> None:
+        """Hold at least so many points."""
+        if n_points > self._grid.shape[1]:
+            longer = np.zeros((len(self._grid), n_points + n_points // 4))
+            longer[:, : self._used] = self._grid[:, : self._used]
+            self._grid = longer
+        self._used = max(self._used, n_points)
+
+    def _tail_with(self, block: Block) -> Block:
+        """Return the samples that a mirror image at the end may contain, some more added."""
+        near = self._reached - 2 * self._reversal - (_MARGIN + 1) * self._step
+        held = _after(block, near, self._part)
+        if len(held.travel) == len(block.travel):
+            before = _after(self._tail, near, self._part)
+            travel = np.concatenate([before.travel, block.travel])
+            pairs = zip(before.values, block.values, strict=True)
+            values = [np.concatenate(pair) for pair in pairs]
+            held = Block(travel, (before.ends[0], block.ends[1]), values)
+        around = np.concatenate([held.ends[:1], held.travel, held.ends[1:]])
+        # While the shaft stands, samples have no weight: only the first and the last count.
+        counts = (around[1:-1] != around[:-2]) | (around[1:-1] != around[2:])
+        return Block(held.travel[counts], held.ends, [row[counts] for row in held.values])
+
+
+def _after(block: Block, angle: float, part: int) -> Block:
+    """Return the samples after the last one up to an angle, which is sought part by part."""
+    first = n_times = len(block.travel)
+    while first > 0:
+        low = max(0, first - part)
+        passed = np.flatnonzero(block.travel[low:first] <= angle)
+        if len(passed):
+            first = low + int(passed[-1]) + 1
+            break
+        first = low
+    return block.cut(first, n_times)
+
+
+def _mirror_images(length: float, margin: float) -> Iterator[tuple[int, float]]:
+    """Yield sign and shift of the mirror images at the end that are near a path of this length.
+
+    Mirroring at 0 and at `length`, over and over, leads to 2 k length - travel and, twice
+    mirrored, to 2 k length + travel. The first one, -travel, does not depend on the length.
+    """
+    n_images = int(np.ceil(margin / length)) + 1
+    for k in range(-n_images, n_images + 1):
+        for sign in (-1, 1) if k else ():
+            ends = sorted((2 * k * length, (2 * k + sign) * length))
+            if ends[1] > -margin and ends[0] < length + margin:
+                yield sign, 2 * k * length
+
+
+def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Exponential of semicircle (Barnett et al., Eq. (1.8)), of distances in grid points."""
+    z = distance * (2 / _WIDTH)
+    return np.exp(_SHAPE * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
+
+
+@lru_cache(maxsize=1)
+def _kernel_halves() -> NDArray[np.floating]:
+    """Polynomials for the kernel at the grid points below a sample, outermost first.
+
+    Each is in the sample's place within its cell, -1/2..1/2, and stands for the kernel from here
+    on: the decimating filter evens out the polynomials, not what they were fitted to. They agree
+    with it at the ends of the cell, so that there is no step where a sample changes its cell.
+    """
+    place = np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE) / 2
+    halves = []
+    for k in reversed(range(_WIDTH // 2)):
+        values = _kernel(place + 0.5 + k)
+        values[place + 0.5 + k == _WIDTH / 2] = 0.0  # where the kernel ends
+        halves.append(Polynomial.fit(place, values, _DEGREE, domain=[-1, 1], window=[-1, 1]).coef)
+    return np.array(halves)
+
+
+def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Fourier transform of the kernel at frequencies in cycles per grid point."""
+    node, weight = np.polynomial.legendre.leggauss(40)
+    spectrum = np.zeros(len(frequency))
+    for k, half in zip(reversed(range(_WIDTH // 2)), _kernel_halves(), strict=True):
+        distance, value = node / 2 + 0.5 + k, Polynomial(half)(node / 2)
+        # The kernel is even: a point above the sample counts as one below.
+        spectrum += np.cos(2 * np.pi * np.outer(frequency, distance)) @ (weight * value)
+    return spectrum
+
+
+@lru_cache(maxsize=1)
+def _decimating_filter() -> NDArray[np.floating]:
+    """Low pass for keeping every other point of the fine grid, which also evens out the kernel."""
+    # Frequencies in units of the fine grid's Nyquist frequency; that of the result is 0.5.
+    passed = np.repeat(np.linspace(0, 0.5 * (PASS + 0.02), 41), 2)[1:-1]
+    stopped = 0.5 * (2 - PASS - 0.02)
+    bands = [*passed, stopped, 1.0]
+    gains = [*(1 / _kernel_spectrum(passed / 2)), 0.0, 0.0]
+    importance = [1.0] * (len(passed) // 2) + [10.0]
+    return scipy.signal.firls(2 * _HALF + 1, bands, gains, weight=importance)
