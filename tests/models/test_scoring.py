@@ -210,7 +210,12 @@ FAILURES = {
     "folder": ("a.npz", lambda p: p.mkdir(), LAYOUT, "a.npz"),
     "empty npz": ("a.npz", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
     "empty csv": ("a.csv", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
-    "header only": ("a.csv", lambda p: csv(p, text="vib,amp,speed\n"), LAYOUT, "no rows of numbers"),
+    "header only": (
+        "a.csv",
+        lambda p: csv(p, text="vib,amp,speed\n"),
+        LAYOUT,
+        "no rows of numbers",
+    ),
     "truncated npz": ("a.npz", lambda p: truncated(npz, p, 0.6), LAYOUT, "damaged"),
     "truncated mat": (
         "a.mat",

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders import segment_plan as plans
+from emacm.orders import sections
 from emacm.orders.welch import order_psd, segment_plan
 
 TURN = 2 * np.pi
@@ -302,7 +302,7 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
         return
     expected = plan.average_of([signal])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plans, "_SECTION_BYTES", at_once)
+        patch.setattr(sections, "_SECTION_BYTES", at_once)
         whole = plan.average_of([signal])
         found = plan.average_of([iter(blocks)])
     np.testing.assert_allclose(whole, expected, rtol=1e-9, atol=1e-15)
