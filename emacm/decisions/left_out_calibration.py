@@ -84,7 +84,7 @@ class LeftOutMixin:
         Every training recording is judged by a model without its group. Distances to the nearest
         class are measured inside and outside the discriminant space and for the largest deviation
         of a single feature, with one covariance for all classes; beyond the farthest left-out
-        recordings their distribution has an exponential tail.
+        recordings their distribution has a modelled tail, which is wider the fewer they are.
 
         Parameters
         ----------

@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import has_fit_parameter
 
 from emacm.decisions.left_out_calibration import LeftOutCalibration
-from emacm.decisions.tails import ExponentialTail, exponential_tail
+from emacm.decisions.tails import StudentTail, student_tail
 from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.typicality import LEAST
 from emacm.recordings.meta import chosen_rows
@@ -31,12 +31,12 @@ class DetectorTypicality:
     ----------
     detector : estimator
         Fitted, with `score_samples`: the larger, the more like the training.
-    tail : ExponentialTail
+    tail : StudentTail
         Distribution of the negative scores of left-out recordings.
     """
 
     detector: Any
-    tail: ExponentialTail
+    tail: StudentTail
 
     def __call__(self, X: Any) -> Array:
         """Return the typicality of recordings, in (0, 1], shape (n_recordings,)."""
@@ -109,7 +109,7 @@ class Refits:
             )
         weight, typicality, best = self.weight[judged], None, None
         if detector is not None:
-            tail = exponential_tail(scores[judged], weight)
+            tail = student_tail(scores[judged], weight)
             typicality = DetectorTypicality(self._detector(detector, np.flatnonzero(counted)), tail)
         if temperature:
             counts = np.bincount(self.codes, self.weight, n_classes)

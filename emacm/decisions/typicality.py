@@ -19,7 +19,12 @@ from numpy.typing import NDArray
 
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import LeftOut, Training
-from emacm.decisions.tails import ExponentialTail, exponential_tail
+from emacm.decisions.tails import (
+    Peaks,
+    StudentTail,
+    peaks_over_threshold,
+    student_tail,
+)
 
 Array = NDArray[np.float64]
 
@@ -32,6 +37,13 @@ _BLOCK = 256  # recordings at a time, whose intermediate results stay in the cac
 # discriminant space counts half, that of a single feature only if it is extreme.
 _SLOPES = np.array([1.0, 0.5, 1.5])
 _OFFSETS = np.array([0.0, 0.0, 6.0])
+# Expected mean excess of each log distance and of the combined one, and the number of peaks that
+# it counts as: usual values of simulated machines (120 recordings of 60 units). With 12 units of
+# two recordings, the mean excess of the 5 peaks alone was 0.02 to 1.7.
+_EXPECTED = 0.5, 0.15, 0.2
+_N_EXPECTED = 10.0
+_EXPECTED_COMBINED = 0.85
+_N_MODERATING = 3.0  # degrees of freedom of the expected variance of a feature
 
 
 @dataclass(frozen=True)
@@ -45,7 +57,7 @@ class ClassDistances:
     factor : ndarray of shape (n_features, n_features)
         P with P P' = inverse of the covariance within the classes.
     deviations : ndarray of shape (n_features,)
-        Standard deviation of each feature within the classes.
+        Standard deviation of each feature within the classes, moderated.
     seen : ndarray of bool, shape (n_classes,)
         Classes that have recordings.
     basis : ndarray of shape (n_features, n_directions)
@@ -123,12 +135,12 @@ class Typicality:
         To the classes, fitted to all recordings.
     levels : ndarray of shape (3, n_classes)
         Usual log distance of each class.
-    tails : tuple of ExponentialTail
-        Distribution of each log distance of left-out recordings above the level of their class.
+    peaks : tuple of Peaks
+        Of each log distance of left-out recordings above the level of their class.
     used : ndarray of bool, shape (3,)
         Distances that exist: none inside if there is one class, none outside if the discriminant
         space contains all features.
-    combined : ExponentialTail
+    combined : StudentTail
         Distribution of the combined distance of left-out recordings to their nearest class.
     feature_range : ndarray of shape (2, n_features)
         Smallest and largest value of each feature.
@@ -136,9 +148,9 @@ class Typicality:
 
     distances: ClassDistances
     levels: Array
-    tails: tuple[ExponentialTail, ...]
+    peaks: tuple[Peaks, ...]
     used: NDArray[np.bool_]
-    combined: ExponentialTail
+    combined: StudentTail
     feature_range: Array
 
     def __call__(self, X: Array) -> Array:
@@ -157,7 +169,7 @@ class Typicality:
         for start in range(0, len(X), _BLOCK):
             block = slice(start, start + _BLOCK)
             logs = self.distances.log_squares(X[block])
-            combined = _combine(logs, self.levels, self.tails, self.used)
+            combined = _combine(logs, self.levels, self.peaks, self.used)
             found[block] = np.maximum(self.combined.survival(combined), LEAST)
         return found
 
@@ -185,13 +197,14 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    distances = _class_distances(
-        gaussians, np.bincount(training.codes, minlength=training.n_classes) > 0
-    )
+    pairs = np.unique(np.column_stack([training.codes, training.groups]), axis=0)
+    present = np.bincount(training.codes, minlength=training.n_classes) > 0
+    distances = _class_distances(gaussians, present, _degrees(pairs))
     inside = np.full((len(training.X), training.n_classes), np.inf)
     others, judged = np.empty((2, len(training.X))), np.zeros(len(training.X), dtype=bool)
     for rows, fitted, seen in ((part.rows, part.gaussians, part.seen) for part in left_out):
-        parts = _class_distances(fitted, seen).log_squares(training.X[rows])
+        degrees = _degrees(pairs[pairs[:, 1] != training.groups[rows[0]]])
+        parts = _class_distances(fitted, seen, degrees).log_squares(training.X[rows])
         inside[rows], others[0, rows], others[1, rows] = parts
         judged[rows] = seen[training.codes[rows]]
     if not judged.any():
@@ -203,19 +216,44 @@ def fit_typicality(
     known, logs = training.take(judged), (inside[judged], *others[:, judged])
     own = np.array([np.take_along_axis(logs[0], known.codes[:, np.newaxis], 1)[:, 0], *logs[1:]])
     levels = _class_levels(own, known)
-    tails = tuple(
-        exponential_tail(values - level[known.codes], known.weight)
-        for values, level in zip(own, levels, strict=True)
+    peaks = tuple(
+        peaks_over_threshold(values - level[known.codes], known.weight, expected, _N_EXPECTED)
+        for values, level, expected in zip(own, levels, _EXPECTED, strict=True)
     )
-    combined = exponential_tail(_combine(logs, levels, tails, used), known.weight)
+    values = _combine(logs, levels, peaks, used)
+    combined = student_tail(values, known.weight, _EXPECTED_COMBINED)
     feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
-    return Typicality(distances, levels, tails, used, combined, feature_range)
+    return Typicality(distances, levels, peaks, used, combined, feature_range)
 
 
-def _class_distances(gaussians: GaussianClasses, seen: NDArray[np.bool_]) -> ClassDistances:
-    """Return the distances to the classes of Gaussian densities with one covariance."""
+def _degrees(pairs: NDArray[np.intp]) -> int:
+    """Return the degrees of freedom of the variance between groups within classes.
+
+    Of the pairs (class, group) that have recordings.
+    """
+    return len(pairs) - len(np.unique(pairs[:, 0]))
+
+
+def _class_distances(
+    gaussians: GaussianClasses, seen: NDArray[np.bool_], degrees: int
+) -> ClassDistances:
+    """Return the distances to the classes of Gaussian densities with one covariance.
+
+    From few groups some features have by chance a variance that is far too small, and the largest
+    deviation of a feature is then that of such a feature. Variances are therefore moderated [1]_:
+    combined with an expected one, the same fraction of the total variance for all features.
+
+    References
+    ----------
+    .. [1] Smyth, Linear models and empirical Bayes methods for assessing differential expression,
+       Statistical Applications in Genetics and Molecular Biology 3 (2004), section 3.
+    """
     factor, means = gaussians.factors[0], gaussians.means
-    deviations = np.sqrt(np.diagonal(gaussians.covariances[0]))
+    variances = np.diagonal(gaussians.covariances[0])
+    total = variances + means[seen].var(axis=0)
+    expected = np.mean(variances / total) * total
+    moderated = degrees * variances + _N_MODERATING * expected
+    deviations = np.sqrt(moderated / (degrees + _N_MODERATING))
     centred = means[seen] - means[seen].mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred @ factor, full_matrices=False)
     n_directions = np.count_nonzero(sizes > 1e-9 * sizes[0])
@@ -241,7 +279,7 @@ def _class_levels(own: Array, known: Training) -> Array:
 def _combine(
     logs: tuple[Array, Array, Array],
     levels: Array,
-    tails: tuple[ExponentialTail, ...],
+    peaks: tuple[Peaks, ...],
     used: NDArray[np.bool_],
 ) -> Array:
     """Combine the log distances to each class, and return that to the nearest.
@@ -252,10 +290,9 @@ def _combine(
     terms = []
     for number in np.flatnonzero(used):
         values = logs[number] if number == 0 else logs[number][:, np.newaxis]
-        tail, scale = tails[number], slopes[number] / tails[number].mean_excess
-        terms.append(
-            values * scale - ((levels[number] + tail.threshold) * scale + _OFFSETS[number])
-        )
+        threshold = peaks[number].threshold
+        scale = slopes[number] / peaks[number].mean_excess
+        terms.append(values * scale - ((levels[number] + threshold) * scale + _OFFSETS[number]))
     largest = np.maximum.reduce(terms)
     with np.errstate(invalid="ignore"):  # inf - inf, of a class without recordings
         total = sum(np.exp(term - largest) for term in terms)

@@ -5,35 +5,55 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import norm
 
-from emacm.decisions.tails import exponential_tail
+from emacm.decisions.tails import student_tail
 
 VALUES = st.lists(st.floats(-50, 50), min_size=1, max_size=40)
 
 
 def test_up_to_the_threshold_survival_is_counted():
     values = np.array([3.0, 1.0, 7.0, 4.0, 9.0])
-    tail = exponential_tail(values, np.ones(5))
-    assert tail.threshold == 7.0
+    tail = student_tail(values, np.ones(5))
+    assert tail.peaks.threshold == 7.0
     assert_allclose(tail.survival(np.array([0.0, 1.0, 3.5, 7.0])), [1, 1, 4 / 6, 3 / 6])
 
 
-def test_the_tail_of_exponential_values_is_found():
+def test_the_tail_of_normal_values_is_found():
     rng = np.random.default_rng(0)
-    tail = exponential_tail(2.0 * rng.exponential(size=20_000), np.ones(20_000))
-    far = np.array([10.0, 20.0, 30.0])
-    assert_allclose(np.log(tail.survival(far)), -far / 2, rtol=0.06)
+    tail = student_tail(3 + 2.0 * rng.normal(size=20_000), np.ones(20_000))
+    at = np.array([1.5, 2.5, 3.5, 4.5])
+    assert_allclose(np.log(tail.survival(3 + 2 * at)), norm.logsf(at), rtol=0.05)
+
+
+def test_new_values_from_few_peaks_exceed_a_level_as_often_as_stated():
+    rng = np.random.default_rng(1)
+    samples, new = rng.normal(size=(3000, 20)), rng.normal(size=(3000, 50))
+    # 0.56: mean excess over the upper fifth, in standard deviations.
+    tails = [student_tail(values, np.ones(20), expected=0.56) for values in samples]
+    found = np.array([tail.survival(values) for tail, values in zip(tails, new, strict=True)])
+    for level in (0.1, 0.03, 0.01):
+        assert 0.4 * level < np.mean(found <= level) < 1.3 * level
 
 
 def test_few_peaks_give_a_heavier_tail_than_many():
-    few, many = (exponential_tail(np.tile(np.arange(10.0), n), np.ones(10 * n)) for n in (1, 100))
-    assert few.mean_excess == pytest.approx(many.mean_excess)
-    assert few.survival(np.array([50.0])) > 1e6 * many.survival(np.array([50.0]))
+    few, many = (
+        student_tail(np.tile(np.arange(10.0), n), np.ones(10 * n), expected=1.5) for n in (1, 100)
+    )
+    assert few.peaks.mean_excess == pytest.approx(many.peaks.mean_excess)
+    assert few.survival(np.array([20.0])) > 100 * many.survival(np.array([20.0]))
+
+
+def test_few_peaks_near_the_threshold_do_not_make_the_tail_short():
+    values = np.append(np.arange(8.0), [7.01, 7.02])
+    tail = student_tail(values, np.ones(10), expected=1.5)
+    assert tail.peaks.mean_excess == pytest.approx((20 * 1.5 + 0.03) / 22)
+    assert tail.survival(np.array([8.5])) > 0.05
 
 
 @given(values=VALUES, at=st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=10))
 def test_survival_lies_in_0_to_1_and_never_rises(values, at):
-    survival = exponential_tail(np.array(values), np.ones(len(values))).survival(np.sort(at))
+    survival = student_tail(np.array(values), np.ones(len(values))).survival(np.sort(at))
     assert (survival <= 1).all()
     assert (survival > 0).all()
     assert (np.diff(survival) <= 0).all()
@@ -42,23 +62,23 @@ def test_survival_lies_in_0_to_1_and_never_rises(values, at):
 @given(values=VALUES, shift=st.integers(-9, 9), scale=st.sampled_from([0.5, 2.0, 4.0]))
 def test_shift_and_scale_of_all_values_change_no_survival(values, shift, scale):
     values = np.unique(np.round(values, 2))
-    tail = exponential_tail(values, np.ones(len(values)))
-    moved = exponential_tail(scale * values + shift, np.ones(len(values)))
+    tail = student_tail(values, np.ones(len(values)))
+    moved = student_tail(scale * values + shift, np.ones(len(values)))
     at = np.linspace(-60, 60, 7)
-    if min(tail.mean_excess, moved.mean_excess) > 1e-3:
+    if min(tail.peaks.mean_excess, moved.peaks.mean_excess) > 1e-3:
         assert_allclose(moved.survival(scale * at + shift), tail.survival(at), rtol=1e-6)
 
 
 def test_weights_equal_repetitions():
     rng = np.random.default_rng(1)
     values, weight = rng.normal(size=30), rng.integers(1, 5, 30)
-    weighted = exponential_tail(values, weight.astype(float))
-    repeated = exponential_tail(np.repeat(values, weight), np.ones(weight.sum()))
+    weighted = student_tail(values, weight.astype(float))
+    repeated = student_tail(np.repeat(values, weight), np.ones(weight.sum()))
     at = np.linspace(-3, 6, 50)
     assert_allclose(weighted.survival(at), repeated.survival(at), rtol=1e-12)
 
 
 def test_equal_values_have_a_survival_that_still_falls():
-    tail = exponential_tail(np.full(6, 2.0), np.ones(6))
+    tail = student_tail(np.full(6, 2.0), np.ones(6))
     assert_array_equal(tail.survival(np.array([1.0, 2.0])), 1)
     assert tail.survival(np.array([3.0])) < 0.01

@@ -167,7 +167,14 @@ def test_squares_inside_and_outside_add_up_to_the_mahalanobis_distance():
     squares = gaussians.squared_distances(X)
     assert_allclose(inside + outside[:, np.newaxis], squares, rtol=1e-6)
     assert_array_equal(distances.nearest(X), squares.argmin(axis=1))
-    away = (X - gaussians.means[squares.argmin(axis=1)]) / np.sqrt(
-        gaussians.covariances[0].diagonal()
-    )
+    away = (X - gaussians.means[squares.argmin(axis=1)]) / distances.deviations
     assert_allclose(largest, (away**2).max(axis=1), rtol=1e-6)
+
+
+def test_variances_are_moderated_by_three_degrees_of_freedom():
+    X, codes, groups = draw(14, n_groups=4)
+    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
+    within, between = gaussians.covariances[0].diagonal(), gaussians.means.var(axis=0)
+    expected = (within / (within + between)).mean() * (within + between)
+    moderated = (9 * within + 3 * expected) / 12  # 4 groups in 3 classes: 9 degrees of freedom
+    assert_allclose(fit(X, codes, groups).distances.deviations**2, moderated)
