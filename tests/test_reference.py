@@ -2,6 +2,7 @@
 
 import ast
 import builtins
+import functools
 import importlib
 import pkgutil
 import re
@@ -29,11 +30,17 @@ DOTTED = re.compile(r"`([a-z]\w*(?:\.\w+)+)`")
 CLASSES = re.compile(r"`([A-Z][a-z]\w*[A-Z]\w*)`")
 
 
+@functools.cache
+def owners(path):
+    """Return the module, the classes and the functions of a file."""
+    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return [node for node in nodes if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)]
+
+
 def docstrings(path):
     """Yield each docstring of a file, with the line where its owner begins."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            yield getattr(node, "lineno", 1), ast.get_docstring(node) or ""
+    for node in owners(path):
+        yield getattr(node, "lineno", 1), ast.get_docstring(node) or ""
 
 
 def resolves(name):
@@ -60,8 +67,7 @@ def class_names():
 
     names = {*dir(builtins), *dir(pandas), *emacm.displays.__all__, *emacm.__all__}
     for path in FILES:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+        names |= {node.name for node in owners(path) if isinstance(node, ast.ClassDef)}
     for module in pkgutil.iter_modules(sklearn.__path__):
         if not module.name.startswith("_") and module.name not in {"conftest", "tests"}:
             found = importlib.import_module(f"sklearn.{module.name}")

@@ -1,5 +1,7 @@
 """What all displays have in common: axes, colours, legends, labels, and errors."""
 
+import copy
+import functools
 import sys
 from itertools import pairwise
 
@@ -99,18 +101,24 @@ def axes_for(display):
     return Figure(layout="constrained").subplots(n_panels, squeeze=False)[:, 0]
 
 
+@functools.cache
+def drawn(display):
+    """Draw a copy of a display, once for all tests that only look at it; return it and its axes."""
+    axes, display = axes_for(display), copy.copy(display)
+    assert display.plot(ax=axes[0] if len(axes) == 1 else axes) is display
+    return display, axes
+
+
 @each
 def test_plot_returns_the_display_with_its_axes_and_figure(display):
-    axes = axes_for(display)
-    assert display.plot(ax=axes[0] if len(axes) == 1 else axes) is display
+    display, axes = drawn(display)
     assert display.figure_ is axes[0].figure
     assert list(np.atleast_1d(np.asarray(display.ax_, dtype=object))) == list(axes)
 
 
 @each
 def test_a_display_labels_both_axes(display):
-    axes = axes_for(display)
-    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    display, axes = drawn(display)
     assert axes[-1].get_xlabel()
     named = isinstance(display, NAMED)
     assert axes[0].get_ylabel() or named
@@ -119,8 +127,7 @@ def test_a_display_labels_both_axes(display):
 @pytest.mark.slow
 @each
 def test_a_display_is_written_to_a_file_with_its_labels(display, tmp_path):
-    axes = axes_for(display)
-    display.plot(ax=axes[0] if len(axes) == 1 else axes)
+    display, axes = drawn(display)
     with rc_context({"svg.fonttype": "none"}):
         display.figure_.savefig(tmp_path / "display.svg")
     assert axes[-1].get_xlabel() in (tmp_path / "display.svg").read_text(encoding="utf-8")
@@ -220,11 +227,10 @@ def test_slip_ranges_are_shaded_beside_the_lines_that_slip():
 
 @each
 def test_a_legend_stands_above_the_axes_and_is_no_wider(display):
-    axes = axes_for(display)
-    display.plot(ax=axes[0] if len(axes) == 1 else axes)
-    display.figure_.draw_without_rendering()
+    display, axes = drawn(display)
     legend = axes[0].get_legend()
     if legend is not None:
+        display.figure_.draw_without_rendering()
         inside, outside = axes[0].get_window_extent(), legend.get_window_extent()
         assert outside.y0 > inside.y1
         assert outside.x1 <= inside.x1
