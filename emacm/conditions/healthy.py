@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import located
-from emacm.recordings.inputs import described, kind_of, received
+from emacm.recordings.inputs import described, entry_name, kind_of, received
 from emacm.recordings.meta import (
     called,
     condition_name,
@@ -101,9 +101,8 @@ def known_conditions(X: Any, condition: Any, known: Sequence[Any]) -> list[Any]:
     found = read_meta(X, condition)
     for index, value in enumerate(found):
         if value not in known:
-            where = f"row {index}" if isinstance(X, pd.DataFrame) else described(X[index], index)
             raise ValueError(
-                f"{where} has {condition_name(condition, value)}, but there are healthy "
+                f"{entry_name(X, index)} has {condition_name(condition, value)}, but there are healthy "
                 f"recordings of {list(known)} only. Fit with healthy recordings of it, in X or as "
                 f"baseline_recordings."
             )

@@ -32,7 +32,7 @@ from emacm.conditions.rows import (
 from emacm.decisions.metrics import fraction_correct
 from emacm.decisions.pipelines import before_the_last_step, final_estimator
 from emacm.decisions.truths import truth_labels
-from emacm.recordings.inputs import described
+from emacm.recordings.inputs import entry_name
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
 
 _UNSEEN = ("raise", "nearest", "pooled")
@@ -357,10 +357,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 self._check_numbers([value, *self.conditions_])
                 routes.append(min(self.conditions_, key=lambda known: (abs(known - value), known)))
             else:
-                row = f"row {index}" if isinstance(X, pd.DataFrame) else described(X[index], index)
                 raise ValueError(
-                    f"{row} has {condition_name(self.condition, value)}, but the conditions in "
-                    f"training were {list(self.conditions_)}. Fit with recordings of it, or with "
+                    f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but the "
+                    f"conditions in training were {list(self.conditions_)}. Fit with recordings of it, or with "
                     f"unseen='nearest' or 'pooled'."
                 )
         return routes

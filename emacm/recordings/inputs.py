@@ -146,6 +146,11 @@ def described(recording: Any, index: int) -> str:
     return f"recording {index} ({text if len(text) <= _LONG else text[:_LONG] + ' ...'})"
 
 
+def entry_name(X: Any, index: int) -> str:
+    """Return how a message names an entry of X: a row of a table, or a recording."""
+    return f"row {index}" if isinstance(X, pd.DataFrame) else described(X[index], index)
+
+
 def names_of(recordings: Sequence[Any]) -> list[Callable[[], str]]:
     """Return functions that describe each recording, to be called where an error concerns it."""
     return [partial(described, recording, index) for index, recording in enumerate(recordings)]
