@@ -46,11 +46,15 @@ def spread(
         outside are skipped.
     """
     weights, cells = _weights(travel, ends, scale, offset, kernel, n_points)
-    low, high = int(cells.min()), int(cells.max()) + 4
-    points = (cells - low + np.arange(4)[:, np.newaxis]).ravel()
+    first, last = int(cells.min()), int(cells.max())
+    cells -= first
+    n_cells = last - first + 1
     for row, mean, line in zip(signals, means, grid, strict=True):
-        shares = (weights * np.subtract(row, mean, dtype=np.float64)).ravel()
-        line[low:high] += np.bincount(points, shares, high - low)
+        values = np.subtract(row, mean, dtype=np.float64)
+        added = np.zeros(n_cells + 3)
+        for k in range(4):
+            added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
+        line[first : last + 4] += added
 
 
 def _weights(
@@ -61,23 +65,37 @@ def _weights(
     kernel: Array,
     n_points: int,
 ) -> tuple[Array, NDArray[np.intp]]:
-    """Return the weights of four grid points, shape (4, n_times), and the lowest of the points."""
-    position = scale * travel + offset
+    """Return the weights of four grid points, shape (4, n_times), and the lowest of the points.
+
+    Most of the time is spent on memory, so arrays are changed in place.
+    """
+    position = scale * travel
+    position += offset
     padded = np.concatenate([ends[:1], travel, ends[1:]])
-    width = (padded[2:] - padded[:-2]) * (0.5 * abs(scale))
+    width = padded[2:] - padded[:-2]
+    width *= 0.5 * abs(scale)
     cell = np.floor(position)
     outside = (cell < 1) | (cell >= n_points - 2)
     if outside.any():
         width[outside] = 0.0
         cell[outside] = position[outside] = 1.0
-    place = position - cell - 0.5
-    square = place * place
-    weights = np.empty((4, len(place)))
+    position -= cell
+    position -= 0.5
+    square = position * position
+    weights, even, odd = np.empty((4, len(square))), np.empty_like(square), np.empty_like(square)
     for k, part in enumerate(kernel):
-        even = ((part[4] * square + part[2]) * square + part[0]) * width
-        odd = ((part[5] * square + part[3]) * square + part[1]) * place * width
-        weights[k], weights[3 - k] = even + odd, even - odd
-    return weights, cell.astype(np.intp) - 1
+        for share, powers in ((even, part[4::-2]), (odd, part[5::-2])):
+            np.multiply(square, powers[0], out=share)
+            share += powers[1]
+            share *= square
+            share += powers[2]
+        odd *= position
+        even *= width
+        odd *= width
+        np.add(even, odd, out=weights[k])
+        np.subtract(even, odd, out=weights[3 - k])
+    cell -= 1
+    return weights, cell.astype(np.intp)
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
