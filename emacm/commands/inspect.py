@@ -211,7 +211,7 @@ def draft_layout(contents: Contents, path: Path) -> str:
         '# "FILL IN": the file does not state it. Correct the line, and remove its first #.',
     ]
     if contents.times is not None:
-        lines.append(f"time = {_text(contents.times)}")
+        lines.append(f"# time: the column {_text(contents.times)}, found by its name")
     if any(name not in contents.rates for name in contents.channels):
         lines.append("# fs = 12000  # FILL IN: sampling rate [Hz]")
     else:

@@ -40,6 +40,12 @@ def run(options: argparse.Namespace) -> int:
     """
     layout = Layout.from_toml(options.layout)
     recordings = RecordingFolder(options.folder, layout)
+    if layout.meta is None:
+        raise ValueError(
+            f"the layout {options.layout} has no meta, where --labels and --groups are found. Add "
+            f"the parts of the names of files such as {recordings.paths[0].name!r}, for example "
+            f'meta = "{{unit}}_{{state}}_{{run:d}}".'
+        )
     labels = read_meta(recordings, options.labels, role="--labels")
     groups = read_meta(recordings, options.groups, role="--groups")
     healthy = _healthy(options.healthy, labels)

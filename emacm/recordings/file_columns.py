@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal
+from emacm.recordings.alternatives import constant_speed, with_names_of
 from emacm.recordings.column_names import is_shaft_name, is_time_name, split_unit
 from emacm.recordings.layout import Layout
 from emacm.recordings.sample_times import rate_of_times, seconds_of
@@ -22,7 +23,6 @@ from emacm.shaft.tacho import angle_from_tacho
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
 _HERTZ = {"": 1.0, "hz": 1.0, "khz": 1000.0}
-_NUMBER = re.compile(r"\s*([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
 
 
 @dataclass
@@ -83,7 +83,17 @@ class FileColumns:
             return found[0]
         if found:
             raise ValueError(f"{wanted!r} matches several columns: {found}. Name one of them.")
-        raise ValueError(f"it has no column {wanted!r}; its columns are {known}.")
+        raise ValueError(
+            f"it has no column {wanted!r}; its columns are {known}. Where files differ, a layout "
+            f"may give several names: {f'{wanted}|{known[0]}' if known else wanted!r}."
+        )
+
+    def has(self, wanted: str) -> bool:
+        """Tell whether a name of a layout is that of one column or number."""
+        try:
+            return bool(self.find(wanted, numbers=True))
+        except ValueError:
+            return False
 
 
 def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
@@ -109,6 +119,8 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     """
     if not content.columns:
         raise ValueError(f"it contains no signal, only {list(content.numbers) or 'nothing'}.")
+    if "|" in layout.key:
+        layout = with_names_of(layout, content.has)
     times = _time_column(content, layout)
     shaft = _shaft_column(content, layout)
     channels = _channel_columns(content, layout, times, shaft)
@@ -138,7 +150,7 @@ def _time_column(content: FileColumns, layout: Layout) -> str | None:
 def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
     """Return the column (or the number) of the shaft; None for a constant speed."""
     velocity = layout.velocity
-    if isinstance(velocity, str) and not _constant(velocity):
+    if isinstance(velocity, str) and not constant_speed(velocity):
         return content.find(velocity, numbers=True)
     if velocity is not None:
         return None
@@ -153,12 +165,6 @@ def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
         f"units={{{example!r}: 'rpm'}}, or a number [rad/s], or angle, or tacho; its columns are "
         f"{list(content.columns)}."
     )
-
-
-def _constant(text: str) -> tuple[float, str] | None:
-    """Return a speed such as "1797 rpm" as a number and its unit; None if it is a name."""
-    found = _NUMBER.fullmatch(text)
-    return None if found is None else (float(found[1]), (found[2] or "rad/s").strip())
 
 
 def _channel_columns(
@@ -316,7 +322,7 @@ def _constant_speed(content: FileColumns, layout: Layout, column: str | None) ->
         unit = _shaft_unit(content, layout, column, "velocity")
         return content.numbers[column] * unit_factor(unit, "velocity")
     if isinstance(layout.velocity, str):
-        number, unit = _constant(layout.velocity) or (0.0, "")
+        number, unit = constant_speed(layout.velocity) or (0.0, "")
         return number * unit_factor(unit, "velocity")
     unit = layout.unit_of("velocity", "speed") or "rad/s"
     return float(layout.velocity) * unit_factor(unit, "velocity")

@@ -26,6 +26,7 @@ class Layout:
 
     Columns are the columns of a table or the arrays of a file; a column "speed [rpm]" is "speed"
     with the unit rpm. A name may contain wildcards, as ``"*_DE_time"``, if one column matches.
+    Where files differ, names may be alternatives, as ``"vibration|x0"``: the first that a file has.
     In text files, the names may stand below other lines, and above a row of units.
 
     Parameters
@@ -42,7 +43,8 @@ class Layout:
     velocity : float or str, optional
         Constant speed of the shaft; or the column (or the number in the file) that holds it. rad/s
         unless `units`, the name of the column or the file states another unit; a text with a
-        number and a unit, as "1797 rpm", is a constant speed.
+        number and a unit, as "1797 rpm", is a constant speed; "speed|1797 rpm" is one for files
+        without a column "speed".
     angle : str, optional
         Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated.
     tacho : str or mapping, optional

@@ -102,6 +102,15 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
     assert not Path("model.emacm").exists()
 
 
+def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
+    Path("layout.toml").write_text('velocity = "speed"\n')
+    assert train() == 2
+    message = capsys.readouterr().err
+    assert "layout.toml has no meta" in message
+    assert "'U0_healthy_0.npz'" in message
+    assert 'meta = "{unit}_{state}_{run:d}"' in message
+
+
 def test_a_bad_file_is_named(here, capsys):
     Path("files/U0_worn_1.npz").write_bytes(b"PK")
     assert train() == 2

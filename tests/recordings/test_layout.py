@@ -55,6 +55,36 @@ def test_a_constant_speed_is_a_number_with_its_unit(tmp_path, layout):
     assert len(recording.velocity) == N
 
 
+def test_alternatives_are_the_first_name_that_a_file_has(tmp_path):
+    options = {"channels": ["vibration [g]|x0"], "time": "clock|t", "velocity": "speed|1500 rpm"}
+    layout = Layout(fs=500, units={"speed": "rev/s"}, **options)
+    speed = 3 + RNG.normal(size=N) / 9
+    first = opened(tmp_path, layout, "a.npz", x0=-VIBRATION, vibration=VIBRATION, speed=speed)
+    assert first.channels == ("vibration",)
+    np.testing.assert_array_equal(first.signals["vibration"], VIBRATION)
+    np.testing.assert_allclose(first.velocity, 2 * np.pi * speed, rtol=1e-13)
+    second = opened(tmp_path, layout, "b.npz", x1=VIBRATION, x0=-VIBRATION)
+    np.testing.assert_array_equal(second.signals["vibration"], -VIBRATION)
+    np.testing.assert_allclose(second.velocity, 50 * np.pi, rtol=1e-13)
+    assert first.channels == second.channels
+
+
+def test_a_tachometer_and_a_rate_may_have_alternatives(tmp_path):
+    pulses = (np.arange(N) % 23 < 3).astype(float)
+    layout = Layout(fs="rate|fs", channels=["b"], tacho={"column": "keyphasor|z"})
+    plain = Layout(fs="fs", channels=["b"], tacho={"column": "z"})
+    columns = {"b": VIBRATION, "z": pulses, "fs": 640.0}
+    assert opened(tmp_path, layout, **columns) == opened(tmp_path, plain, **columns)
+
+
+def test_a_column_that_is_missing_is_an_error_that_suggests_alternatives(tmp_path):
+    layout = Layout(fs=500, channels=["vibration"], velocity="9 rad/s")
+    message = r"no column 'vibration'; .* several names: 'vibration\|x0'"
+    refused(tmp_path, layout, message, x0=VIBRATION)
+    layout = Layout(fs=500, channels=["vibration|acc"], velocity="9 rad/s")
+    refused(tmp_path, layout, r"no column 'vibration\|acc'", x0=VIBRATION)
+
+
 @pytest.mark.parametrize(("unit", "period"), [("rad", 2 * np.pi), ("deg", 360), ("rev", 1)])
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped):
