@@ -57,13 +57,16 @@ def test_a_constant_speed_is_a_number_with_its_unit(tmp_path, layout):
 
 def test_alternatives_are_the_first_name_that_a_file_has(tmp_path):
     options = {"channels": ["vibration [g]|x0"], "time": "clock|t", "velocity": "speed|1500 rpm"}
-    layout = Layout(fs=500, units={"speed": "rev/s"}, **options)
+    layout = Layout(units={"speed": "rev/s"}, **options)
+    times = np.arange(N) / 500
     speed = 3 + RNG.normal(size=N) / 9
-    first = opened(tmp_path, layout, "a.npz", x0=-VIBRATION, vibration=VIBRATION, speed=speed)
+    first = opened(
+        tmp_path, layout, "a.npz", x0=-VIBRATION, vibration=VIBRATION, speed=speed, t=times
+    )
     assert first.channels == ("vibration",)
     np.testing.assert_array_equal(first.signals["vibration"], VIBRATION)
     np.testing.assert_allclose(first.velocity, 2 * np.pi * speed, rtol=1e-13)
-    second = opened(tmp_path, layout, "b.npz", x1=VIBRATION, x0=-VIBRATION)
+    second = opened(tmp_path, layout, "b.npz", x1=VIBRATION, x0=-VIBRATION, clock=times)
     np.testing.assert_array_equal(second.signals["vibration"], -VIBRATION)
     np.testing.assert_allclose(second.velocity, 50 * np.pi, rtol=1e-13)
     assert first.channels == second.channels
@@ -74,7 +77,8 @@ def test_a_tachometer_and_a_rate_may_have_alternatives(tmp_path):
     layout = Layout(fs="rate|fs", channels=["b"], tacho={"column": "keyphasor|z"})
     plain = Layout(fs="fs", channels=["b"], tacho={"column": "z"})
     columns = {"b": VIBRATION, "z": pulses, "fs": 640.0}
-    assert opened(tmp_path, layout, **columns) == opened(tmp_path, plain, **columns)
+    expected = opened(tmp_path, plain, "plain.npz", **columns)
+    assert opened(tmp_path, layout, **columns) == expected
 
 
 def test_a_column_that_is_missing_is_an_error_that_suggests_alternatives(tmp_path):
