@@ -15,6 +15,10 @@ Array = NDArray[np.floating]
 
 _ROUNDS = 3  # of refinement by phase
 _CLEAR = 4.0  # power of a line over that between the orders, to be used for its phase
+# Distance of a line of a shaft from its order: in 1/duration, and as a fraction of the order.
+_APART, _AGREED = 0.1, 5e-5
+_LEVERAGE = 3.0  # orders between two lines whose spacing gives the speed
+_FURTHEST = 5e-3  # largest correction that sidebands give, as a fraction of the speed
 _LASTING = 0.3  # share of the power of lines that is left where the speed is right
 
 
@@ -116,26 +120,57 @@ def _phase_speeds(
         joined: NDArray[np.complex128] = np.asarray(blocks[1:] + blocks[:-1], np.complex128)
         return joined * (0.5 + 0j)
 
-    weights, sums, total = 0.0, 0.0, 0.0
     centre = (starts[1:] + 0.0) / fs
+    middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
+    clear, steps, weights = [], [], []
     for order in orders:
         line = demodulated(order)
         between = np.mean(np.abs(demodulated(order + 0.41)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
         if power < _CLEAR * between:
             continue
-        turned = line[1:] * np.conj(line[:-1])
+        step = line[1:] * np.conj(line[:-1])
+        clear.append(order)
+        steps.append(step / power)
         # Beyond ten times the noise, a line says no more than others: it may not be the order's.
-        weight = np.minimum(np.abs(turned) / between, 10 * _CLEAR)
-        total = total + np.abs(turned) / power
-        weights = weights + weight * order**2
-        sums = sums + weight * order * np.angle(turned)
-    middle = (centre[1:] + centre[:-1]) / 2
-    if np.ndim(weights) == 0:
+        weights.append(np.minimum(np.abs(step) / between, 10 * _CLEAR))
+    if not clear:
         return middle, np.zeros(len(middle)), np.zeros(len(middle))
-    change = sums / np.maximum(weights, 1e-300) / (2 * np.pi * np.diff(centre))
+    lines, found = np.array(steps), np.array(clear)
+    moved = np.angle(lines.sum(axis=1)) / (2 * np.pi * apart.mean())
+    duration = len(turns) / fs
+    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration)
+    changes = (np.angle(lines) / (2 * np.pi * apart) - shift) / found[:, np.newaxis]
+    weight = np.array(weights) * (agreed * found**2)[:, np.newaxis]
+    change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
-    return middle, smooth, np.asarray(total)
+    return middle, smooth, np.asarray(np.abs(lines[agreed]).sum(axis=0))
+
+
+def _lines_of_shaft(
+    orders: Array, moved: Array, speed: float, duration: float
+) -> tuple[NDArray[np.bool_], float]:
+    """Return which lines belong to the shaft, and their common distance from its orders [Hz].
+
+    They are the most that the same correction of the speed explains. Sidebands of a bearing
+    frequency lie at the same distance from several orders; their spacing is the speed. As any two
+    lines have a spacing, sidebands must be more by two lines than others.
+    """
+    tolerance = _APART / duration + _AGREED * orders * speed
+    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -_LEVERAGE)
+    spacing = (moved[second] - moved[first]) / (orders[second] - orders[first])
+    changes = np.concatenate([moved / orders, spacing])
+    shifts = np.concatenate([np.zeros(len(orders)), moved[first] - orders[first] * spacing])
+    left = moved - np.outer(changes, orders) - shifts[:, np.newaxis]
+    agreed = np.abs(left) <= tolerance
+    votes = np.sum(agreed * (1 - (left / tolerance) ** 2), axis=1)  # a near line counts more
+    votes[len(orders) :] -= 2
+    votes[np.abs(changes) > _FURTHEST * speed] = 0
+    best = int(np.argmax(votes))  # the lowest order of equals
+    if best < len(orders):
+        return np.asarray(agreed[best]), 0.0
+    chosen = agreed[best]
+    return np.asarray(chosen), float(np.polyfit(orders[chosen], moved[chosen], 1)[1])
 
 
 def _analytic(signal: Array) -> NDArray[np.complex128]:

@@ -210,17 +210,26 @@ def _background(signal: Array, fs: float, highest: float, smoothing: float) -> t
 
 
 def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:
-    """Return the multiples of the mains frequencies at which there is a steady line."""
+    """Return the multiples of the mains frequency at which there is a steady line.
+
+    A machine has one supply: that whose first or second multiple is the strongest. Lines of a shaft
+    or a bearing lie near some multiples of the other one by chance.
+    """
     power = np.abs(flat) ** 2
-    lines = []
+    found: dict[float, list[float]] = {}
+    strongest = dict.fromkeys(_MAINS, 0.0)
     for mains in _MAINS:
         for line in mains * np.arange(1, int(len(flat) * spacing / mains) + 1):
             reach = _MAINS_TOLERANCE * line + 1.5 / length
             low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
             wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
-            if power[low : high + 1].max(initial=0) > _MAINS_LINE * np.median(power[wide]):
-                lines.append(line)
-    return np.array(lines)
+            height = power[low : high + 1].max(initial=0) / max(np.median(power[wide]), 1e-300)
+            if height > _MAINS_LINE:
+                found.setdefault(mains, []).append(line)
+                if line <= 2 * mains:
+                    strongest[mains] = max(strongest[mains], height)
+    supply = max(strongest, key=lambda mains: strongest[mains])
+    return np.array(found[supply] if strongest[supply] else [])
 
 
 def _powers(
