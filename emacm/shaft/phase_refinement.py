@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from emacm.shaft.speed_evidence import Whitened
 Array = NDArray[np.floating]
 
 _ROUNDS = 3  # of refinement by phase
+_ASIDE = 0.41  # orders from a line to where there is none
 _CLEAR = 4.0  # power of a line over that between the orders, to be used for its phase
 # Distance of a line of a shaft from its order: in 1/duration, and as a fraction of the order.
 _APART, _AGREED = 0.1, 5e-5
@@ -113,19 +115,19 @@ def _phase_speeds(
     starts = np.linspace(0, len(turns), n_blocks + 1).astype(np.intp)[:-1]
     length = np.diff(np.append(starts, len(turns)))
 
-    def demodulated(order: float) -> NDArray[np.complex128]:
-        wave = analytic * np.exp(-2j * np.pi * order * turns)
+    def joined(wave: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Average over two blocks together, half overlapping."""
         blocks = np.add.reduceat(wave, starts) / length
-        # Two blocks together, half overlapping.
-        joined: NDArray[np.complex128] = np.asarray(blocks[1:] + blocks[:-1], np.complex128)
-        return joined * (0.5 + 0j)
+        return np.asarray((blocks[1:] + blocks[:-1]) / 2, np.complex128)
 
+    aside = np.exp(-2j * np.pi * _ASIDE * turns)
+    waves = _demodulated(analytic, turns, orders)
     centre = (starts[1:] + 0.0) / fs
     middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
     clear, steps, weights = [], [], []
-    for order in orders:
-        line = demodulated(order)
-        between = np.mean(np.abs(demodulated(order + 0.41)) ** 2) + 1e-300
+    for order, wave in zip(orders, waves, strict=True):
+        line = joined(wave)
+        between = np.mean(np.abs(joined(wave * aside)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
         if power < _CLEAR * between:
             continue
@@ -145,6 +147,24 @@ def _phase_speeds(
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
     return middle, smooth, np.asarray(np.abs(lines[agreed]).sum(axis=0))
+
+
+def _demodulated(
+    analytic: NDArray[np.complex128], turns: Array, orders: Array
+) -> Iterator[NDArray[np.complex128]]:
+    """Yield the signal moved down by each of the orders, which ascend.
+
+    From one order to the next, the signal is multiplied by a wave, which is the same for equal
+    steps: the exponential of a wave costs ten times its product.
+    """
+    steps = np.diff(orders, prepend=0.0)
+    last, wave = 0.0, analytic
+    for step in steps:
+        if step != last:
+            turn = np.exp(-2j * np.pi * step * turns)
+            last = step
+        wave = wave * turn
+        yield wave
 
 
 def _lines_of_shaft(
