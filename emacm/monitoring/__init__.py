@@ -4,11 +4,25 @@
   `InputAlarm`: alarms on unknown states and implausible input.
 - `severity_zones`, `severity_zone`, `vibration_velocity`, `vibration_severity`: vibration severity
   zones of ISO 20816-3, and velocity from acceleration.
+- `RemainingLife`: remaining life with intervals that are valid by unit; `MaintenanceCosts`:
+  decisions from it; `phm2012_score`, `alpha_lambda`, `prognostic_horizon`, `monotonicity`,
+  `trendability`, `prognosability`, `crps`, `coverage_by_unit`: metrics.
 """
 
 from emacm.monitoring.alarms import CUSUM, EWMA, AlarmReadings
 from emacm.monitoring.baseline_run_length import RunLength
+from emacm.monitoring.index_metrics import monotonicity, prognosability, trendability
 from emacm.monitoring.input_alarms import InputAlarm
+from emacm.monitoring.maintenance import MaintenanceCosts
+from emacm.monitoring.prognostic_metrics import (
+    alpha_lambda,
+    coverage_by_unit,
+    crps,
+    phm2012_lives,
+    phm2012_score,
+    prognostic_horizon,
+)
+from emacm.monitoring.remaining_life import RemainingLife
 from emacm.monitoring.severity_zones import (
     severity_zone,
     severity_zones,
@@ -21,9 +35,20 @@ __all__ = [
     "EWMA",
     "AlarmReadings",
     "InputAlarm",
+    "MaintenanceCosts",
+    "RemainingLife",
     "RunLength",
+    "alpha_lambda",
+    "coverage_by_unit",
+    "crps",
+    "monotonicity",
+    "phm2012_lives",
+    "phm2012_score",
+    "prognosability",
+    "prognostic_horizon",
     "severity_zone",
     "severity_zones",
+    "trendability",
     "vibration_severity",
     "vibration_velocity",
 ]

@@ -6,6 +6,7 @@
   label, severity, and the orders of the fault.
 - `simulate_actuator`, `simulate_fleet`: a preset of the bench with short runs at 4 kHz, to try a
   pipeline within seconds.
+- `WearLaw`, `run_to_failure_fleet`: units whose damage grows by a known law until they fail.
 
 The same seed gives the same recordings, in any order of simulation.
 
@@ -29,6 +30,7 @@ from emacm.simulation.chapter3 import (
 from emacm.simulation.conditions import CONDITIONS, TRANSDUCERS, Condition, Transducer
 from emacm.simulation.faults import BEARING, FAULT_ORDERS, FAULTS, SCREW, Fault
 from emacm.simulation.fleet import STATES, simulate_actuator, simulate_fleet
+from emacm.simulation.wear import UnitLife, WearLaw, run_to_failure_fleet
 
 __all__ = [
     "BEARING",
@@ -47,10 +49,13 @@ __all__ = [
     "LaboratoryBench",
     "LaboratoryRecordings",
     "Transducer",
+    "UnitLife",
+    "WearLaw",
     "chapter3_motion",
     "chapter3_recording",
     "chapter3_recordings",
     "laboratory_recordings",
+    "run_to_failure_fleet",
     "simulate_actuator",
     "simulate_fleet",
     "thesis_benches",

@@ -1,0 +1,104 @@
+"""Prediction intervals that are calibrated by unit.
+
+A score is the value of the predicted distribution function at the true remaining life of a unit
+that was left out of the fit. The scores of different units are exchangeable, those of the readings
+of one unit are not: each unit counts once.
+
+References
+----------
+.. [1] V. Chernozhukov, K. Wuethrich and Y. Zhu, Distributional conformal prediction, PNAS 118(48),
+   2021.
+.. [2] R. Dunn, L. Wasserman and A. Ramdas, Distribution-free prediction sets for two-layer
+   hierarchical models, J. Am. Stat. Assoc. 118, 2023.
+.. [3] B. Efron, The two sample problem with censored data, Proc. 5th Berkeley Symposium 4, 1967:
+   the weight of a censored value is redistributed to the larger ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def units_needed(coverage: float) -> int:
+    """Return the smallest number of failed units that can support a coverage.
+
+    Examples
+    --------
+    >>> units_needed(0.9), units_needed(0.95), units_needed(0.8)
+    (9, 19, 4)
+    """
+    return int(np.ceil(coverage / (1 - coverage) - 1e-9))
+
+
+def check_coverage(coverage: float, n_units: int) -> None:
+    """Raise a ValueError if this number of failed units cannot support a coverage.
+
+    Among n + 1 exchangeable units, the new one has the largest score with probability
+    1 / (n + 1); beyond that, intervals say nothing about the data.
+    """
+    needed = units_needed(coverage)
+    if n_units < needed:
+        raise ValueError(
+            f"{n_units} units that failed cannot support intervals of {coverage:.0%} coverage; it "
+            f"takes {needed}. They support at most {n_units / (n_units + 1):.0%}: set coverage "
+            f"to this or less, or add units."
+        )
+
+
+def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> float:
+    """Return how far from the median, in probability, an interval must reach [1]_.
+
+    Parameters
+    ----------
+    levels : ndarray of shape (n_units,)
+        Predicted probability of a life up to the true one (of a censored unit: up to the
+        observed one), one for each unit.
+    censored : ndarray of bool, shape (n_units,)
+        Units that have not failed.
+    coverage : float
+        Coverage of a further unit.
+
+    Returns
+    -------
+    float
+        Largest ``|level - 0.5|`` of the interval; infinite if the units do not support it.
+
+    Examples
+    --------
+    >>> half_width(np.linspace(0.1, 0.9, 9), np.zeros(9, bool), 0.9)
+    0.4
+    >>> half_width(np.linspace(0.1, 0.9, 8), np.zeros(8, bool), 0.9)
+    inf
+    """
+    weights = redistributed(levels, censored)
+    scores = np.abs(levels - 0.5)
+    order = np.argsort(scores, kind="stable")
+    reached = np.cumsum(weights[order])
+    index = int(np.searchsorted(reached, coverage - 1e-9))
+    return float(scores[order][index]) if index < len(scores) else np.inf
+
+
+def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
+    """Return the weight of each unit; the new unit, which may be anywhere, has the rest to 1.
+
+    The weight 1 / (n + 1) of a censored unit is given to the units with larger levels and to the
+    new one, in equal parts [3]_.
+
+    Examples
+    --------
+    >>> redistributed(np.array([0.2, 0.5, 0.8]), np.array([False, True, False])).tolist()
+    [0.25, 0.0, 0.375]
+    """
+    n_units = len(levels)
+    weights = np.full(n_units, 1 / (n_units + 1))
+    # At equal levels, failures come before censored units, as in the Kaplan-Meier estimate.
+    order = np.lexsort((censored, levels))
+    for position, unit in enumerate(order):
+        if censored[unit]:
+            later = order[position + 1 :]
+            weights[later] += weights[unit] / (len(later) + 1)
+            weights[unit] = 0
+    return weights
