@@ -86,6 +86,7 @@ DEFAULTS = {
     "FaultLinesDisplay": {"harmonics": 3, "slip": 0.02, "channel": "signal"},
     "FaultLinesDisplay.from_recording": {"harmonics": 3, "slip": 0.02, "revolutions": 25},
     "FeatureBaseline": {"condition": "load", "healthy": "normal"},
+    "HealthIndex": {"false_alarm": 0.05, "min_baseline": 5},
     "InputAlarm": {"typicality": 0.01, "consecutive": 2, "unknown": "unknown"},
     "RemainingLife": {"model": "weibull", "coverage": 0.9, "consecutive": 3},
     "WearLaw": {
@@ -112,6 +113,8 @@ DEFAULTS = {
         "first_unit": 0,
     },
     "trendability": {"ranks": False},
+    "TrendDisplay": {"time_label": "time"},
+    "TrendDisplay.from_estimator": {"time_label": "time"},
     "vibration_velocity": {"unit": "m/s2", "band": (10.0, 1000.0)},
     "FeatureDensityDisplay": {
         "shares": (0.5, 0.9),

@@ -13,6 +13,7 @@
   `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
+- `TrendDisplay`: health index of each unit over time, with limit and alarms.
 - `ContributionsDisplay`: contribution of each order to a decision, and predicted fault orders.
 
 A display is made by one of its ``from_`` methods, or from values and ``plot()``. `ax_` and
@@ -37,6 +38,7 @@ from emacm.displays.recording import RecordingDisplay
 from emacm.displays.regions import DecisionRegionsDisplay
 from emacm.displays.reliability import ReliabilityDisplay
 from emacm.displays.spectrum import OrderSpectrumDisplay
+from emacm.displays.trend import TrendDisplay
 from emacm.displays.typicality import TypicalityDisplay
 from emacm.displays.unknown_roc import UnknownRocDisplay
 
@@ -60,6 +62,7 @@ __all__ = [
     "OutcomesDisplay",
     "RecordingDisplay",
     "ReliabilityDisplay",
+    "TrendDisplay",
     "TypicalityDisplay",
     "UnknownRocDisplay",
 ]

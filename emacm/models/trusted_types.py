@@ -13,6 +13,7 @@ _SUBPACKAGES = {
     "conditions",
     "decisions",
     "machine",
+    "monitoring",
     "orders",
     "recordings",
     "resampling",

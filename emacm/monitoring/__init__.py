@@ -2,6 +2,8 @@
 
 - `EWMA`, `CUSUM`: alarms on readings, with the average run length for the baseline in use;
   `InputAlarm`: alarms on unknown states and implausible input.
+- `HealthIndex`, `health_trend`: distance from healthy recordings, its limits, and its trend for
+  each unit.
 - `severity_zones`, `severity_zone`, `vibration_velocity`, `vibration_severity`: vibration severity
   zones of ISO 20816-3, and velocity from acceleration.
 - `RemainingLife`: remaining life with intervals that are valid by unit; `MaintenanceCosts`:
@@ -11,6 +13,8 @@
 
 from emacm.monitoring.alarms import CUSUM, EWMA, AlarmReadings
 from emacm.monitoring.baseline_run_length import RunLength
+from emacm.monitoring.health_index import HealthIndex
+from emacm.monitoring.health_trend import health_trend
 from emacm.monitoring.index_metrics import monotonicity, prognosability, trendability
 from emacm.monitoring.input_alarms import InputAlarm
 from emacm.monitoring.maintenance import MaintenanceCosts
@@ -34,6 +38,7 @@ __all__ = [
     "CUSUM",
     "EWMA",
     "AlarmReadings",
+    "HealthIndex",
     "InputAlarm",
     "MaintenanceCosts",
     "RemainingLife",
@@ -41,6 +46,7 @@ __all__ = [
     "alpha_lambda",
     "coverage_by_unit",
     "crps",
+    "health_trend",
     "monotonicity",
     "phm2012_lives",
     "phm2012_score",

@@ -1,0 +1,275 @@
+"""The health index: a distance with known values, limits from left-out groups, trends."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, load_model, save_model
+from emacm.displays import TrendDisplay
+from emacm.monitoring import HealthIndex, health_trend
+
+UNITS = np.repeat(["press", "drill", "axis"], [12, 3, 9])
+OFFSETS = {"press": 4.0, "drill": -3.0, "axis": 0.0, "new": 2.0}
+
+
+def healthy(rng, units=UNITS, width=4):
+    """Return features that differ between units more than within one."""
+    offsets = np.array([OFFSETS[unit] for unit in units])
+    return rng.normal(size=(len(units), width)) + offsets[:, np.newaxis] * [1, 0, 0, 0][:width]
+
+
+def fleet(n_units, n_each, rng, spread=2.0):
+    """Return features of many units, and their numbers."""
+    units = np.repeat(np.arange(n_units), n_each)
+    offsets = spread * rng.normal(size=(n_units, 3))[units]
+    return offsets + rng.normal(size=(len(units), 3)), units
+
+
+@pytest.mark.filterwarnings("ignore:without groups")
+@parametrize_with_checks([HealthIndex()])
+def test_scikit_learns_checks_pass(estimator, check):
+    check(estimator)
+
+
+def test_the_index_is_the_mahalanobis_distance_in_usual_healthy_distances():
+    X = np.random.default_rng(0).normal(size=(4000, 3)) * [1, 20, 0.1] + [5, 0, 1]
+    index = HealthIndex().fit(X, groups=np.arange(4000) // 100)
+    found = index.transform([[5, 0, 1], [5, 60, 1], [5, 0, 0.7], [8, 60, 1.3]])[:, 0]
+    np.testing.assert_allclose(found, [0, np.sqrt(3), np.sqrt(3), 3], rtol=0.05, atol=0.05)
+    squares = index.transform(X)[:, 0] ** 2
+    assert squares.mean() == pytest.approx(1, abs=0.01)
+    np.testing.assert_array_equal(index.score_samples(X), -index.transform(X)[:, 0])
+
+
+def test_the_unit_of_a_feature_changes_nothing():
+    rng = np.random.default_rng(1)
+    X, new, scale = healthy(rng), rng.normal(size=(5, 4)), [1e-6, 3, 1e5, 0.2]
+    groups = np.arange(24) // 2
+    index = HealthIndex().fit(X, groups=groups).transform(new)
+    other = HealthIndex().fit(X * scale, groups=groups).transform(new * scale)
+    np.testing.assert_allclose(index, other, rtol=1e-9)
+
+
+def test_a_unit_with_enough_healthy_recordings_is_compared_with_itself():
+    X = healthy(np.random.default_rng(2))
+    index = HealthIndex(None, min_baseline=9).fit(X, groups=np.arange(24), units=UNITS)
+    assert index.units_ == ("press", "axis")
+    usual, shifted = [4.0, 0, 0, 0], [0.0, 0, 0, 0]  # of the press; healthy for the axis
+    found = index.transform([usual, shifted, shifted], units=["press", "press", "axis"])[:, 0]
+    assert found[0] < 0.5
+    assert found[1] > 1.5
+    assert found[2] < 0.5
+    unknown = index.transform([shifted, shifted], units=["drill", "elsewhere"])[:, 0]
+    np.testing.assert_array_equal(unknown, index.transform([shifted, shifted])[:, 0])
+    assert unknown[0] < 0.5  # units usually differ as much
+
+
+def test_a_short_baseline_counts_as_uncertain():
+    X, units = fleet(30, 5, np.random.default_rng(3))
+    index = HealthIndex(None).fit(X, groups=np.arange(150), units=units)
+    new = np.array([index._baselines.means[7][0] + [3.0, 0, 0]])
+    white = (new - index._baselines.means[7][0]) @ index._baselines.within
+    plain = np.sqrt((white**2).sum() / 3)
+    assert index.transform(new, units=[7])[0, 0] == pytest.approx(plain / np.sqrt(1 + 1 / 5))
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_the_false_alarm_rate_holds_for_new_recordings(own):
+    rng, alarms, sizes = np.random.default_rng(4), 0.0, 60
+    for _ in range(sizes):
+        X, units = fleet(20, 6, rng)
+        index = HealthIndex(0.1).fit(X[units < 19], groups=np.arange(114), units=units[units < 19])
+        if own:  # one more recording of a known unit
+            new, unit = X[units == 7].mean(axis=0) + rng.normal(size=(40, 3)), 7
+            found = index.transform(new, units=[unit] * 40)[:, 0]
+            alarms += np.mean(found > index.limit(unit)) / sizes
+        else:  # a unit that was not in the training
+            alarms += np.mean(index.transform(X[units == 19])[:, 0] > index.limit()) / sizes
+    assert alarms < 0.1 + 3 * np.sqrt(0.1 * 0.9 / sizes)
+    assert alarms > 0.01  # the limit is not far too high either
+
+
+def test_limits_from_single_recordings_are_too_low_where_runs_differ():
+    rng = np.random.default_rng(5)
+    X, runs = fleet(25, 6, rng, spread=3.0)
+    grouped = HealthIndex(0.1).fit(X, groups=runs)
+    with pytest.warns(UserWarning, match="without groups, single recordings are left out"):
+        single = HealthIndex(0.1).fit(X)
+    assert grouped.limit() > 1.02 * single.limit()
+
+
+@pytest.mark.parametrize(("n_groups", "supported"), [(19, True), (18, False)])
+def test_a_limit_that_the_groups_cannot_support_is_refused(n_groups, supported):
+    X = np.random.default_rng(6).normal(size=(2 * n_groups, 3))
+    index = HealthIndex(0.05).fit(X, groups=np.arange(2 * n_groups) // 2)
+    if supported:
+        assert index.limit() == index.left_out_["index"].max()
+        return
+    with pytest.raises(ValueError, match=r"needs at least 19 .* there are 18: .* rate is 0\.053"):
+        index.limit()
+    with pytest.raises(ValueError, match="or set it to None for an index without limit"):
+        index.trend(X[:2], [1, 2])
+    assert index.set_params(false_alarm=0.06).limit() > 0
+    assert np.isnan(index.set_params(false_alarm=None).limit())
+
+
+def test_few_units_refuse_a_limit_for_the_population_but_not_for_a_known_unit():
+    X = healthy(np.random.default_rng(7), np.repeat(["press", "axis"], 12))
+    units = np.repeat(["press", "axis"], 12)
+    index = HealthIndex(0.1).fit(X, groups=np.tile(np.arange(12), 2), units=units)
+    assert index.limit("press") == index.limit("axis") > 1
+    with pytest.raises(ValueError, match=r"needs at least 9 units or groups .* there are 2"):
+        index.limit("drill")
+
+
+def test_constant_features_are_not_used():
+    X = healthy(np.random.default_rng(8))
+    wide = np.hstack([X, np.full((24, 2), 7.0)])
+    groups = np.arange(24) // 3
+    index = HealthIndex(None).fit(wide, groups=groups)
+    new = np.array([[1.0, 2, 3, 4, 7, -1e9]])
+    expected = HealthIndex(None).fit(X, groups=groups).transform(new[:, :4])
+    np.testing.assert_allclose(index.transform(new), expected)
+
+
+def test_a_trend_is_sorted_by_unit_and_time_and_states_alarms():
+    rng = np.random.default_rng(9)
+    X = healthy(rng, np.repeat(["press", "axis"], 12))
+    units = np.repeat(["press", "axis"], 12)
+    index = HealthIndex(0.1).fit(X, groups=np.tile(np.arange(12), 2), units=units)
+    wear = np.array([0.0, 0.0, 9.0, 6.0])[:, np.newaxis] * [0, 1, 0, 0]
+    new = healthy(rng, ["press", "axis", "press", "press"]) + wear
+    times = ["2024-05-03", "2024-05-01", "2024-05-09", "2024-05-07"]
+    table = index.trend(new, times, ["press", "axis", "press", "press"])
+    assert table["unit"].tolist() == ["axis", "press", "press", "press"]
+    assert table["time"].tolist() == ["2024-05-01", "2024-05-03", "2024-05-07", "2024-05-09"]
+    assert table["alarm"].tolist() == [False, False, True, True]
+    assert table["index"].is_monotonic_increasing or table["index"].iloc[-1] > 3
+    assert table.attrs["false_alarm"] == 0.1
+    assert set(table["baseline"]) == {"unit"}
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"units": ["a"]}, ValueError, "units must hold one label for each of 24"),
+        ({"groups": ["a"]}, ValueError, "groups must hold one label for each of 24"),
+        ({"groups": [np.nan] * 24}, ValueError, "groups is nan"),
+    ],
+)
+def test_invalid_labels_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        HealthIndex().fit(healthy(np.random.default_rng(0)), **({"groups": range(24)} | options))
+
+
+@pytest.mark.parametrize("false_alarm", [0, 1, "low"])
+def test_an_invalid_rate_is_refused(false_alarm):
+    with pytest.raises((ValueError, TypeError), match="false_alarm"):
+        HealthIndex(false_alarm).fit(healthy(np.random.default_rng(0)), groups=range(24))
+
+
+def test_names_containers_clones_and_pickles():
+    frame = pd.DataFrame(healthy(np.random.default_rng(0)), columns=list("dbca"))
+    index = HealthIndex(0.2).set_output(transform="pandas").fit(frame, groups=np.arange(24) // 2)
+    assert index.transform(frame).columns.tolist() == ["health_index"]
+    assert pickle.loads(pickle.dumps(index)).limit() == index.limit()
+    assert clone(index).get_params() == {"false_alarm": 0.2, "min_baseline": 5}
+
+
+# From recordings
+
+
+def recording(seed, unit, day, wear=0.0, n=3000):
+    rng = np.random.default_rng(seed)
+    angle = 80.0 * np.arange(n) / 900
+    wave = rng.normal(size=n) + wear * np.sin(2.3 * angle)
+    return Recording({"vib": wave}, 900, velocity=80.0, meta={"unit": unit, "day": day})
+
+
+def pipeline():
+    return make_pipeline(
+        OrderResampler(2 * np.pi / 18),
+        OrderPSD(4),
+        BinTransformer(1, max_order=6),
+        FunctionTransformer(np.log),
+        HealthIndex(0.1),
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    runs = [recording(k, "A", k) for k in range(10)]
+    return pipeline().fit(runs, healthindex__groups=np.arange(10), healthindex__units=["A"] * 10)
+
+
+def test_recordings_of_every_night_give_a_trend_and_a_bad_one_a_row(model):
+    new = [recording(20 + k, "A", 30 - k, wear) for k, wear in enumerate([2.0, 1.0, 0.0, 0.0])]
+    new.insert(1, recording(40, "A", 35, n=30))
+    new.insert(0, None)
+    with pytest.raises(TypeError, match="without meta"):
+        health_trend(model, new, unit="unit", time="day")
+    table = health_trend(model, new[1:], unit="unit", time="day")
+    assert table["time"].tolist() == [27, 28, 29, 30, 35]
+    assert table["recording"].tolist() == [4, 3, 2, 0, 1]
+    assert table["alarm"].tolist() == [False, False, True, True, False]
+    assert "no stroke holds" in table["error"].iloc[-1]
+    assert np.isnan(table["index"].iloc[-1])
+    expected = model[-1].transform(model[:-1].transform(new[1:2]), units=["A"])[0, 0]
+    assert table["index"].iloc[3] == expected
+
+
+def test_only_bad_recordings_give_rows_too(model):
+    table = health_trend(model, [recording(1, "A", 3, n=30)], time="day")
+    assert table["error"].iloc[0]
+    assert not table["alarm"].any()
+
+
+def test_another_model_is_refused(model):
+    with pytest.raises(TypeError, match="Pipeline that ends in a HealthIndex, got HealthIndex"):
+        health_trend(model[-1], [recording(0, "A", 1)], time="day")
+
+
+def test_a_model_of_a_health_index_can_be_saved(model, tmp_path):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    save_model(model, tmp_path / "index.emacm")
+    loaded, new = load_model(tmp_path / "index.emacm"), [recording(9, "A", 3, 0.7)]
+    expected = health_trend(model, new, unit="unit", time="day")
+    pd.testing.assert_frame_equal(health_trend(loaded, new, unit="unit", time="day"), expected)
+
+
+# The picture
+
+
+def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate():
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    X = healthy(np.random.default_rng(9), np.repeat(["press", "axis"], 12))
+    units = np.repeat(["press", "axis"], 12)
+    index = HealthIndex(0.1).fit(X, groups=np.tile(np.arange(12), 2), units=units)
+    times = pd.date_range("2024-05-01", periods=24)
+    display = TrendDisplay.from_estimator(index, X, times, units)
+    assert [ax.get_ylabel() for ax in display.ax_] == ["axis", "press"]
+    labels = [text.get_text() for text in display.ax_[0].get_legend().get_texts()]
+    assert "limit (10 % false alarms)" in labels
+    limits = [line for line in display.ax_[1].lines if line.get_linestyle() == "--"]
+    assert limits[0].get_ydata()[0] == index.limit("press")
+    assert len(display.frame()) == 24
+    (single,) = np.ravel(TrendDisplay(display.table, units=["press"]).plot().ax_)
+    assert single.get_ylabel() == "health index"
+
+
+def test_an_invalid_table_is_refused():
+    table = pd.DataFrame({"unit": ["A"], "time": [1], "index": [2.0], "limit": [1.0]})
+    with pytest.raises(ValueError, match=r"it has no \['alarm'\]"):
+        TrendDisplay(table)
+    table = table.assign(alarm=True)
+    with pytest.raises(ValueError, match="no index of unit 'B'; known are"):
+        TrendDisplay(table, units=["B"])
+    many = pd.concat([table.assign(unit=str(k)) for k in range(9)])
+    with pytest.raises(ValueError, match="9 units do not fit"):
+        TrendDisplay(many)
