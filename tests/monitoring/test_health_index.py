@@ -79,6 +79,7 @@ def test_a_short_baseline_counts_as_uncertain():
     assert index.transform(new, units=[7])[0, 0] == pytest.approx(plain / np.sqrt(1 + 1 / 5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [True, False])
 def test_the_false_alarm_rate_holds_for_new_recordings(own):
     rng, alarms, sizes = np.random.default_rng(4), 0.0, 60
