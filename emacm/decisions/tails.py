@@ -132,9 +132,7 @@ def student_tail(
     return StudentTail(values, weight_from, peaks)
 
 
-def peaks_over_threshold(
-    values: Array, weight: Array, expected: float, n_expected: float
-) -> Peaks:
+def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expected: float) -> Peaks:
     """Return the mean excess of the largest fifth of some values.
 
     The estimate of few peaks is uncertain by as much as 100 %. It is therefore combined with an

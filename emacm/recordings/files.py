@@ -214,9 +214,9 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
     absolute path, layout, size and time of the file, and meta (less than 1 kB), so that worker
-    processes read the file themselves; on other computers it must have the same path, size and time
-    (``cp -p``, or a shared folder). A few recordings are kept in memory (16 MiB); a file is read as a
-    whole, and must not be changed as long as the recording is used.
+    processes read the file themselves; on other computers it must have the same path, size and
+    time (a shared folder, or ``cp -p``). A few recordings are kept in memory (16 MiB); a file is
+    read as a whole, and must not be changed as long as the recording is used.
 
     Parameters
     ----------
