@@ -21,6 +21,7 @@ def add_parsers(commands: Any) -> None:
     _add_train(commands)
     _add_score(commands)
     _add_report(commands)
+    _add_trend(commands)
 
 
 def _run_later(name: str) -> Callable[[argparse.Namespace], int]:
@@ -70,6 +71,15 @@ def _add_train(commands: Any) -> None:
     parser.add_argument(
         "--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal"
     )
+    _add_extent(parser)
+    parser.add_argument("--cost", type=Path, metavar="CSV", help="costs, as for score")
+    parser.add_argument("--priors", metavar="P", help="priors, as for score")
+    parser.add_argument("--note", metavar="TEXT", help="text that is stored in the model file")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
+
+
+def _add_extent(parser: argparse.ArgumentParser) -> None:
+    """Add the range of the order spectra."""
     for name, meaning in (
         ("max-order", "highest order; default: what all recordings support, at most 20"),
         (
@@ -85,10 +95,6 @@ def _add_train(commands: Any) -> None:
         metavar="N",
         help="speed up to which the shaft counts as standing still [rad/s]",
     )
-    parser.add_argument("--cost", type=Path, metavar="CSV", help="costs, as for score")
-    parser.add_argument("--priors", metavar="P", help="priors, as for score")
-    parser.add_argument("--note", metavar="TEXT", help="text that is stored in the model file")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
 def _add_score(commands: Any) -> None:
@@ -191,3 +197,46 @@ def _add_report_options(parser: argparse.ArgumentParser) -> None:
         metavar="KEY",
         help="key of meta with the time of a recording (default: when its file was written)",
     )
+
+
+def _add_trend(commands: Any) -> None:
+    """Add ``emacm trend``."""
+    parser = commands.add_parser(
+        "trend",
+        help="distance of the files of each unit from healthy ones over time, with a limit",
+        epilog="Exit status: 0; 1 if --fail-on-alarm is given and the latest recording of a unit "
+        "exceeds its limit; 2 for invalid arguments or too few healthy groups; 3 if files failed.",
+    )
+    parser.set_defaults(run=_run_later("trend"))
+    parser.add_argument("healthy", metavar="HEALTHY", type=Path, help="folder of healthy files")
+    parser.add_argument(
+        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
+    )
+    parser.add_argument(
+        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
+    )
+    parser.add_argument(
+        "--groups",
+        required=True,
+        metavar="KEY",
+        help="key of meta with the run of a healthy file; whole ones are left out for the limit",
+    )
+    parser.add_argument("--unit", metavar="KEY", help="key of meta with the unit")
+    parser.add_argument(
+        "--time",
+        metavar="KEY",
+        help="key of meta with the time of a recording (default: when its file was written)",
+    )
+    parser.add_argument(
+        "--false-alarm",
+        type=float,
+        default=0.05,
+        metavar="P",
+        help="probability that a healthy recording exceeds the limit (default: 0.05)",
+    )
+    parser.add_argument("--out", type=Path, metavar="CSV", help="table (default: standard output)")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the trend of each unit")
+    parser.add_argument(
+        "--fail-on-alarm", action="store_true", help="exit status 1 if a unit exceeds its limit"
+    )
+    _add_extent(parser)

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     labels = read_meta(recordings, options.labels, role="--labels")
     groups = read_meta(recordings, options.groups, role="--groups")
     healthy = _healthy(options.healthy, labels)
-    max_order, revolutions = _extent(recordings, options)
+    max_order, revolutions = extent(recordings, options)
     model = _model(options.recipe, max_order, revolutions, options.min_speed)
     set_costs(model, options.cost, options.priors)
     print(
@@ -79,8 +79,8 @@ def _healthy(name: str | None, labels: list[Any]) -> Any:
     )
 
 
-def _extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
-    """Return the highest order and the length of a segment [revolutions]."""
+def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
+    """Return the highest order and the length of a segment [revolutions] that all support."""
     quality = OrderResampler(min_speed=options.min_speed).quality(recordings)
     orders, length = options.max_order, options.revolutions
     if orders is None:
@@ -99,13 +99,17 @@ def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) 
     bayes = CostSensitiveGaussianBayes(
         covariance="tied", shrinkage="auto", unknown="unknown", temperature="groups"
     )
-    return make_pipeline(
+    return make_pipeline(*order_levels(max_order, revolutions, min_speed), bayes)
+
+
+def order_levels(max_order: float, revolutions: float, min_speed: float) -> list[Any]:
+    """Return the steps from recordings to logarithms of the powers in order bins."""
+    return [
         OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
         OrderPSD(revolutions, max_order=max_order),
         BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
         FunctionTransformer(np.log10, feature_names_out="one-to-one"),
-        bayes,
-    )
+    ]
 
 
 def rates_table(table: pd.DataFrame) -> pd.DataFrame:
