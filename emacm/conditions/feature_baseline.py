@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,9 +15,12 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_finite_table, check_real_array
 from emacm._saved import SavedEstimator
 from emacm.conditions.healthy import find_healthy, known_conditions
+from emacm.conditions.rates import are_recordings, check_rates, common_rates
 from emacm.orders.columns import OrderTable, column_names
-from emacm.recordings.inputs import described
 from emacm.recordings.meta import sorted_conditions
+
+_FEWEST = 3  # recordings whose scatter is known
+_FAR = 10.0  # times the scatter
 
 
 class FeatureBaseline(  # type: ignore[call-arg]
@@ -56,6 +60,11 @@ class FeatureBaseline(  # type: ignore[call-arg]
     -----
     Healthy recordings used in training are part of their own mean: their difference from it is
     smaller than that of new ones, by the factor 1 - 1/n_healthy.
+
+    `fit` warns if there is only one condition, since a constant shift changes no decision of a
+    Gaussian classifier; and if at least 3 recordings of a condition differ from its healthy means
+    by more than 10 times their scatter, in the median over the features (assumed), as they do if
+    healthy recordings were measured differently.
 
     Examples
     --------
@@ -129,7 +138,7 @@ class FeatureBaseline(  # type: ignore[call-arg]
             recording.
         """
         check_is_fitted(self)
-        self._check_rates(X)
+        check_rates(X, self._rates)
         return self._difference(X, self.transformer_.transform(X))
 
     def fit_transform(self, X: Any, y: ArrayLike | None = None) -> Any:
@@ -197,9 +206,9 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 f"RecordingStatistics(); got {self.transformer!r}."
             )
         found = find_healthy(X, y, self.condition, self.healthy, self.baseline_recordings)
-        healthy_rows = [X[i] for i in np.flatnonzero(found.mask)] if _are_recordings(X) else []
-        self._rates = _common_rates([*healthy_rows, *found.further])
-        self._check_rates(X)
+        healthy_rows = [X[i] for i in np.flatnonzero(found.mask)] if are_recordings(X) else []
+        self._rates = common_rates([*healthy_rows, *found.further])
+        check_rates(X, self._rates)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y)
         healthy = _values(table)[found.mask]
@@ -210,43 +219,39 @@ class FeatureBaseline(  # type: ignore[call-arg]
             for condition in sorted_conditions(found.conditions)
         }
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
+        self._report_effect(X, _values(table))
         return table
 
-    def _check_rates(self, X: Any) -> None:
-        """Raise if a recording was sampled at another rate than the healthy ones."""
-        for index, recording in enumerate(X if _are_recordings(X) else ()):
-            for channel, rate in _rates_of(recording).items():
-                healthy = self._rates.get(channel, rate)
-                if not np.isclose(rate, healthy, rtol=1e-6, atol=0):
-                    raise ValueError(
-                        f"{described(recording, index)}: channel {channel!r} is sampled at "
-                        f"{rate:g} Hz, but in the healthy recordings at {healthy:g} Hz. Features "
-                        f"of both differ by the measurement, not by the machine: use healthy "
-                        f"recordings of the same sampling rate."
-                    )
+    def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
+        """Warn if the baseline has no effect, or shifts the features more than they scatter."""
+        if len(self.conditions_) == 1:
+            warnings.warn(
+                f"all recordings have the same condition, {self.conditions_[0]!r}, so the same "
+                f"means are subtracted from all of them. This changes no decision of a Gaussian "
+                f"classifier, nor of any other that does not depend on the origin of the "
+                f"features. Leave FeatureBaseline out, or choose a condition that varies.",
+                stacklevel=4,
+            )
+        found = known_conditions(X, self.condition, self.conditions_)
+        for condition, mean in self.means_.items():
+            own = values[[entry == condition for entry in found]]
+            if len(own) < _FEWEST:
+                continue
+            shift, scatter = np.abs(own.mean(axis=0) - mean), own.std(axis=0, ddof=1)
+            varying = scatter > 0
+            if varying.any() and np.median(shift[varying] / scatter[varying]) > _FAR:
+                ratio = np.median(shift[varying] / scatter[varying])
+                warnings.warn(
+                    f"condition {condition!r}: the features of its {len(own)} recordings differ "
+                    f"from the healthy means by {ratio:.3g} times their scatter (median over the "
+                    f"features). Healthy and other recordings may have been measured differently: "
+                    f"compare sensors, filters, gain and speed, or leave FeatureBaseline out.",
+                    stacklevel=4,
+                )
 
     def _difference(self, X: Any, table: Any) -> Any:
         found = known_conditions(X, self.condition, self.conditions_)
         return _like(table, _values(table) - np.array([self.means_[value] for value in found]))
-
-
-def _are_recordings(X: Any) -> bool:
-    """Return whether X is a list of recordings, over time or over the shaft angle."""
-    return isinstance(X, Sequence) and all(hasattr(entry, "channels") for entry in X)
-
-
-def _rates_of(recording: Any) -> dict[str, float]:
-    """Return the sampling rate of each channel that is used [Hz]."""
-    measured = getattr(recording, "measured", recording)
-    return {name: measured.fs[name] for name in recording.channels if name in measured.fs}
-
-
-def _common_rates(recordings: Sequence[Any]) -> dict[str, float]:
-    """Return the sampling rate of each channel of the first recording that has it [Hz]."""
-    rates: dict[str, float] = {}
-    for recording in recordings:
-        rates = _rates_of(recording) | rates
-    return rates
 
 
 def _values(table: Any) -> NDArray[np.float64]:

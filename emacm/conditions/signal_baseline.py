@@ -20,6 +20,7 @@ from emacm.conditions.mean_signals import (
     ResidualRecording,
     mean_baseline,
 )
+from emacm.conditions.rates import check_rates, common_rates
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name, sorted_conditions
 from emacm.recordings.recording import Recording
@@ -125,8 +126,8 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         ------
         TypeError, ValueError
             If X or a parameter is invalid, `healthy` is not in y, a condition has no healthy
-            recording, or channels or `theta_s` differ; the message gives the recording or the
-            condition.
+            recording, or channels, `theta_s` or sampling rates differ; the message gives the
+            recording or the condition.
         """
         check_choice(self.align, "align", ALIGNMENTS)
         rows = as_angle_recordings(X, "SignalBaseline")
@@ -137,6 +138,10 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             further = _resampled_as(first, found.further)
             self._check_alike(further, first)
         healthy = [row for row, good in zip(rows, found.mask, strict=True) if good] + further
+        self._rates = common_rates(healthy)
+        check_rates(rows, self._rates)
+        with located("baseline_recordings"):
+            check_rates(further, self._rates)
         self.baselines_: dict[Any, AngleBaseline] = {
             condition: mean_baseline(
                 [
@@ -169,12 +174,13 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         Raises
         ------
         TypeError, ValueError
-            If X is invalid, a recording's condition has no baseline, or its channels or
-            `theta_s` differ from those of `fit`; the message gives the recording.
+            If X is invalid, a recording's condition has no baseline, or its channels, `theta_s`
+            or sampling rates differ from those of `fit`; the message gives the recording.
         """
         check_is_fitted(self)
         rows = as_angle_recordings(X, "SignalBaseline")
         self._check_alike(rows, self)
+        check_rates(rows, self._rates)
         found = known_conditions(rows, self.condition, self.conditions_)
         return [
             ResidualRecording.of(row, self.baselines_[condition])

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import check_count, check_number, located
+from emacm.conditions.rates import are_recordings, check_rates, common_rates
 from emacm.machine.fault_lines import FaultLines
 from emacm.machine.lines import DRAWS, FaultSeries, LineLevels, fault_series
 from emacm.machine.parts import Part
@@ -82,8 +83,8 @@ def find_faults(
     Raises
     ------
     TypeError, ValueError
-        If an input is invalid, a recording is too short, or its sampling rate is too low for the
-        lines; the message gives the recording.
+        If an input is invalid, a recording is too short, its sampling rate is too low for the
+        lines or differs from that of `healthy`; the message gives the recording.
 
     Notes
     -----
@@ -124,6 +125,8 @@ def find_faults(
     )
     baseline = None
     if healthy is not None:
+        if are_recordings(healthy):
+            check_rates(X, common_rates(healthy))
         with located("healthy"):
             baseline = _scores(measure(healthy), series).groupby(level="channel").max()
     rows = [_row(found, series, false_alarm, baseline) for found in measure(X)]

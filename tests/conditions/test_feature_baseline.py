@@ -136,8 +136,8 @@ def test_what_makes_no_table_is_no_transformer(transformer):
 
 
 def test_a_condition_without_a_baseline_is_named():
-    model = FeatureBaseline(Levels()).fit([constant(20)], ["normal"])
-    with pytest.raises(ValueError, match=r"recording 1 \(load=70\) has load=70.*\[20\] only"):
+    model = FeatureBaseline(Levels()).fit([constant(20), constant(35)], ["normal"] * 2)
+    with pytest.raises(ValueError, match=r"recording 1 \(load=70\) has load=70.*\[20, 35\] only"):
         model.transform([constant(20), constant(70)])
 
 
@@ -204,6 +204,38 @@ def test_a_baseline_of_another_sampling_rate_is_refused():
     match = r"recording 0 \(load=1\): channel 'casing' is sampled at 12000 Hz, .* at 48000 Hz"
     with pytest.raises(ValueError, match=match):
         baseline.fit(slow)
-    fitted = baseline.set_params(baseline_recordings=slow[1:]).fit(slow)
+    further = [*slow[1:], run(12_000, load=3)]
+    fitted = baseline.set_params(baseline_recordings=further).fit(slow)
     with pytest.raises(ValueError, match=r"recording 1 .* is sampled at 9000 Hz"):
         fitted.transform([slow[0], run(9_000, load=1)])
+
+
+def test_a_baseline_of_one_condition_is_reported_since_it_changes_no_gaussian_decision():
+    rng = np.random.default_rng(3)
+    levels = rng.normal(0, 0.2, 30) + np.repeat([0.0, 0.5, 1.1], 10)
+    runs = [constant(20, extra=extra) for extra in levels]
+    y = np.repeat(["normal", "play", "worn"], 10)
+    classifier = CostSensitiveGaussianBayes(shrinkage=0.1)
+    plain = make_pipeline(Levels(frame=False), classifier).fit(runs, y)
+    baseline = make_pipeline(FeatureBaseline(Levels(frame=False)), clone(classifier))
+    with pytest.warns(UserWarning, match=r"same condition, 20, .* changes no decision of a Gaus"):
+        baseline.fit(runs, y)
+    new = [constant(20, extra=extra) for extra in rng.uniform(-1, 2, 40)]
+    assert list(plain.predict(new)) == list(baseline.predict(new))
+    assert len(set(plain.predict(new))) == 3
+
+
+def test_a_shift_far_larger_than_the_scatter_warns():
+    runs = [constant(load, seed=i) for i, load in enumerate([20, 40] * 5)]
+    others = [constant(load, extra=0.7, seed=50 + i) for i, load in enumerate([20, 40] * 3)]
+    baseline = FeatureBaseline(
+        Levels(), healthy=lambda recording: False, baseline_recordings=others[:2]
+    )
+    match = r"features of its 5 recordings differ from the healthy means by \d+(\.\d)? times"
+    with pytest.warns(UserWarning, match=match) as caught:
+        baseline.fit(runs)
+    assert [str(each.message).partition(":")[0] for each in caught] == [
+        "condition 20",
+        "condition 40",
+    ]
+    baseline.set_params(baseline_recordings=runs[:2]).fit(runs)  # measured alike: no warning

@@ -198,6 +198,23 @@ def test_channels_of_two_rates_are_each_taken_off():
     assert np.abs(current).max() == pytest.approx(0.3, abs=0.01)
 
 
+def test_another_sampling_rate_than_that_of_the_healthy_recordings_is_refused():
+    def made(fs):
+        angle = np.linspace(0, 60, round(6 * fs))
+        return Recording({"current": np.sin(angle)}, fs, angle=angle, meta={"load": 35})
+
+    slow, fast = over_angle([made(500)]), over_angle([made(800)])
+    match = r"recording 0 .*: channel 'current' is sampled at 800 Hz, .* healthy .* at 500 Hz"
+    fitted = SignalBaseline(healthy=lambda recording: True).fit(slow)
+    assert len(fitted.transform(slow)) == 1
+    with pytest.raises(ValueError, match=match):
+        fitted.transform(fast)
+    with pytest.raises(ValueError, match=r"recording 1 .* 800 Hz"):
+        SignalBaseline().fit([*slow, *fast], ["normal", "worn"])
+    with pytest.raises(ValueError, match=r"recording 1 .* 800 Hz"):
+        SignalBaseline(healthy=lambda recording: True).fit([*slow, *fast])
+
+
 def test_single_precision_stays_and_blocks_continue_one_another():
     angle = motion(cycles=40)
     signal = profile(angle, np.gradient(angle), 20).astype(np.float32)

@@ -207,3 +207,9 @@ def test_the_rings_of_the_mfpt_rig_are_named_and_its_healthy_bearings_are_not():
         ]
     found = find_faults(runs, Bearing(8, 0.235, 1.245))
     assert found["named"].tolist() == [kinds[name[0]] for name in names]
+
+
+def test_healthy_recordings_of_another_sampling_rate_are_refused():
+    slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
+    with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000 Hz"):
+        find_faults([running()], BEARING, healthy=[slow])
