@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         "--chapter",
         action="append",
         type=int,
-        metavar="2|3|4",
+        metavar="2|3|4|5",
         help="only this chapter; may be given several times (default: all)",
     )
     reproduce.add_argument("--quick", action="store_true", help="fewer draws: about a minute")

@@ -316,6 +316,7 @@ DEFAULTS = {
     "reproduce_chapter2": {"quick": False},
     "reproduce_chapter3": {"quick": False},
     "reproduce_chapter4": {"quick": False},
+    "reproduce_chapter5": {"quick": False},
     "run_campaign": {"n_runs": 20, "readings": ("thesis",), "keep": False},
     "simulate_actuator": {
         "state": "healthy",

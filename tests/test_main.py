@@ -93,7 +93,7 @@ def test_the_thesis_has_a_command_of_its_own(tmp_path):
         timeout=120,
     )
     assert result.returncode == 2
-    assert result.stderr == "emacm: chapter 7 is not reproduced; available are 2, 3, 4.\n"
+    assert result.stderr == "emacm: chapter 7 is not reproduced; available are 2, 3, 4, 5.\n"
 
 
 def processes_of(group):

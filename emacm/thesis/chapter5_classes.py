@@ -67,7 +67,9 @@ def fusion_table(rows: Features) -> pd.DataFrame:
         "cross spectra (OrderCrossSpectrum)": (classifier(), rows.cross),
         "auto and cross spectra": (classifier(), pd.concat([joint, rows.cross], axis=1)),
     }
-    found = {name: _by_unit(model, table, rows.frame) for name, (model, table) in candidates.items()}
+    found = {
+        name: _by_unit(model, table, rows.frame) for name, (model, table) in candidates.items()
+    }
     return pd.DataFrame(found).T.rename_axis("features")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ PAIRS = (
     ("velocity", "accelerometer"),
 )
 _REVOLUTIONS = 4
-_OPTIONS = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0}
+_OPTIONS: dict[str, Any] = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0}
 _TESTED, _CALIBRATION = 1000, 2000  # first numbers of the units
 _NONE = pd.DataFrame([{}])  # one row without columns
 
@@ -50,7 +50,7 @@ class Extent5(NamedTuple):
     trend_faults : tuple of str
         Faults that grow.
     trend_runs : (int, int)
-        Healthy runs, and runs during which the fault grows.
+        Healthy runs of the baseline, and runs during which the fault grows.
     """
 
     n_training: int
@@ -63,7 +63,7 @@ class Extent5(NamedTuple):
     trend_runs: tuple[int, int]
 
 
-FULL = Extent5(30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (12, 20))
+FULL = Extent5(30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20))
 QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("inner ring",), (8, 10))
 
 
@@ -133,12 +133,13 @@ def planned_runs(extent: Extent5) -> list[tuple[str, LaboratoryBench, int]]:
     n_healthy, n_growing = extent.trend_runs
     for unit in range(_TESTED, _TESTED + extent.trend_units):
         healthy = LaboratoryBench(unit=unit, **_OPTIONS)
-        runs += [("trend", healthy, 101 + run) for run in range(n_healthy)]
+        # After the baseline, as many further runs without a fault: their alarms are false.
+        runs += [("trend", healthy, 101 + run) for run in range(n_healthy + n_growing)]
         for fault in extent.trend_faults:
             for run in range(1, n_growing + 1):
                 faults = {fault: severity_of_run(run, n_growing)}
                 bench = LaboratoryBench(unit=unit, faults=faults, **_OPTIONS)
-                runs.append(("trend", bench, 101 + n_healthy + run))
+                runs.append(("trend", bench, 100 + n_healthy + run))
     return runs
 
 

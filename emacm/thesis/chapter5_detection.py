@@ -55,7 +55,7 @@ def detectors(features: Features) -> dict[str, Detector]:
     return found
 
 
-def tested_frame(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+def flagged_recordings(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
     """Return one row per recording of the tested units: whether each detector responds."""
     rows = features.rows(features.frame["role"] == "tested")
     tables = rows.spectra | {ALL: rows.joint()}

@@ -13,31 +13,40 @@ from emacm.thesis.chapter5_detection import ALL, Detector
 _LENGTH = 100.0  # nominal number of runs until a false alarm
 
 
-def trend_table(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+def trend_table(features: Features, found: dict[str, Detector], n_baseline: int) -> pd.DataFrame:
     """Return when a chart of each signal raises an alarm while a fault grows.
 
-    The reading is the logarithm of the largest deviation of `Detector`. Its baseline are the
-    healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault.
+    The reading is the logarithm of the largest deviation of `Detector`. Its baseline are the first
+    healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault, and for
+    comparison as many runs without a fault.
+
+    Parameters
+    ----------
+    features : Features
+        Those of all recordings.
+    found : dict of str to Detector
+        Result of `detectors`.
+    n_baseline : int
+        Healthy runs of the baseline.
 
     Returns
     -------
     DataFrame
         One row per fault and signal: units with an alarm, median severity at the first alarm, and
-        median number of runs from it to severity 1.
+        median number of runs from it to severity 1. Alarms of the rows "none" are false.
     """
     rows = features.rows(features.frame["role"] == "trend")
     tables = rows.spectra | {ALL: rows.joint()}
-    faults = [label for label in pd.unique(rows.frame["label"]) if label != "healthy"]
     made = {}
-    for fault in faults:
+    for fault in pd.unique(rows.frame["label"]):
         for name, detector in found.items():
             readings = np.log(detector.deviation(tables[name]))
             alarms = [
-                _first_alarm(readings, rows.frame, unit, fault)
+                _first_alarm(readings, rows.frame[rows.frame["unit"] == unit], fault, n_baseline)
                 for unit in pd.unique(rows.frame["unit"])
             ]
             raised = [alarm for alarm in alarms if alarm is not None]
-            made[fault, SIGNALS.get(name, name)] = {
+            made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = {
                 "units with an alarm": f"{len(raised)} of {len(alarms)}",
                 "severity at the alarm": np.median([a[0] for a in raised]) if raised else np.nan,
                 "runs left until severity 1": np.median([a[1] for a in raised])
@@ -50,13 +59,14 @@ def trend_table(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
 
 
 def _first_alarm(
-    readings: np.ndarray, frame: pd.DataFrame, unit: int, fault: str
+    readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: int
 ) -> tuple[float, int] | None:
     """Return severity and remaining runs at the first alarm, or None."""
-    of_unit = frame["unit"] == unit
-    healthy = (of_unit & (frame["label"] == "healthy")).to_numpy()
-    growing = frame[of_unit & (frame["label"] == fault)].sort_values("run")
-    chart = CUSUM(arl=_LENGTH).fit(readings[healthy][:, np.newaxis])
+    healthy = frame[frame["label"] == "healthy"].sort_values("run")
+    growing = healthy[n_baseline:]
+    if fault != "healthy":
+        growing = frame[frame["label"] == fault].sort_values("run")
+    chart = CUSUM(arl=_LENGTH).fit(readings[healthy.index[:n_baseline]][:, np.newaxis])
     alarm = chart.update(readings[growing.index][:, np.newaxis]).alarm[:, 0]
     if not alarm.any():
         return None

@@ -207,8 +207,8 @@ class Report:
             "Published figures of A. J. Chirico III, A Data Driven Frequency Based Method for "
             "Electrical-Mechanical Actuator Condition Monitoring (M.S. thesis, Rochester Institute "
             f"of Technology), computed again: {counted(self.findings)}. No measured data were "
-            "published: chapter 3 computes its simulated current, and chapter 4 uses a simulated "
-            "bench, whose results show how the method behaves and not what was measured."
+            "published: chapter 3 computes its simulated current, and chapters 4 and 5 use a "
+            "simulated bench, whose results show how the method behaves and not what was measured."
         ])  # fmt: skip
         if self.quick:
             yield _paragraphs([

@@ -12,6 +12,7 @@ from emacm._checks import check_choice
 from emacm.thesis.chapter2 import reproduce_chapter2
 from emacm.thesis.chapter3 import reproduce_chapter3
 from emacm.thesis.chapter4 import reproduce_chapter4
+from emacm.thesis.chapter5 import reproduce_chapter5
 from emacm.thesis.findings import Chapter, Finding
 from emacm.thesis.report import REPORT, Report, counted, whole_folder
 
@@ -19,6 +20,7 @@ CHAPTERS: dict[int, Callable[..., Chapter]] = {
     2: reproduce_chapter2,
     3: reproduce_chapter3,
     4: reproduce_chapter4,
+    5: reproduce_chapter5,
 }
 
 

@@ -104,7 +104,7 @@ def stand_in(monkeypatch):
 
         monkeypatch.setitem(reproduction.CHAPTERS, number, chapter)
 
-    for number in (2, 3, 4):
+    for number in (2, 3, 4, 5):
         give(number)
     give.asked = asked
     return give
@@ -402,12 +402,12 @@ def test_the_command_writes_a_report_and_counts_last(tmp_path, capsys, stand_in)
     captured = capsys.readouterr()
     lines = captured.out.splitlines()
     assert lines[-1] == (
-        "3 of 6 random figures within the range of ours, 3 within its middle half; 0 other figures"
+        "4 of 8 random figures within the range of ours, 4 within its middle half; 0 other figures"
     )
     assert "Table 1, b <x>: published 7, ours 2 (1 to 4). not in the range" in lines
     assert "chapter 4: at work" in captured.err
-    assert stand_in.asked == [(2, True, 3), (3, True, 3), (4, True, 3)]
-    assert page_of(tmp_path / "out").ids == ["chapter2", "chapter3", "chapter4"]
+    assert stand_in.asked == [(number, True, 3) for number in (2, 3, 4, 5)]
+    assert page_of(tmp_path / "out").ids == [f"chapter{number}" for number in (2, 3, 4, 5)]
 
 
 def test_the_seconds_passed_begin_each_line_of_progress(tmp_path, capsys, stand_in):
@@ -440,7 +440,7 @@ def refused(arguments, capsys):
 
 def test_an_unknown_chapter_is_one_line_and_exit_code_2(tmp_path, capsys):
     out = ["--out", str(tmp_path / "out")]
-    assert "chapter 7 is not reproduced; available are 2, 3, 4." in refused(
+    assert "chapter 7 is not reproduced; available are 2, 3, 4, 5." in refused(
         ["--chapter", "7", *out], capsys
     )
     with pytest.raises(SystemExit) as stopped:
