@@ -312,7 +312,7 @@ DEFAULTS = {
     "order_bands": {"slip": 0.02, "min_width": 0.0, "on_overlap": "raise"},
     "prediction_sets": {"coverage": 0.9},
     "pulse_times": {"edge": "rising"},
-    "reproduce": {"chapters": (2, 3, 4), "quick": False, "overwrite": False},
+    "reproduce": {"chapters": (2, 3, 4, 5), "quick": False, "overwrite": False},
     "reproduce_chapter2": {"quick": False},
     "reproduce_chapter3": {"quick": False},
     "reproduce_chapter4": {"quick": False},

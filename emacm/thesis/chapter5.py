@@ -127,8 +127,8 @@ def _inputs(extent: Extent5) -> pd.DataFrame:
         ),
         (
             "growing fault",
-            f"{n_healthy} healthy runs of the same unit, then severity 0.02 to 1 in equal ratios over {n_growing} "
-            "runs; CUSUM chart, nominally 100 runs per false alarm",
+            f"{n_healthy} healthy runs of the same unit, then severity 0.02 to 1 in equal ratios "
+            f"over {n_growing} runs; CUSUM chart, nominally 100 runs per false alarm",
             "assumed",
         ),
     ]
@@ -172,7 +172,7 @@ def _remarks(extent: Extent5) -> list[str]:
         "differences between units for the fault. Means over the tested units, with the lowest "
         "and the highest.",
         "Growing fault: the baseline is short, so that the chart raises more false alarms than "
-        "stated; its rows without a fault count them. The number of runs left is known from the simulation. Remaining life is "
-        "not estimated here: that requires a law of growth, and the one of this simulation is "
-        "assumed.",
+        "stated; its rows without a fault count them. The number of runs left is known from the "
+        "simulation. Remaining life is not estimated here: that requires a law of growth, and the "
+        "one of this simulation is assumed.",
     ]

@@ -46,12 +46,12 @@ def trend_table(features: Features, found: dict[str, Detector], n_baseline: int)
                 for unit in pd.unique(rows.frame["unit"])
             ]
             raised = [alarm for alarm in alarms if alarm is not None]
+            known = raised if fault != "healthy" else []
+            severity, left = np.median(known, axis=0) if known else (np.nan, np.nan)
             made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = {
                 "units with an alarm": f"{len(raised)} of {len(alarms)}",
-                "severity at the alarm": np.median([a[0] for a in raised]) if raised else np.nan,
-                "runs left until severity 1": np.median([a[1] for a in raised])
-                if raised
-                else np.nan,
+                "severity at the alarm": severity,
+                "runs left until severity 1": left,
             }
     table = pd.DataFrame.from_dict(made, orient="index")
     table.index = pd.MultiIndex.from_tuples(made, names=["fault", "signal"])
