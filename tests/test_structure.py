@@ -280,3 +280,16 @@ def test_public_names_come_from_the_modules_that_define_them(name):
 def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="'emacm' has no attribute 'nothing'"):
         emacm.nothing  # noqa: B018
+
+
+COLLECTED = {"Chapter", "Contents", "FileColumns", "Page"}  # filled step by step
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_dataclasses_cannot_be_changed_unless_they_draw_or_collect(module):
+    for node in ast.walk(tree(module)):
+        if not isinstance(node, ast.ClassDef) or node.name.endswith("Display"):
+            continue
+        for decorator in map(ast.unparse, node.decorator_list):
+            if decorator.startswith("dataclass") and node.name not in COLLECTED:
+                assert "frozen=True" in decorator, node.name

@@ -102,9 +102,9 @@ def known_conditions(X: Any, condition: Any, known: Sequence[Any]) -> list[Any]:
     for index, value in enumerate(found):
         if value not in known:
             raise ValueError(
-                f"{entry_name(X, index)} has {condition_name(condition, value)}, but there are healthy "
-                f"recordings of {list(known)} only. Fit with healthy recordings of it, in X or as "
-                f"baseline_recordings."
+                f"{entry_name(X, index)} has {condition_name(condition, value)}, but there are "
+                f"healthy recordings of {list(known)} only. Fit with healthy recordings of it, in "
+                f"X or as baseline_recordings."
             )
     return found
 

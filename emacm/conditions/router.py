@@ -359,8 +359,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             else:
                 raise ValueError(
                     f"{entry_name(X, index)} has {condition_name(self.condition, value)}, but the "
-                    f"conditions in training were {list(self.conditions_)}. Fit with recordings of it, or with "
-                    f"unseen='nearest' or 'pooled'."
+                    f"conditions in training were {list(self.conditions_)}. Fit with recordings of "
+                    f"it, or with unseen='nearest' or 'pooled'."
                 )
         return routes
 

@@ -326,7 +326,7 @@ def _median_bias(n_segments: int) -> float:
 
 def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
     """Return the error for strokes, of so many samples, none of which is as long as a segment."""
-    if not lengths:
+    if not lengths or plan.short == "pad":
         remedy = "Leave it out"
         if kind != "stroke":
             remedy += ", or do not separate directions (by_direction=False)"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal
@@ -17,7 +16,6 @@ from emacm.recordings.column_names import is_shaft_name, is_time_name, split_uni
 from emacm.recordings.layout import Layout
 from emacm.recordings.sample_times import rate_of_times, seconds_of
 from emacm.recordings.units import same_unit, unit_factor
-from emacm.shaft.angle import angle_from_wrapped
 from emacm.shaft.tacho import angle_from_tacho
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
@@ -299,9 +297,6 @@ def _shaft(
         return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
     kind = "angle" if layout.angle is not None else "velocity"
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
-    if kind == "angle" and factor != 1 and _wraps(values, 2 * np.pi / factor):
-        angle = angle_from_wrapped(values, period=2 * np.pi / factor)
-        return {"angle": angle, "shaft_fs": rate}
     return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
 
 
@@ -309,12 +304,6 @@ def _alike(content: FileColumns, column: str) -> bool:
     """Return whether another column is as long as this one."""
     lengths = [len(values) for name, values in content.columns.items() if name != column]
     return len(content.columns[column]) in lengths
-
-
-def _wraps(values: NDArray[np.floating], period: float) -> bool:
-    """Tell whether an angle is wrapped, as `emacm.shaft.angle.is_wrapped` does in rad."""
-    span, steps = float(np.ptp(values)), np.abs(np.diff(values))
-    return span <= period * (1 + 1e-9) and bool(steps.max(initial=0.0) > period / 2)
 
 
 def _constant_speed(content: FileColumns, layout: Layout, column: str | None) -> float:

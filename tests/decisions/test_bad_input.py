@@ -261,3 +261,10 @@ def test_any_numbers_for_priors_and_costs_are_taken_or_refused(priors, cost):
 @given(ANYTHING, ANYTHING, ANYTHING)
 def test_the_cost_of_any_decisions_is_a_number_or_refused(truth, decision, cost):
     assert not np.isnan(survive(lambda: expected_cost(truth, decision, cost=cost))).any()
+
+
+def test_weights_that_sum_to_less_than_one_are_refused_though_a_feature_is_constant():
+    X = np.array([[3.0, 1.0], [3.0, 2.0], [5.0, 7.0], [6.0, 9.0]])
+    model = CostSensitiveGaussianBayes(shrinkage=0.5, covariance="diag")
+    with pytest.raises(ValueError, match=r"total weight of \[0\.8.*Multiply the weights"):
+        model.fit(X, ["a", "a", "b", "b"], sample_weight=[0.4, 0.4, 2, 3])

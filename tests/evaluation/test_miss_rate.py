@@ -10,7 +10,7 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
 from emacm.evaluation.miss_rate import miss_rate_limit
-from emacm.evaluation.provable_rates import largest_missed
+from emacm.evaluation.provable_rates import check_units, largest_missed
 
 INSPECT = {("inspect", "healthy"): 0.3, ("inspect", "worn"): 0.3, ("inspect", "dry"): 0.3}
 
@@ -257,3 +257,12 @@ def test_what_no_cost_can_attain():
             CostSensitiveGaussianBayes(), X, np.where(units == 3, "dry", y), units, 0.1,
             healthy="healthy",
         )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("n_units", "message"),
+    [(1, r"0\.95\)\^\(1/1\) = 0\.95\. It takes 29"), (3, r"\(1/3\) = 0\.632\.")],
+)
+def test_too_few_units_are_refused_with_the_rate_that_they_prove(n_units, message):
+    with pytest.raises(ValueError, match=message):
+        check_units(n_units, 0.1, 0.95)

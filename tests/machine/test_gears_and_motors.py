@@ -89,6 +89,20 @@ def test_the_mesh_of_a_planetary_stage_is_modulated_by_the_passing_planets():
     assert not [name for name in star if "planet pass" in name or "carrier" in name]
 
 
+def test_a_fault_of_a_planet_is_modulated_by_the_carrier_only():
+    stage = PlanetaryGear(28, 100, 4)
+    (line,) = [line for line in stage.lines() if line.name == "planet fault"]
+    assert line.sidebands == (("carrier", pytest.approx(28 / 128)),)
+
+
+def test_rotor_bars_are_modulated_by_the_shaft_and_by_twice_the_supply():
+    motor = InductionMotor(3, 0.035, 44)
+    (line,) = [line for line in motor.lines() if line.name == "bar pass"]
+    names, orders_ = zip(*line.sidebands, strict=True)
+    assert names == ("shaft", "2xsupply")
+    assert orders_ == pytest.approx((1, 2 * 3 / (1 - 0.035)))
+
+
 def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
     with pytest.raises(ValueError, match=r"leave 10.5 for a planet.* Give planet_teeth"):
         PlanetaryGear(30, 51, 3)
@@ -98,6 +112,7 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
+        (lambda: PlanetaryGear(1, 30, 3), "sun_teeth must be a whole number of at least 2"),
         (lambda: PlanetaryGear(30, 30, 3), "ring_teeth must be a whole number of at least 34"),
         (lambda: PlanetaryGear(30, 90, 0), "n_planets must be a whole number"),
         (lambda: PlanetaryGear(30, 90, 3, 60), "planet_teeth .* at most 31, got 60"),

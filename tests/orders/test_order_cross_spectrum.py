@@ -463,3 +463,12 @@ def test_names_of_other_channels_are_refused(over_angle):
     estimator = OrderCrossSpectrum(4).fit(over_angle)
     with pytest.raises(ValueError, match="input_features is not equal"):
         estimator.get_feature_names_out(["torque", "lvdt", "error"])
+
+
+def test_a_stroke_of_two_samples_is_long_enough_to_be_padded():
+    angle = np.linspace(0, 3, 50)
+    signals = {"a": np.cos(angle), "b": np.sin(3 * angle)}
+    rows = OrderResampler(2.0).fit_transform([Recording(signals, 50, angle=angle)])
+    assert rows[0].strokes[0].n_angles == 2
+    cross = OrderCrossSpectrum(n_per_segment=4, kind="cross", short="pad", detrend=None)
+    assert np.isfinite(cross.fit_transform(rows)).all()

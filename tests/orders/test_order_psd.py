@@ -292,7 +292,7 @@ def test_a_stroke_of_a_single_sample_cannot_be_padded(estimator):
     signals = {"z": RNG.standard_normal(300), "a": RNG.standard_normal(300)}
     X = OrderResampler(3.0).fit_transform([Recording(signals, 300, velocity=np.full(300, 1.0))])
     assert [stroke.n_angles for stroke in X[0].strokes] == [1]
-    with pytest.raises(ValueError, match=r"recording 0: no stroke holds a segment .*longest"):
+    with pytest.raises(ValueError, match=r"recording 0: it has no stroke of two samples"):
         estimator(n_per_segment=8, short="pad").fit_transform(X)
 
 
@@ -317,3 +317,19 @@ def test_directions_are_separated_on_demand_where_there_are_both():
         assert {name.partition("@")[0] for name in psd.get_feature_names_out()} == channels
         assert psd.transform(rows).shape == (1, len(channels) * len(psd.orders_))
     assert OrderPSD(8, by_direction="auto").fit(np.ones((2, 50))).by_direction_ is False
+
+
+def test_a_list_of_rows_of_one_length_is_a_table():
+    rows = np.random.default_rng(0).normal(size=(3, 40))
+    psd = OrderPSD(n_per_segment=8).fit([*rows])
+    assert psd.n_features_in_ == 40
+    np.testing.assert_array_equal(psd.transform([*rows]), psd.transform(rows))
+    with pytest.raises(ValueError, match="X has 41 features, but OrderPSD is expecting 40"):
+        psd.transform([*np.ones((3, 41))])
+
+
+def test_rows_of_unequal_length_have_no_table_and_must_be_one_dimensional():
+    psd = OrderPSD(n_per_segment=8).fit([np.ones(40), np.arange(31.0)])
+    assert not hasattr(psd, "n_features_in_")
+    with pytest.raises(ValueError, match=r"inhomogeneous|must be|2D"):
+        psd.fit([np.ones(40), np.ones((2, 40))])

@@ -651,6 +651,7 @@ import sys, time
 from pathlib import Path
 import numpy as np
 from emacm.recordings.recent import Recent
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import SpectrumStore
 def half(self, content):
     with open(self, "wb") as file:
@@ -789,3 +790,17 @@ def test_what_fails_in_a_thread_ends_the_rest():
 def test_no_jobs_at_all_are_refused_for_any_number_of_recordings(n):
     with pytest.raises(ValueError, match=r"n_jobs must not be 0.*-1 for one"):
         OrderPSD(4, n_jobs=0).fit_transform(over_angle(*(run(seed) for seed in range(n))))
+
+
+def test_spectra_by_direction_are_found_again(tmp_path, monkeypatch):
+    times = np.arange(int(FS * 12)) / FS
+    X = over_angle(run(seconds=12, velocity=50 * np.sin(times)))
+    psd = OrderPSD(4, memory=tmp_path, by_direction=True)
+    expected = psd.fit_transform(X)
+    assert psd.by_direction_
+
+    def estimate(self, row):
+        raise AssertionError("estimated again")
+
+    monkeypatch.setattr(SegmentPlan, "spectra_of", estimate)
+    np.testing.assert_array_equal(psd.transform(X), expected)

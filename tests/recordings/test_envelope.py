@@ -186,13 +186,20 @@ def test_a_long_signal_is_read_in_blocks():
         (1500, TypeError, r"must be a pair \(low, high\)"),
         ((1, 2, 3), TypeError, r"must be a pair \(low, high\)"),
         ((2000, 2001), ValueError, r"needs a filter of 20\.1 s, but the signal lasts 2 s"),
-        ((1500, 4999.999999), ValueError, "needs a filter of"),
+        ((1500, 4999.999999), ValueError, "and keep its edges away from 0 and 5000 Hz"),
         ((5e-324, 1500), ValueError, "needs a filter of"),
     ],
 )
 def test_bands_that_are_none_are_refused(band, error, match):
     with pytest.raises(error, match=match):
         envelope(tone(2000), FS, band)
+
+
+def test_a_filter_may_be_as_long_as_the_signal():
+    n_taps = filter_length(*BAND, FS)
+    assert len(envelope(tone(2000)[:n_taps], FS, BAND)) == n_taps
+    with pytest.raises(ValueError, match="needs a filter of"):
+        envelope(tone(2000)[: n_taps - 1], FS, BAND)
 
 
 def test_a_gap_is_named():

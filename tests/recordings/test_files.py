@@ -340,6 +340,23 @@ def test_a_wav_file_states_its_rate_and_full_scale_is_one(tmp_path, width, scale
     np.testing.assert_array_equal(opened.signals["x1"], values[:, 1] / scale)
 
 
+def test_a_wav_file_may_lack_only_the_padding_byte(tmp_path):
+    with wave.open(str(tmp_path / "a.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(1)
+        file.setframerate(9)
+        file.writeframes(bytes([128, 129, 130]))  # an odd number, so that a byte may follow
+    content = (tmp_path / "a.wav").read_bytes()
+    for lacking in (0, 1, 2):
+        stated = (len(content) + lacking - 8).to_bytes(4, "little")
+        (tmp_path / f"{lacking}.wav").write_bytes(content[:4] + stated + content[8:])
+    for lacking in (0, 1):
+        opened = open_recording(tmp_path / f"{lacking}.wav", Layout(velocity=3))
+        assert (opened.signals["x0"] * 128).tolist() == [0, 1, 2]
+    with pytest.raises(ValueError, match="its header states 49 bytes, there are 47"):
+        assert open_recording(tmp_path / "2.wav", Layout(velocity=3)).duration
+
+
 def test_arrays_of_two_dimensions_are_columns_along_the_shorter_one(tmp_path):
     np.savez(tmp_path / "a.npz", data=np.arange(12.0).reshape(6, 2), samplerate=8)
     opened = open_recording(tmp_path / "a.npz", Layout(velocity=3))

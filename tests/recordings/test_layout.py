@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from emacm import Layout, Recording, open_recording
+from emacm.recordings.units import unit_factor
 
 RNG = np.random.default_rng(1)
 N = 600
@@ -89,6 +90,27 @@ def test_a_column_that_is_missing_is_an_error_that_suggests_alternatives(tmp_pat
     refused(tmp_path, layout, r"no column 'vibration\|acc'", x0=VIBRATION)
 
 
+@pytest.mark.parametrize(
+    ("kind", "unit", "factor"),
+    [
+        ("velocity", "u/min", np.pi / 30),
+        ("velocity", "r/s", 2 * np.pi),
+        ("velocity", "°/s", np.pi / 180),
+        ("velocity", "rad s⁻¹", 1),
+        ("angle", "turns", 2 * np.pi),
+        ("angle", "Degrees", np.pi / 180),
+        ("time", "sec", 1),
+        ("time", "ms", 1e-3),
+        ("time", "µs", 1e-6),
+        ("time", "ns", 1e-9),
+        ("time", "min", 60),
+        ("time", "hours", 3600),
+    ],
+)
+def test_units_have_their_factors(kind, unit, factor):
+    assert unit_factor(unit, kind) == pytest.approx(factor, rel=1e-15)
+
+
 @pytest.mark.parametrize(("unit", "period"), [("rad", 2 * np.pi), ("deg", 360), ("rev", 1)])
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped):
@@ -128,6 +150,7 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (Layout(fs=9, velocity="n*"), {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
         (Layout(fs=9, velocity="n [Hz]"), {"n [rpm]": ANGLE}, "unit 'Hz' for 'n', but the file"),
         (Layout(velocity=3), {}, "the sampling rate of 'b' is not known.*Set fs, or time"),
+        (Layout(velocity=3), {"b0": 7}, r"contains no signal, only \['b0'\]"),
         (Layout(fs=9, velocity=3), {"fs": 10}, "states fs = 9 Hz for 'b', but the file 10 Hz"),
         (Layout(fs="rate", velocity=3), {}, "no column 'rate'"),
         (Layout(fs=9, velocity=3, channels=["b", "c"]), {}, "no column 'c'"),

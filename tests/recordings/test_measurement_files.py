@@ -90,6 +90,19 @@ def test_mat_7_3_as_matlab_writes_it(tmp_path):
     assert open_recording(tmp_path / "a.mat", layout) == expected()
 
 
+def test_tdms_channels_of_one_name_are_told_apart_by_their_groups(tmp_path):
+    nptdms = library("nptdms")
+    channels = [
+        nptdms.ChannelObject(group, name, values, {"wf_increment": 0.25})
+        for group, name, values in (("left", "vib", VIB), ("right", "vib", AMP), ("left", "n", VIB))
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(channels)
+    recording = open_recording(tmp_path / "a.tdms", Layout(velocity=3))
+    assert sorted(recording.channels) == ["left/vib", "n", "right/vib"]
+    np.testing.assert_array_equal(recording.signals["right/vib"], AMP)
+
+
 def test_tdms_with_wave_form_properties(tmp_path):
     nptdms = library("nptdms")
     units = {"vib": "g", "amp": "A", "speed": "rpm"}

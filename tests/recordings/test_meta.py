@@ -48,7 +48,8 @@ def test_labels_are_named_by_their_key_or_series():
     assert read_grouping("load", FLEET, "runs", "run").name == "load"
     assert read_grouping(("unit", "load"), FLEET, "runs", "run").name == "unit, load"
     assert read_grouping(pd.Series([1, 2, 3], name="day"), FLEET, "runs", "run").name == "day"
-    assert read_grouping([1, 2, 3], FLEET, "runs", "run").name == "run"
+    for unnamed in ([1, 2, 3], pd.Series([1, 2, 3]), pd.Series([1, 2, 3], name=4)):
+        assert read_grouping(unnamed, FLEET, "runs", "run").name == "run"
     assert read_grouping(lambda run: run.meta["load"], FLEET, "runs", "run").name == "run"
     assert read_grouping(None, FLEET, "runs", "run") is None
 

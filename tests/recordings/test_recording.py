@@ -873,3 +873,14 @@ def test_a_velocity_is_integrated_once_by_the_same_loops():
         assert pickle.loads(pickle.dumps(recording)).motion[0] is not angle
     np.testing.assert_array_equal(angle[:], recording.motion[0][:])
     np.testing.assert_array_equal(angle[:], recording.angle)
+
+
+def test_a_speed_that_no_shaft_reaches_is_refused():
+    with pytest.raises(ValueError, match=r"got -1\.5e\+09 at sample 2, which no shaft reaches"):
+        Recording({"a": [1.0, 2, 3]}, 10, velocity=[0.0, 1.0, -1.5e9])
+
+
+def test_an_angle_whose_steps_are_rounded_away_is_refused_with_the_mean_step():
+    angle = 1e9 + np.array([0.0, 1e-6, 4e-6])
+    with pytest.raises(ValueError, match="the shaft turns by 2e-06 rad from sample to sample"):
+        Recording({"a": [1.0, 2, 3]}, 10, angle=angle - angle % 2.0**-23)
