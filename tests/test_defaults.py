@@ -48,6 +48,12 @@ DEFAULTS = {
         "electrical_noise": 1.0,
         "mark": 0.0,
     },
+    "AlarmDisplay": {
+        "two_sided": False,
+        "name": "statistic",
+        "time_label": "number of the reading",
+    },
+    "AlarmDisplay.from_estimator": {"column": 0},
     "BallScrew": {"contact_angle": np.pi / 4, "ratio": 1.0, "rotating": "screw", "name": ""},
     "Bearing": {"contact_angle": 0.0, "ratio": 1.0, "rotating": "inner", "name": ""},
     "BinTransformer": {"bin_size": 1.0, "max_order": 50.0, "stop_bands": ()},
@@ -89,6 +95,7 @@ DEFAULTS = {
     "HealthIndex": {"false_alarm": 0.05, "min_baseline": 5},
     "InputAlarm": {"typicality": 0.01, "consecutive": 2, "unknown": "unknown"},
     "RemainingLife": {"model": "weibull", "coverage": 0.9, "consecutive": 3},
+    "RemainingLifeDisplay": {"unit": "h", "coverage": 0.9},
     "WearLaw": {
         "onset_shape": 2.0,
         "onset_scale": 200.0,

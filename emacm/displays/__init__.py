@@ -13,6 +13,7 @@
   `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
+- `AlarmDisplay`: statistic of an alarm over time; `RemainingLifeDisplay`: remaining life over age.
 - `TrendDisplay`: health index of each unit over time, with limit and alarms.
 - `ContributionsDisplay`: contribution of each order to a decision, and predicted fault orders.
 
@@ -24,6 +25,7 @@ legends.
 """
 
 from emacm.displays._drawing import COLOURS, HATCHES, MARKERS, STYLES
+from emacm.displays.alarm_chart import AlarmDisplay
 from emacm.displays.bins import OrderBinsDisplay
 from emacm.displays.comparison import ComparisonDisplay
 from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
@@ -37,6 +39,7 @@ from emacm.displays.outcomes import OutcomesDisplay
 from emacm.displays.recording import RecordingDisplay
 from emacm.displays.regions import DecisionRegionsDisplay
 from emacm.displays.reliability import ReliabilityDisplay
+from emacm.displays.remaining_life import RemainingLifeDisplay
 from emacm.displays.spectrum import OrderSpectrumDisplay
 from emacm.displays.trend import TrendDisplay
 from emacm.displays.typicality import TypicalityDisplay
@@ -47,6 +50,7 @@ __all__ = [
     "HATCHES",
     "MARKERS",
     "STYLES",
+    "AlarmDisplay",
     "ComparisonDisplay",
     "ContributionsDisplay",
     "DecisionRegionsDisplay",
@@ -62,6 +66,7 @@ __all__ = [
     "OutcomesDisplay",
     "RecordingDisplay",
     "ReliabilityDisplay",
+    "RemainingLifeDisplay",
     "TrendDisplay",
     "TypicalityDisplay",
     "UnknownRocDisplay",

@@ -18,6 +18,7 @@ from matplotlib.text import Text
 
 from emacm import Bearing, Recording, displays, fault_orders
 from emacm.displays import (
+    AlarmDisplay,
     ComparisonDisplay,
     ContributionsDisplay,
     DecisionRegionsDisplay,
@@ -33,6 +34,7 @@ from emacm.displays import (
     OutcomesDisplay,
     RecordingDisplay,
     ReliabilityDisplay,
+    RemainingLifeDisplay,
     TypicalityDisplay,
     UnknownRocDisplay,
 )
@@ -69,7 +71,9 @@ TYPICALITY = pd.DataFrame(
         "is_unknown": [False, True],
     }
 )
+REMAINING = {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0]}
 ONE_OF_EACH = [
+    AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
     ComparisonDisplay(pd.DataFrame(RATE, index=["current"])),
     ContributionsDisplay(BINS, [1.0, -1.0]),
     DecisionRegionsDisplay([0, 1], [0, 2], [[0, 1], [0, 1]], ["a", "b"], POINTS, ["a", "b"]),
@@ -88,6 +92,9 @@ ONE_OF_EACH = [
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
     RecordingDisplay({"a": [0, 1]}, {"a": [1, 2]}, [0, 1], [1, 1]),
     ReliabilityDisplay({"by run": pd.DataFrame([CURVE]).assign(count=5)}),
+    RemainingLifeDisplay(
+        pd.DataFrame(REMAINING | {"lower": [5.0, 7.0], "upper": [np.inf, 19.0]}), true=[20.0, 11.0]
+    ),
     TypicalityDisplay(TYPICALITY),
     UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
 ]
