@@ -35,6 +35,7 @@ from emacm.displays import (
     RecordingDisplay,
     ReliabilityDisplay,
     RemainingLifeDisplay,
+    TrendDisplay,
     TypicalityDisplay,
     UnknownRocDisplay,
 )
@@ -94,6 +95,11 @@ ONE_OF_EACH = [
     ReliabilityDisplay({"by run": pd.DataFrame([CURVE]).assign(count=5)}),
     RemainingLifeDisplay(
         pd.DataFrame(REMAINING | {"lower": [5.0, 7.0], "upper": [np.inf, 19.0]}), true=[20.0, 11.0]
+    ),
+    TrendDisplay(
+        pd.DataFrame({"unit": "A", "time": [1, 2], "index": [0.9, 3.1], "limit": 1.5}).assign(
+            alarm=[False, True]
+        )
     ),
     TypicalityDisplay(TYPICALITY),
     UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
