@@ -106,7 +106,7 @@ class AlarmDisplay(Display):
         state = estimator.state()
         statistic = estimator.reset().update(X).statistic[:, column]
         estimator.restore(state)
-        known = {
+        known: dict[str, Any] = {
             "two_sided": isinstance(estimator, EWMA),
             "name": type(estimator).__name__ + " [standard deviations]",
         }

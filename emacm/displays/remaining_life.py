@@ -111,7 +111,7 @@ class RemainingLifeDisplay(Display):
         if not isinstance(estimator, RemainingLife):
             raise TypeError(f"estimator must be RemainingLife, got {type(estimator).__name__}.")
         table = estimator.predict_interval(X, np.zeros(len(X)))
-        known = {"coverage": estimator.coverage}
+        known: dict[str, Any] = {"coverage": estimator.coverage}
         return cls(table, y, **(known | options)).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
