@@ -223,7 +223,21 @@ class OrderPSD(WelchEstimator):
             directions = (2,) if self.by_direction_ else ()
             shape = (len(self.channels_), *directions, len(self.orders_))
             spectra = recalled(estimate, rows, store, self._plan, shape, **options)
-        table = np.stack(spectra).reshape(len(rows), -1)
+        return self.table_of(spectra)
+
+    def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
+        """Return the table of spectra that were estimated elsewhere, as `transform` does.
+
+        Parameters
+        ----------
+        spectra : sequence of ndarray of shape (n_channels, [n_directions,] n_orders)
+            Of each recording.
+
+        Returns
+        -------
+        OrderTable of shape (n_recordings, n_columns)
+        """
+        table = np.stack(spectra).reshape(len(spectra), -1)
         return table if self.theta_s_ is None else OrderTable(table, self._columns_out)
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:

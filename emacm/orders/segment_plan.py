@@ -165,12 +165,11 @@ class SegmentPlan:
         ValueError
             If no signal holds a segment.
         """
-        loops = kernels()
         collected: list[NDArray[np.floating]] = []
         count = 0
         for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
             count += n_segments
-            powers = self._powers(loops, section, first, n_segments)
+            powers = self.section_powers(section, first, n_segments)
             del section  # before the next one is made
             if collected and self.average == "mean":
                 powers += collected.pop()
@@ -178,10 +177,13 @@ class SegmentPlan:
         if not collected:
             raise ValueError(f"no signal holds a segment of {self.n_per_segment} samples.")
         if self.average == "median":
-            power = np.median(np.concatenate(collected, axis=1), axis=1) / _median_bias(count)
-        else:
-            power = collected[0] / count
-        return power * (self.sides / self._window_factor(self.weights))
+            median = np.median(np.concatenate(collected, axis=1), axis=1)
+            return self.spectrum_of(median, _median_bias(count))
+        return self.spectrum_of(collected[0], count)
+
+    def spectrum_of(self, powers: NDArray[np.floating], count: float) -> NDArray[np.floating]:
+        """Return the power spectrum for a sum of the powers of a number of segments."""
+        return powers / count * (self.sides / self._window_factor(self.weights))
 
     def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Estimate power spectra from signals that are shorter than a segment.
@@ -267,17 +269,24 @@ class SegmentPlan:
             lines = fft.rfft(detrended(signal, self.detrend) * window, self.n_per_segment)
             yield lines[:, np.newaxis, : self.n_orders], self._window_factor(window)
 
-    def _powers(
-        self,
-        loops: ModuleType,
-        section: NDArray[np.floating],
-        first: int,
-        n_segments: int,
+    def section_powers(
+        self, section: NDArray[np.floating], first: int, n_segments: int
     ) -> NDArray[np.floating]:
-        """Squared magnitudes of spectral lines, summed over segments or, for the median, of each.
+        """Return squared lines, summed over the segments of a section or, for the median, of each.
 
-        Shape (n_channels, n_orders) or (n_channels, n_segments, n_orders).
+        Parameters
+        ----------
+        section : ndarray of shape (n_channels, n_angles)
+            As `emacm.orders.sections.sections` yields it, with the start of its first segment and
+            the number of its segments.
+        first, n_segments : int
+            These two numbers.
+
+        Returns
+        -------
+        ndarray of shape (n_channels, n_orders) or (n_channels, n_segments, n_orders)
         """
+        loops = kernels()
         if self.average == "mean" and self.detrend != "linear":
             remove_mean = self.detrend == "constant"
             return loops.segment_powers(

@@ -7,10 +7,10 @@ bit whether a stroke is read at once or while it is measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
@@ -86,7 +86,7 @@ class FineGrid:
         self._loops = loops
         self.means = means
         self._step = theta_s / 2
-        self._part = part
+        self.part = part
         self._reversal = max(max_reversal, LEAST_REVERSAL)
         # So far behind the farthest sample an output may stand: what the shaft may still turn back,
         # and as much again, as a shaft that went beyond its end is mirrored back from there; the
@@ -120,8 +120,8 @@ class FineGrid:
         farthest = max(self._reached, float(block.travel.max()))
         outputs = np.empty((len(block.values), max(0, self._n_complete(farthest))))
         done, n_times = 0, len(block.travel)
-        for start in range(0, n_times, self._part):
-            part = block.cut(start, min(start + self._part, n_times))
+        for start in range(0, n_times, self.part):
+            part = block.cut(start, min(start + self.part, n_times))
             self._reached = max(self._reached, float(part.travel.max()))
             if not self._done:  # the mirror image at the start
                 self._spread_image(part, -1, 0.0, np.inf)
@@ -155,6 +155,26 @@ class FineGrid:
             self._reach(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
             self._decimate(outputs, 0, outputs.shape[1])
         return outputs
+
+    def state(self) -> dict[str, Any]:
+        """Return what `restore` needs."""
+        tail = self._tail
+        return {
+            "done": self._done,
+            "grid": self._grid[:, : self._used].copy(),
+            "reached": self._reached,
+            "travel": tail.travel,
+            "ends": np.array(tail.ends),
+            "values": np.stack(tail.values),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self._done, self._reached = int(state["done"]), float(state["reached"])
+        self._grid = np.array(state["grid"])
+        self._used = self._grid.shape[1]
+        before, after = map(float, state["ends"])
+        self._tail = Block(state["travel"], (before, after), list(state["values"]))
 
     def _n_complete(self, reached: float) -> int:
         """Count the outputs that no later sample changes."""
@@ -197,9 +217,9 @@ class FineGrid:
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
         near = self._reached - 2 * self._reversal - (_MARGIN + 1) * self._step
-        held = _after(block, near, self._part)
+        held = _after(block, near, self.part)
         if len(held.travel) == len(block.travel):
-            before = _after(self._tail, near, self._part)
+            before = _after(self._tail, near, self.part)
             travel = np.concatenate([before.travel, block.travel])
             pairs = zip(before.values, block.values, strict=True)
             values = [np.concatenate(pair) for pair in pairs]

@@ -16,9 +16,10 @@ they are first upsampled by band-limited interpolation at uniform times.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
@@ -151,6 +152,39 @@ class Spreading:
             return max(last, first + 2)
         first, last = path.sample_range(self._fs * self._factor, _MOST_SAMPLES)
         return -(-max(last, first + 2) // self._factor) + _UPSAMPLING_HALF + 1
+
+    def needed_from(self, start_time: float) -> float:
+        """Return the time of the first sample that is still needed [s].
+
+        Parameters
+        ----------
+        start_time : float
+            Start of the path [s].
+        """
+        if self._grid is None:
+            return start_time
+        return max(self._next - 1, 0) / (self._fs * self._factor)
+
+    @property
+    def n_held(self) -> int:
+        """Samples that are held for the mirror image at the end of the stroke."""
+        return 0 if self._grid is None else self._grid.n_held
+
+    def state(self) -> dict[str, Any]:
+        """Return what `restore` needs."""
+        if self._grid is None:
+            return {}
+        places = {"first": self._first, "next": self._next, "part": self._grid.part}
+        return {**places, "means": self._grid.means, "grid": self._grid.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        if not state:
+            return
+        self._first, self._next = int(state["first"]), int(state["next"])
+        means, part = state["means"], int(state["part"])
+        self._grid = FineGrid(self._loops, means, self._theta_s, part, self._max_reversal)
+        self._grid.restore(state["grid"])
 
     def _dense_range(self, rows: Sequence[Series], path: ShaftPath) -> tuple[int, int]:
         """First and last + 1 of the dense samples on the path."""

@@ -176,6 +176,8 @@ class StrokeTravel(LazySeries):
         First sample, last sample and direction.
     monotonic : bool
         Whether the angle is known never to reverse.
+    start_angle : float, optional
+        Shaft angle at the first sample [rad], where it is not read any more.
 
     Attributes
     ----------
@@ -185,9 +187,11 @@ class StrokeTravel(LazySeries):
 
     known: dict[str, Any]
 
-    def __init__(self, angle: Series, stroke: Stroke, *, monotonic: bool) -> None:
+    def __init__(
+        self, angle: Series, stroke: Stroke, *, monotonic: bool, start_angle: float | None = None
+    ) -> None:
         super().__init__(stroke.stop - stroke.start)
-        self.start_angle = float(angle[stroke.start])
+        self.start_angle = float(angle[stroke.start]) if start_angle is None else start_angle
         self._angle, self._stroke = angle, stroke
         self.known = {
             "n_times": self._length,

@@ -1,0 +1,203 @@
+"""The motion of a shaft while it is measured: its angle, and its strokes up to now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._kernels import kernels
+from emacm.monitoring.held_series import HeldSeries
+from emacm.shaft.motion import DifferentiatedVelocity, Stroke, StrokeTravel
+from emacm.shaft.paths import ShaftPath
+from emacm.shaft.strokes import extend_strokes, longest_gap
+
+Samples = NDArray[np.floating]
+
+
+@dataclass
+class GrowingStroke:
+    """A stroke as far as it is known.
+
+    Attributes
+    ----------
+    stroke : Stroke
+        Its samples so far; the last one is a sample in which the shaft turns.
+    start_angle : float
+        Shaft angle at its start [rad].
+    complete : bool
+        Whether it has ended.
+    largest_step : float
+        Largest speed [rad/s], or largest angle between two samples [rad] where angles are measured.
+    farthest, reversal : float
+        Farthest angle travelled, and the largest angle by which the shaft turned back [rad].
+    """
+
+    stroke: Stroke
+    start_angle: float
+    complete: bool = False
+    largest_step: float = 0.0
+    farthest: float = 0.0
+    reversal: float = 0.0
+
+
+class ShaftStream:
+    """Angle and strokes of a shaft, block by block.
+
+    Parameters
+    ----------
+    reference : {"velocity", "angle"}
+        What is measured.
+    fs : float
+        Its sampling rate [Hz].
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+    max_rest : float or None
+        Longest time at standstill that does not end a stroke [s].
+
+    Attributes
+    ----------
+    angle : HeldSeries
+        Cumulative shaft angle [rad].
+    strokes : list of GrowingStroke
+        Those that were not removed; only the last one may still grow.
+    n_examined : int
+        Samples whose velocity is known.
+    """
+
+    def __init__(
+        self, reference: str, fs: float, min_speed: float, max_rest: float | None
+    ) -> None:
+        self.reference = reference
+        self.fs = fs
+        self._min_speed = min_speed
+        self._max_gap = longest_gap(max_rest, fs)
+        self.angle = HeldSeries()
+        self._velocity = HeldSeries()
+        self.strokes: list[GrowingStroke] = []
+
+    @property
+    def n_examined(self) -> int:
+        """Samples whose velocity is known."""
+        return len(self._velocity)
+
+    def append(self, samples: Samples) -> None:
+        """Add the next samples of the reference."""
+        if not len(samples):
+            return
+        if self.reference == "velocity":
+            self.angle.append(self._integrated(samples))
+            self._examine(samples)
+            return
+        self.angle.append(samples)
+        known = len(self.angle) - 1  # the last velocity depends on the next angle
+        if known > max(self.n_examined, 1):
+            self._examine(self._differentiated(known))
+
+    def close(self) -> None:
+        """Complete the last stroke: the recording ends here."""
+        if self.reference == "angle" and len(self.angle) > max(self.n_examined, 1):
+            self._examine(self._differentiated(len(self.angle)))
+        if self.strokes:
+            self.strokes[-1].complete = True
+
+    def path(self, growing: GrowingStroke, ratio: float) -> ShaftPath:
+        """Return the travel along a stroke up to now, of the shaft of interest."""
+        stroke, start_angle = growing.stroke, growing.start_angle
+        travel = StrokeTravel(self.angle, stroke, monotonic=True, start_angle=start_angle)
+        travel.known |= {"fastest": self.fastest(growing), "max_reversal": growing.reversal}
+        start_time = stroke.start / self.fs
+        path = ShaftPath(travel, self.fs, start_time, start_angle, stroke.direction)
+        return path.geared(ratio)
+
+    def count(self, growing: GrowingStroke, theta_s: float) -> int:
+        """Return the number of angles `theta_s` [rad] apart on a stroke so far."""
+        stroke = growing.stroke
+        travel = stroke.direction * (float(self.angle[stroke.stop - 1]) - growing.start_angle)
+        return int(travel / theta_s + 1e-9) + 1 if travel > 0 else 0
+
+    def fastest(self, growing: GrowingStroke) -> float:
+        """Return the highest speed along a stroke so far [rad/s]."""
+        return growing.largest_step * (1.0 if self.reference == "velocity" else self.fs)
+
+    def drop(self, before: int) -> None:
+        """Forget samples that neither resampling nor the strokes need any more."""
+        if self.strokes and not self.strokes[-1].complete:
+            before = min(before, self.strokes[-1].stroke.stop - 1)
+        self.angle.drop(min(before, self.n_examined - 2))
+        self._velocity.drop(min(before, self.n_examined - 1))
+
+    def _integrated(self, velocity: Samples) -> Samples:
+        """Continue the integral over the velocity by the trapezoidal rule, in one running sum."""
+        n_before = min(1, len(self._velocity))
+        total = np.array([float(self.angle[-1]) if n_before else 0.0])
+        speed = np.concatenate([self._velocity[len(self._velocity) - n_before :], velocity])
+        speed.flags.writeable = False  # so that one kind of array is compiled for
+        angle = np.empty(len(speed))
+        kernels().integrate(speed, 0.5 / self.fs, total, len(speed), angle)
+        return angle[n_before:]
+
+    def _differentiated(self, stop: int) -> Samples:
+        return DifferentiatedVelocity(self.angle, self.fs).read(self.n_examined, stop)
+
+    def _examine(self, velocity: Samples) -> None:
+        """Extend the strokes by samples whose velocity is known."""
+        first = self.n_examined
+        self._velocity.append(velocity)
+        growing = self.strokes[-1] if self.strokes and not self.strokes[-1].complete else None
+        known = [growing.stroke] if growing else []
+        extend_strokes(known, first, velocity, self._min_speed, self._max_gap)
+        if growing:
+            before, growing.stroke = growing.stroke.stop, known.pop(0)
+            self._extend(growing, before)
+        for stroke in known:
+            if self.strokes:
+                self.strokes[-1].complete = True
+            self.strokes.append(GrowingStroke(stroke, float(self.angle[stroke.start])))
+            self._extend(self.strokes[-1], stroke.start)
+        if self.strokes and self.n_examined - self.strokes[-1].stroke.stop + 1 > self._max_gap:
+            self.strokes[-1].complete = True
+
+    def _extend(self, growing: GrowingStroke, first: int) -> None:
+        """Take up the samples of a stroke from `first` on."""
+        stroke = growing.stroke
+        if first == stroke.stop:
+            return
+        low = max(first - 1, stroke.start)
+        travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
+        if self.reference == "velocity":
+            steps = np.abs(self._velocity[first : stroke.stop])
+        else:
+            steps = np.abs(np.diff(travel))
+        growing.largest_step = max(growing.largest_step, float(steps.max(initial=0.0)))
+        if self.reference == "velocity" and self._min_speed == 0:
+            growing.farthest = float(travel[-1])
+            return
+        reached = np.maximum(np.maximum.accumulate(travel), growing.farthest)
+        growing.reversal = max(growing.reversal, float(np.max(reached - travel)))
+        growing.farthest = float(reached[-1])
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        strokes = [{**vars(s), "stroke": np.array(s.stroke)} for s in self.strokes]
+        return {
+            "angle": self.angle.state(),
+            "velocity": self._velocity.state(),
+            "strokes": strokes,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from a state."""
+        self.angle = HeldSeries.restored(state["angle"])
+        self._velocity = HeldSeries.restored(state["velocity"])
+        self.strokes = [
+            GrowingStroke(
+                Stroke(*map(int, s["stroke"])),
+                float(s["start_angle"]),
+                bool(s["complete"]),
+                *(float(s[name]) for name in ("largest_step", "farthest", "reversal")),
+            )
+            for s in state["strokes"]
+        ]

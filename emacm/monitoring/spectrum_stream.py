@@ -1,0 +1,347 @@
+"""Order spectra of a recording while it is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm.monitoring.held_series import HeldSeries
+from emacm.monitoring.shaft_stream import GrowingStroke, ShaftStream
+from emacm.orders.sections import SectionCutter
+from emacm.orders.segment_plan import SegmentPlan, too_short
+from emacm.resampling.fine_grid import LEAST_REVERSAL
+from emacm.resampling.spreading import Spreading, upsampling
+from emacm.shaft.paths import ShaftPath
+
+MOST_HELD = 1 << 22  # samples of a channel
+_MARGIN = 40  # samples of a channel or the shaft before those that are processed next
+_WAITING = 4096  # samples of a channel or the shaft before the next attempt to process some
+_SHORTEST = 2  # samples of a stroke
+_SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
+
+Powers = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the spectra of a stream depend on.
+
+    Attributes
+    ----------
+    reference : {"velocity", "angle"}
+        What is measured of the shaft.
+    shaft_fs : float
+        Its sampling rate [Hz].
+    groups : tuple of (float, tuple of int)
+        Sampling rates [Hz], each with the channels that have it.
+    theta_s, direction, min_speed, max_rest, ratio
+        As for `OrderResampler`.
+    max_speed : float
+        Highest speed of the measured shaft [rad/s].
+    plan : SegmentPlan
+        Segments of Welch's method.
+    """
+
+    reference: str
+    shaft_fs: float
+    groups: tuple[tuple[float, tuple[int, ...]], ...]
+    theta_s: float
+    direction: str
+    min_speed: float
+    max_rest: float | None
+    ratio: float
+    max_speed: float
+    plan: SegmentPlan
+
+    @property
+    def kinds(self) -> list[tuple[int, str]]:
+        """Directions whose spectra are separate, 0 for both, and what to call their strokes."""
+        both = [(1, "forward stroke"), (-1, "reverse stroke")]
+        return both if self.plan.by_direction else [(0, "stroke")]
+
+
+class PowerSum:
+    """Sum of the powers of all segments of a signal over the shaft angle."""
+
+    def __init__(self, plan: SegmentPlan) -> None:
+        self._plan = plan
+        self._cutter = SectionCutter(plan.n_per_segment, plan.step)
+        self.total: Any = 0.0
+        self.count = 0
+
+    def add(self, block: NDArray[np.floating]) -> None:
+        """Add the segments that are complete with the next samples."""
+        for section in self._cutter.add(block):
+            self._add(*section)
+
+    def finish(self) -> None:
+        """Add the last segments."""
+        for section in self._cutter.finish():
+            self._add(*section)
+
+    def _add(self, section: NDArray[np.floating], first: int, n_segments: int) -> None:
+        self.total = self.total + self._plan.section_powers(section, first, n_segments)
+        self.count += n_segments
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        rest = self._cutter.rest
+        held = {"rest": np.concatenate(rest, axis=1)} if rest else {}
+        return {"total": self.total, "count": self.count, **held}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from a state."""
+        self.total, self.count = state["total"], int(state["count"])
+        self._cutter.rest = [state["rest"]] if "rest" in state else []
+
+
+class StrokeStream:
+    """Powers of one stroke, in channels of one sampling rate, while it is measured.
+
+    How dense the time samples have to be depends on the highest speed of the whole stroke. As that
+    is not known before its end, all densities that are still possible are processed.
+    """
+
+    def __init__(self, settings: Settings, fs: float) -> None:
+        self._settings, self._fs = settings, fs
+        self._started: dict[int, tuple[Spreading, PowerSum]] | None = None
+
+    def advance(
+        self, rows: Sequence[HeldSeries], path: ShaftPath, *, complete: bool, ended: bool
+    ) -> PowerSum | None:
+        """Process what is known; return the powers if that is the whole stroke.
+
+        Parameters
+        ----------
+        rows : sequence of HeldSeries
+            The channels.
+        path : ShaftPath
+            The stroke, as far as it is known.
+        complete : bool
+            Whether the stroke has ended.
+        ended : bool
+            Whether the recording has ended.
+        """
+        slowest = upsampling(self._fs, path.fastest, self._settings.theta_s)
+        if self._started is None:
+            self._started = self._start(slowest)
+        for factor in [f for f in self._started if f < slowest]:
+            del self._started[factor]
+        if complete:
+            spreading, powers = self._started[slowest]
+            self._started = {slowest: (spreading, powers)}
+            if not ended and len(rows[0]) < spreading.rows_needed(path):
+                return None
+        for spreading, powers in self._started.values():
+            for block in spreading.outputs(rows, path, complete=complete):
+                powers.add(block)
+            if complete:
+                powers.finish()
+                return powers
+        return None
+
+    def needed_from(self, start_time: float) -> float:
+        """Return the time of the first sample that is still needed [s]."""
+        streams = (self._started or {}).values()
+        return min((s.needed_from(start_time) for s, _ in streams), default=start_time)
+
+    @property
+    def n_held(self) -> int:
+        """Samples that are held for the mirror image at the end of the stroke."""
+        streams = (self._started or {}).values()
+        return max((spreading.n_held for spreading, _ in streams), default=0)
+
+    def _start(self, slowest: int) -> dict[int, tuple[Spreading, PowerSum]]:
+        settings = self._settings
+        highest = settings.ratio * settings.max_speed * (1 + 1e-9)
+        fastest = max(slowest, upsampling(self._fs, highest, settings.theta_s))
+        started = {}
+        for factor in range(slowest, fastest + 1):
+            spreading = Spreading(self._fs, factor, settings.theta_s)
+            started[factor] = spreading, PowerSum(settings.plan)
+        return started
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        if self._started is None:
+            return {}
+        streams = {str(f): [s.state(), p.state()] for f, (s, p) in self._started.items()}
+        return {"streams": streams}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from a state."""
+        if "streams" not in state:
+            return
+        self._started = {}
+        for factor, (spread, summed) in state["streams"].items():
+            spreading = Spreading(self._fs, int(factor), self._settings.theta_s)
+            spreading.restore(spread)
+            powers = PowerSum(self._settings.plan)
+            powers.restore(summed)
+            self._started[int(factor)] = spreading, powers
+
+
+class SpectrumStream:
+    """Order spectra of one recording, of which only what is still needed is held.
+
+    Parameters
+    ----------
+    settings : Settings
+        What the spectra depend on.
+
+    Attributes
+    ----------
+    shaft : ShaftStream
+        Motion of the shaft.
+    signals : list of HeldSeries
+        The channels.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.shaft = ShaftStream(
+            settings.reference, settings.shaft_fs, settings.min_speed, settings.max_rest
+        )
+        n_channels = sum(len(group) for _, group in settings.groups)
+        self.signals = [HeldSeries() for _ in range(n_channels)]
+        self._streams: list[dict[int, StrokeStream]] = []  # of each stroke, by group
+        self._sums = self._no_sums()
+        self._longest = {kind: 0 for kind, _ in settings.kinds}
+        self._tried = 0
+
+    def append(self, signals: Sequence[NDArray[np.floating]], shaft: NDArray[np.floating]) -> None:
+        """Add the next samples of the channels and of the shaft, and process what is complete."""
+        self.shaft.append(shaft)
+        for series, samples in zip(self.signals, signals, strict=True):
+            series.append(samples)
+        n_times = max(len(self.shaft.angle), *map(len, self.signals))
+        if n_times - self._tried >= _WAITING:
+            self._tried = n_times
+            self._process(ended=False)
+
+    def finish(self) -> Powers:
+        """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
+
+        Raises
+        ------
+        ValueError
+            If no stroke (of one direction) is as long as a segment, or powers overflow.
+        """
+        self.shaft.close()
+        self._process(ended=True)
+        plan = self._settings.plan
+        spectra = np.empty((len(self.signals), len(self._settings.kinds), plan.n_orders))
+        for k, (kind, name) in enumerate(self._settings.kinds):
+            if self._longest[kind] < plan.n_per_segment:
+                raise too_short([self._longest[kind]], plan, name, "OrderPSD")
+            for (_, group), (total, count) in zip(
+                self._settings.groups, self._sums[kind], strict=True
+            ):
+                spectra[list(group), k] = plan.spectrum_of(total, count)
+        if not np.all(np.isfinite(spectra)):
+            raise ValueError("a power exceeds the range of float64. State signals in other units.")
+        return spectra if plan.by_direction else spectra[:, 0]
+
+    @property
+    def n_held(self) -> int:
+        """Most samples of a channel that are held."""
+        tails = (stream.n_held for streams in self._streams for stream in streams.values())
+        held = (len(series) - series.first for series in self.signals)
+        return max(*tails, *held, len(self.shaft.angle) - self.shaft.angle.first, 0)
+
+    def _no_sums(self) -> dict[int, list[tuple[Any, int]]]:
+        return {kind: [(0.0, 0)] * len(self._settings.groups) for kind, _ in self._settings.kinds}
+
+    def _process(self, *, ended: bool) -> None:
+        """Advance all strokes, and forget those that are complete and samples of the past."""
+        shaft, settings = self.shaft, self._settings
+        groups = range(len(settings.groups))
+        new = len(shaft.strokes) - len(self._streams)
+        self._streams += [
+            {k: StrokeStream(settings, settings.groups[k][0]) for k in groups} for _ in range(new)
+        ]
+        for growing, streams in zip(shaft.strokes, self._streams, strict=True):
+            self._advance(growing, streams, ended=ended)
+        done = [s.complete and not g for s, g in zip(shaft.strokes, self._streams, strict=True)]
+        shaft.strokes = [s for s, gone in zip(shaft.strokes, done, strict=True) if not gone]
+        self._streams = [s for s, gone in zip(self._streams, done, strict=True) if not gone]
+        self._forget()
+
+    def _advance(
+        self, growing: GrowingStroke, streams: dict[int, StrokeStream], *, ended: bool
+    ) -> None:
+        settings, stroke = self._settings, growing.stroke
+        if stroke.direction not in _SIGNS[settings.direction]:
+            streams.clear()
+            return
+        if growing.complete:
+            n_angles = self.shaft.count(growing, settings.theta_s / settings.ratio)
+            kind = stroke.direction if settings.plan.by_direction else 0
+            self._longest[kind] = max(self._longest[kind], n_angles)
+            if n_angles < settings.plan.n_per_segment:
+                streams.clear()  # no segment lies in it
+        if not streams or stroke.stop - stroke.start < _SHORTEST:
+            return
+        path = self.shaft.path(growing, settings.ratio)
+        if path.max_reversal > LEAST_REVERSAL:
+            raise ValueError(
+                f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
+                f"{path.start_time:.6g} s of the reading; at most {LEAST_REVERSAL:g} rad can be "
+                f"followed. Raise min_speed or set max_rest of OrderResampler, and reset."
+            )
+        for k, stream in list(streams.items()):
+            rows = [self.signals[i] for i in settings.groups[k][1]]
+            powers = stream.advance(rows, path, complete=growing.complete, ended=ended)
+            if powers is not None:
+                kind = stroke.direction if settings.plan.by_direction else 0
+                total, count = self._sums[kind][k]
+                self._sums[kind][k] = total + powers.total, count + powers.count
+                del streams[k]
+
+    def _forget(self) -> None:
+        """Drop samples that are not needed any more."""
+        shaft = self.shaft
+        needed = [(shaft.n_examined - 1) / shaft.fs]
+        for growing, streams in zip(shaft.strokes, self._streams, strict=True):
+            start_time = growing.stroke.start / shaft.fs
+            needed += [stream.needed_from(start_time) for stream in streams.values()]
+        first = min(needed)
+        shaft.drop(int(first * shaft.fs) - _MARGIN)
+        for fs, group in self._settings.groups:
+            for i in group:
+                self.signals[i].drop(int(first * fs) - _MARGIN)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        streams = [{str(k): s.state() for k, s in each.items()} for each in self._streams]
+        sums = {str(k): [list(s) for s in each] for k, each in self._sums.items()}
+        return {
+            "shaft": self.shaft.state(),
+            "signals": [series.state() for series in self.signals],
+            "streams": streams,
+            "sums": sums,
+            "longest": {str(k): n for k, n in self._longest.items()},
+            "tried": self._tried,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from a state."""
+        self.shaft.restore(state["shaft"])
+        self.signals = [HeldSeries.restored(series) for series in state["signals"]]
+        self._streams = []
+        for each in state["streams"]:
+            streams = {int(k): StrokeStream(self._settings, self._settings.groups[int(k)][0])
+                       for k in each}
+            for k, stream in streams.items():
+                stream.restore(each[str(k)])
+            self._streams.append(streams)
+        self._sums = {
+            int(k): [(total, int(count)) for total, count in each]
+            for k, each in state["sums"].items()
+        }
+        self._longest = {int(k): int(n) for k, n in state["longest"].items()}
+        self._tried = int(state["tried"])
