@@ -114,6 +114,7 @@ if TYPE_CHECKING:
     from emacm.models.scoring import (
         score as score,
     )
+    from emacm.monitoring.order_monitor import OrderMonitor as OrderMonitor
     from emacm.orders.bin_transformer import (
         BinTransformer as BinTransformer,
     )
@@ -354,6 +355,9 @@ _PUBLIC = {
     ],
     "models.find_faults": [
         "find_faults",
+    ],
+    "monitoring.order_monitor": [
+        "OrderMonitor",
     ],
     "reports.maintenance": [
         "maintenance_report",

@@ -122,6 +122,7 @@ DEFAULTS = {
     "trendability": {"ranks": False},
     "TrendDisplay": {"time_label": "time"},
     "TrendDisplay.from_estimator": {"time_label": "time"},
+    "Reading": {"alarms": ()},
     "vibration_velocity": {"unit": "m/s2", "band": (10.0, 1000.0)},
     "FeatureDensityDisplay": {
         "shares": (0.5, 0.9),
@@ -191,6 +192,7 @@ DEFAULTS = {
         "direction": "strokes",
         "min_speed": 0.0,
     },
+    "OrderMonitor": {"unit": "revolutions", "wrapped": False},
     "OrderPSD": {
         "revolutions": 16,
         "window": "hann",

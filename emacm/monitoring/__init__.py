@@ -1,5 +1,7 @@
 """Continuous monitoring: streams, alarms, trends and remaining life.
 
+- `OrderMonitor`: applies a fitted model to signals while they are measured, and returns a `Reading`
+  of each interval.
 - `EWMA`, `CUSUM`: alarms on readings, with the average run length for the baseline in use;
   `InputAlarm`: alarms on unknown states and implausible input.
 - `HealthIndex`, `health_trend`: distance from healthy recordings, its limits, and its trend for
@@ -27,12 +29,14 @@ from emacm.monitoring.prognostic_metrics import (
     prognostic_horizon,
 )
 from emacm.monitoring.remaining_life import RemainingLife
+from emacm.monitoring.order_monitor import OrderMonitor
 from emacm.monitoring.severity_zones import (
     severity_zone,
     severity_zones,
     vibration_severity,
     vibration_velocity,
 )
+from emacm.monitoring.streamed_models import Reading
 
 __all__ = [
     "CUSUM",
@@ -41,6 +45,8 @@ __all__ = [
     "HealthIndex",
     "InputAlarm",
     "MaintenanceCosts",
+    "OrderMonitor",
+    "Reading",
     "RemainingLife",
     "RunLength",
     "alpha_lambda",

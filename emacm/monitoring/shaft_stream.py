@@ -67,9 +67,7 @@ class ShaftStream:
         Samples whose velocity is known.
     """
 
-    def __init__(
-        self, reference: str, fs: float, min_speed: float, max_rest: float | None
-    ) -> None:
+    def __init__(self, reference: str, fs: float, min_speed: float, max_rest: float | None) -> None:
         self.reference = reference
         self.fs = fs
         self._min_speed = min_speed

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from emacm.monitoring.held_series import HeldSeries
 from emacm.monitoring.shaft_stream import GrowingStroke, ShaftStream
 from emacm.orders.sections import SectionCutter
-from emacm.orders.segment_plan import SegmentPlan, too_short
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.resampling.fine_grid import LEAST_REVERSAL
 from emacm.resampling.spreading import Spreading, upsampling
 from emacm.shaft.paths import ShaftPath
@@ -237,7 +237,11 @@ class SpectrumStream:
         spectra = np.empty((len(self.signals), len(self._settings.kinds), plan.n_orders))
         for k, (kind, name) in enumerate(self._settings.kinds):
             if self._longest[kind] < plan.n_per_segment:
-                raise too_short([self._longest[kind]], plan, name, "OrderPSD")
+                longest = self._longest[kind] / plan.samples_per_rev
+                raise ValueError(
+                    f"no {name} holds a segment of {plan.revolutions:g} revolutions; the longest "
+                    f"one has {longest:.4g}."
+                )
             for (_, group), (total, count) in zip(
                 self._settings.groups, self._sums[kind], strict=True
             ):
@@ -334,8 +338,9 @@ class SpectrumStream:
         self.signals = [HeldSeries.restored(series) for series in state["signals"]]
         self._streams = []
         for each in state["streams"]:
-            streams = {int(k): StrokeStream(self._settings, self._settings.groups[int(k)][0])
-                       for k in each}
+            streams = {
+                int(k): StrokeStream(self._settings, self._settings.groups[int(k)][0]) for k in each
+            }
             for k, stream in streams.items():
                 stream.restore(each[str(k)])
             self._streams.append(streams)

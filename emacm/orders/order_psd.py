@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import check_choice, check_finite_table, check_signal, check_table
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
+from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import open_store, recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
@@ -224,6 +225,12 @@ class OrderPSD(WelchEstimator):
             shape = (len(self.channels_), *directions, len(self.orders_))
             spectra = recalled(estimate, rows, store, self._plan, shape, **options)
         return self.table_of(spectra)
+
+    @property
+    def plan(self) -> SegmentPlan:
+        """The segments that are averaged."""
+        check_is_fitted(self)
+        return self._plan
 
     def table_of(self, spectra: Sequence[NDArray[np.floating]]) -> NDArray[np.floating]:
         """Return the table of spectra that were estimated elsewhere, as `transform` does.

@@ -145,13 +145,13 @@ class DifferentiatedVelocity(LazySeries):
 
     Parameters
     ----------
-    angle : ndarray of shape (n_times,)
+    angle : ndarray of shape (n_times,), or LazySeries
         Cumulative shaft angle [rad].
     fs : float
         Its sampling rate [Hz].
     """
 
-    def __init__(self, angle: NDArray[np.floating], fs: float) -> None:
+    def __init__(self, angle: Series, fs: float) -> None:
         super().__init__(len(angle))
         self._angle = angle
         self._fs = fs

@@ -1,0 +1,388 @@
+"""A fitted model applied to signals while they are measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from emacm._checks import check_choice, check_number
+from emacm._version import __version__
+from emacm.monitoring.alarms import CUSUM, EWMA
+from emacm.monitoring.intervals import IntervalCutter, Samples
+from emacm.monitoring.packed_state import packed, unpacked
+from emacm.monitoring.reading_alarms import ReadingAlarms
+from emacm.monitoring.spectrum_stream import MOST_HELD, Settings, SpectrumStream
+from emacm.monitoring.stream_input import StreamInput
+from emacm.monitoring.stream_settings import compile_loops, stream_settings
+from emacm.monitoring.streamed_models import Reading, StreamedModel
+from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
+from emacm.recordings.channel_names import check_channel_names, chosen_channels
+
+UNITS = ("revolutions", "s")
+
+
+class OrderMonitor:
+    """Apply a fitted model to signals while they are measured.
+
+    Samples are accepted in blocks of any length. The features of a reading are those that the model
+    computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
+    depend on is held: some 16,000 samples of each channel, and a few segments.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted pipeline of `OrderResampler`, `OrderPSD`, transformers of tables (`BinTransformer`,
+        `FaultLines`, scaling, ...) and a classifier. Steps that need a whole recording (envelopes,
+        prewhitening, baselines, statistics of strokes, unions of features, routers) are refused.
+    fs : float or mapping of str to float
+        Sampling rate [Hz], one for all channels or one for each.
+    channels : sequence of str
+        Names of the channels, among them those of the model.
+    max_speed : float
+        Highest speed of the measured shaft [rad/s]. How densely signals are upsampled depends on
+        the highest speed of a stroke, which is not known before its end; all densities up to that
+        for `max_speed` are computed. Choose it close to the highest speed that occurs.
+    shaft_fs : float, optional
+        Sampling rate of the shaft reference [Hz]. Default: that of the channels.
+    every : float, optional
+        Length of the interval of a reading. Default: one reading, at `flush`, of all samples.
+    unit : {"revolutions", "s"}
+        Unit of `every`: revolutions of the shaft of interest, or seconds.
+    wrapped : bool
+        Whether `angle` is wrapped at 2π. Its steps must then be less than π.
+    alarms : mapping of str to EWMA or CUSUM, optional
+        Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
+        "expected_cost". Unknown states, untypical readings and intervals without a segment are
+        alarms in any case (`InputAlarm`).
+
+    Attributes
+    ----------
+    time : float
+        Time up to which all channels and the shaft were received [s].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, or the model needs whole recordings; the message names the step
+        or option.
+
+    Notes
+    -----
+    A stroke goes on after a rest if the shaft then turns in the same direction. The samples of a
+    rest are therefore held until it ends. `max_rest` of `OrderResampler` ends a stroke after a
+    stated time at rest and limits the memory; without it, more than some four million samples of a
+    channel are refused. The shaft may turn back by 0.25 rad along a stroke (jitter).
+
+    The inner loops are compiled on construction.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderMonitor, OrderPSD
+    >>> from emacm import OrderResampler, Recording
+    >>> rng = np.random.default_rng(0)
+    >>> speed = np.full(8000, 90.0)
+    >>> X = [Recording({"force": (1 + k % 2) * rng.normal(size=8000)}, 2000, velocity=speed)
+    ...      for k in range(20)]
+    >>> model = make_pipeline(OrderResampler(), OrderPSD(4), BinTransformer(max_order=2),
+    ...                       CostSensitiveGaussianBayes()).fit(X, ["new", "worn"] * 10)
+    >>> monitor = OrderMonitor(model, fs=2000, channels=["force"], max_speed=100, every=20)
+    >>> readings = []
+    >>> for block in np.split(X[1].signals["force"], 80):
+    ...     readings += monitor.push({"force": block}, velocity=speed[:100])
+    >>> [(reading.time, reading.decision) for reading in readings]
+    [(1.397, 'worn'), (2.7935, 'worn')]
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        *,
+        fs: float | Mapping[str, float],
+        channels: Sequence[str],
+        max_speed: float,
+        shaft_fs: float | None = None,
+        every: float | None = None,
+        unit: str = "revolutions",
+        wrapped: bool = False,
+        alarms: Mapping[str, EWMA | CUSUM] | None = None,
+    ) -> None:
+        self._model = StreamedModel(model)
+        self._channels = chosen_channels(channels, ())
+        check_channel_names(self._channels, self._model.resampler.channels_, "the stream")
+        self._rates = check_rates(fs, self._channels)
+        self._shaft_fs = check_shaft_rate(shaft_fs, self._rates)
+        self._max_speed = check_number(max_speed, "max_speed", above=0, unit="rad/s")
+        self._every = None if every is None else check_number(every, "every", above=0)
+        self._unit = check_choice(unit, "unit", UNITS)
+        self._input = StreamInput(
+            self._channels,
+            self._rates,
+            self._shaft_fs,
+            self._max_speed,
+            check_choice(wrapped, "wrapped", (True, False)),
+        )
+        self._alarms = ReadingAlarms(self._model, alarms)
+        self._origin = 0.0  # time of the first sample of the recording
+        self._reference: str | None = None
+        compile_loops(self._model, self._settings())
+
+    @property
+    def time(self) -> float:
+        """Time up to which all channels and the shaft were received [s]."""
+        return self._origin + self._duration()
+
+    def push(
+        self,
+        signals: Mapping[str, ArrayLike] | ArrayLike,
+        *,
+        velocity: ArrayLike | None = None,
+        angle: ArrayLike | None = None,
+        time: float | None = None,
+    ) -> list[Reading]:
+        """Add the next samples, and return the readings that are complete with them.
+
+        Parameters
+        ----------
+        signals : mapping of str to array-like, or array-like of shape (n_channels, n_times)
+            The next samples of each channel; rows in the order of `channels`. There may be none.
+        velocity : array-like of shape (n_shaft_times,)
+            The next samples of the shaft velocity [rad/s], signed.
+        angle : array-like of shape (n_shaft_times,)
+            Or of the shaft angle [rad]; the same one of the two in every call.
+        time : float, optional
+            Time of the first of these samples [s]; a gap to the samples before is an error. The
+            first call sets the time of the stream, which otherwise begins at 0.
+
+        Returns
+        -------
+        list of Reading
+            In order of time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If samples are invalid: not finite, faster than `max_speed`, or after a gap. The message
+            states their time and how to continue; nothing of the block was taken.
+        """
+        reference = "velocity" if angle is None else "angle"
+        self._check_reference(reference, velocity, angle)
+        origin = self._checked_time(time)
+        begun = self._reference is not None
+        taken, shaft = self._input.checked(
+            signals,
+            velocity if angle is None else angle,
+            reference,
+            [origin + n / r for n, r in zip(self._received(), self._all_rates, strict=True)],
+        )
+        if begun:
+            self._check_memory()
+        if not begun:
+            self._origin, self._reference = origin, reference
+            self._begin()
+        self._input.accept()
+        self._cutter.append([*taken, shaft])
+        return self._advance()
+
+    def flush(self) -> list[Reading]:
+        """End the recording; the next samples begin another one.
+
+        Returns
+        -------
+        list of Reading
+            The reading of all samples since the start, or since the last interval; none if no
+            sample was received.
+
+        Raises
+        ------
+        ValueError
+            If the durations of channels and shaft differ by more than a sample.
+        """
+        if self._reference is None:
+            return []
+        names = [*(f"channel {name!r}" for name in self._channels), "the shaft"]
+        counts = map(range, self._received())
+        check_durations(
+            {n: (c, r) for n, c, r in zip(names, counts, self._all_rates, strict=True)}  # type: ignore[misc]
+        )
+        self._feed(self._cutter.take(all_of_them=True))
+        end = self.time
+        readings = [self._finish(end)] if end > self._origin + self._cutter.start else []
+        self.reset()
+        self._origin = end
+        return readings
+
+    def reset(self) -> None:
+        """Forget the samples since the start or the last reading, after an error."""
+        end = self.time
+        self._reference = None
+        self._input.reset()
+        self._origin = end
+
+    def state(self) -> bytes:
+        """Return all that another monitor of this model needs to go on after the last sample.
+
+        Returns
+        -------
+        bytes
+            An npz file of arrays and numbers, without pickled code.
+        """
+        state: dict[str, Any] = {
+            "settings": self._settings_text(),
+            "origin": self._origin,
+            "alarms": self._alarms.state(),
+            "input": self._input.state(),
+        }
+        if self._reference is not None:
+            state |= {"reference": self._reference, "cutter": self._cutter.state()}
+            state["stream"] = self._stream.state()
+        return packed(state)
+
+    def restore(self, state: bytes) -> OrderMonitor:
+        """Go on after the last sample before `state`.
+
+        Parameters
+        ----------
+        state : bytes
+            What `state` returned.
+
+        Returns
+        -------
+        OrderMonitor
+            Itself; `time` is the time of the next sample.
+
+        Raises
+        ------
+        ValueError
+            If the state cannot be read, or is that of another model or other options.
+        """
+        tree = unpacked(state)
+        stated, own = str(tree.get("settings")), self._settings_text()
+        if stated != own:
+            raise ValueError(
+                f"the state belongs to a monitor of other settings: {stated}; this one has {own}. "
+                f"Use the same model and options."
+            )
+        self._origin = float(tree["origin"])
+        self._input.restore(tree["input"])
+        self._alarms.restore(tree["alarms"])
+        self._reference = str(tree["reference"]) if "reference" in tree else None
+        if self._reference is not None:
+            self._begin()
+            self._cutter.restore(tree["cutter"])
+            self._stream.restore(tree["stream"])
+        return self
+
+    @property
+    def _all_rates(self) -> list[float]:
+        return [*self._rates.values(), self._shaft_fs]
+
+    def _received(self) -> list[int]:
+        if self._reference is None:
+            return [0] * len(self._all_rates)
+        return self._cutter.received
+
+    def _duration(self) -> float:
+        return min(n / r for n, r in zip(self._received(), self._all_rates, strict=True))
+
+    def _begin(self) -> None:
+        """Begin a recording."""
+        resampler = self._model.resampler
+        turn = 2 * np.pi / float(resampler.ratio)
+        in_seconds = self._unit == "s" and self._every is not None
+        rest = self._reference or "velocity", float(resampler.min_speed)
+        self._cutter = IntervalCutter(self._all_rates, self._every, in_seconds, turn, *rest)
+        self._stream = SpectrumStream(self._settings())
+
+    def _advance(self) -> list[Reading]:
+        """Process the samples that are known to belong to an interval."""
+        readings: list[Reading] = []
+        while True:
+            self._feed(self._cutter.take())
+            if not self._cutter.complete:
+                return readings
+            readings.append(self._finish(self._origin + (self._cutter.stop or 0.0)))
+            self._cutter.next()
+            self._stream = SpectrumStream(self._settings())
+
+    def _feed(self, samples: list[Samples]) -> None:
+        wanted = self._model.resampler.channels_
+        signals = [samples[self._channels.index(name)] for name in wanted]
+        self._stream.append(signals, samples[-1])
+
+    def _finish(self, end: float) -> Reading:
+        """Return the reading of the interval that ends now."""
+        start, error = self._origin + self._cutter.start, ""
+        reading = Reading(start, end, None, {}, None, {}, None)
+        try:
+            reading = self._model.reading(start, end, self._stream.finish())
+        except ValueError as problem:  # such as an interval in which the shaft stands still
+            error = " ".join(str(problem).split())
+        return replace(reading, alarms=self._alarms.update(reading, error))
+
+    def _check_memory(self) -> None:
+        n_held = max(self._stream.n_held, self._cutter.n_waiting)
+        if n_held > MOST_HELD:
+            raise ValueError(
+                f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
+                f"may go on after a rest, or as a channel or the shaft lags behind. Call reset(), "
+                f"and set max_rest or min_speed of OrderResampler (model.set_params)."
+            )
+
+    def _check_reference(self, reference: str, velocity: Any, angle: Any) -> None:
+        if (velocity is None) == (angle is None):
+            raise ValueError("exactly one of velocity and angle must be given.")
+        if self._reference not in (None, reference):
+            raise ValueError(
+                f"the stream began with {self._reference}, got {reference}. Give the same one, or "
+                f"end the recording by flush()."
+            )
+
+    def _checked_time(self, time: float | None) -> float:
+        """Return the time of the first sample of the recording [s]."""
+        if time is None:
+            return self._origin
+        start = check_number(time, "time", unit="s")
+        if self._reference is None:
+            return start
+        if abs(start - self.time) > 1 / min(self._all_rates):
+            raise ValueError(
+                f"the stream goes on at {self.time:.9g} s, and these samples begin at "
+                f"{start:.9g} s. Call flush() for the reading up to the gap (or overlap); the next "
+                f"push then begins another recording."
+            )
+        return self._origin
+
+    def _settings(self) -> Settings:
+        reference = self._reference or "velocity"
+        rates = [self._rates[name] for name in self._model.resampler.channels_]
+        return stream_settings(self._model, reference, rates, self._shaft_fs, self._max_speed)
+
+    def _settings_text(self) -> str:
+        """Return what must agree for a state to be restored."""
+        plan, resampler = self._model.psd.plan, self._model.resampler
+        facts = {
+            "version": __version__,
+            "fs": self._rates,
+            "shaft_fs": self._shaft_fs,
+            "max_speed": self._max_speed,
+            "every": self._every,
+            "unit": self._unit,
+            "channels": list(resampler.channels_),
+            "resampler": [
+                float(resampler.theta_s),
+                resampler.direction,
+                float(resampler.min_speed),
+                resampler.max_rest,
+                float(resampler.ratio),
+            ],
+            "segments": [plan.n_per_segment, plan.step, plan.n_orders, plan.by_direction],
+            "alarms": self._alarms.names,
+        }
+        return json.dumps(facts)

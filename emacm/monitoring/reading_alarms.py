@@ -1,0 +1,97 @@
+"""Alarms of a monitor: charts of features and of the expected cost, and alarms on the input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from emacm.monitoring.alarms import CUSUM, EWMA
+from emacm.monitoring.input_alarms import InputAlarm
+from emacm.monitoring.streamed_models import Reading, StreamedModel
+
+_COST = "expected_cost"
+
+
+class ReadingAlarms:
+    """Alarms on the readings of a model.
+
+    Parameters
+    ----------
+    model : StreamedModel
+        The model.
+    charts : mapping of str to EWMA or CUSUM, or None
+        Fitted charts by the name of a feature, or "expected_cost".
+
+    Attributes
+    ----------
+    names : list of str
+        The names of the charts.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a name is unknown, or a chart is not fitted.
+    """
+
+    def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
+        self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
+        self.names = list(self._charts)
+        self._features = model.feature_names() if charts else []
+        for name, chart in self._charts.items():
+            if name not in (_COST, *self._features):
+                shown = ", ".join(map(repr, self._features[:8]))
+                raise ValueError(
+                    f"alarms must name features or {_COST!r}, got {name!r}; the features are "
+                    f"{shown}{', ...' if len(self._features) > 8 else ''}."
+                )
+            if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
+                raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
+        unknown = getattr(model.classifier, "unknown", None)
+        self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
+
+    def update(self, reading: Reading, error: str) -> tuple[str, ...]:
+        """Return the alarms of the next reading, in words.
+
+        Parameters
+        ----------
+        reading : Reading
+            The reading.
+        error : str
+            Why it has no features, or "".
+
+        Returns
+        -------
+        tuple of str
+        """
+        typicality = np.nan if reading.typicality is None else reading.typicality
+        row = {"decision": reading.decision, "typicality": typicality, "error": error}
+        (reasons,) = self._input.update(pd.DataFrame([row]))["alarm"]
+        found = [reasons] if reasons else []
+        for name, chart in self._charts.items():
+            value = self._value(reading, name)
+            if value is None:
+                continue
+            statistic, alarm = chart.update(np.array([[value]]))
+            if alarm.any():
+                found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
+        return tuple(found)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        charts = [dict(chart.state()) for chart in self._charts.values()]
+        return {"input": self._input.state(), "charts": charts}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self._input.restore({name: int(n) for name, n in state["input"].items()})
+        for chart, held in zip(self._charts.values(), state["charts"], strict=True):
+            chart.restore(held)
+
+    def _value(self, reading: Reading, name: str) -> float | None:
+        if reading.features is None or name == _COST:
+            return reading.expected_cost
+        return float(reading.features[self._features.index(name)])

@@ -1,0 +1,163 @@
+"""Checks of the samples that come next in a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_real_array
+from emacm.recordings.channel_names import check_channel_names
+
+Samples = NDArray[np.floating]
+
+_ON = (
+    "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
+    "after them."
+)
+
+
+class StreamInput:
+    """Checks blocks of samples, and unwraps wrapped angles.
+
+    Parameters
+    ----------
+    channels : sequence of str
+        Names of the channels.
+    rates : mapping of str to float
+        Their sampling rates [Hz].
+    shaft_fs : float
+        That of the shaft reference [Hz].
+    max_speed : float
+        Highest speed of the shaft [rad/s].
+    wrapped : bool
+        Whether angles are wrapped at 2π.
+    """
+
+    def __init__(
+        self,
+        channels: Sequence[str],
+        rates: Mapping[str, float],
+        shaft_fs: float,
+        max_speed: float,
+        wrapped: bool,
+    ) -> None:
+        self._channels, self._rates, self._shaft_fs = channels, rates, shaft_fs
+        self._max_speed, self._wrapped = max_speed, wrapped
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin another recording."""
+        self._measured = np.empty(0)  # the last angle
+        self._last = np.empty(0)  # the same, unwrapped
+        self._added = 0.0  # the difference
+        self._next = self._measured, self._last, self._added
+
+    def checked(
+        self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
+    ) -> tuple[list[Samples], Samples]:
+        """Return the samples of the channels and of the shaft, as arrays.
+
+        Parameters
+        ----------
+        signals, shaft : array-like
+            As for `OrderMonitor.push`.
+        reference : {"velocity", "angle"}
+            What `shaft` is.
+        times : sequence of float
+            Time of the first sample of each channel and of the shaft [s].
+
+        Returns
+        -------
+        samples : list of ndarray of shape (n_times,)
+        shaft : ndarray of shape (n_shaft_times,)
+            Angles are not unwrapped yet.
+        """
+        rows = self._rows(signals)
+        taken = []
+        for (name, row), time in zip(rows.items(), times, strict=False):
+            taken.append(_samples(row, f"channel {name!r}", self._rates[name], time))
+        lengths: dict[float, int] = {}
+        for name, row in zip(rows, taken, strict=True):
+            if lengths.setdefault(self._rates[name], len(row)) != len(row):
+                raise ValueError(
+                    f"channels of {self._rates[name]:g} Hz must have equally many samples in a "
+                    f"block, got {lengths[self._rates[name]]} and {len(row)} of {name!r}."
+                )
+        motion = _samples(shaft, reference, self._shaft_fs, times[-1])
+        if reference == "angle":
+            motion = self._unwrapped(motion)
+        self._check_speed(motion, reference, times[-1])
+        return taken, motion
+
+    def accept(self) -> None:
+        """Go on after the samples that were checked last."""
+        self._measured, self._last, self._added = self._next
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        return {"measured": self._measured, "last": self._last, "added": self._added}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self._measured, self._last = state["measured"], state["last"]
+        self._added = float(state["added"])
+
+    def _rows(self, signals: Any) -> dict[str, Any]:
+        if isinstance(signals, Mapping):
+            check_channel_names(list(signals), self._channels, "the block")
+            return {name: signals[name] for name in self._channels}
+        rows = signals if isinstance(signals, list | tuple) else np.asarray(signals)
+        if len(rows) != len(self._channels):
+            raise ValueError(
+                f"signals must map channels to samples, or have a row for each of the channels "
+                f"{list(self._channels)}, got {len(rows)} rows."
+            )
+        return dict(zip(self._channels, rows, strict=True))
+
+    def _check_speed(self, shaft: Samples, reference: str, time: float) -> None:
+        speed = np.abs(shaft)
+        if reference == "angle":
+            speed = np.abs(np.diff(np.concatenate([self._last, shaft]))) * self._shaft_fs
+        if not len(speed) or speed.max() <= self._max_speed:
+            return
+        place = int(np.argmax(speed > self._max_speed))
+        raise ValueError(
+            f"the shaft turns at {speed[place]:.6g} rad/s at "
+            f"{time + (place + len(shaft) - len(speed)) / self._shaft_fs:.6f} s, above max_speed = "
+            f"{self._max_speed:g} rad/s. {_ON} Raise max_speed if the speed is real; an angle that "
+            f"is wrapped at 2 pi needs wrapped=True."
+        )
+
+    def _unwrapped(self, measured: Samples) -> Samples:
+        """Return angles that go on from the last one, as `numpy.unwrap` does for all at once."""
+        angle, added = measured, self._added
+        if self._wrapped and len(measured):
+            steps = np.diff(np.concatenate([self._measured, measured]))
+            turned = np.mod(steps + np.pi, 2 * np.pi) - np.pi
+            turned[(turned == -np.pi) & (steps > 0)] = np.pi
+            jumps = np.where(np.abs(steps) < np.pi, 0.0, turned - steps)
+            sums = np.cumsum(np.concatenate([[added], jumps]))
+            added = float(sums[-1])
+            angle = measured + sums[-len(measured) :]
+        last = np.concatenate([self._last, angle])[-1:]
+        self._next = np.concatenate([self._measured, measured])[-1:], last, added
+        return angle
+
+
+def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
+    """Return finite samples, none or more, of a block that begins at `time`."""
+    empty = isinstance(values, list | tuple | np.ndarray) and len(values) == 0
+    samples = np.empty(0) if empty else check_real_array(values, name)
+    if samples.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
+    invalid = np.flatnonzero(~np.isfinite(samples))
+    if len(invalid):
+        place = int(invalid[0])
+        raise ValueError(
+            f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
+            f"block. {_ON}"
+        )
+    return samples.astype(np.float64, copy=False)

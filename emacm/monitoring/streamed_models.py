@@ -1,0 +1,173 @@
+"""The models that can be applied to a stream, and what they state of a spectrum."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from emacm.decisions.pipelines import search_estimator
+from emacm.orders.order_psd import OrderPSD
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
+
+_CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a monitor states of one interval of a stream.
+
+    Attributes
+    ----------
+    start, time : float
+        Start of the interval, and its end, at which the reading is complete [s].
+    features : ndarray of shape (n_features,), or None
+        Input of the classifier. None if the interval holds no segment of Welch's method.
+    posterior : dict of label to float
+        Posterior probability of each class; empty without features or classifier.
+    decision : label or None
+        Decision of the classifier.
+    risk : dict of label to float
+        Conditional risk of each decision; empty for a classifier without costs.
+    typicality : float or None
+        Typicality of the features, if the classifier states it.
+    alarms : tuple of str
+        Alarms, in words; empty if there is none.
+    """
+
+    start: float
+    time: float
+    features: NDArray[np.floating] | None = field(repr=False)
+    posterior: dict[Any, float]
+    decision: Any
+    risk: dict[Any, float]
+    typicality: float | None
+    alarms: tuple[str, ...] = ()
+
+    @property
+    def expected_cost(self) -> float | None:
+        """Conditional risk of the decision."""
+        return self.risk.get(self.decision)
+
+
+class StreamedModel:
+    """A fitted pipeline, taken apart into what is done sample by sample and what is done after.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted pipeline, or a search over one.
+
+    Attributes
+    ----------
+    resampler : OrderResampler
+        Its first step.
+    psd : OrderPSD
+        Its second step.
+    classifier : estimator or None
+        Its last step, if that is a classifier.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not such a pipeline, or has a step or an option that needs a whole recording.
+    """
+
+    def __init__(self, model: Any) -> None:
+        model = search_estimator(model)
+        if not isinstance(model, Pipeline):
+            raise TypeError(
+                f"model must be a fitted pipeline of {_CHAIN} and a classifier, got "
+                f"{type(model).__name__}."
+            )
+        check_is_fitted(model)
+        steps = [step for step in _flattened(model) if not isinstance(step, SignalCache)]
+        first, second = [*steps, None, None][:2]
+        if not isinstance(first, OrderResampler):
+            raise ValueError(_refusal(first, "OrderResampler", "first"))
+        if not isinstance(second, OrderPSD):
+            raise ValueError(_refusal(second, "OrderPSD", "second"))
+        self.resampler, self.psd = first, second
+        self._check_options()
+        self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
+        self._transformers = steps[2:]
+
+    def reading(self, start: float, time: float, powers: NDArray[np.floating]) -> Reading:
+        """Return what the model states of the spectra of an interval, without alarms.
+
+        Parameters
+        ----------
+        start, time : float
+            The interval [s].
+        powers : ndarray of shape (n_channels, [n_directions,] n_orders)
+            As `SegmentPlan.spectra_of` returns them.
+
+        Returns
+        -------
+        Reading
+        """
+        table: Any = self.psd.table_of([powers])
+        for transformer in self._transformers:
+            table = transformer.transform(table)
+        features = np.asarray(table)[0]
+        final = self.classifier
+        if final is None:
+            return Reading(start, time, features, {}, None, {}, None)
+        posterior = _labelled(final.classes_, final.predict_proba(table)[0])
+        risk = _labelled(final.decisions_, final.risk(table)[0]) if hasattr(final, "risk") else {}
+        typicality = None
+        if hasattr(final, "typicality"):
+            with suppress(ValueError):  # the model has no typicality
+                typicality = float(final.typicality(table)[0])
+        (decision,) = np.asarray(final.predict(table)).tolist()
+        return Reading(start, time, features, posterior, decision, risk, typicality)
+
+    def feature_names(self) -> list[str]:
+        """Return the names of the features."""
+        names = self.psd.get_feature_names_out()
+        for transformer in self._transformers:
+            names = transformer.get_feature_names_out(names)
+        return list(names)
+
+    def _check_options(self) -> None:
+        resampler, psd = self.resampler, self.psd
+        if not hasattr(psd, "theta_s_") or psd.theta_s_ is None:
+            raise ValueError("OrderPSD was fitted on plain rows; a stream needs recordings.")
+        refused = {
+            "antialias=False of OrderResampler": not resampler.antialias,
+            "direction='travel' of OrderResampler": resampler.direction == "travel",
+            "average='median' of OrderPSD, which needs all segments": psd.average == "median",
+            "short='pad' of OrderPSD, which needs whole strokes": psd.short == "pad",
+        }
+        for option, present in refused.items():
+            if present:
+                raise ValueError(f"a stream cannot be processed with {option}. Change the model.")
+
+
+def _flattened(model: Pipeline) -> list[Any]:
+    """Return the steps of nested pipelines, without those that pass their input through."""
+    steps: list[Any] = []
+    for _, step in model.steps:
+        if isinstance(step, Pipeline):
+            steps += _flattened(step)
+        elif step is not None and step != "passthrough":
+            steps.append(step)
+    return steps
+
+
+def _refusal(step: Any, wanted: str, place: str) -> str:
+    return (
+        f"the {place} step of the model must be {wanted}, got {type(step).__name__}, which needs "
+        f"whole recordings. A stream is processed by {_CHAIN} and a classifier; apply other models "
+        f"to finished recordings with score."
+    )
+
+
+def _labelled(labels: Any, values: Any) -> dict[Any, float]:
+    return dict(zip(np.asarray(labels).tolist(), map(float, values), strict=True))
