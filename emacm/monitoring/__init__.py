@@ -20,6 +20,7 @@ from emacm.monitoring.health_trend import health_trend
 from emacm.monitoring.index_metrics import monotonicity, prognosability, trendability
 from emacm.monitoring.input_alarms import InputAlarm
 from emacm.monitoring.maintenance import MaintenanceCosts
+from emacm.monitoring.order_monitor import OrderMonitor
 from emacm.monitoring.prognostic_metrics import (
     alpha_lambda,
     coverage_by_unit,
@@ -29,7 +30,6 @@ from emacm.monitoring.prognostic_metrics import (
     prognostic_horizon,
 )
 from emacm.monitoring.remaining_life import RemainingLife
-from emacm.monitoring.order_monitor import OrderMonitor
 from emacm.monitoring.severity_zones import (
     severity_zone,
     severity_zones,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emacm.shaft.motion import LazySeries
 
-_SPARE = 1.25  # of the memory, so that not every block moves the samples
+_SPARE = 1.5  # of the memory, so that not every block moves the samples
 
 
 class HeldSeries(LazySeries):

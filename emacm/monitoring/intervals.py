@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROUNDING = 1e-6  # samples, by which a time in seconds may miss a sample
-_SHARED = 2  # samples at the end of an interval that the next one may begin with
 
 Samples = NDArray[np.floating]
 
@@ -51,6 +50,8 @@ class IntervalCutter:
     ) -> None:
         self._rates, self._every, self._in_seconds = rates, every, in_seconds
         self._turn, self._reference, self._min_speed = turn, reference, min_speed
+        # Samples at the end of an interval that the next one may begin with.
+        self._shared = 2 if every is not None and len(set(rates)) > 1 else 0
         self._waiting: list[Samples] = [np.empty(0)] * len(rates)
         self._forgotten = [0] * len(rates)  # samples before those waiting
         self._given = [0] * len(rates)  # samples that were given out, or belong to no interval
@@ -81,13 +82,15 @@ class IntervalCutter:
         if self.stop is None and self._every is not None:
             self._look_for_stop()
         taken = []
-        for i, received in enumerate(self.received):
-            first = min(received, self._given[i])
-            last = max(first, min(received, self._last(i, all_of_them=all_of_them)))
+        counts = self.received
+        for i, received in enumerate(counts):
+            first, last = min(received, self._given[i]), received
+            if not all_of_them or self.stop is not None:
+                last = max(first, min(received, self._last(i, received, counts[-1])))
             waiting, before = self._waiting[i], self._forgotten[i]
             taken.append(waiting[first - before : last - before])
             self._given[i] = max(self._given[i], last)
-            self._forgotten[i] = max(before, last - _SHARED)
+            self._forgotten[i] = max(before, last - self._shared)
             self._waiting[i] = waiting[self._forgotten[i] - before :].copy()
         return taken
 
@@ -113,14 +116,14 @@ class IntervalCutter:
         begin = ceil(self.start * slowest - _ROUNDING) / slowest
         self._given = [round(begin * rate) for rate in self._rates]
 
-    def _last(self, i: int, *, all_of_them: bool) -> int:
+    def _last(self, i: int, received: int, n_shaft: int) -> int:
         """Last + 1 sample that may be given out."""
         if self.stop is not None:
             return ceil(self.stop * self._rates[i] - _ROUNDING)
-        if self._every is None or all_of_them or i == len(self._rates) - 1:
-            return self.received[i]
+        if self._every is None or i == len(self._rates) - 1:
+            return received
         # The interval may end where the shaft has got to.
-        return floor(self.received[-1] / self._rates[-1] * self._rates[i])
+        return floor(n_shaft / self._rates[-1] * self._rates[i])
 
     def _look_for_stop(self) -> None:
         """Find the sample of the shaft at which the interval has its revolutions."""
@@ -135,15 +138,15 @@ class IntervalCutter:
         else:
             steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
             turning = np.abs(shaft[1:]) > self._min_speed
-        turned = self._turned + np.cumsum(np.where(turning, steps, 0.0))
         assert self._every is not None
-        beyond = np.flatnonzero(turned >= self._every * self._turn * (1 - 1e-12))
-        used = len(shaft)
-        if len(beyond):
-            used = int(beyond[0]) + 2
+        limit = self._every * self._turn * (1 - 1e-12)  # beyond the rounding of the sum
+        used, turned = len(shaft), self._turned + float(steps @ turning)
+        if turned >= limit:
+            reached = self._turned + np.cumsum(steps * turning) >= limit
+            used = (int(reached.argmax()) if reached.any() else len(steps) - 1) + 2
             self.stop = (self._examined + used - n_before) / self._rates[-1]
         self._examined += used - n_before
-        self._turned = float(turned[used - 2])
+        self._turned = turned
         self._last_shaft = shaft[used - 1 : used].copy()
 
     def state(self) -> dict[str, Any]:

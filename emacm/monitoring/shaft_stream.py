@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,10 @@ from emacm.shaft.strokes import extend_strokes, longest_gap
 Samples = NDArray[np.floating]
 
 
-@dataclass
 class GrowingStroke:
     """A stroke as far as it is known.
 
-    Attributes
+    Parameters
     ----------
     stroke : Stroke
         Its samples so far; the last one is a sample in which the shaft turns.
@@ -35,12 +33,17 @@ class GrowingStroke:
         Farthest angle travelled, and the largest angle by which the shaft turned back [rad].
     """
 
-    stroke: Stroke
-    start_angle: float
-    complete: bool = False
-    largest_step: float = 0.0
-    farthest: float = 0.0
-    reversal: float = 0.0
+    def __init__(
+        self,
+        stroke: Stroke,
+        start_angle: float,
+        complete: bool = False,
+        largest_step: float = 0.0,
+        farthest: float = 0.0,
+        reversal: float = 0.0,
+    ) -> None:
+        self.stroke, self.start_angle, self.complete = stroke, start_angle, complete
+        self.largest_step, self.farthest, self.reversal = largest_step, farthest, reversal
 
 
 class ShaftStream:

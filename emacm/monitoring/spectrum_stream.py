@@ -19,7 +19,7 @@ from emacm.shaft.paths import ShaftPath
 
 MOST_HELD = 1 << 22  # samples of a channel
 _MARGIN = 40  # samples of a channel or the shaft before those that are processed next
-_WAITING = 4096  # samples of a channel or the shaft before the next attempt to process some
+_WAITING = 8192  # samples of a channel or the shaft before the next attempt to process some
 _SHORTEST = 2  # samples of a stroke
 _SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 

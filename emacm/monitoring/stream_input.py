@@ -153,9 +153,10 @@ def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
     samples = np.empty(0) if empty else check_real_array(values, name)
     if samples.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
-    invalid = np.flatnonzero(~np.isfinite(samples))
-    if len(invalid):
-        place = int(invalid[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        sum_is_finite = bool(np.isfinite(samples.sum()))  # much faster than to look at each
+    if not sum_is_finite and not np.isfinite(samples).all():
+        place = int(np.isfinite(samples).argmin())
         raise ValueError(
             f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
             f"block. {_ON}"
