@@ -94,6 +94,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     covariance = "tied"
     needs_groups = True
+    groups_are_units = True
     _levels: UnitLevels | None = None
 
     def __init__(

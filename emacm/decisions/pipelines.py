@@ -113,6 +113,23 @@ def groups_parameter(estimator: Any) -> str | None:
     return None if inner is None else groups_parameter(inner)
 
 
+def groups_are_units(estimator: Any) -> bool:
+    """Return whether the groups that a classifier learns from must be units, not runs of them.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
+    >>> classifiers = CostSensitiveGaussianBayes(), NewUnitClassifier()
+    >>> [groups_are_units(make_pipeline(StandardScaler(), each)) for each in classifiers]
+    [False, True]
+    """
+    last = final_estimator(estimator)
+    inner = None if hasattr(last, "groups_are_units") else getattr(last, "estimator", None)
+    return getattr(last, "groups_are_units", False) if inner is None else groups_are_units(inner)
+
+
 def search_estimator(estimator: Any) -> Any:
     """Return the best estimator of a search, before the fit its template; others unchanged.
 

@@ -15,6 +15,7 @@ from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.opinion_pools import pooled_log_posterior
+from emacm.decisions.pipelines import groups_are_units, groups_parameter
 from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
 
 Array = NDArray[np.float64]
@@ -86,7 +87,17 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         self.cost = cost
         self.priors = priors
 
-    def fit(self, X, y, sample_weight=None):
+    @property
+    def needs_groups(self) -> bool:
+        """Whether a member learns from groups."""
+        return any(groups_parameter(member) for member in self._named_pairs().values())
+
+    @property
+    def groups_are_units(self) -> bool:
+        """Whether a member learns how units differ."""
+        return any(groups_are_units(member) for member in self._named_pairs().values())
+
+    def fit(self, X, y, sample_weight=None, groups=None):
         """Fit a clone of every member.
 
         Parameters
@@ -97,6 +108,9 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
             True class of each recording.
         sample_weight : array-like of shape (n_recordings,), default=None
             How often each recording counts, for every member; in a pipeline, the last step.
+        groups : array-like of shape (n_recordings,), default=None
+            Labels of recordings that were measured together, for those members that learn from
+            groups, such as `CostSensitiveGaussianBayes` with a temperature.
 
         Raises
         ------
@@ -107,7 +121,9 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         fitted = {}
         for name, member in self._checked_members().items():
             with located(f"member {name!r}"):
-                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight)
+                of_groups = None if groups is None else groups_parameter(member)
+                options = {of_groups: groups} if of_groups else {}
+                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, **options)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
         self.estimators_ = [member.estimator_ for member in fitted.values()]

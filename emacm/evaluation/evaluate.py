@@ -19,6 +19,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from emacm._checks import check_count, once_hint
 from emacm.decisions.costs import stated_cost, stated_truths
 from emacm.decisions.labels import check_classes
+from emacm.decisions.pipelines import groups_are_units
 from emacm.evaluation.bootstrap import check_bootstrap
 from emacm.evaluation.caveats import (
     confounding_caveats,
@@ -79,7 +80,8 @@ def evaluate(
         a function of the recording, or an array. Recordings of one run are held out together, and
         passed as `groups` to a classifier with an unknown state (without runs: units).
     units : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
-        Machine or assembly of each recording.
+        Machine or assembly of each recording; passed as `groups` to a classifier that learns how
+        units differ, such as `NewUnitClassifier` (without units: runs).
     conditions : key, tuple of keys, callable or array-like of shape (n_recordings,), optional
         Operating condition, such as load; one is left out at a time. The scheme is not scored if
         the estimator refuses conditions without training data.
@@ -202,7 +204,8 @@ def evaluate(
         fewer = min(n_splits, _FOLDS_OF_FAMILY), random_state
         divided = strictest_scheme(all_schemes(classes, labels, groupings, None, *fewer), groupings)
         leave_out = [] if divided is None else left_out_families(divided, labels, rule)
-    together = groupings["runs"] or groupings["units"]
+    roles = ("units", "runs") if groups_are_units(estimator) else ("runs", "units")
+    together = groupings[roles[0]] or groupings[roles[1]]
     done, decided = decide_held_out(
         estimator,
         X,

@@ -634,3 +634,22 @@ def test_what_every_member_takes_the_product_takes(members, sparse, allow_nan):
     names = "ba"
     tags = get_tags(PosteriorProduct(list(zip(names, members, strict=False)))).input_tags
     assert (tags.sparse, tags.allow_nan) == (sparse, allow_nan)
+
+
+def test_members_that_learn_from_groups_get_them():
+    X, y = table(3, n_each=12)
+    units = np.arange(len(y)) % 12 // 2
+    columns = {"current": [0, 1], "position": [2, 3]}
+
+    def member(channel, **options):
+        select = make_column_transformer(("passthrough", columns[channel]))
+        return make_pipeline(select, CostSensitiveGaussianBayes(covariance="tied", **options))
+
+    of_groups = member("current", temperature="groups")
+    product = PosteriorProduct([("current", of_groups), ("position", member("position"))])
+    product.fit(X, y, groups=units)
+    alone = clone(of_groups).fit(X, y, costsensitivegaussianbayes__groups=units)
+    assert product.needs_groups
+    assert not product.groups_are_units
+    assert product.named_estimators_["current"][-1].temperature_ == alone[-1].temperature_
+    assert product.named_estimators_["position"][-1].temperature_ == 1

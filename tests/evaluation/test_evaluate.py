@@ -17,7 +17,15 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import LinearSVC
 
-from emacm import CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording, expected_cost
+from emacm import (
+    CostSensitiveGaussianBayes,
+    NewUnitClassifier,
+    OrderPSD,
+    OrderResampler,
+    PosteriorProduct,
+    Recording,
+    expected_cost,
+)
 from emacm.evaluation.evaluate import evaluate
 
 STATES = ["normal", "worn1", "worn2", "spalled"]
@@ -743,6 +751,35 @@ def test_a_classifier_with_an_unknown_state_leaves_out_units_of_the_training_dat
     result = evaluate(model, X, y, units=units, **options)
     assert all(len(groups) in (6, 8) for groups in seen)  # by unit: two of eight held out
     assert result.table.loc["by unit", "false_alarm_rate"] == 0
+
+
+@pytest.mark.parametrize(("given", "expected"), [("both", "unit"), ("runs", "run")])
+def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given, expected):
+    rng = np.random.default_rng(5)
+    units = np.repeat([f"unit {k}" for k in range(9)], 6)
+    runs = np.array([f"run {k}" for k in np.arange(54) // 3])
+    y = np.tile(["worn", "dry", "new"], 18)
+    X = rng.normal(size=(54, 2)) + np.searchsorted(["dry", "new", "worn"], y)[:, np.newaxis] * 5
+    seen = []
+
+    class OfUnits(NewUnitClassifier):
+        def fit(self, X, y, groups=None):
+            seen.append(groups[0].split()[0])
+            return super().fit(X, y, groups)
+
+    class OfRuns(CostSensitiveGaussianBayes):
+        def fit(self, X, y, sample_weight=None, groups=None):
+            seen.append(groups[0].split()[0])
+            return super().fit(X, y, sample_weight, groups)
+
+    options = {"runs": runs} | ({"units": units} if given == "both" else {})
+    product = PosteriorProduct([("a", OfUnits()), ("b", make_pipeline(StandardScaler(), OfUnits()))])
+    for model in (make_pipeline(StandardScaler(), OfUnits()), product):
+        evaluate(model, X, y, **options, n_splits=2)
+    assert set(seen) == {expected}
+    seen.clear()
+    evaluate(OfRuns(temperature="groups", covariance="tied"), X, y, **options, n_splits=2)
+    assert set(seen) == {"run"}
 
 
 def test_invalid_options_of_the_bootstrap_are_refused_before_any_fit():
