@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpocon
 
 from emacm.decisions.moments import ClassMoments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 
 _BLOCK = 4096  # recordings at a time, so that large tables take no more memory
 
+_REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
 
@@ -249,9 +251,26 @@ def is_singular(covariance: Array) -> bool:
         return True
     if covariance.ndim == 1:
         return False
-    eigenvalues = np.linalg.eigvalsh(_correlation(covariance)[0])
+    correlation = _correlation(covariance)[0]
+    if _clearly_regular(correlation):
+        return False
+    eigenvalues = np.linalg.eigvalsh(correlation)
     rounding = 10 * len(covariance) * np.finfo(np.float64).eps
     return bool(eigenvalues[0] <= rounding * eigenvalues[-1])
+
+
+def _clearly_regular(correlation: Array) -> bool:
+    """Return True if an estimate of the condition number is far below that of a singular matrix.
+
+    The estimate takes a tenth of the time of the eigenvalues. It is at least a tenth of the ratio
+    of the extreme eigenvalues in practice, and the limit leaves a factor of a thousand.
+    """
+    try:
+        lower = np.linalg.cholesky(correlation)
+    except np.linalg.LinAlgError:
+        return False
+    inverse_condition, _ = dpocon(lower, np.abs(correlation).sum(axis=0).max(), uplo="L")
+    return bool(inverse_condition > _REGULAR)
 
 
 def factorise(covariance: Array) -> tuple[Array, float]:
