@@ -135,17 +135,19 @@ def power_scales(maker: Any, n_columns: int) -> Array:
         parts = [power_scales(*pair) for pair in zip(blocks, widths, strict=True)]
         whole = np.concatenate([*parts, np.empty(0)])
         return whole if len(whole) == n_columns else np.full(n_columns, np.nan)
-    scale = np.nan
+    scale: Any = np.nan
     for _, step in maker.steps if isinstance(maker, Pipeline) else ():
-        if isinstance(step, BinTransformer | OrderPSD):
-            scale = _POWER
-        elif isinstance(step, FaultLines):
-            scale = 1.0
-        elif isinstance(step, FunctionTransformer) and np.isinf(scale):
-            scale = _decibels_per_unit(step)
+        if isinstance(step, BinTransformer | OrderPSD | FaultLines | FeatureUnion):
+            scale = power_scales(step, len(names_of(step)))
+        elif isinstance(step, FunctionTransformer):
+            scale = np.where(np.isinf(scale), _decibels_per_unit(step), np.nan)
         elif step not in (None, "passthrough"):
             scale = np.nan
-    return np.full(n_columns, scale)
+    return (
+        np.resize(scale, n_columns)
+        if np.size(scale) in (1, n_columns)
+        else np.full(n_columns, np.nan)
+    )
 
 
 def _decibels_per_unit(logarithm: FunctionTransformer) -> float:

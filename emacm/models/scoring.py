@@ -26,7 +26,7 @@ from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
 from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.quality import recording_quality
+from emacm.resampling.quality import Quality, recording_quality
 
 Row = dict[str, Any]
 
@@ -228,14 +228,27 @@ def _reasons(model: Any, recording: Recording, known: str) -> str:
 
 def _findings(model: Any, recording: Recording) -> Row:
     """Return what is unusual about a recording as measured."""
-    for part in parts_of(search_estimator(model)):
+    found = measured_quality(search_estimator(model), recording)
+    if found is None:
+        return {}
+    outside = outside_training(model, [recording])[0]
+    return {"warnings": found[1].warnings, "outside_training": "; ".join(outside)}
+
+
+def measured_quality(model: Any, recording: Recording) -> tuple[OrderResampler, Quality] | None:
+    """Return the first resampler of a fitted model, and the quality of a recording for it.
+
+    Returns
+    -------
+    (OrderResampler, Quality), or None
+        None if the model resamples nothing.
+    """
+    for part in parts_of(model):
         if isinstance(part, OrderResampler) and hasattr(part, "channels_"):
             break
     else:
-        return {}
+        return None
     known = [name for name in part.channels_ if name in recording.channels]
     options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
     more = (float(part.ratio), part.max_rest)
-    quality = recording_quality(recording, known or recording.channels, *options, *more)
-    outside = outside_training(model, [recording])[0]
-    return {"warnings": quality.warnings, "outside_training": "; ".join(outside)}
+    return part, recording_quality(recording, known or recording.channels, *options, *more)

@@ -10,13 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from sklearn.pipeline import Pipeline
 
+from emacm.conditions.router import ConditionRouter
+from emacm.decisions.pipelines import search_estimator
+from emacm.displays._tables import envelopes_of
 from emacm.explanations.class_deviations import class_deviations
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import training_statements
-from emacm.models.scoring import scored_rows
+from emacm.models.scoring import measured_quality, scored_rows
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import Facts, model_facts, recording_facts
 from emacm.reports.order_spectra import order_spectra
@@ -90,8 +94,8 @@ class Page:
         What is drawn.
     findings : Findings, optional
         What is raised.
-    units : mapping of str to str
-        Units of the channels.
+    units, envelopes : mapping of str to str
+        Units of the channels, and kinds of those that are envelopes.
     parts : part or sequence of parts, optional
         Whose orders are marked.
     """
@@ -115,6 +119,7 @@ class Page:
     deviations: pd.DataFrame | None = None
     findings: Findings | None = None
     units: Mapping[str, str] = field(default_factory=dict)
+    envelopes: Mapping[str, str] = field(default_factory=dict)
     parts: Any = None
 
 
@@ -149,8 +154,10 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
         page.recording, page.model_facts = recording_facts(recording, name), facts
         page.units = recording.units
+        steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
+        page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
         page.action = _action(settings, str(verdict.decision))
-        _add_warnings(page, settings.model, recording, row)
+        _add_warnings(page, settings.model, recording)
         page.normal += verdict.normal
         _add_findings(page, settings, recording, verdict)
     return page
@@ -162,14 +169,23 @@ def _action(settings: Settings, decision: str) -> str:
     return settings.actions.get(decision, "none is given for this decision")
 
 
-def _add_warnings(page: Page, model: Any, recording: Recording, row: Mapping[str, Any]) -> None:
+def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
     """State what is wrong with a recording, or that nothing is."""
     found = training_statements(model, [recording])
     statements = [] if found is None else found[0]
-    defects = [text for text in row["warnings"].split("; ") if text]
+    own = search_estimator(model)
+    if isinstance(own, ConditionRouter):
+        own = own.models_of([recording])[0]
+    measured = measured_quality(own, recording)
+    defects: list[str] = []
+    for finding in () if measured is None else measured[1].findings:
+        if measured is not None and finding.kind in measured[0].training_findings_:
+            page.notes.append(f"As in the training: {finding.text}.")
+        else:
+            defects.append(finding.text)
     page.first = [*defects, *(statement.text for statement in statements)]
     page.doubtful = bool(defects) or any(statement.severe for statement in statements)
-    if not defects:
+    if measured is not None and not measured[1].findings:
         page.normal.append("channels without clipping, interruption or constant values")
     if found is not None and not statements:
         page.normal.append("speed, sampling rates, levels and length within those of the training")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from emacm.displays import _drawing
 from emacm.reports.html_pages import heading_of_warnings
 from emacm.reports.pages import Page
-from emacm.reports.pictures import description, draw, n_panels
+from emacm.reports.pictures import bar_labels, description, draw, n_panels
 
 _WIDTH, _HEIGHT = 8.27, 11.69  # inches: A4
 _MARGIN = 0.6  # inches
@@ -84,17 +84,14 @@ def _figure(page: Page) -> Any:
 
 def _place_picture(figure: Any, page: Page, top: float, panels: int) -> None:
     """Draw the panels below a height [inches]; they keep room for labels and names of lines."""
-    left = 0.65 if _has_orders(page) else 1.35
+    letters = max((len(label) for label in bar_labels(page)), default=0)
+    left = max(0.7, letters * _drawing.LETTER / 72 + 0.1)
     for number in range(panels):
         bottom = top - (number + 1) * _PANEL + _AXIS
         width, height = _WIDTH - 2 * _MARGIN - left, _PANEL - _AXIS - 0.1
         box = ((_MARGIN + left) / _WIDTH, bottom / _HEIGHT, width / _WIDTH, height / _HEIGHT)
         figure.add_axes(box)
     draw(page, figure.axes)
-
-
-def _has_orders(page: Page) -> bool:
-    return page.deviations is None or bool(page.deviations["low"].notna().any())
 
 
 def _wrapped(lines: Sequence[_Line], scale: float) -> list[tuple[_Line, float]]:
@@ -190,4 +187,4 @@ def _heading(text: str) -> _Line:
 
 def _items(texts: Sequence[str]) -> Iterator[_Line]:
     for text in texts:
-        yield _Line(((0, "•"), (0.018, text)))
+        yield _Line(((0, "•"), (0.024, text)))

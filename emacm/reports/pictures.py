@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from emacm.displays import _drawing
+from emacm.displays._tables import as_envelope
 from emacm.machine.lines import fault_series
 from emacm.orders.columns import OrderBlock, parse_order_columns
 from emacm.reports.pages import Page
@@ -45,7 +46,7 @@ def draw(page: Page, axes: list[Any]) -> None:
             _draw_bins(panels[0], bars)
             panels[0].set_ylabel(f"deviation [{unit}]")
         else:
-            _draw_names(panels[0], bars)
+            _draw_names(panels[0], page, bars)
             panels[0].set_xlabel(f"deviation from {page.reference} [{unit}]")
     for ax in axes:
         ax.tick_params(labelsize=_drawing.SMALL)
@@ -61,6 +62,14 @@ def description(page: Page) -> str:
     if _bars(page) is not None:
         parts.append(f"deviations from {page.reference}")
     return " and ".join(parts)
+
+
+def bar_labels(page: Page) -> list[str]:
+    """Return the names of the features that are drawn; none where bars are over the order."""
+    bars = _bars(page)
+    if bars is None or bars["low"].notna().all():
+        return []
+    return [str(column).rpartition("__")[2] for column in bars["column"]]
 
 
 def _channel(page: Page) -> str:
@@ -106,8 +115,11 @@ def _draw_spectrum(ax: Any, page: Page, block: OrderBlock) -> None:
     ax.set_xlim(0, orders[-1])
     gap = _drawing.mark_orders(ax, _predicted(page, float(orders[-1])))
     name = channel_name(block.channel)
-    unit = page.units.get(name.partition(" (")[0], "unit")
-    ax.set_ylabel(f"PSD of {name}\n[dB re 1 {_drawing.squared(unit)}/order]")
+    channel = name.partition(" (")[0]
+    kind = page.envelopes.get(channel)
+    measured = channel if kind is None else channel.removesuffix("_envelope")
+    quantity, unit = as_envelope("PSD", page.units.get(measured, "unit"), kind)
+    ax.set_ylabel(f"{quantity}\nof {name}\n[dB re 1 {_drawing.squared(unit)}/order]")
     ax.set_xlabel(_drawing.ORDER_LABEL)
     _drawing.legend_above(ax, gap=gap)
 
@@ -162,9 +174,9 @@ def _draw_bins(ax: Any, bars: pd.DataFrame) -> None:
     ax.set_xlabel(_drawing.ORDER_LABEL)
 
 
-def _draw_names(ax: Any, bars: pd.DataFrame) -> None:
+def _draw_names(ax: Any, page: Page, bars: pd.DataFrame) -> None:
     """Draw a horizontal bar for each named feature, the largest on top."""
-    labels = [str(column).rpartition("__")[2] for column in bars["column"]][::-1]
+    labels = bar_labels(page)[::-1]
     colours = [_RAISED if raised else _NORMAL for raised in bars["raised"]][::-1]
     ax.barh(range(len(bars)), bars["deviation"][::-1], color=colours, height=0.7)
     ax.set_yticks(range(len(bars)), labels, fontsize=_drawing.SMALL)

@@ -116,7 +116,7 @@ def find_raised(
         notes.append(f"Other deviations in {gained} are relative to that of all its orders.")
     missing = [_label(fault) for fault in series if fault.name not in covered]
     if missing:
-        notes.append(f"The orders of the model do not reach those of {listed(missing)}.")
+        notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
     more = len(rows) - _MOST
     if more > 0:
         notes.append(f"{more} more deviations are not listed.")

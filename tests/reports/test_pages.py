@@ -17,7 +17,7 @@ from bearing_models import (
 )
 from sklearn.decomposition import PCA
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm import (
@@ -28,11 +28,15 @@ from emacm import (
     LeastRiskClassifier,
     Recording,
     RecordingStatistics,
+    SignalCache,
+    bearing_recipe,
     family_costs,
     order_bands,
 )
+from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import page_of
+from emacm.reports.pictures import draw, n_panels
 
 
 def page(model, new, name="run 7", **options):
@@ -75,10 +79,13 @@ def test_confidence_is_in_words():
     found = page(bins_model(), recording("outer race", 99))
     assert found.sentences[0].startswith("Confidence: very high. The probability")
     assert "above 99 %" in found.sentences[0]
-    found = page(bins_model(), recording("inner race", 98))
+    new = recording("inner race", 98)
+    found = page(bins_model(), new)
+    unknown = bins_model()[-1].unknown_proba(bins_model()[:-1].transform([new]))[0]
+    assert 0.01 < unknown < 0.05
     assert found.sentences == [
-        "Confidence: high. The probability of this state is 97 %.",
-        "Possible too: unknown (3 %).",
+        f"Confidence: high. The probability of this state is {100 * (1 - unknown):.0f} %.",
+        f"Possible too: unknown ({100 * unknown:.0f} %).",
     ]
     text = words(found)
     assert "nats" not in text
@@ -213,6 +220,40 @@ def test_a_router_is_stated_by_the_model_of_the_condition():
     assert found.rows[0].component == "outer ring (drive end BPFO)"
     assert found.spectra is not None
     assert ("Meta", "load = 40") in found.recording
+
+
+def test_a_finding_that_the_training_has_too_is_a_note():
+    options = {"theta_s": 2 * np.pi / 200}  # reaches orders that the sampling rate does not contain
+    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log10), **options)))
+    assert model[0].training_findings_
+    found = page(model, recording("outer race", 99))
+    assert found.first == []
+    assert not found.doubtful
+    assert any(text.startswith("As in the training: ") for text in found.notes)
+
+
+def test_features_of_the_actuator_recipe_are_in_decibels_where_they_are_powers():
+    powers = make_pipeline(*steps(FunctionTransformer(np.log))[1:4])
+    union = FeatureUnion([("powers", powers), ("levels", RecordingStatistics(("std",)))])
+    inner = FeatureUnion([("over_angle", make_pipeline(steps()[0], SignalCache(), union))])
+    model = fitted(make_pipeline(inner, StandardScaler(), steps()[-1]))
+    found = page(model, recording("outer race", 99))
+    first = found.rows[0]
+    assert (first.component, first.channel) == ("outer ring (drive end BPFO)", "vib")
+    assert first.raised == page(bins_model(), recording("outer race", 99)).rows[0].raised
+
+
+def test_an_envelope_is_named_as_such():
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
+    bayes = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
+    recipe = bearing_recipe({"line": 3.6}, revolutions=16, harmonics=1, classifier=bayes)
+    model = recipe.set_params(envelopedetector__squared=True).fit(runs(), STATES)
+    found = page(model, recording("outer race", 99), parts=None)
+    figure, axes = offscreen_panels(n_panels(found))
+    draw(found, list(axes[:, 0]))
+    label = axes[0, 0].get_ylabel()
+    assert label.startswith("squared envelope order spectrum\nof ")
+    assert figure.axes[1].get_yticklabels()[-1].get_text().endswith("@line")
 
 
 def test_a_model_without_densities_states_why_no_orders_are_given():
