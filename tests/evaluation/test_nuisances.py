@@ -13,7 +13,7 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.nuisances import predict_by_level, read_nuisances
+from emacm.evaluation.nuisances import nuisance_caveats, predict_by_level, read_nuisances
 from emacm.evaluation.schemes import Fold, Scheme
 from emacm.recordings.meta import Grouping
 
@@ -222,3 +222,15 @@ def test_the_sampling_rate_of_the_mfpt_rig_predicts_two_of_its_three_states():
     assert row["alone"] == pytest.approx((1 + 0 + 1) / 3)
     assert row["within_chance"] == 0.5
     assert found.caveats[0].startswith("'fs' alone predicts the label with a balanced accuracy of")
+
+
+def test_caveats_are_in_the_order_of_the_nuisances_those_without_a_score_first():
+    row = {"alone": 0.9, "alone_low": 0.8, "alone_high": 1.0, "chance": 0.5, "held_out": "by run"}
+    row |= {"scheme": "by run", "within": 0.7, "within_low": np.nan, "within_chance": 0.25}
+    recordings = {"tool": 0, "load": 12, "day": 0, "bench": 9}
+    table = pd.DataFrame(
+        [row | {"nuisance": name, "recordings": n} for name, n in recordings.items()]
+    )
+    caveats = nuisance_caveats(table, 40)
+    assert [text.split("'")[1] for text in caveats] == ["tool", "day", "load", "bench"]
+    assert "is 0.70 (chance 0.25) in 'by run', from at most 12 of 40 recordings" in caveats[2]

@@ -89,6 +89,11 @@ def test_the_mesh_of_a_planetary_stage_is_modulated_by_the_passing_planets():
     assert not [name for name in star if "planet pass" in name or "carrier" in name]
 
 
+@pytest.mark.parametrize("planet_teeth", [2, 31])
+def test_the_planets_may_have_as_many_teeth_as_fit(planet_teeth):
+    assert PlanetaryGear(30, 90, 3, planet_teeth).planet_teeth == planet_teeth
+
+
 def test_a_fault_of_a_planet_is_modulated_by_the_carrier_only():
     stage = PlanetaryGear(28, 100, 4)
     (line,) = [line for line in stage.lines() if line.name == "planet fault"]
@@ -115,6 +120,7 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
         (lambda: PlanetaryGear(1, 30, 3), "sun_teeth must be a whole number of at least 2"),
         (lambda: PlanetaryGear(30, 30, 3), "ring_teeth must be a whole number of at least 34"),
         (lambda: PlanetaryGear(30, 90, 0), "n_planets must be a whole number"),
+        (lambda: PlanetaryGear(30, 90, 3, 1), "planet_teeth .* at least 2 and at most 31, got 1"),
         (lambda: PlanetaryGear(30, 90, 3, 60), "planet_teeth .* at most 31, got 60"),
         (lambda: PlanetaryGear(30, 90, 3, fixed="planet"), "fixed must be one of 'sun', 'ring'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="ring"), "must differ, got 'ring' for both"),
