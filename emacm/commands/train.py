@@ -20,7 +20,7 @@ from emacm.models.actuator_recipe import actuator_recipe
 from emacm.models.model_files import save_model
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.files import RecordingFolder
+from emacm.recordings.files import RecordingFolder, kept_for_passes
 from emacm.recordings.layout import Layout
 from emacm.recordings.meta import read_meta
 from emacm.resampling.order_resampler import OrderResampler
@@ -38,6 +38,12 @@ def run(options: argparse.Namespace) -> int:
     int
         0.
     """
+    with kept_for_passes():
+        _train(options)
+    return 0
+
+
+def _train(options: argparse.Namespace) -> None:
     layout = Layout.from_toml(options.layout)
     recordings = RecordingFolder(options.folder, layout)
     if layout.meta is None:
@@ -65,7 +71,6 @@ def run(options: argparse.Namespace) -> int:
     model.fit(recordings, labels, **({} if name is None else {name: groups}))
     save_model(model, options.out, note=options.note)
     print(f"Model: {options.out}")
-    return 0
 
 
 def _healthy(name: str | None, labels: list[Any]) -> Any:

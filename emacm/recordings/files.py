@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, overload
@@ -22,6 +23,7 @@ from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
 _BYTES = 1 << 24  # of contents that are kept in memory, in addition to the last of each thread
+_BYTES_FOR_PASSES = 1 << 28  # where the same files are read again and again
 _recent: Recent[Recording] = Recent(_BYTES)
 _last = threading.local()  # the content that this thread reads, of any size
 
@@ -292,6 +294,19 @@ def _stamp_of(path: Path) -> FileStamp:
 def _size(recording: Recording) -> int:
     arrays = recording._arrays()
     return sum(array.nbytes for array in arrays)
+
+
+@contextmanager
+def kept_for_passes() -> Iterator[None]:
+    """Keep up to 256 MiB of the contents of files inside a with statement.
+
+    For several passes over the same files, which are slow to read, as text is.
+    """
+    before = _recent.set_limit(_BYTES_FOR_PASSES)
+    try:
+        yield
+    finally:
+        _recent.set_limit(before)
 
 
 class RecordingFolder(Sequence[Recording]):

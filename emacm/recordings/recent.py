@@ -46,13 +46,23 @@ class Recent(Generic[Value]):
             old = self._held.pop(key, None)
             self._held[key] = value, n_bytes
             self._bytes += n_bytes - (0 if old is None else old[1])
-            while self._bytes > self._limit:
-                self._bytes -= self._held.pop(next(iter(self._held)))[1]
+            self._drop_oldest()
 
     def drop(self, key: Any) -> None:
         """Drop the value of a key, if it is kept."""
         with self._lock:
             self._bytes -= self._held.pop(key, (None, 0))[1]
+
+    def set_limit(self, bytes_limit: int) -> int:
+        """Change the limit, and return the previous one."""
+        with self._lock:
+            before, self._limit = self._limit, bytes_limit
+            self._drop_oldest()
+        return before
+
+    def _drop_oldest(self) -> None:
+        while self._bytes > self._limit:
+            self._bytes -= self._held.pop(next(iter(self._held)))[1]
 
     def clear(self) -> None:
         """Drop all values."""

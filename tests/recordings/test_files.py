@@ -202,6 +202,28 @@ def test_memory_holds_the_last_files_only(tmp_path, monkeypatch):
     assert files._recent._bytes <= 500_000
 
 
+def test_for_several_passes_more_files_stay_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_recent", files.Recent(300_000))
+    reads, read = [], files.FileRecording._read
+    monkeypatch.setattr(files.FileRecording, "_read", lambda r: reads.append(r.path) or read(r))
+    for number in range(11):
+        np.savez(tmp_path / f"{number}.npz", b=np.full(10_000, float(number)))
+    folder = RecordingFolder(tmp_path, Layout(fs=100, velocity=3))
+
+    def passes():
+        reads.clear()
+        for recording in [*folder, *folder, *folder]:
+            assert recording.duration == 100
+        return len(reads)
+
+    assert passes() == 33
+    with files.kept_for_passes():
+        passes()
+        assert passes() == 0
+        assert files._recent._bytes > 11 * 80_000
+    assert files._recent._bytes <= 300_000
+
+
 def test_a_value_that_is_not_finite_is_found_when_the_file_is_read(tmp_path):
     signal = SIGNALS["current"].copy()
     signal[1234] = np.nan
