@@ -25,6 +25,8 @@ _FEWEST = 5  # spectral lines of background that a median needs
 DRAWS = 2000  # simulated spectra of the background
 _SEED = 20_111  # of the simulated spectra: equal input gives equal p-values
 _SHAPES = np.geomspace(0.5, 2000, 120)  # 7 % apart
+_SKIRT = 2  # orders of the axis, half the main lobe of a Hann window
+_BELOW = 3.0  # dB; a line between two orders is equal at both, and at least so near at one
 _LONG = 40_000  # lines of each spectrum whose spread is simulated
 
 
@@ -156,6 +158,7 @@ class LineLevels:
                 f"background."
             )
         self._places = [self._grid(fault) for fault in self.series]
+        self._of_shaft = self._from_whole(self.orders) < 1.5 * self._step
         self._drawn: dict[float, Array] = {}
 
     def _grid(self, fault: FaultSeries) -> tuple[Array, NDArray[np.intp]]:
@@ -173,6 +176,18 @@ class LineLevels:
                 f"OrderResampler, raise max_order of OrderPSD, or lower harmonics."
             )
         return slips, places
+
+    def _apart_from_shaft(self, fault: FaultSeries) -> NDArray[np.bool_]:
+        """Return which lines of a series cannot be harmonics of the shaft."""
+        distance = self._from_whole(np.array(fault.orders))
+        if not fault.slips or distance[0] < 1.5 * self._step:
+            return np.zeros(len(distance), bool)
+        return np.asarray(distance > 0.5 * self._step)
+
+    @staticmethod
+    def _from_whole(orders: Array) -> Array:
+        """Return the distance of orders from the nearest whole one, but not from 0."""
+        return np.asarray(np.abs(orders - np.maximum(np.rint(orders), 1)))
 
     def heights(self, psd: Array) -> Array:
         """Return each line over its local background [dB], of the shape of `psd`.
@@ -207,12 +222,15 @@ class LineLevels:
         lines : list of ndarray of shape (n_rows, n_lines)
             Height of each line of each series at that slip [dB].
         """
-        # A line between two orders of the axis appears at the higher of both.
-        peaks = ndimage.maximum_filter1d(self.heights(psd), 3, axis=-1, mode="nearest")
+        heights = self.heights(psd)
+        # Rolling elements are not synchronous with the shaft: what is at a whole order is not
+        # theirs, even within the range of slip, unless it is predicted there.
+        peaks = np.stack([_peaks(heights), _peaks(heights, self._of_shaft)])
         rows = np.arange(len(psd))
         levels, slips, lines = [], [], []
-        for grid, places in self._places:
-            values = peaks[:, places]
+        for fault, (grid, places) in zip(self.series, self._places, strict=True):
+            apart = self._apart_from_shaft(fault)
+            values = peaks[apart.astype(np.intp), :, places].transpose(2, 0, 1)
             means = values.mean(axis=2)
             # Of equal levels the smallest slip.
             nearest = np.argsort(np.abs(grid), kind="stable")
@@ -243,7 +261,7 @@ class LineLevels:
         dict of str to float
             Only sidebands within the orders of the spectrum are taken.
         """
-        peaks = ndimage.maximum_filter1d(self.heights(psd)[0], 3, mode="nearest")
+        peaks = _peaks(self.heights(psd))[0]
         found = {}
         for name, order in fault.sidebands:
             sides = np.add.outer((1 + slip) * np.array(fault.orders), (-order, order)).ravel()
@@ -330,6 +348,21 @@ def _heights(psd: Array, width: int) -> Array:
     floor = ndimage.median_filter(padded.ravel(), size=width).reshape(padded.shape)
     tiny = np.finfo(np.float64).tiny
     return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(floor[:, half:-half], tiny))
+
+
+def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
+    """Return the height of the line at each order, of the shape of `heights` [dB].
+
+    A line between two orders of the axis appears at the higher of both. The skirt of a strong line
+    is no line of its own: a harmonic of the shaft would be found at the cage frequency beside it.
+    """
+    strongest = ndimage.maximum_filter1d(heights, 2 * _SKIRT + 1, axis=-1, mode="nearest")
+    is_none = heights < strongest - _BELOW
+    if excluded is not None:
+        is_none |= excluded
+    own = np.where(is_none, np.minimum(heights, 0.0), heights)
+    found: Array = ndimage.maximum_filter1d(own, 3, axis=-1, mode="nearest")
+    return found
 
 
 @lru_cache(maxsize=8)

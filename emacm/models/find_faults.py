@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.rates import are_recordings, check_rates, common_rates
@@ -21,6 +22,7 @@ from emacm.recordings.recording import Recording
 
 NONE = "none"
 EFFECT = 3.0  # dB; see the notes of find_faults
+SINGLE = 12.0  # dB; see the notes of find_faults
 _LONGEST, _SHORTEST = 25, 10  # revolutions of a segment
 _BACKGROUND = 0.5  # orders
 _SIDEBANDS = 3.0  # dB, by which sidebands are above the background where they are mentioned
@@ -92,6 +94,12 @@ def find_faults(
     drive end and from the MFPT recordings, where healthy bearings score at most 0.7 dB and damaged
     ones at least 7.5 dB; a machine with lines of its own near the predicted orders needs `healthy`.
     The p-value only excludes background: it says nothing about other sources of lines.
+
+    Rolling elements are not synchronous with the shaft, so whole orders count as background for
+    their lines (a loose part or a blade has lines there) unless a line is predicted there. The
+    second highest line of such a fault must be within 12 dB of the highest: impacts have harmonics,
+    while a noise modulated by another shaft or by the mains has a single line. In the recordings
+    of the drive end and of MFPT it is within 8.2 dB.
 
     An order that modulates another fault of the machine (the cage FTF modulates the lines of a
     ball, the shaft those of the inner ring) is named only if no other fault is, since a damaged
@@ -241,9 +249,10 @@ def _row(
                 f"{list(baseline.index)}."
             )
         limits = EFFECT + np.maximum(baseline.loc[found.channel].to_numpy(), 0.0)
-    passed = np.ones(len(series), bool)
+    passed, single = np.ones(len(series), bool), _single_lines(found, series)
     if false_alarm < 1:
         passed = (found.p <= false_alarm / len(series)) & (found.scores >= limits)
+        passed &= ~single
     own = passed & ~np.array([any(_modulates(one, other) for other in series) for one in series])
     candidates = own if own.any() else passed
     best = int(np.where(candidates, found.scores, -np.inf).argmax())
@@ -266,9 +275,25 @@ def _row(
     elif found.scores[best] < limits[best]:
         text = f"no fault: {text}; its score of {found.scores[best]:.1f} dB, the highest, is below "
         text += f"{limits[best]:.1f} dB"
+    elif single[best]:
+        text = f"no fault: {text}; a single line is a modulation, impacts have harmonics"
     else:
         text = f"no fault: {text}, which background alone may reach (p = {found.p[best]:.2g})"
     return row | {"explanation": text}
+
+
+def _single_lines(found: _Measured, series: Sequence[FaultSeries]) -> NDArray[np.bool_]:
+    """Return which faults of rolling elements have one line only, as a modulation has.
+
+    Impacts have harmonics of similar height.
+    """
+    heights = [np.sort(lines)[::-1] for lines in found.heights]
+    return np.array(
+        [
+            fault.slips and len(lines) > 1 and lines[0] - lines[1] > SINGLE
+            for fault, lines in zip(series, heights, strict=True)
+        ]
+    )
 
 
 def _modulates(fault: FaultSeries, other: FaultSeries) -> bool:

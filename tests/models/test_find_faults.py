@@ -213,3 +213,42 @@ def test_healthy_recordings_of_another_sampling_rate_are_refused():
     slow = Recording({"casing": running().signals["casing"]}, FS / 2, velocity=30.0)
     with pytest.raises(ValueError, match=r"recording 0: channel 'casing' is sampled at 12000 Hz"):
         find_faults([running()], BEARING, healthy=[slow])
+
+
+# A bearing whose outer ring is near whole orders (4.91 with 2 % of slip includes 5), and one whose
+# ball pass order of the outer ring is near twice the mains frequency at the speed below.
+NEAR_FIVE = Bearing(12, 6, 33)
+RATE = 28.2
+
+
+def healthy_machine(cause, fs=20_000, seconds=6):
+    """Noise without any fault of a bearing, modulated by something else."""
+    rng = np.random.default_rng(11)
+    t = np.arange(seconds * fs) / fs
+    turns = np.cumsum(RATE + 0.2 * np.sin(2 * t)) / fs
+    noise = rng.standard_normal(len(t))
+    if cause == "a loose part":
+        struck = np.diff(np.floor(turns), prepend=0) * rng.uniform(5, 11, len(t))
+        noise += np.convolve(struck, RING)[: len(t)]
+    modulation = {
+        "blades": 0.6 * np.cos(TURN * 5 * turns) + 0.3 * np.cos(TURN * turns),
+        "another shaft": 0.5 * np.cos(TURN * 0.407 * turns),
+        "the mains": 0.5 * np.cos(TURN * 100 * t),
+        "the shaft": 0.5 * np.cos(TURN * turns),
+    }
+    noise *= 1 + modulation.get(cause, 0.0)
+    return Recording({"casing": noise}, fs, velocity=TURN * (RATE + 0.2 * np.sin(2 * t)))
+
+
+@pytest.mark.parametrize("bearing", [BEARING, NEAR_FIVE, Bearing(7, 9.5, 37)])
+@pytest.mark.parametrize(
+    "cause", ["a loose part", "blades", "another shaft", "the mains", "the shaft"]
+)
+def test_lines_that_are_not_of_the_bearing_are_not_named(cause, bearing):
+    assert find_faults([healthy_machine(cause)], bearing)["named"].tolist() == ["none"]
+
+
+def test_the_sentence_tells_that_a_single_line_is_a_modulation():
+    row = find_faults([healthy_machine("the mains")], BEARING).iloc[0]
+    assert row["BPFO"] > 6  # 100 Hz is order 3.55
+    assert row["explanation"].endswith("a single line is a modulation, impacts have harmonics")
