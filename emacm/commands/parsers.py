@@ -20,6 +20,7 @@ def add_parsers(commands: Any) -> None:
     _add_inspect(commands)
     _add_train(commands)
     _add_score(commands)
+    _add_monitor(commands)
     _add_report(commands)
     _add_trend(commands)
 
@@ -240,3 +241,49 @@ def _add_trend(commands: Any) -> None:
         "--fail-on-alarm", action="store_true", help="exit status 1 if a unit exceeds its limit"
     )
     _add_extent(parser)
+
+
+def _add_monitor(commands: Any) -> None:
+    """Add ``emacm monitor``."""
+    parser = commands.add_parser(
+        "monitor",
+        help="apply a model to rows of numbers while they are measured; readings as JSON lines",
+        description="Apply a model to rows of numbers while they are measured, and print readings "
+        "and alarms as JSON lines.",
+        epilog="Exit status: 0 if all rows were processed; 2 for invalid arguments, model or "
+        "layout; 3 if rows were invalid and skipped (a line states why); 130 if it was "
+        "interrupted.",
+    )
+    parser.set_defaults(run=_run_later("monitor"))
+    parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
+    parser.add_argument(
+        "source", metavar="FILE", help="text file that grows; - for the standard input"
+    )
+    parser.add_argument(
+        "--layout", required=True, type=Path, metavar="L", help="layout of the rows (TOML)"
+    )
+    parser.add_argument(
+        "--max-speed", required=True, type=float, metavar="N", help="highest speed [rad/s]"
+    )
+    parser.add_argument(
+        "--every", type=float, metavar="N", help="length of a reading; default: one at the end"
+    )
+    parser.add_argument(
+        "--unit", choices=("revolutions", "s"), default="revolutions", help="unit of --every"
+    )
+    parser.add_argument(
+        "--wrapped", action="store_true", help="the angle is wrapped at 2 pi (or 360 degrees)"
+    )
+    parser.add_argument(
+        "--state",
+        type=Path,
+        metavar="FILE",
+        help="file of the state, from which an interrupted run goes on",
+    )
+    parser.add_argument(
+        "--idle",
+        type=float,
+        default=float("inf"),
+        metavar="SECONDS",
+        help="end when the file has not grown for so long [s]; default: never",
+    )

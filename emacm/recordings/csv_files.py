@@ -57,28 +57,90 @@ def read_csv(path: Path) -> FileColumns:
     encoding = _encoding(path)
     with open(path, encoding=encoding, newline=None) as file:
         head = [line.rstrip("\n") for line in itertools.islice(file, _HEAD)]
+    table = text_table(head)
+    return table.columns(path, skiprows=table.start, encoding=encoding)
+
+
+class TextTable(NamedTuple):
+    """How the rows of a text file are read.
+
+    Attributes
+    ----------
+    names, units : list of str
+        Of the columns; no units if there is no row of units.
+    separator : str or None
+        Between two values; None for white space.
+    decimal : str
+        Decimal point or comma.
+    start : int
+        Number of lines above the rows of numbers.
+    preamble : list of str
+        These lines.
+    """
+
+    names: list[str]
+    units: list[str]
+    separator: str | None
+    decimal: str
+    start: int
+    preamble: list[str]
+
+    def columns(self, source: Any, **options: Any) -> FileColumns:
+        """Return the columns of rows of numbers, and the numbers that the preamble states.
+
+        Parameters
+        ----------
+        source : path or file
+            As for `pandas.read_csv`.
+        **options
+            Further options of `pandas.read_csv`.
+
+        Returns
+        -------
+        FileColumns
+        """
+        table = pd.read_csv(
+            source,
+            sep=self.separator or r"\s+",
+            decimal=self.decimal,
+            header=None,
+            names=self.names,
+            index_col=False,
+            low_memory=False,
+            **_EXACT,
+            **options,
+        )
+        unnamed = [name for name in self.names if not name and table[name].isna().all()]
+        columns = {name: _numbers(table[name]) for name in self.names if name not in unnamed}
+        content = FileColumns(columns, units=dict(zip(self.names, self.units, strict=False)))
+        _add_stated_numbers(content, self.preamble)
+        return content
+
+
+def text_table(head: Sequence[str]) -> TextTable:
+    """Find header, separator and decimals in the first lines of a text file.
+
+    Parameters
+    ----------
+    head : sequence of str
+        The lines.
+
+    Returns
+    -------
+    TextTable
+
+    Raises
+    ------
+    RefusedFileError
+        If there are no rows of numbers, or no header that belongs to them.
+    """
     filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,")]
     separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)
     rows = [_row(number, line, separator) for number, line in filled]
     names, units, start = _header(rows, comma=separator in (";", "\t"))
     data = [line for line in head[start:] if separator in (";", "\t")]
-    table = pd.read_csv(
-        path,
-        sep=separator or r"\s+",
-        decimal="," if any(re.search(r"\d,\d", line) for line in data) else ".",
-        header=None,
-        names=names,
-        index_col=False,
-        skiprows=start,
-        encoding=encoding,
-        low_memory=False,
-        **_EXACT,
-    )
-    unnamed = [name for name in names if not name and table[name].isna().all()]
-    columns = {name: _numbers(table[name]) for name in names if name not in unnamed}
-    content = FileColumns(columns, units=dict(zip(names, units, strict=False)))
-    _add_stated_numbers(content, head[:start])
-    return content
+    decimal = "," if any(re.search(r"\d,\d", line) for line in data) else "."
+    return TextTable(names, units, separator, decimal, start, list(head[:start]))
 
 
 def _encoding(path: Path) -> str:

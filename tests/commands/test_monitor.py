@@ -1,0 +1,160 @@
+"""The command monitor: readings of a text that is written while it is read."""
+
+import io
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from sklearn.pipeline import make_pipeline
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    load_model,
+    open_recording,
+    save_model,
+)
+from emacm.__main__ import main
+from emacm.commands import monitor as command
+
+pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+LAYOUT = 'fs = 1000\nvelocity = "speed"\n[units]\nspeed = "rpm"\n'
+N = 6000
+
+
+def rows_of(worn, seed, n=N):
+    rng = np.random.default_rng(seed)
+    angle = 90.0 * np.arange(n) / 1000
+    line = (2.0 if worn else 0.1) * np.sin(4.7 * angle)
+    signals = np.column_stack([rng.normal(size=n) + line, np.full(n, 90 * 30 / np.pi)])
+    return [f"{vib:.17g},{speed:.17g}\n" for vib, speed in signals]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "layout.toml").write_text(LAYOUT)
+    X, y = [], []
+    for seed in range(12):
+        path = folder / f"{seed}.csv"
+        path.write_text("vib,speed\n" + "".join(rows_of(seed % 3 == 2, seed, 2000)))
+        X.append(open_recording(path, Layout.from_toml(folder / "layout.toml")))
+        y.append("worn" if seed % 3 == 2 else "ok")
+    bayes = CostSensitiveGaussianBayes({("ok", "worn"): 5}, covariance="diag", shrinkage=0.1)
+    resampler = OrderResampler(2 * np.pi / 24)
+    model = make_pipeline(resampler, OrderPSD(4), BinTransformer(0.5, max_order=9), bayes)
+    save_model(model.fit(X, y), folder / "model.emacm")
+    (folder / "stream.csv").write_text("vib,speed\n" + "".join(rows_of(True, 20)))
+    return folder
+
+
+@pytest.fixture
+def here(bench, monkeypatch):
+    monkeypatch.chdir(bench)
+    return bench
+
+
+def run(*arguments, source="stream.csv"):
+    options = ["--layout", "layout.toml", "--max-speed", "100", *arguments]
+    return main(["monitor", "model.emacm", source, *options])
+
+
+def printed(capsys):
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_a_file_gives_the_decision_and_cost_of_its_recording(here, capsys):
+    assert run("--idle", "0") == 0
+    (reading,) = printed(capsys)
+    model = load_model("model.emacm")
+    recording = open_recording("stream.csv", Layout.from_toml("layout.toml"))
+    assert reading["decision"] == model.predict([recording])[0] == "worn"
+    cost = model[-1].risk(model[:-1].transform([recording])).min()
+    assert reading["expected_cost"] == pytest.approx(cost)
+    assert (reading["start"], reading["time"]) == (0.0, 6.0)
+    assert reading["alarms"] == []
+
+
+def test_the_standard_input_gives_a_reading_for_each_interval(here, capsys, monkeypatch):
+    text = io.TextIOWrapper(io.BytesIO((here / "stream.csv").read_bytes()))
+    monkeypatch.setattr("sys.stdin", text)
+    assert run("--every", "1.5", "--unit", "s", source="-") == 0
+    readings = printed(capsys)
+    assert [r["time"] for r in readings] == [1.5, 3.0, 4.5, 6.0]
+    assert {r["decision"] for r in readings} == {"worn"}
+
+
+def test_a_file_that_grows_is_followed(here):
+    path = here / "growing.csv"
+    rows = rows_of(False, 30)
+    path.write_text("vib,speed\n" + "".join(rows[:1000]))
+    options = ["--layout", "layout.toml", "--max-speed", "100", "--every", "2", "--unit", "s"]
+    arguments = [sys.executable, "-m", "emacm", "monitor", "model.emacm", str(path), *options]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
+        for start in range(1000, N, 500):
+            with open(path, "a") as file:
+                text = "".join(rows[start : start + 500])
+                file.write(text[:-30])
+                file.flush()
+                time.sleep(0.02)
+                file.write(text[-30:])
+        times = [json.loads(process.stdout.readline())["time"] for _ in range(3)]
+        process.terminate()
+    assert times == [2.0, 4.0, 6.0]
+
+
+def test_an_interrupted_run_goes_on_from_its_state(here, capsys, monkeypatch):
+    run("--idle", "0", "--every", "20")
+    expected = printed(capsys)
+    push = command.OrderMonitor.push
+    calls = []
+
+    def interrupted(self, *args, **options):
+        calls.append(1)
+        if len(calls) in (18, 40):
+            raise KeyboardInterrupt
+        return push(self, *args, **options)
+
+    monkeypatch.setattr(command.OrderMonitor, "push", interrupted)
+    found = []
+    for status in (130, 130, 0):
+        assert run("--idle", "0", "--every", "20", "--state", "here.state") == status
+        found += printed(capsys)
+    assert len(expected) > 3
+    assert found == expected
+
+
+def test_invalid_rows_are_reported_with_their_time_and_skipped(here, capsys):
+    rows = rows_of(True, 20)
+    rows[2345] = "0.5,99999\n"
+    rows[4200] = "nothing,1\n"
+    (here / "bad.csv").write_text("vib,speed\n" + "".join(rows))
+    assert run("--idle", "0", source="bad.csv") == 3
+    lines = printed(capsys)
+    errors = [line for line in lines if "error" in line]
+    assert ["above max_speed = 100" in line["error"] for line in errors] == [True, False]
+    assert "at 2.345" in errors[0]["error"]
+    readings = [line for line in lines if "decision" in line]
+    assert [line["decision"] for line in readings] == ["worn"] * 3
+    intervals = [(line["start"], line["time"]) for line in readings]
+    np.testing.assert_allclose(intervals, [(0, 2.3), (2.4, 4.2), (4.3, 6.0)])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--max-speed", "-3"), "max_speed must be"),
+        (("--state", "x", "-"), "needs a file"),
+    ],
+)
+def test_invalid_arguments_have_status_2(here, capsys, arguments, message):
+    source = "-" if "-" in arguments else "stream.csv"
+    arguments = [a for a in arguments if a != "-"]
+    assert run("--idle", "0", *arguments, source=source) == 2
+    assert message in capsys.readouterr().err
