@@ -182,6 +182,7 @@ class _Stream:
         state = unpacked(file.read_bytes())
         self._monitor.restore(state["monitor"].tobytes())
         self._last = state["last"].tobytes()
+        self._resumed = float(state["resumed"]) if "resumed" in state else None
         return int(state["offset"])
 
     def _save(self) -> None:
@@ -192,7 +193,8 @@ class _Stream:
         monitor = np.frombuffer(self._monitor.state(), np.uint8)
         last = np.frombuffer(self._last, np.uint8)
         part = file.with_name(f"{file.name}.part")
-        part.write_bytes(packed({"monitor": monitor, "last": last, "offset": self._offset}))
+        state = {"monitor": monitor, "last": last, "offset": self._offset}
+        part.write_bytes(packed(state | {"resumed": self._resumed}))
         os.replace(part, file)
 
 
