@@ -32,17 +32,17 @@ class HeldSeries(LazySeries):
 
     def append(self, values: NDArray[np.floating]) -> None:
         """Add the next samples."""
-        n_held = self._length - self.first
+        n_held, n_new = self._length - self.first, len(values)
         stop = self._offset + n_held
-        if stop + len(values) > len(self._memory):
-            needed = n_held + len(values)
+        if stop + n_new > len(self._memory):
+            needed = n_held + n_new
             held = self._memory[self._offset : stop]
             if needed > len(self._memory) or 4 * needed < len(self._memory):
                 self._memory = np.empty(int(_SPARE * needed))
             self._memory[:n_held] = held.copy()
             self._offset, stop = 0, n_held
-        self._memory[stop : stop + len(values)] = values
-        self._length += len(values)
+        self._memory[stop : stop + n_new] = values
+        self._length += n_new
 
     def drop(self, before: int) -> None:
         """Forget the samples before a number."""

@@ -132,22 +132,30 @@ class IntervalCutter:
         n_before = len(self._last_shaft)
         if len(shaft) <= n_before or len(shaft) < 2:
             return
-        if self._reference == "angle":
-            steps = np.abs(np.diff(shaft))
-            turning = steps * self._rates[-1] > self._min_speed
-        else:
-            steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
-            turning = np.abs(shaft[1:]) > self._min_speed
         assert self._every is not None
         limit = self._every * self._turn * (1 - 1e-12)  # beyond the rounding of the sum
-        used, turned = len(shaft), self._turned + float(steps @ turning)
+        used, turned = len(shaft), self._turned + self._angle_of(shaft)
         if turned >= limit:
-            reached = self._turned + np.cumsum(steps * turning) >= limit
-            used = (int(reached.argmax()) if reached.any() else len(steps) - 1) + 2
+            reached = self._turned + np.cumsum(self._steps(shaft)) >= limit
+            used = (int(reached.argmax()) if reached.any() else len(reached) - 1) + 2
             self.stop = (self._examined + used - n_before) / self._rates[-1]
         self._examined += used - n_before
         self._turned = turned
         self._last_shaft = shaft[used - 1 : used].copy()
+
+    def _steps(self, shaft: Samples) -> Samples:
+        """Return the angles between successive samples, 0 at standstill [rad]."""
+        if self._reference == "angle":
+            steps = np.abs(np.diff(shaft))
+            return steps * (steps * self._rates[-1] > self._min_speed)
+        steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
+        return steps * (np.abs(shaft[1:]) > self._min_speed)
+
+    def _angle_of(self, shaft: Samples) -> float:
+        """Return their sum."""
+        if self._reference == "velocity" and shaft.min() > self._min_speed:  # faster
+            return float(shaft.sum() - 0.5 * (shaft[0] + shaft[-1])) / self._rates[-1]
+        return float(self._steps(shaft).sum())
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""

@@ -166,16 +166,17 @@ class ShaftStream:
         stroke = growing.stroke
         if first == stroke.stop:
             return
+        steps = self._velocity[first : stroke.stop]
+        if self.reference == "velocity" and self._min_speed == 0:  # the shaft never turns back
+            largest = max(float(steps.max()), -float(steps.min()))
+            growing.largest_step = max(growing.largest_step, largest)
+            return
         low = max(first - 1, stroke.start)
         travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
-        if self.reference == "velocity":
-            steps = np.abs(self._velocity[first : stroke.stop])
-        else:
-            steps = np.abs(np.diff(travel))
-        growing.largest_step = max(growing.largest_step, float(steps.max(initial=0.0)))
-        if self.reference == "velocity" and self._min_speed == 0:
-            growing.farthest = float(travel[-1])
-            return
+        if self.reference == "angle":
+            steps = np.diff(travel)
+        largest = float(np.abs(steps).max(initial=0.0))
+        growing.largest_step = max(growing.largest_step, largest)
         reached = np.maximum(np.maximum.accumulate(travel), growing.farthest)
         growing.reversal = max(growing.reversal, float(np.max(reached - travel)))
         growing.farthest = float(reached[-1])

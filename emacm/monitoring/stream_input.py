@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -118,11 +119,12 @@ class StreamInput:
         return dict(zip(self._channels, rows, strict=True))
 
     def _check_speed(self, shaft: Samples, reference: str, time: float) -> None:
-        speed = np.abs(shaft)
+        speed = shaft
         if reference == "angle":
-            speed = np.abs(np.diff(np.concatenate([self._last, shaft]))) * self._shaft_fs
-        if not len(speed) or speed.max() <= self._max_speed:
+            speed = np.diff(np.concatenate([self._last, shaft])) * self._shaft_fs
+        if not len(speed) or max(speed.max(), -speed.min()) <= self._max_speed:
             return
+        speed = np.abs(speed)
         place = int(np.argmax(speed > self._max_speed))
         raise ValueError(
             f"the shaft turns at {speed[place]:.6g} rad/s at "
@@ -149,16 +151,18 @@ class StreamInput:
 
 def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
     """Return finite samples, none or more, of a block that begins at `time`."""
-    empty = isinstance(values, list | tuple | np.ndarray) and len(values) == 0
-    samples = np.empty(0) if empty else check_real_array(values, name)
+    samples = np.empty(0)
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        samples = values
+    elif not isinstance(values, list | tuple | np.ndarray) or len(values):
+        samples = check_real_array(values, name).astype(np.float64, copy=False)
     if samples.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
-    with np.errstate(over="ignore", invalid="ignore"):
-        sum_is_finite = bool(np.isfinite(samples.sum()))  # much faster than to look at each
-    if not sum_is_finite and not np.isfinite(samples).all():
+    # The sum of squares is much faster than to look at each; it may also be too large.
+    if not isfinite(np.dot(samples, samples)) and not np.isfinite(samples).all():
         place = int(np.isfinite(samples).argmin())
         raise ValueError(
             f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
             f"block. {_ON}"
         )
-    return samples.astype(np.float64, copy=False)
+    return samples
