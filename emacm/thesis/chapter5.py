@@ -24,6 +24,7 @@ from emacm.thesis.chapter5_data import (
 )
 from emacm.thesis.chapter5_detection import (
     ALL,
+    as_text_table,
     detection_table,
     detectors,
     draw_detection,
@@ -31,6 +32,7 @@ from emacm.thesis.chapter5_detection import (
     flagged_recordings,
     severity_of_detection,
 )
+from emacm.thesis.chapter5_life import OPTIONS, life_table
 from emacm.thesis.chapter5_trend import trend_table
 from emacm.thesis.findings import Chapter
 
@@ -82,7 +84,7 @@ def reproduce_chapter5(
     chapter.opening = f"{_result(detection)} {_OPENING}"
     chapter.draw("Severity of detection", draw_detection(detection), _CAPTION)
     _compare_rank(chapter, by_unit)
-    chapter.tables["severity of detection"] = detection
+    chapter.tables["severity of detection"] = as_text_table(detection)
     chapter.tables["false alarms of units that set no threshold"] = false_alarms(tested)
     steps = {
         "isolation of the fault: single signals, fusion, cross spectra": fusion_table,
@@ -97,6 +99,10 @@ def reproduce_chapter5(
     chapter.tables["early detection of a growing fault"] = trend_table(
         features, found, extent.trend_runs[0]
     )
+    if extent.life_units is not None:
+        chapter.tables["remaining life of units that wear out"] = life_table(
+            extent.life_units, n_jobs=n_jobs, report=report
+        )
     chapter.remarks += _remarks(extent)
     return chapter
 
@@ -162,7 +168,7 @@ def _compare_rank(chapter: Chapter, by_unit: pd.DataFrame) -> None:
 
 
 def _remarks(extent: Extent5) -> list[str]:
-    return [
+    remarks = [
         f"Isolation: balanced accuracy of eleven classes (healthy and ten faults) on units that "
         f"were not in training, {extent.n_tested} units. Intervals are from a bootstrap over "
         "units. With as few units, differences within the intervals are not established. Equal "
@@ -173,6 +179,14 @@ def _remarks(extent: Extent5) -> list[str]:
         "and the highest.",
         "Growing fault: the baseline is short, so that the chart raises more false alarms than "
         "stated; its rows without a fault count them. The number of runs left is known from the "
-        "simulation. Remaining life is not estimated here: that requires a law of growth, and the "
-        "one of this simulation is assumed.",
+        "simulation.",
     ]
+    if extent.life_units is not None:
+        n_training, n_tested = extent.life_units
+        remarks.append(
+            f"Remaining life: {n_training} training and {n_tested} tested units with a growing "
+            f"spall of the {OPTIONS['fault']}, a reading of {OPTIONS['duration']:g} s each "
+            f"{OPTIONS['interval']:g} h. The law by which damage begins and grows is assumed, and "
+            "the same in training and test: errors on a machine may be much larger."
+        )
+    return remarks

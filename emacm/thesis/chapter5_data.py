@@ -51,6 +51,8 @@ class Extent5(NamedTuple):
         Faults that grow.
     trend_runs : (int, int)
         Healthy runs of the baseline, and runs during which the fault grows.
+    life_units : (int, int), optional
+        Units from new to failed, for training and for test of the remaining life.
     """
 
     n_training: int
@@ -61,9 +63,12 @@ class Extent5(NamedTuple):
     trend_units: int
     trend_faults: tuple[str, ...]
     trend_runs: tuple[int, int]
+    life_units: tuple[int, int] | None = None
 
 
-FULL = Extent5(30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20))
+FULL = Extent5(
+    30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20), (15, 10)
+)
 QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("inner ring",), (8, 10))
 
 

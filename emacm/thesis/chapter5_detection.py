@@ -152,6 +152,13 @@ def as_text(row: pd.Series) -> str:
     return severity if low == high else f"{severity} ({low} to {high})"
 
 
+def as_text_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a `detection_table` as text: one row per fault, one column per signal."""
+    names, signals = (list(dict.fromkeys(table.index.get_level_values(k))) for k in (0, 1))
+    texts = table.apply(as_text, axis=1).unstack("signal")
+    return texts.loc[names, signals].rename_axis(columns=None)
+
+
 def draw_detection(table: pd.DataFrame) -> Any:
     """Draw the severities of detection as a table of coloured cells.
 

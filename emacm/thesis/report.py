@@ -28,6 +28,7 @@ _TITLE = "Reproduction of the thesis by emacm"
 _DPI = 110
 _MAX_ROWS = 40  # longer tables are shortened in the page
 _FEW_ROWS = 8
+_UNDIVIDED = 20  # tables up to this number of rows are not divided in print
 _HEADS = [
     "where", "kind", "published", "ours (median)", "range of ours", "draws",
     "probability of a miss", "agrees by range", "by median", "method, reason",
@@ -62,10 +63,18 @@ td.no { background: #fbe9dd; font-weight: bold; }
 figure { margin: 1.5rem 0; break-inside: avoid; }
 img { max-width: 100%; height: auto; }
 figcaption { font-size: 0.9rem; }
+.findings td:last-child { min-width: 14rem; }
+@media (max-width: 40rem) {
+  body { margin: 1rem auto; font-size: 15px; }
+  h1 { font-size: 1.5rem; }  h2 { font-size: 1.2rem; }
+}
 @media print {
   body { margin: 0; max-width: none; font-size: 10pt; }
   .wide { overflow-x: visible; }
   table { font-size: 6.5pt; }
+  .findings td:last-child { min-width: 0; }  .short { break-inside: avoid; }
+  caption { break-after: avoid; }
+  img { max-height: 20cm; }
   thead { display: table-header-group; }
   tr { break-inside: avoid; }
   h2 { break-before: page; }
@@ -282,6 +291,7 @@ def _findings(findings: Sequence[Finding]) -> str:
         for f in findings
     ]
     page = _html_table(pd.DataFrame(rows, columns=_HEADS), "Published figures and ours")
+    page = page.replace('class="wide', 'class="wide findings', 1)
     return page.replace("<td>no</td>", '<td class="no">no</td>')
 
 
@@ -289,7 +299,8 @@ def _html_table(table: pd.DataFrame, caption: str) -> str:
     with pd.option_context("display.max_colwidth", None):  # the default shortens cells
         page = table.map(_cell).to_html(index=False, border=0, justify="left")
     head, body = page.split(">", 1)
-    return f'<div class="wide">{head}>\n<caption>{escape(caption)}</caption>{body}</div>'
+    kind = "wide short" if len(table) <= _UNDIVIDED else "wide"  # in print
+    return f'<div class="{kind}">{head}>\n<caption>{escape(caption)}</caption>{body}</div>'
 
 
 def _cell(value: Any) -> str:

@@ -18,6 +18,7 @@ from emacm.thesis.chapter5_detection import (
     flagged_recordings,
     severity_of_detection,
 )
+from emacm.thesis.chapter5_life import _at, life_table
 from emacm.thesis.chapter5_trend import trend_table
 
 SHIFT = {"velocity": 9.0, "current_a": 30.0}  # standard deviations at severity 1, of one bin
@@ -134,13 +135,31 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     lines = []
     chapter = reproduce_chapter5(quick=True, report=lines.append)
     detection = chapter.tables["severity of detection"]
-    assert set(detection.index) == {(f, s) for f in FAULTS for s in (*SIGNALS.values(), ALL)}
+    assert detection.index.tolist() == list(FAULTS)
+    assert detection.columns.tolist() == [*SIGNALS.values(), ALL]
     # An unequal phase is an electrical fault: neither position nor vibration shows it first.
-    current = detection.loc[("phase imbalance", "Current"), "severity"]
-    assert current < detection.loc[("phase imbalance", "LVDT"), "severity"]
-    assert np.isfinite(detection.loc[("jam", "Current"), "severity"])
+    assert detection.loc["phase imbalance", "LVDT"].startswith("–")
+    assert float(detection.loc["phase imbalance", "Current"].split()[0]) <= 1
+    assert float(detection.loc["jam", "Current"].split()[0]) <= 1
     assert len(chapter.tables) == 6
     assert set(chapter.figures) == set(chapter.captions) == {"Severity of detection"}
     (finding,) = chapter.findings
     assert (finding.kind, finding.published, finding.draws) == ("random", 1.0, QUICK.n_tested)
     assert any("recordings" in line for line in lines)
+
+
+def test_the_reading_at_a_fraction_of_the_life_is_the_last_before_it():
+    table = pd.DataFrame(
+        {"unit": [3, 3, 3, 8, 8], "age": [0.0, 20, 40, 0, 20], "life": [50.0, 50, 50, 39, 39]}
+    )
+    assert _at(table, 0.5)[["unit", "age"]].to_numpy().tolist() == [[3, 20], [8, 0]]
+
+
+@pytest.mark.slow
+def test_shortly_before_the_failure_the_health_index_is_better_than_the_age():
+    lines = []
+    table = life_table((10, 3), report=lines.append)
+    late = table.loc["90% of the life"]
+    assert late.iloc[0] < late.iloc[1]
+    assert table["covered [%]"].between(0, 100).all()
+    assert lines[0].endswith("readings of 13 units that wear out")

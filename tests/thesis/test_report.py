@@ -208,6 +208,18 @@ def test_each_finding_is_a_row_of_the_page_and_says_whether_it_agrees(tmp_path):
     assert not re.search(r'class="no">(?!no<)', text)
 
 
+def test_short_tables_are_not_divided_in_print(tmp_path):
+    chapter = small_chapter()
+    chapter.tables = {"few": pd.DataFrame({"n": range(20)}), "many": pd.DataFrame({"n": range(21)})}
+    write(tmp_path, chapter)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for name, undivided in (("few", True), ("many", False)):
+        opening = text[: text.index(f"<caption>{name}")].rpartition("<div class=")[2]
+        assert opening.startswith('"wide short"') == undivided
+    assert "@media print" in text
+    assert "break-inside: avoid" in text
+
+
 def test_long_cells_are_not_shortened(tmp_path):
     chapter = Chapter(2, "Words")
     chapter.compare("Table 1", 1.0, 1.0, "a note of " + 40 * "many words " + "end", kind="input")
