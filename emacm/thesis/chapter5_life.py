@@ -40,7 +40,8 @@ def life_table(
     Parameters
     ----------
     n_units : (int, int)
-        Training units, at least 9, and tested units.
+        Training units and tested units. At least 9 training units must have two readings after the
+        onset of damage; 15 are enough.
     n_jobs : int, optional
         Number of processes.
     report : callable, optional
