@@ -18,7 +18,7 @@ of half the time change most bins by -2.6 dB, less than two standard deviations;
 four in ten of them, but `OrderResampler` warns of all (constant stretches).
 
 The constants of typicality were chosen by leaving runs out within runs 1 to 4 and on simulated
-machines; runs 5 to 7 were evaluated six times meanwhile, for earlier variants too.
+machines; runs 5 to 7 were evaluated eight times meanwhile, for earlier variants too.
 
     python benchmarks/unknown.py [--data FILE] [--quick]
 """

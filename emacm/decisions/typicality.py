@@ -36,12 +36,12 @@ _BLOCK = 256  # recordings at a time, whose intermediate results stay in the cac
 # within runs 1 to 4 of a real actuator (benchmarks/unknown.py): a deviation outside the
 # discriminant space counts half, that of a single feature only if it is extreme.
 _SLOPES = np.array([1.0, 0.5, 1.5])
-_OFFSETS = np.array([0.0, 0.0, 6.0])
+_OFFSETS = np.array([0.0, 0.0, 8.0])
 # Expected mean excess of each log distance and of the combined one, and the number of peaks that
 # it counts as: usual values of simulated machines (120 recordings of 60 units). With 12 units of
 # two recordings, the mean excess of the 5 peaks alone was 0.02 to 1.7.
 _EXPECTED = 0.5, 0.15, 0.2
-_N_EXPECTED = 10.0
+_N_EXPECTED = 5.0
 _EXPECTED_COMBINED = 0.85
 _N_MODERATING = 3.0  # degrees of freedom of the expected variance of a feature
 

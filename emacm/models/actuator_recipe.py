@@ -72,7 +72,7 @@ def actuator_recipe(
         measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
         passes them; without groups, single recordings are left out, with a warning that
         near-duplicates make the model over-confident. None, for both, is the method of the thesis.
-        With fewer than four groups of each class, a new spectral line, and with two also a channel
+        With fewer than six groups of each class, a new spectral line, and with two also a channel
         without a signal, may still be given a class.
     revolutions : float
         Length of a segment of the spectra, and the inverse of the bin width. Short segments give
