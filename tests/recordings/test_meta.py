@@ -132,3 +132,9 @@ def test_an_array_is_not_split_with_the_recordings():
 )
 def test_rows_are_chosen_from_any_sequence(values):
     assert list(chosen_rows(values, np.array([2, 0]))) == ["c", "a"]
+
+
+def test_labels_may_be_numbers_of_several_types():
+    assert read_grouping([7, 2.5, 3], FLEET, "runs", "run").labels.tolist() == [7, 2.5, 3]
+    with pytest.raises(TypeError, match="runs must hold labels of one kind, got int, str"):
+        read_grouping([7, "a", 3], FLEET, "runs", "run")
