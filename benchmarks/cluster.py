@@ -188,7 +188,8 @@ def main() -> None:
             row[title] = f"{row[title] / first[title]:.2f}"
     print(header())
     print(
-        "Time of a search of 24 fits, 1 process = 1; 2 channels and speed at 12 kHz; time of an empty task"
+        "Time of a search of 24 fits, 1 process = 1; 2 channels and speed at 12 kHz; "
+        "time of an empty task"
     )
     print(table(rows))
     write_json(options.json, rows)

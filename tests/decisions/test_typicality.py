@@ -177,4 +177,4 @@ def test_variances_are_moderated_by_three_degrees_of_freedom():
     within, between = gaussians.covariances[0].diagonal(), gaussians.means.var(axis=0)
     expected = (within / (within + between)).mean() * (within + between)
     moderated = (9 * within + 3 * expected) / 12  # 4 groups in 3 classes: 9 degrees of freedom
-    assert_allclose(fit(X, codes, groups).distances.deviations**2, moderated)
+    assert_allclose(fit(X, codes, groups).distances.deviations ** 2, moderated)

@@ -75,7 +75,9 @@ def test_inspection_is_decided_where_it_is_cheaper():
     decided = model.predict(nearly_known).tolist()
     changes = [a for a, b in zip(decided, [None, *decided], strict=False) if a != b]
     assert changes[-2:] == ["inspect", "unknown"]
-    assert "unknown" not in fitted(cost=inspect | {("inspect", "unknown"): 0.0}).predict(nearly_known)
+    assert "unknown" not in fitted(cost=inspect | {("inspect", "unknown"): 0.0}).predict(
+        nearly_known
+    )
 
 
 def test_the_risk_is_the_cost_weighted_by_all_truths():

@@ -773,7 +773,9 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
             return super().fit(X, y, sample_weight, groups)
 
     options = {"runs": runs} | ({"units": units} if given == "both" else {})
-    product = PosteriorProduct([("a", OfUnits()), ("b", make_pipeline(StandardScaler(), OfUnits()))])
+    product = PosteriorProduct(
+        [("a", OfUnits()), ("b", make_pipeline(StandardScaler(), OfUnits()))]
+    )
     for model in (make_pipeline(StandardScaler(), OfUnits()), product):
         evaluate(model, X, y, **options, n_splits=2)
     assert set(seen) == {expected}
