@@ -4,7 +4,7 @@ Each machine has 5 channels and the velocity of its shaft at 48 kHz, in blocks o
 readings are of 320 revolutions, in 50 order bins, decided on by a Gaussian classifier. Speed is the
 signal time over the processor time, which is the number of machines that one core follows in real
 time. Latency is the time from the last samples of a reading to its decision. Memory is counted by
-tracemalloc after two readings, and is that of a state. Run from the repository, with one thread of
+tracemalloc over 3 s, and is that of a state. Run from the repository, with one thread of
 the linear algebra:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/monitor.py [--quick] [--json FILE]
@@ -99,7 +99,7 @@ def memory(model: Pipeline, n_machines: int) -> dict[str, float]:
     before = tracemalloc.get_traced_memory()[0]
     monitors = fleet(model, n_machines)
     most, largest = 0, 0
-    for k in range(0, 80 if n_machines <= 10 else 12):
+    for k in range(30):
         part = slice(k % 10 * BLOCK, (k % 10 + 1) * BLOCK)
         for monitor in monitors:
             monitor.push(signals[:, part], velocity=velocity[part])
