@@ -80,14 +80,16 @@ def nothing() -> None:
 
 
 def count_sent_bytes() -> None:
-    """Count what this process sends by any connection of Dask."""
+    """Count what this process sends by any connection of Dask, except heartbeats."""
     from distributed.comm.tcp import TCP
 
     TCP.sent, write = 0, TCP.write
 
-    async def counted(self: Any, *args: Any, **options: Any) -> int:
-        n_bytes = await write(self, *args, **options)
-        TCP.sent += n_bytes
+    async def counted(self: Any, message: Any, *args: Any, **options: Any) -> int:
+        n_bytes = await write(self, message, *args, **options)
+        parts = message if isinstance(message, list | tuple) else [message]
+        if not all(isinstance(p, dict) and "heartbeat" in str(p.get("op")) for p in parts):
+            TCP.sent += n_bytes
         return n_bytes
 
     TCP.write = counted

@@ -6,7 +6,9 @@ One file of 3 s at 12 kHz (vibration and speed, float32, 288 kB) is written 100 
 noise, and linked under 10,000 names, so that the disk holds 29 MB. `emacm score` runs in a process
 of its own; its CPU time is that of the system (user and system), its memory the largest resident
 set (Linux). The time of a run on one file (imports, model) is subtracted. Once for each
-implementation of the inner loops: numba takes 100 MB when it is loaded.
+implementation of the inner loops: numba takes 100 MB when it is loaded. The limit of memory holds
+where emacm is installed with the extras fast and models: pandas loads pyarrow (40 MB) and skops
+loads pytest and dask (20 MB) where they are installed.
 """
 
 from __future__ import annotations
