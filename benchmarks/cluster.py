@@ -3,8 +3,10 @@
 The recordings are files that the workers read. For short and long recordings, the time of a
 search relative to one process, and for Dask what all processes sent, relative to the size of the
 files; then the time of a task that does nothing. A cluster on one computer has no more cores than
-processes have: what it costs beside "2 processes" is the cost of the cluster. Run from the
-repository; without the packages distributed and ray, their rows are missing:
+processes have: what it costs beside "2 processes" is the cost of the cluster. A fit sends some
+40 kB, whatever the length of the recordings. It pays where a fit takes much longer than a task that
+does nothing, and where the files are stored elsewhere or one computer has too few cores. Run from
+the repository; without the packages distributed and ray, their rows are missing:
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/cluster.py [--quick] [--json FILE]
 """
@@ -189,10 +191,8 @@ def main() -> None:
             del row[f"scores {title}"]
             row[title] = f"{row[title] / first[title]:.2f}"
     print(header())
-    print(
-        "Time of a search of 24 fits, 1 process = 1; 2 channels and speed at 12 kHz; "
-        "time of an empty task"
-    )
+    print("Time of a search of 24 fits on 2 channels and speed at 12 kHz, 1 process = 1;")
+    print("what Dask sent, relative to the files; time of a task that does nothing")
     print(table(rows))
     write_json(options.json, rows)
 
