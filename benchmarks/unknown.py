@@ -11,9 +11,9 @@ scikit-learn's `CalibratedClassifierCV`.
 
 Of the simulated kinds, those that stay below 0.95 fall into bins that scatter: lines at order 4.4
 of the current lie beside its electrical fundamental at order 4 (a bin with a scatter of 3.9 dB,
-raised by 18 dB at most), lines at order 9.4 beside that of the screw at order 9.06 (a scatter of 2 to
-2.5 dB, raised by 3.4 dB with the amplitude of the screw's line). Crosstalk of the current to the
-accelerometer, and drop-outs of half the time, change many bins by little.
+raised by 18 dB at most), lines at order 9.4 beside that of the screw at order 9.06 (a scatter of
+2 to 2.5 dB, raised by 3.4 dB with the amplitude of the screw's line). Crosstalk of the current to
+the accelerometer, and drop-outs of half the time, change many bins by little.
 
 The constants of typicality were chosen by leaving runs out within runs 1 to 4 and on simulated
 machines; runs 5 to 7 were evaluated eight times meanwhile, for earlier variants too.
