@@ -207,7 +207,7 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
 
     Examples
     --------
-    >>> stated_rates(FileColumns({"b": np.zeros(3)}, numbers={"fs": 25.0}))
+    >>> stated_rates(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}))
     {'b': 25.0}
     """
     rates: dict[str, float] = {}

@@ -54,7 +54,7 @@ def voltage_free_speed(actuator: Actuator, current: float) -> float:
     Examples
     --------
     >>> round(voltage_free_speed(Actuator(), 10.0))
-    389
+    381
     """
     left = VOLTAGE_RESERVE * VOLTAGE_LIMIT - actuator.winding_resistance * current
     per_speed = actuator.emf_constant + POLE_PAIRS * actuator.winding_inductance * current
@@ -79,7 +79,7 @@ def torque_limiter(actuator: Actuator) -> Callable[[float, float], float]:
     --------
     >>> within_limits = torque_limiter(Actuator())
     >>> [round(within_limits(30.0, speed) / Actuator().torque_constant, 1) for speed in (0, 460)]
-    [40.0, 13.4]
+    [40.0, 10.9]
     """
     constant, most = actuator.torque_constant, actuator.max_torque
     emf_constant, resistance = actuator.emf_constant, actuator.winding_resistance

@@ -214,7 +214,7 @@ def rod_position(
     >>> force = np.where(np.arange(9600) < 4800, 100.0, -100.0)
     >>> position, knocks = rod_position(angle, force, Actuator(), 1.0, 48_000)
     >>> position[[0, -1]].round(3), knocks
-    (array([0.195, 0.205]), array([4800]))
+    (array([0.152, 0.163]), array([4800]))
     """
     position = angle / actuator.angle_per_inch - force * POUND / actuator.stiffness / INCH
     if not backlash:

@@ -144,7 +144,7 @@ def phase_currents(
     Examples
     --------
     >>> quarter = np.array([np.pi / 2 / POLE_PAIRS])
-    >>> phase_currents(np.array([6.7]), quarter, Actuator(), {}).round(1).ravel()
+    >>> phase_currents(np.array([5.28]), quarter, Actuator(), {}).round(1).ravel()
     array([-10.,   5.,   5.])
     """
     length = torque / actuator.torque_constant

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes
@@ -191,7 +192,8 @@ def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):
     assert unknown not in {to_hex(patches[n].get_facecolor()) for n in ("inspect", "healthy")}
     drawn = areas(ax)[display.decisions.index("novel")]
     for x, y in [(display.first[-2], display.second[-2]), (0.0, 100.0), tuple(points[0])]:
-        inside = any(path.contains_point((x, y)) for path in drawn.get_paths())
+        rings = [Path(ring) for path in drawn.get_paths() for ring in path.to_polygons()]
+        inside = sum(ring.contains_point((x, y)) for ring in rings) % 2  # a hole has two rings
         assert inside == (model.predict([[x, y]])[0] == "novel")
     assert model.predict([[display.first[-2], display.second[-2]]])[0] == "novel"
 
