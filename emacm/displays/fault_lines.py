@@ -86,7 +86,7 @@ class FaultLinesDisplay(Display):
             if name not in known:
                 raise ValueError(f"faults names {name!r}; those of the parts are {known}.")
         self._series = [f for f in series if self.faults is None or f.name in self.faults]
-        self._levels = LineLevels(self.orders, self._series, self.slip, 0.5)
+        self._levels = LineLevels(self.orders, self._series, self.slip, 0.5, without_shaft=True)
 
     @classmethod
     def from_recording(

@@ -129,6 +129,9 @@ class LineLevels:
     background : float
         The background of a line is the median of the spectrum within this distance [orders] on
         either side.
+    without_shaft : bool, default=False
+        Lines at whole orders do not count for rolling elements, unless they are predicted there:
+        for naming faults. Without it, the level is the same for any slip.
 
     Raises
     ------
@@ -142,6 +145,8 @@ class LineLevels:
         series: Sequence[FaultSeries],
         slip: float,
         background: float,
+        *,
+        without_shaft: bool = False,
     ) -> None:
         self.orders = np.asarray(orders, dtype=np.float64)
         self.series = tuple(series)
@@ -159,6 +164,7 @@ class LineLevels:
             )
         self._places = [self._grid(fault) for fault in self.series]
         self._of_shaft = self._from_whole(self.orders) < 1.5 * self._step
+        self._without_shaft = without_shaft
         self._drawn: dict[float, Array] = {}
 
     def _grid(self, fault: FaultSeries) -> tuple[Array, NDArray[np.intp]]:
@@ -180,7 +186,7 @@ class LineLevels:
     def _apart_from_shaft(self, fault: FaultSeries) -> NDArray[np.bool_]:
         """Return which lines of a series cannot be harmonics of the shaft."""
         distance = self._from_whole(np.array(fault.orders))
-        if not fault.slips or distance[0] < 1.5 * self._step:
+        if not (self._without_shaft and fault.slips) or distance[0] < 1.5 * self._step:
             return np.zeros(len(distance), bool)
         return np.asarray(distance > 0.5 * self._step)
 
@@ -223,7 +229,7 @@ class LineLevels:
             Height of each line of each series at that slip [dB].
         """
         heights = self.heights(psd)
-        # Rolling elements are not synchronous with the shaft: what is at a whole order is not
+        # Rolling elements are not synchronous with the shaft: what is at a whole order may not be
         # theirs, even within the range of slip, unless it is predicted there.
         peaks = np.stack([_peaks(heights), _peaks(heights, self._of_shaft)])
         rows = np.arange(len(psd))

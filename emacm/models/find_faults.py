@@ -226,7 +226,7 @@ def _line_levels(
     orders: tuple[float, ...], series: tuple[FaultSeries, ...], slip: float
 ) -> LineLevels:
     """Return the measurement for an order axis, with the backgrounds it has simulated."""
-    return LineLevels(np.array(orders), series, slip, _BACKGROUND)
+    return LineLevels(np.array(orders), series, slip, _BACKGROUND, without_shaft=True)
 
 
 def _scores(found: list[_Measured], series: Sequence[FaultSeries]) -> pd.DataFrame:

@@ -202,7 +202,9 @@ def _above_background(
             continue
         inside = tuple(order for order in orders if order < (1 - SLIP) * block.orders[-1])
         try:
-            lines = LineLevels(block.orders, [replace(fault, orders=inside)], SLIP, _BACKGROUND)
+            lines = LineLevels(
+                block.orders, [replace(fault, orders=inside)], SLIP, _BACKGROUND, without_shaft=True
+            )
         except (ValueError, IndexError):  # too coarse, or no line inside
             return True
         heights = lines.measure(spectra.to_numpy()[:, block.columns])[2]

@@ -50,6 +50,7 @@ def test_a_ball_shows_at_even_multiples_of_its_spin():
 @given(st.floats(-0.019, 0.019), st.floats(1e-6, 1e6))
 @example(0.0, 1e6)
 @example(-0.019, 1e-6)
+@example(0.015625, 1.0)  # the second line at order 11
 def test_neither_slip_nor_gain_changes_the_level(slip, gain):
     lines = [5.415215 * (1 + slip) * k for k in (1, 2, 3)]
     assert levels(gain * spectrum(lines))["vibration@BPFI"][0] == pytest.approx(20)
