@@ -88,7 +88,7 @@ class StudentTail:
         degrees = self.peaks.n_peaks + N_EXPECTED
         at, mean = _upper_fifth(degrees)
         excess = (values[beyond] - self.peaks.threshold) / self.peaks.mean_excess
-        tail = stdtr(degrees, -(at + mean * excess)) / _TAIL
+        tail = np.minimum(stdtr(degrees, -(at + mean * excess)) / _TAIL, 1.0)  # 1 but for rounding
         found[beyond] = (self.peaks.n_peaks + 1) / total * tail
         return found
 

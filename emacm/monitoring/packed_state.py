@@ -29,7 +29,7 @@ def packed(state: dict[str, Any]) -> bytes:
     {'values': [array(1.5), {'name': array('current', dtype='<U7'), 'none': {}}]}
     """
     stream = BytesIO()
-    np.savez(stream, allow_pickle=False, **_flat(state, ""))
+    np.savez(stream, **_flat(state, ""))
     return stream.getvalue()
 
 
@@ -65,7 +65,10 @@ def _flat(value: Any, path: str) -> dict[str, Any]:
     if isinstance(value, list | tuple):
         value = {f"#{i}": item for i, item in enumerate(value)} or {"#": np.empty(0)}
     if not isinstance(value, dict):
-        return {path: np.asarray(value)}
+        array = np.asarray(value)
+        if array.dtype.hasobject:  # would be stored as code
+            raise TypeError(f"a state holds arrays, numbers and texts, got {value!r} at {path!r}.")
+        return {path: array}
     flat: dict[str, Any] = {} if value else {f"{path}/{_EMPTY}": np.empty(0)}
     for name, item in value.items():
         flat |= _flat(item, f"{path}/{name}" if path else str(name))

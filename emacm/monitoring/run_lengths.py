@@ -23,6 +23,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 _LEAST_NODES = 40
+_LONGEST = 1e12  # readings; above, the equations are singular in double precision
 _NODES_PER_WIDTH = 4  # of the kernel; the error of the quadrature is then below 1e-6
 _MOST_NODES = 2000
 LONGEST = 1e9  # readings; a limit with a longer average run length is of no use
@@ -43,7 +44,8 @@ def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
     Returns
     -------
     float
-        Mean number of readings until the alarm, starting at the mean of the baseline.
+        Mean number of readings until the alarm, starting at the mean of the baseline; infinite
+        from 1e12 on, which cannot be computed.
 
     Examples
     --------
@@ -74,7 +76,8 @@ def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> floa
     Returns
     -------
     float
-        Mean number of readings until the alarm, starting at a sum of 0.
+        Mean number of readings until the alarm, starting at a sum of 0; infinite from 1e12 on,
+        which cannot be computed.
 
     Examples
     --------
@@ -87,7 +90,7 @@ def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> floa
     kernel = norm.pdf(nodes - starts[:, np.newaxis] + step) * weights
     at_zero = norm.cdf(step - starts)  # probability that the next sum is 0
     full = np.column_stack([kernel, at_zero])
-    return float(np.linalg.solve(np.eye(len(full)) - full, np.ones(len(full)))[-1])
+    return _resolved(float(_lengths(full)[-1]))
 
 
 def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> float:
@@ -111,7 +114,7 @@ def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> fl
         )
     while run_length(high) < arl:
         high *= 1.5
-    return float(brentq(lambda x: np.log(run_length(x) / arl), low, high, xtol=1e-9))
+    return float(brentq(lambda x: np.log(min(run_length(x), _LONGEST) / arl), low, high, xtol=1e-9))
 
 
 def _nodes(low: float, high: float, width: float) -> tuple[np.ndarray, np.ndarray]:
@@ -123,5 +126,16 @@ def _nodes(low: float, high: float, width: float) -> tuple[np.ndarray, np.ndarra
 
 
 def _solved(kernel: np.ndarray, from_start: np.ndarray) -> float:
-    lengths = np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
-    return float(1 + from_start @ lengths)
+    return _resolved(float(1 + from_start @ _lengths(kernel)))
+
+
+def _lengths(kernel: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
+    except np.linalg.LinAlgError:  # no alarm within double precision
+        return np.full(len(kernel), np.inf)
+
+
+def _resolved(length: float) -> float:
+    """Return a run length; infinite where the probability of an alarm is lost in rounding."""
+    return length if 0 < length < _LONGEST else np.inf

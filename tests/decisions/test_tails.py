@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
@@ -52,6 +52,7 @@ def test_few_peaks_near_the_threshold_do_not_make_the_tail_short():
 
 
 @given(values=VALUES, at=st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=10))
+@example(values=[-2.2250738585e-313], at=[0.0, 0.0])
 def test_survival_lies_in_0_to_1_and_never_rises(values, at):
     survival = student_tail(np.array(values), np.ones(len(values))).survival(np.sort(at))
     assert (survival <= 1).all()

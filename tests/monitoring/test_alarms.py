@@ -124,6 +124,11 @@ def test_a_small_baseline_gives_a_nominal_run_length_and_says_so():
     assert EWMA().fit(rng.standard_normal((100, 1)), groups=units).run_length_.kind == "nominal"
 
 
+def test_a_run_length_lost_in_rounding_is_infinite():
+    assert np.isinf(EWMA(1.0, limit=8.0).arl(0.0))
+    assert np.isinf(CUSUM(0.5, limit=40.0).arl(0.0))
+
+
 def test_a_run_length_too_long_to_simulate_is_a_lower_limit():
     found = EWMA(1.0, limit=8.0).fit(np.random.default_rng(0).uniform(size=(300, 1))).run_length_
     assert found.kind == "at least"
