@@ -79,6 +79,25 @@ def _add_train(commands: Any) -> None:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    """Add the files that a command reads, and their layout."""
+    parser.add_argument(
+        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
+    )
+    parser.add_argument(
+        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
+    )
+
+
+def _add_time(parser: argparse.ArgumentParser) -> None:
+    """Add where the time of a recording is."""
+    parser.add_argument(
+        "--time",
+        metavar="KEY",
+        help="key of meta with the time of a recording (default: when its file was written)",
+    )
+
+
 def _add_extent(parser: argparse.ArgumentParser) -> None:
     """Add the range of the order spectra."""
     for name, meaning in (
@@ -110,12 +129,7 @@ def _add_score(commands: Any) -> None:
     )
     parser.set_defaults(run=_run_later("score"))
     parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
-    parser.add_argument(
-        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
-    )
-    parser.add_argument(
-        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
-    )
+    _add_files(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -155,12 +169,7 @@ def _add_report(commands: Any) -> None:
     )
     parser.set_defaults(run=_run_later("report"))
     parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
-    parser.add_argument(
-        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
-    )
-    parser.add_argument(
-        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
-    )
+    _add_files(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -193,11 +202,7 @@ def _add_report_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unit", metavar="KEY", help="key of meta with the unit, for 'since when' in reports"
     )
-    parser.add_argument(
-        "--time",
-        metavar="KEY",
-        help="key of meta with the time of a recording (default: when its file was written)",
-    )
+    _add_time(parser)
 
 
 def _add_trend(commands: Any) -> None:
@@ -210,12 +215,7 @@ def _add_trend(commands: Any) -> None:
     )
     parser.set_defaults(run=_run_later("trend"))
     parser.add_argument("healthy", metavar="HEALTHY", type=Path, help="folder of healthy files")
-    parser.add_argument(
-        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
-    )
-    parser.add_argument(
-        "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
-    )
+    _add_files(parser)
     parser.add_argument(
         "--groups",
         required=True,
@@ -223,11 +223,7 @@ def _add_trend(commands: Any) -> None:
         help="key of meta with the run of a healthy file; whole ones are left out for the limit",
     )
     parser.add_argument("--unit", metavar="KEY", help="key of meta with the unit")
-    parser.add_argument(
-        "--time",
-        metavar="KEY",
-        help="key of meta with the time of a recording (default: when its file was written)",
-    )
+    _add_time(parser)
     parser.add_argument(
         "--false-alarm",
         type=float,

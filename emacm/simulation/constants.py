@@ -26,6 +26,7 @@ MAINS_LINES = ((60.0, 1.0), (180.0, 0.4), (300.0, 0.2))  # frequency [Hz], relat
 CARRIER_PICKUP = {"lvdt": 2e-3, "velocity": 3e-3, "accelerometer": 1e-3, "load": 1e-3}
 RANGE, BITS = 10.0, 16  # range [V] and resolution of the converter
 FILTER_ORDER = 4  # Butterworth conditioning filter
+SHORT_RUN_CUTOFF = 0.375  # of that filter at low rates, relative to the sampling rate
 SHAFT_DECIMATION = 10  # samples of the channels per sample of the shaft angle
 RESOLVER_NOISE = 5e-5  # RMS relative to the amplitude: 14 bits
 # Orders of the error of the resolver, and amplitudes relative to `Actuator.resolver_error`:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.constants import SHORT_RUN_CUTOFF
 
 STATES = ("healthy", "screw", "inner ring")
-_CUTOFF = 0.375  # of the conditioning filter, relative to the sampling rate
 _UNITS_OF_A_STATE = 1_000_000  # numbers of units that are reserved for each state
 
 
@@ -67,7 +67,7 @@ def simulate_actuator(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     faults = {} if state == "healthy" else {state: severity}
     bench = LaboratoryBench(
-        unit=unit, faults=faults, duration=duration, fs=fs, cutoff=_CUTOFF * fs, seed=seed
+        unit=unit, faults=faults, duration=duration, fs=fs, cutoff=SHORT_RUN_CUTOFF * fs, seed=seed
     )
     return bench.record(condition, run)
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.constants import SHORT_RUN_CUTOFF
 from emacm.simulation.faults import FAULTS
 
 Array = NDArray[np.float64]
 
 _STEPS = 64  # of the simulated law, per time between two readings
 _LONGEST = 20.0  # times the mean duration of damage, after which a unit is given up
-_CUTOFF = 0.375  # of the conditioning filter, relative to the sampling rate
 
 
 class UnitLife(NamedTuple):
@@ -231,7 +231,7 @@ def run_to_failure_fleet(
                 faults={fault: float(severity)},
                 duration=duration,
                 fs=fs,
-                cutoff=_CUTOFF * fs,
+                cutoff=SHORT_RUN_CUTOFF * fs,
                 seed=seed,
                 life={
                     "age": float(age),
