@@ -37,13 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with _signals_as_interruption():
             return options.run(options) or 0
     except (ImportError, OSError, TypeError, ValueError) as error:
-        print(f"emacm: {error}", file=sys.stderr)
+        print(f"emacm: {_stated(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         _end_workers()
         end_of_progress = "\n" if sys.stderr.isatty() else ""
         print(f"{end_of_progress}emacm: interrupted.", file=sys.stderr)
         return _INTERRUPTED
+
+
+def _stated(error: Exception) -> str:
+    """Return the message of an error; that of the operating system in words."""
+    if isinstance(error, FileNotFoundError) and error.filename is not None:
+        return f"there is no file {str(error.filename)!r}."
+    return str(error)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -58,7 +58,8 @@ def description(page: Page) -> str:
     """Return the picture in words."""
     block, parts = _spectrum_block(page), []
     if block is not None:
-        parts.append(f"order spectrum of {channel_name(block.channel)} with predicted lines")
+        lines = "" if page.parts is None else " with predicted lines"
+        parts.append(f"order spectrum of {channel_name(block.channel)}{lines}")
     if _bars(page) is not None:
         parts.append(f"deviations from {page.reference}")
     return " and ".join(parts)

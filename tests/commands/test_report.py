@@ -186,3 +186,8 @@ def test_results_of_all_types_are_read(tmp_path):
     table[["decision"]].to_csv(tmp_path / "u.csv", index=False)
     with pytest.raises(ValueError, match="not a table of emacm score"):
         read_results(tmp_path / "u.csv")
+
+
+def test_a_missing_table_of_actions_is_named(here, capsys):
+    assert run("report", "--actions", "actoins.toml") == 2
+    assert capsys.readouterr().err == "emacm: there is no file 'actoins.toml'.\n"
