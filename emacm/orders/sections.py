@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
 Section = tuple[NDArray[np.floating], int, int]
 
-_SECTION_BYTES = 1 << 19  # of the segments of a section
+_SECTION_BYTES = 1 << 19  # of the transforms of a section
+# Longer segments: a few pairs of them, if this suffices, as each section takes about 50 us besides.
+_FEW_PAIRS, _LONG_SECTION_BYTES = 3, 1 << 20
 
 
 def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Section]:
@@ -51,7 +53,9 @@ class SectionCutter:
     def add(self, block: NDArray[np.floating]) -> Iterator[Section]:
         """Yield the sections that are complete with the next samples."""
         # An even number, as two segments may be transformed together.
-        n_segments = 2 * max(1, _SECTION_BYTES // (16 * self._length * len(block)))
+        n_bytes = 16 * self._length * len(block)
+        few = min(_FEW_PAIRS, _LONG_SECTION_BYTES // n_bytes)
+        n_segments = 2 * max(1, few, _SECTION_BYTES // n_bytes)
         onward = n_segments * self._step
         whole, n_rest = onward - self._step + self._length, self._n_rest
         n_complete = (n_rest + block.shape[1] - whole) // onward + 1
