@@ -36,7 +36,7 @@ from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe
 
 FINDING = {("emacm.shaft.strokes", "strokes_of")}
 RESAMPLING = {
-    ("emacm.resampling.spreading", "spread_rows"),
+    ("emacm.resampling.spreading", "outputs"),
     ("emacm.resampling.interpolation", "interpolated"),
 }
 

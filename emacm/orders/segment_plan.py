@@ -23,6 +23,8 @@ from emacm.shaft.motion import blocks as blocks_of
 
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
+# Signals that are averaged together: place in the result, what to call one, and their lengths.
+_Part = tuple[tuple[Any, int], str, list[Signal], list[int]]
 
 _LEAST_POWER = 1e-290  # below, float64 loses digits
 _LEAST_RANGE = 1e-140  # of a signal whose power is above that
@@ -115,37 +117,25 @@ class SegmentPlan:
             If no stroke (`by_direction`: of one direction) is as long as a segment, or powers of a
             channel are outside the range of float64.
         """
+        parts: Iterable[_Part]
         with np.errstate(over="ignore", invalid="ignore"):
             if isinstance(row, np.ndarray):
-                powers = self._spectrum([[row[np.newaxis]]], [len(row)], "row")
+                parts, shape = [((0, 0), "row", [[row[np.newaxis]]], [len(row)])], (1, 1)
             else:
                 kinds = row.strokes_by_kind(self.by_direction)
-                spectra = [self._stroke_spectrum(row, *strokes) for strokes in kinds]
-                powers = np.stack(spectra, axis=1) if self.by_direction else spectra[0]
+                parts, shape = _parts_of(row, kinds), (len(row.channels), len(kinds))
+            powers = np.empty((*shape, self.n_orders))
+            for place, kind, signals, lengths in parts:
+                long = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
+                if long:
+                    powers[place] = self.average_of(long)
+                elif self.short == "pad" and max(lengths, default=0) > 1:
+                    joined = (np.concatenate(list(blocks), axis=1) for blocks in signals)
+                    powers[place] = self.padded(joined)
+                else:
+                    raise too_short(lengths, self, kind, "OrderPSD")
         check_range(powers, row)
-        return powers
-
-    def _stroke_spectrum(
-        self, row: AngleRecording, kind: str, strokes: Sequence[AngleStroke]
-    ) -> NDArray[np.floating]:
-        """Estimate the power spectra of some strokes, channels of one sampling rate at a time."""
-        powers = np.empty((len(row.channels), self.n_orders))
-        lengths = [stroke.n_angles for stroke in strokes]
-        for group in row.rate_groups:
-            signals = [stroke.blocks(group) for stroke in strokes]
-            powers[group] = self._spectrum(signals, lengths, kind)
-        return powers
-
-    def _spectrum(
-        self, signals: Sequence[Signal], lengths: Sequence[int], kind: str
-    ) -> NDArray[np.floating]:
-        """Estimate the power spectra of signals of these lengths."""
-        whole = [s for s, n in zip(signals, lengths, strict=True) if n >= self.n_per_segment]
-        if whole:
-            return self.average_of(whole)
-        if self.short == "pad" and max(lengths, default=0) > 1:
-            return self.padded(np.concatenate(list(blocks), axis=1) for blocks in signals)
-        raise too_short(lengths, self, kind, "OrderPSD")
+        return powers if shape[1] > 1 else powers[:, 0]
 
     def average_of(self, signals: Iterable[Signal]) -> NDArray[np.floating]:
         """Average the power spectra of all segments of all signals.
@@ -325,6 +315,16 @@ class SegmentPlan:
         if self.scaling == "density":
             return float(self.samples_per_rev * (window @ window))
         return float(np.sum(window) ** 2)
+
+
+def _parts_of(
+    row: AngleRecording, kinds: Sequence[tuple[str, Sequence[AngleStroke]]]
+) -> Iterator[_Part]:
+    """Yield the signals of strokes of each kind, channels of one sampling rate at a time."""
+    for number, (kind, strokes) in enumerate(kinds):
+        lengths = [stroke.n_angles for stroke in strokes]
+        for group in row.rate_groups:
+            yield (group, number), kind, [stroke.blocks(group) for stroke in strokes], lengths
 
 
 def _median_bias(n_segments: int) -> float:

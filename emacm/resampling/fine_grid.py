@@ -124,8 +124,8 @@ class FineGrid:
             part = block.cut(start, min(start + self.part, n_times))
             self._reached = max(self._reached, float(part.travel.max()))
             if not self._done:  # the mirror image at the start
-                self._spread_image(part, -1, 0.0, np.inf)
-            self._spread(part, 1, self._offset, self._reached / self._step + self._offset)
+                self._spread(part, -1, limit=np.inf)
+            self._spread(part)
             ready = self._n_complete(self._reached)
             if ready > 0:
                 self._decimate(outputs, done, ready)
@@ -149,7 +149,7 @@ class FineGrid:
         """
         limit = 2 * (n_angles - 1) + 1 + 2 * _MARGIN - 2 * self._done  # of the points needed
         for sign, shift in _mirror_images(length, _MARGIN * self._step):
-            self._spread_image(self._tail, sign, shift, limit)
+            self._spread(self._tail, sign, shift, limit)
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
             self._reach(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
@@ -191,17 +191,22 @@ class FineGrid:
         """Place of the start of the path among the points held."""
         return _MARGIN - 2.0 * self._done
 
-    def _spread_image(self, block: Block, sign: int, shift: float, limit: float) -> None:
-        """Spread samples at the angles ``sign * travel + shift``, but not beyond a point."""
-        offset = shift / self._step + self._offset
-        position = sign / self._step * block.travel + offset
-        inside = np.flatnonzero((position > 0) & (position < limit))
-        if len(inside):
-            near = block.cut(int(inside[0]), int(inside[-1]) + 1)
-            self._spread(near, sign, offset, min(float(position.max()), limit))
+    def _spread(
+        self, block: Block, sign: int = 1, shift: float = 0.0, limit: float | None = None
+    ) -> None:
+        """Spread samples at the angles ``sign * travel + shift``.
 
-    def _spread(self, block: Block, sign: int, offset: float, top: float) -> None:
-        """Spread samples at angles of either sign; `top` is the highest point that they reach."""
+        `limit` is the point beyond which none is needed; None for samples that all are.
+        """
+        offset = shift / self._step + self._offset
+        top = self._reached / self._step + offset
+        if limit is not None:
+            position = sign / self._step * block.travel + offset
+            inside = np.flatnonzero((position > 0) & (position < limit))
+            if not len(inside):
+                return
+            block = block.cut(int(inside[0]), int(inside[-1]) + 1)
+            top = min(float(position.max()), limit)
         self._reach(int(top) + 1 + _WIDTH // 2)
         place, grid = (sign / self._step, offset, _kernel_halves()), (self._grid, self._used)
         self._loops.spread(block.travel, block.ends, *place, block.values, self.means, *grid)
@@ -217,9 +222,10 @@ class FineGrid:
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
         near = self._reached - 2 * self._reversal - (_MARGIN + 1) * self._step
-        held = _after(block, near, self.part)
+        held = block.cut(_first_after(block.travel, near, self.part), len(block.travel))
         if len(held.travel) == len(block.travel):
-            before = _after(self._tail, near, self.part)
+            first = _first_after(self._tail.travel, near, self.part)
+            before = self._tail.cut(first, len(self._tail.travel))
             travel = np.concatenate([before.travel, block.travel])
             pairs = zip(before.values, block.values, strict=True)
             values = [np.concatenate(pair) for pair in pairs]
@@ -230,17 +236,14 @@ class FineGrid:
         return Block(held.travel[counts], held.ends, [row[counts] for row in held.values])
 
 
-def _after(block: Block, angle: float, part: int) -> Block:
-    """Return the samples after the last one up to an angle, which is sought part by part."""
-    first = n_times = len(block.travel)
-    while first > 0:
-        low = max(0, first - part)
-        passed = np.flatnonzero(block.travel[low:first] <= angle)
+def _first_after(travel: NDArray[np.floating], angle: float, part: int) -> int:
+    """Return the sample after the last one up to an angle, which is sought part by part."""
+    for stop in range(len(travel), 0, -part):
+        start = max(0, stop - part)
+        passed = np.flatnonzero(travel[start:stop] <= angle)
         if len(passed):
-            first = low + int(passed[-1]) + 1
-            break
-        first = low
-    return block.cut(first, n_times)
+            return start + int(passed[-1]) + 1
+    return 0
 
 
 def _mirror_images(length: float, margin: float) -> Iterator[tuple[int, float]]:

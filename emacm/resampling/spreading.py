@@ -43,7 +43,7 @@ _CUBIC = 4  # samples of the shaft that the travel before them may depend on
 def spread_rows(
     rows: Sequence[Series], fs: float, path: ShaftPath, theta_s: float
 ) -> Iterator[NDArray[np.floating]]:
-    """Yield the rows at the grid angles, limited to the orders that the grid can represent.
+    """Resample rows to the grid angles, limited to the orders that the grid can represent.
 
     Parameters
     ----------
@@ -56,16 +56,16 @@ def spread_rows(
     theta_s : float
         Angle between samples of the result [rad].
 
-    Yields
-    ------
-    ndarray of shape (n_rows, n_angles)
+    Returns
+    -------
+    iterator of ndarray of shape (n_rows, n_angles)
         The next angles; all blocks together cover the whole path.
     """
     path.count(theta_s)  # before a grid is made that is too large
     factor = upsampling(fs, path.fastest, theta_s)
     if factor > 1:
         _check_density(factor, fs, path, theta_s)
-    yield from Spreading(fs, factor, theta_s, path.max_reversal).outputs(rows, path)
+    return Spreading(fs, factor, theta_s, path.max_reversal).outputs(rows, path)
 
 
 class Spreading:
