@@ -22,7 +22,7 @@ from emacm.decisions.left_out import group_numbers
 from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
 from emacm.decisions.metrics import positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
-from emacm.decisions.pipelines import final_estimator, weight_parameter
+from emacm.decisions.pipelines import final_estimator, groups_parameter, weight_parameter
 from emacm.decisions.priors import check_possible
 from emacm.decisions.refits import Refits, as_rows, log_likelihoods, parameters_of_rows, parts_of
 from emacm.decisions.truths import UNKNOWN_PRIOR, truth_cost_table, truth_priors
@@ -132,8 +132,9 @@ class LeastRiskClassifier(
             How often each recording counts; in a pipeline, passed to the last step.
         groups : array-like of shape (n_recordings,), default=None
             Labels of recordings that were measured together (unit, run): the estimator and the
-            detector are fitted again without each group. None: ten parts. Without a detector
-            and ``temperature="groups"``, passed to the estimator.
+            detector are fitted again without each group. None: ten parts. Passed to the estimator
+            if it learns from groups, or if there is neither a detector nor
+            ``temperature="groups"``.
         **fit_params : dict
             Further arguments of the estimator's `fit`; with metadata routing enabled, what
             it requests.
@@ -163,8 +164,8 @@ class LeastRiskClassifier(
         self._check_calibration_parameters()
         by_groups = isinstance(self.temperature, str)
         calibrated = by_groups or self.detector is not None
-        if groups is not None and not calibrated:
-            fit_params = {**fit_params, "groups": groups}
+        if groups is not None and (self.needs_groups or not calibrated):
+            fit_params = {self._groups_of_estimator(): groups} | fit_params
         fit_params = self._fit_params(sample_weight, fit_params)
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[0] if weights else None, len(y))
@@ -201,6 +202,11 @@ class LeastRiskClassifier(
             refits = Refits(table, codes, numbers, weight, refit)
             self._calibration = refits.calibrate(self.detector, temperature=by_groups)
         return self
+
+    @property
+    def needs_groups(self) -> bool:
+        """Whether the estimator learns from groups."""
+        return groups_parameter(self.estimator) is not None
 
     @property
     def estimator_priors_(self) -> Array:
@@ -316,6 +322,12 @@ class LeastRiskClassifier(
         if "estimator_" not in vars(self):
             raise AttributeError(f"{type(self).__name__} has no {name} before it is fitted.")
         return getattr(self.estimator_, name)
+
+    def _groups_of_estimator(self) -> str:
+        """Return the name under which the estimator accepts groups."""
+        if get_config()["enable_metadata_routing"]:
+            return "groups"
+        return groups_parameter(self.estimator) or "groups"
 
     def _fit_params(self, sample_weight: Any, fit_params: dict[str, Any]) -> dict[str, Any]:
         given = {} if sample_weight is None else {"sample_weight": sample_weight}

@@ -19,6 +19,7 @@ from sklearn.svm import LinearSVC
 
 from emacm import (
     CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
     NewUnitClassifier,
     OrderPSD,
     OrderResampler,
@@ -782,6 +783,27 @@ def test_a_classifier_for_new_units_learns_from_units_and_others_from_runs(given
     seen.clear()
     evaluate(OfRuns(temperature="groups", covariance="tied"), X, y, **options, n_splits=2)
     assert set(seen) == {"run"}
+
+
+@pytest.mark.parametrize("own", [{}, {"temperature": "groups"}])
+@pytest.mark.parametrize("in_pipeline", [False, True])
+def test_a_classifier_inside_another_decision_rule_learns_from_the_units(own, in_pipeline):
+    rng = np.random.default_rng(6)
+    units = np.repeat(np.arange(8), 6)
+    y = np.tile(["dry", "new"], 24)
+    X = rng.normal(size=(48, 2)) + 5 * (y == "new")[:, np.newaxis]
+    seen = []
+
+    class OfUnits(NewUnitClassifier):
+        def fit(self, X, y, groups=None):
+            assert len(groups) == len(X)
+            seen.append(set(groups))
+            return super().fit(X, y, groups)
+
+    inner = make_pipeline(StandardScaler(), OfUnits()) if in_pipeline else OfUnits()
+    result = evaluate(LeastRiskClassifier(inner, **own), X, y, units=units, n_splits=2)
+    assert result.table.loc["by unit", "accuracy"] > 0.9
+    assert {len(groups) for groups in seen} >= {4, 8}  # by unit: half of them held out
 
 
 def test_invalid_options_of_the_bootstrap_are_refused_before_any_fit():
