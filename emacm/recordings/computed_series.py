@@ -97,7 +97,9 @@ class ComputedSeries(LazySeries):
         read = np.asarray(self._signal[low:high])
         if not (before or after):
             return read
-        index = np.arange(start, stop)
-        index = np.where(index < 0, -index, index)
-        index = np.where(index < n_times, index, 2 * (n_times - 1) - index)
-        return read[index - low]
+        values = np.empty(stop - start, read.dtype)
+        inner = read[max(start, 0) - low : min(stop, n_times) - low]
+        values[before : before + len(inner)] = inner
+        values[:before] = read[1 - low : before + 1 - low][::-1]
+        values[len(values) - after :] = read[n_times - 1 - after - low : n_times - 1 - low][::-1]
+        return values

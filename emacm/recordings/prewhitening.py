@@ -23,6 +23,8 @@ _SECONDS = 0.5  # about; length of a segment: lines some Hz apart are separated
 _FEWEST = 256  # samples of a segment
 _ROUNDING = 8  # times the resolution of the type: what rounding leaves beside the largest line
 _FADED = 16  # a segment fades over into the next one within 1/16 of its length
+_REGISTER = 16  # bytes, on processors of any kind
+_GROUP = 1 << 15  # samples of the segments that are whitened at once, about, so few calls are made
 
 
 class WhitenedSeries(ComputedSeries):
@@ -36,7 +38,7 @@ class WhitenedSeries(ComputedSeries):
         Its sampling rate [Hz].
     """
 
-    _prepared = ("_kept", "_taper")
+    _prepared = ("_kept", "_rise")
 
     def __init__(self, signal: Series, fs: float) -> None:
         super().__init__(signal)
@@ -52,10 +54,14 @@ class WhitenedSeries(ComputedSeries):
             fade = len(self) // (_FADED - 2)
             n_segment = scipy.fft.next_fast_len(len(self) + 2 * fade, real=True)
         self._fade, self._hop = fade, n_segment - fade
+        self._n_segments = 1 + (len(self) - 1 + fade) // self._hop
+        # SciPy transforms as many rows at once as a register holds. A segment is always in the same
+        # group, so that parts of a signal are equal to those of the whole.
+        at_once = max(1, _REGISTER // self.dtype.itemsize)
+        self._n_group = at_once * max(1, _GROUP // (at_once * n_segment))
         # Applied before and after whitening: the squares of two that overlap add up to one.
         rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1))
-        taper = np.concatenate([rise, np.ones(n_segment - 2 * fade), rise[::-1]])
-        self._taper = taper.astype(self.dtype)
+        self._rise = rise.astype(self.dtype)
         self._kept: dict[int, NDArray[np.floating]] = {}
 
     def __repr__(self) -> str:
@@ -65,43 +71,63 @@ class WhitenedSeries(ComputedSeries):
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the whitened signal at samples `start` to `stop` (exclusive)."""
         values = np.zeros(stop - start, self.dtype)
-        length = len(self._taper)
-        for number in range(start // self._hop, 1 + (stop - 1 + self._fade) // self._hop):
-            begin = number * self._hop - self._fade
-            low, high = max(begin, start), min(begin + length, stop)
-            values[low - start : high - start] += self._segment(number)[low - begin : high - begin]
+        first, last = start // self._hop, (stop - 1 + self._fade) // self._hop
+        for group in range(first // self._n_group, last // self._n_group + 1):
+            for number, row in enumerate(self._group(group), group * self._n_group):
+                begin = number * self._hop - self._fade
+                low, high = max(begin, start), min(begin + len(row), stop)
+                if low < high:
+                    values[low - start : high - start] += row[low - begin : high - begin]
         return values
 
-    def _segment(self, number: int) -> NDArray[np.floating]:
-        """Return a whitened segment; two are kept, as blocks are read one after another."""
+    def _group(self, group: int) -> NDArray[np.floating]:
+        """Return a group of whitened segments; two are kept, as blocks are read one by one."""
         kept = self._kept
-        if number not in kept:
-            begin = number * self._hop - self._fade
-            segment = self._mirrored(begin, begin + len(self._taper))
-            level = self.dtype.type(segment.mean(dtype=np.float64))
+        if group not in kept:
+            fade, hop = self._fade, self._hop
+            first = group * self._n_group
+            count = min(self._n_group, self._n_segments - first)
+            begin = first * hop - fade
+            near = self._mirrored(begin, begin + count * hop + fade)
+            segments = np.empty((count, hop + fade), self.dtype)
+            levels = np.empty(count)
+            for row, segment in enumerate(segments):
+                part = near[row * hop : row * hop + len(segment)]
+                levels[row] = part.mean(dtype=np.float64)
+                np.subtract(part, self.dtype.type(levels[row]), out=segment)
             # Without a taper, the cut ends of a strong tone would be impacts.
-            white = whiten((segment - level) * self._taper, float(level))
-            white *= self._taper * np.sqrt(1 - self._fade / len(self._taper), dtype=self.dtype)
-            last = [item for item in kept.items() if abs(item[0] - number) == 1]
-            kept = self._kept = dict([*last[-1:], (number, white)])
-        return kept[number]
+            self._faded(segments)
+            white = whiten(segments, levels, rms=np.sqrt(1 - fade / (hop + fade)))
+            self._faded(white)
+            last = [item for item in kept.items() if abs(item[0] - group) == 1]
+            kept = self._kept = dict([*last[-1:], (group, white)])
+        return kept[group]
+
+    def _faded(self, segments: NDArray[np.floating]) -> None:
+        """Let the ends of segments rise from 0 and fall to 0, in place."""
+        segments[:, : self._fade] *= self._rise
+        segments[:, self._hop :] *= self._rise[::-1]
 
 
-def whiten(segment: NDArray[np.floating], removed: float = 0.0) -> NDArray[np.floating]:
-    """Return a segment whose Fourier coefficients all have the same magnitude [1]_.
+def whiten(
+    segments: NDArray[np.floating], removed: ArrayLike = 0.0, *, rms: float = 1.0
+) -> NDArray[np.floating]:
+    """Return segments whose Fourier coefficients all have the same magnitude [1]_.
 
     Parameters
     ----------
-    segment : ndarray of shape (n_times,)
-        Finite signal, in any unit.
-    removed : float
-        Constant that was subtracted from it; it left rounding errors.
+    segments : ndarray of shape (..., n_times)
+        Finite signals, in any unit.
+    removed : array-like of shape (...)
+        Constants that were subtracted from them; they left rounding errors.
+    rms : float
+        Root mean square of the result.
 
     Returns
     -------
-    ndarray of shape (n_times,)
-        Without unit, with mean 0 and mean square 1; coefficients of no more than rounding errors
-        are set to 0. Of the type of the segment.
+    ndarray of shape (..., n_times)
+        Without unit, with mean 0; coefficients of no more than rounding errors are set to 0. Of the
+        type of the segments.
 
     References
     ----------
@@ -118,16 +144,17 @@ def whiten(segment: NDArray[np.floating], removed: float = 0.0) -> NDArray[np.fl
     >>> print(round(magnitude[100] / magnitude[37], 9))  # that of the tone beside another one
     1.0
     """
-    lines = scipy.fft.rfft(segment)
-    lines[0] = 0  # the mean is no vibration
+    n_times = segments.shape[-1]
+    lines = scipy.fft.rfft(segments)
+    lines[..., 0] = 0  # the mean is no vibration
     power = lines.real**2
     power += lines.imag**2
-    resolution = _ROUNDING * np.finfo(segment.dtype).eps
-    power[power <= resolution**2 * max(float(power.max()), len(segment) * removed**2)] = np.inf
-    scale = np.reciprocal(np.sqrt(power, out=power), out=power)
-    lines.real *= scale
-    lines.imag *= scale
-    return scipy.fft.irfft(lines, len(segment), norm="ortho", overwrite_x=True)
+    resolution = _ROUNDING * np.finfo(segments.dtype).eps
+    largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
+    power[power <= resolution**2 * largest[..., np.newaxis]] = np.inf
+    scale = np.divide(rms, np.sqrt(power, out=power), out=power)
+    lines *= scale
+    return scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
 
 
 def prewhitened(signal: ArrayLike, fs: float) -> NDArray[np.floating]:

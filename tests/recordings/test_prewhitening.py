@@ -125,7 +125,8 @@ def test_a_change_elsewhere_does_not_reach_another_segment():
 
 def test_between_segments_the_level_stays():
     white = np.mean([prewhitened(coloured(seed), FS) ** 2 for seed in range(40)], axis=0)
-    n_segment = len(WhitenedSeries(TIMES, FS)._taper)
+    series = WhitenedSeries(TIMES, FS)
+    n_segment = series._hop + series._fade
     assert n_segment < N_TIMES // 4
     local = white[: N_TIMES // 64 * 64].reshape(-1, 64).mean(axis=1)
     # Of 40 x 64 squares, the mean scatters by 3 %; where segments overlap they are not all alike.
@@ -140,20 +141,52 @@ def test_every_length_is_whitened(n_times):
     assert 0.5 < white.std() < 1.2
 
 
+@pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize(
     "key",
     [
         slice(None),
         slice(4000, 4100),
-        slice(29_000, None),
-        slice(3, 30_000, 1007),
-        np.array([29_999, 0, 4095, -1]),
+        slice(30_000, 41_000),  # the last segment of a group and the first one of the next
+        slice(69_000, None),
+        slice(3, 70_000, 1007),
+        np.array([69_999, 0, 4095, 30_720, -1]),
         17,
     ],
     ids=str,
 )
-def test_what_is_read_in_part_is_what_the_whole_has_there(key):
-    np.testing.assert_array_equal(WhitenedSeries(noise(), FS)[key], prewhitened(noise(), FS)[key])
+def test_what_is_read_in_part_is_what_the_whole_has_there(key, single):
+    signal = noise(70_001).astype(np.float32 if single else np.float64)
+    series = WhitenedSeries(signal, FS)
+    assert 2 * series._n_group < series._n_segments < 3 * series._n_group
+    np.testing.assert_array_equal(series[key], prewhitened(signal, FS)[key])
+
+
+def test_block_after_block_is_the_whole():
+    series, whole = WhitenedSeries(noise(70_001), FS), prewhitened(noise(70_001), FS)
+    for start in range(0, 70_001, 9_000):
+        low, high = max(0, start - 200), min(start + 9_200, 70_001)
+        np.testing.assert_array_equal(series[low:high], whole[low:high])
+
+
+def test_whitening_many_segments_whitens_each():
+    rows = np.cumsum(noise(12_000).reshape(3, 4000), axis=1)
+    expected = [0.5 * whiten(row) for row in rows]
+    np.testing.assert_allclose(whiten(rows, rms=0.5), expected, rtol=0, atol=1e-12)
+    rows[1] = 0  # silence beside signals
+    np.testing.assert_array_equal(whiten(rows)[1], 0)
+    # What is below the rounding errors of a removed constant is no signal, in its row alone.
+    white = whiten(1e-6 * rows, [1e12, 0, 0])
+    assert white[0].std() == 0
+    assert white[2].std() == pytest.approx(np.sqrt(1 - 1 / 4000))  # all but the mean
+
+
+def test_beyond_its_ends_the_signal_is_its_mirror_image():
+    series = WhitenedSeries(np.arange(5.0), FS)
+    np.testing.assert_array_equal(series._mirrored(-2, 4), [2, 1, 0, 1, 2, 3])
+    np.testing.assert_array_equal(series._mirrored(3, 9), [3, 4, 3, 2, 1, 0])
+    np.testing.assert_array_equal(series._mirrored(-4, 9), np.abs(4 - np.abs(np.arange(-8, 5))))
+    np.testing.assert_array_equal(series._mirrored(1, 3), [1, 2])
 
 
 def test_float32_stays_float32():
