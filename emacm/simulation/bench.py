@@ -20,6 +20,7 @@ from emacm.simulation.faults import FAULTS, Passage, ball_passage, check_faults
 from emacm.simulation.imperfections import (
     Imperfections,
     draw_imperfections,
+    drift,
     healthy_lines,
     resolver_error,
     warmth,
@@ -39,7 +40,7 @@ class BenchTruth(NamedTuple):
     Attributes
     ----------
     actuator : Actuator
-        The unit in this run.
+        The unit at the start of this recording.
     times : ndarray of shape (n_times,)
         Times [s]; the recording starts at 0.
     torques : Torques
@@ -87,8 +88,8 @@ class LaboratoryBench:
     The three phases are fed by an inverter from 220 V: currents sum to zero, and current and
     voltage are limited. A healthy unit has lines of its rolling elements, the resolver has errors
     at orders 1, 2 and 12, and cables carry mains and switching noise, which are fixed in time. A
-    unit warms up during its runs in a condition, and every five runs its accelerometer is mounted
-    again.
+    unit warms up during its runs in a condition, its friction and gains drift within a recording,
+    and every five runs its accelerometer is mounted again.
 
     Parameters
     ----------
@@ -219,11 +220,15 @@ class LaboratoryBench:
         angle = truth.torques.angle
         current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
         error, slope = resolver_error(angle, truth.actuator, self._imperfections)
+        gain = {
+            name: getattr(truth.actuator, name) * drift(name, truth.times, self.run_spread)
+            for name in ("lvdt_gain", "accelerometer_gain")
+        }
         quantities = {
-            "lvdt": truth.actuator.lvdt_gain * truth.position + truth.actuator.lvdt_offset,
+            "lvdt": gain["lvdt_gain"] * truth.position + truth.actuator.lvdt_offset,
             "velocity": (1 + slope) * truth.torques.velocity,  # computed from the resolver
             **{f"current_{x}": truth.currents[PHASES.index(x)] for x in self.phases},
-            "accelerometer": truth.actuator.accelerometer_gain * truth.acceleration,
+            "accelerometer": gain["accelerometer_gain"] * truth.acceleration,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
@@ -287,8 +292,16 @@ class LaboratoryBench:
         lines = healthy_lines(
             motion.angle, self._imperfections, self._rng("lines", condition, run), self.fs
         )
-        friction_rng = self._rng("friction", condition, run)
-        torques = shaft_torques(motion, force, unit, faults, passages, friction_rng, lines.torque)
+        torques = shaft_torques(
+            motion,
+            force,
+            unit,
+            faults,
+            passages,
+            self._rng("friction", condition, run),
+            lines.torque,
+            self.run_spread,
+        )
         position, knocks = rod_position(
             torques.angle, force, unit, faults.get("backlash", 0.0), self.fs
         )

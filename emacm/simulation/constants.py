@@ -97,6 +97,9 @@ WARM = {
     "accelerometer_gain": 0.01,
 }
 WARM_UP = 8.0  # runs: time constant of the temperature
+# 1/s: warmth gained while a unit moves, 1.5 K in 10 s at the contacts; it cools between the runs.
+# Friction and the gains of LVDT and accelerometer drift with it; rotor and fixture are too heavy.
+HEATING = 0.005
 COLDEST = (0.0, 0.5)  # range of the warmth at the first run of a unit in a condition
 MOUNTING = 0.05  # standard deviation of the logarithm of the gain of a mounted accelerometer
 RUNS_PER_MOUNTING = 5  # runs after which the accelerometer is mounted again

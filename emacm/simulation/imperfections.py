@@ -1,4 +1,4 @@
-"""Imperfections of a healthy unit: resolver error, lines of its rolling elements, warm-up."""
+"""Imperfections of a healthy unit: resolver error, rolling elements, warm-up, drift."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from emacm.simulation.actuator import Actuator
 from emacm.simulation.constants import (
     COLDEST,
     HEALTHY_LINES,
+    HEATING,
     OF_LINES,
     RESOLVER_ERRORS,
     SLIP,
+    WARM,
     WARM_UP,
 )
 from emacm.simulation.faults import HEALTHY_ORDERS
@@ -198,3 +200,27 @@ def warmth(rng: np.random.Generator, run: int) -> float:
     """
     first = rng.uniform(*COLDEST)
     return float(1 - (1 - first) * np.exp(-(run - 1) / WARM_UP))
+
+
+def drift(name: str, times: NDArray[np.floating], spread: float = 1.0) -> NDArray[np.floating]:
+    """Return a constant during a recording, relative to its value at the start.
+
+    Parameters
+    ----------
+    name : str
+        One of the constants in `WARM`.
+    times : ndarray of shape (n_times,)
+        Times [s]; the recording starts at 0.
+    spread : float
+        Run-to-run variation relative to the default; 0: no drift.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+
+    Examples
+    --------
+    >>> drift("viscous", np.array([0.0, 10.0]))
+    array([1.  , 0.98])
+    """
+    return 1 + spread * HEATING * WARM[name] * times

@@ -19,6 +19,7 @@ from emacm.simulation.constants import (
     STICTION_SPEED,
 )
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
+from emacm.simulation.imperfections import drift
 from emacm.simulation.mechanics import Motion, jam_torque
 
 
@@ -52,6 +53,7 @@ def shaft_torques(
     passages: Mapping[str, Passage],
     rng: np.random.Generator,
     lines: NDArray[np.floating] | float = 0.0,
+    run_spread: float = 0.0,
 ) -> Torques:
     """Return the torques that a motion requires, and the motion including their ripple.
 
@@ -71,6 +73,8 @@ def shaft_torques(
         Random numbers of the friction.
     lines : ndarray of shape (n_times,) or float
         `HealthyLines.torque`.
+    run_spread : float
+        Run-to-run variation relative to the default, with which friction drifts over the times.
 
     Returns
     -------
@@ -86,10 +90,12 @@ def shaft_torques(
     load = force * POUND * actuator.torque_per_force
     direction = np.tanh(motion.velocity / STICTION_SPEED)
     dry = faults.get("lubrication", 0.0)
-    coulomb = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
+    dry_friction = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
+    coulomb = dry_friction * drift("coulomb", motion.times, run_spread)
     coulomb = coulomb + (1 / actuator.efficiency - 1) * np.abs(load)
     coulomb = coulomb + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
-    friction = direction * coulomb + actuator.viscous * motion.velocity
+    viscous = actuator.viscous * drift("viscous", motion.times, run_spread)
+    friction = direction * coulomb + viscous * motion.velocity
     mean = actuator.inertia * motion.acceleration + load + friction
     # Where a jam stops the shaft, friction takes what exceeds the torque limit.
     limited = np.clip(mean, -actuator.max_torque, actuator.max_torque)

@@ -7,6 +7,7 @@ import pandas as pd
 
 from emacm.simulation.actuator import Actuator
 from emacm.simulation.conditions import Condition
+from emacm.simulation.constants import HEATING, WARM
 from emacm.thesis.chapter4_spectra import MIN_SPEED, REVOLUTIONS
 
 _ASSUMED = "assumed"
@@ -35,6 +36,11 @@ _INPUTS = [
         "condition 3: both cannot hold",
     ),
     ("length of a recording", "{duration:g} s", _ASSUMED),
+    (
+        "drift within a recording",
+        "viscous friction {viscous:.2g} %, other friction {coulomb:.2g} %",
+        "assumed; the unit also warms up from run to run",
+    ),
     (
         "θ_s",
         "0.01π: 100 bins of one order",
@@ -76,6 +82,7 @@ def inputs_table(duration: float) -> pd.DataFrame:
     '0.1575 in'
     """
     constants = {"lead": Actuator().screw_lead, "duration": duration}
+    constants |= {name: 100 * HEATING * duration * WARM[name] for name in ("viscous", "coulomb")}
     rows = [(name, value.format(**constants), source) for name, value, source in _INPUTS]
     return pd.DataFrame(rows, columns=["input", "value", "source"]).set_index("input")
 

@@ -12,6 +12,8 @@ from emacm.simulation.imperfections import (
     resolver_error,
     warmth,
 )
+from emacm.simulation.mechanics import Motion
+from emacm.simulation.motor import shaft_torques
 from emacm.simulation.sensors import interference, measured, resolver_angle
 
 NOMINAL = draw_imperfections(np.random.default_rng(0), spread=0)
@@ -115,6 +117,33 @@ def test_friction_falls_with_temperature():
     assert np.log(warm / cold) == pytest.approx(-0.4 * (0.97 - first), abs=0.06)
     steady = LaboratoryBench(unit=4, duration=0.05, run_spread=0.0)
     assert steady.truth(2, 30).actuator == steady.built
+
+
+def test_friction_falls_within_a_recording():
+    # Warmth 0.005 1/s; from cold to warm, viscous friction falls by 40 % and dry friction by 15 %.
+    times = np.arange(101) / 10
+    motion = Motion(times, 200 * times, np.full(101, 200.0), np.zeros(101))
+    for constants, fallen in (({"viscous": 0.0}, 0.0075), ({"coulomb": 0.0}, 0.02)):
+        actuator = Actuator(**constants)
+        runs = [
+            shaft_torques(motion, np.zeros(101), actuator, {}, {}, np.random.default_rng(0), 0, s)
+            for s in (1.0, 0.0)
+        ]
+        drifting, steady = (run.friction for run in runs)
+        assert drifting / steady == pytest.approx(1 - fallen * times / 10)
+
+
+@pytest.mark.parametrize(("spread", "per_second"), [(1.0, 1e-5), (0.0, 0.0)])
+def test_the_gain_of_the_lvdt_drifts_within_a_recording(spread, per_second):
+    bench = LaboratoryBench(duration=20.0, fs=2000.0, cutoff=900.0, run_spread=spread)
+    truth = bench.truth(5)
+    kept = truth.times >= 0
+    times, place, speed = truth.times[kept], truth.position[kept], truth.torques.velocity[kept]
+    reading = bench.record(5).signals["lvdt"].astype(float)
+    # The filters delay the reading: the speed is the third column.
+    columns = np.stack([place, times * place, speed, np.ones_like(times)], axis=1)
+    gain, change, *_ = np.linalg.lstsq(columns, reading)[0]
+    assert change / gain == pytest.approx(per_second, abs=1e-6)
 
 
 def test_the_accelerometer_is_mounted_again_every_five_runs():
