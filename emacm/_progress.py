@@ -92,6 +92,11 @@ def run(
     return list(bar(results, total=done + total, initial=done, unit=unit))
 
 
+def n_parallel(n_jobs: int | None) -> int:
+    """Return how many recordings `run` processes in parallel."""
+    return _backend("threads", n_jobs)[1]
+
+
 def _backend(prefer: str, n_jobs: int | None) -> tuple[Any, int]:
     """Return joblib's backend and how many recordings it processes in parallel."""
     if n_jobs is not None:

@@ -12,6 +12,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 
 from emacm._checks import check_choice
@@ -28,6 +29,13 @@ def kernels() -> ModuleType:
         name = os.environ.get("EMACM_KERNELS") or ("numba" if find_spec("numba") else "numpy")
         _chosen = _imported(check_choice(name, "the environment variable EMACM_KERNELS", NAMES))
     return _chosen
+
+
+def needs_compiler() -> bool:
+    """Tell whether loops are compiled at their first call, as none are on the disk yet."""
+    compiled = getattr(kernels().decimate, "stats", None)
+    folder = None if compiled is None else compiled.cache_path
+    return folder is not None and not any(Path(folder).glob("resampling.*.nbi"))
 
 
 @contextmanager

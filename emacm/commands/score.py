@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from emacm._kernels import needs_compiler
 from emacm.commands.paths import check_paths, expanded
 from emacm.commands.result_tables import ResultTable, Row, line_of
 from emacm.conditions.router import ConditionRouter
@@ -26,7 +29,6 @@ from emacm.recordings.layout import Layout
 
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
 _AT_ONCE = 32  # files between two writes
-_BLOCK = 1 << 20
 _SETTLED = 2.0  # s; with --watch, a file changed more recently may be incomplete
 _REPORTED = 5.0  # s between two lines of progress
 
@@ -98,6 +100,8 @@ class _Work:
         paths, rows = list(self._paths()), []
         if self._table is not None:
             self._table.start(self._done.values())
+        if len(paths) > _AT_ONCE and needs_compiler():
+            compile_loops(self._options, paths[0])
         for first in range(0, len(paths), _AT_ONCE):
             rows += self._rows(paths[first : first + _AT_ONCE])
             self._report(len(rows), len(paths))
@@ -156,17 +160,25 @@ class _Work:
             print(f"{done} of {total} files", file=sys.stderr)
 
 
+def compile_loops(options: argparse.Namespace, path: Path) -> None:
+    """Decide on one file in a process of its own, which leaves its compiled loops on the disk.
+
+    The compiler takes 40 MB, which would not be released before this process ends.
+    """
+    with TemporaryDirectory() as folder:
+        paths = [str(options.model), str(path), "--layout", str(options.layout)]
+        command = [sys.executable, "-m", "emacm", "score", *paths, "--out", f"{folder}/row.csv"]
+        subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+
+
 def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:
     """Return the rows with a decision, by file and digest; files that failed are tried again."""
     return {(row["recording"], row["digest"]): row for row in rows if not row["error"]}
 
 
 def _digest_of(path: Path) -> str:
-    digest = sha256()
     with open(path, "rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
+        return file_digest(file, "sha256").hexdigest()
 
 
 def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:

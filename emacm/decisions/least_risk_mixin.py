@@ -47,7 +47,7 @@ class LeastRiskMixin:
         """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
         raise NotImplementedError
 
-    def unknown_proba(self, X: Any) -> Array:
+    def unknown_proba(self, X: Any, typicality: Array | None = None) -> Array:
         """Return the probability of the unknown state, shape (n_recordings,)."""
         raise NotImplementedError
 
@@ -153,7 +153,7 @@ class LeastRiskMixin:
         """Return the posterior probability of each of `truths_`."""
         return self.truth_proba(X, self.predict_proba(X))
 
-    def truth_proba(self, X: Any, posterior: Array) -> Array:
+    def truth_proba(self, X: Any, posterior: Array, typicality: Array | None = None) -> Array:
         """Return the posterior probability of each of `truths_`, given that of `classes_`.
 
         Parameters
@@ -162,6 +162,8 @@ class LeastRiskMixin:
             As for `fit`.
         posterior : ndarray of shape (n_recordings, n_classes)
             Result of `predict_proba`.
+        typicality : ndarray of shape (n_recordings,), optional
+            Result of `typicality`, if it is known.
 
         Returns
         -------
@@ -169,5 +171,5 @@ class LeastRiskMixin:
         """
         if self.unknown is None:
             return posterior
-        unknown = self.unknown_proba(X)[:, np.newaxis]
+        unknown = self.unknown_proba(X, typicality)[:, np.newaxis]
         return np.hstack([posterior * (1 - unknown), unknown])

@@ -105,20 +105,24 @@ class LeftOutMixin:
         return self._calibrated("typicality")(X)
 
     @available_if(has_unknown)
-    def unknown_proba(self, X):
+    def unknown_proba(self, X, typicality=None):
         """Return the probability that the true state is unknown.
 
         Parameters
         ----------
         X : array-like of shape (n_recordings, n_features)
             Features.
+        typicality : ndarray of shape (n_recordings,), default=None
+            Result of `typicality`, if it is known; `X` is then not used.
 
         Returns
         -------
         probability : ndarray of shape (n_recordings,)
             From the typicality and `unknown_prior_`, by Bayes' rule.
         """
-        return unknown_probability(self.typicality(X), self.unknown_prior_)
+        if typicality is None:
+            typicality = self.typicality(X)
+        return unknown_probability(typicality, self.unknown_prior_)
 
     def _checked_features(self, X: Any) -> Array:
         raise NotImplementedError

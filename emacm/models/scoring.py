@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._progress import run
+from emacm._progress import n_parallel, run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
@@ -29,6 +30,8 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality, recording_quality
 
 Row = dict[str, Any]
+
+_TOGETHER = 8  # recordings whose features are computed before the first decision
 
 
 def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataFrame:
@@ -136,16 +139,35 @@ def scored_rows(
     -------
     list of dict
     """
+    size = max(1, min(_TOGETHER, len(sources) // (4 * n_parallel(n_jobs))))
+    starts = range(0, len(sources), size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the rows contain them
-        return run(partial(_row, model), sources, names, n_jobs=n_jobs)
+        blocks = run(
+            partial(_rows, model),
+            [sources[start : start + size] for start in starts],
+            [names[start : start + size] for start in starts],
+            n_jobs=n_jobs,
+        )
+    return list(chain.from_iterable(blocks))
 
 
 def _itself(entry: Any) -> Any:
     return entry
 
 
-def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
+def _rows(model: Any, sources: Sequence[Callable[[], Any]], names: Sequence[Any]) -> list[Row]:
+    """Return the rows of a few recordings: first the features of all, then the decisions.
+
+    The instructions and tables of a decision then stay in the cache of the processor.
+    """
+    steps = [_row_in_steps(model, *pair) for pair in zip(sources, names, strict=True)]
+    first = [next(step) for step in steps]
+    return [row or next(step) for row, step in zip(first, steps, strict=True)]
+
+
+def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[Row]:
+    """Yield an empty row when the features are known (unless there are none), then the row."""
     empty = dict.fromkeys(score_columns(model.classes_), np.nan)
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
     row = empty | texts | {"recording": name}
@@ -154,9 +176,13 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
         recording = source()
         if not isinstance(recording, Recording):
             raise TypeError(f"expected a recording, got {received(recording)}")
-        decided, is_unknown = _decision(model, recording)
-        row |= decided
+        final, table = opened_classifier(model, [recording])
         row |= _findings(model, recording)
+        if isinstance(table, np.ndarray):  # the samples are not needed any more
+            _release(recording)
+            yield {}
+        decided, is_unknown = _decision(model, final, table)
+        row |= decided
         if is_unknown:
             row["outside_training"] = _reasons(model, recording, row["outside_training"])
     except Exception as error:  # any error is the result for this recording
@@ -164,33 +190,35 @@ def _row(model: Any, source: Callable[[], Any], name: Any) -> Row:
         text = str(error) if known else f"{type(error).__name__}: {error}"
         row["error"] = " ".join(text.split()) or type(error).__name__
     finally:
-        if isinstance(recording, FileRecording):
-            recording.release()
-    return row
+        _release(recording)
+    yield row
 
 
-def _decision(model: Any, recording: Recording) -> tuple[Row, bool]:
-    """Return decision, cost, typicality and posterior, and whether it decides "unknown".
+def _release(recording: Any) -> None:
+    if isinstance(recording, FileRecording):
+        recording.release()
 
-    The features are computed once.
-    """
-    final, table = opened_classifier(model, [recording])
+
+def _decision(model: Any, final: Any, table: Any) -> tuple[Row, bool]:
+    """Return decision, cost, typicality and posterior, and whether it decides "unknown"."""
     probabilities = final.predict_proba(table)
     posterior = dict(zip(final.classes_.tolist(), probabilities[0], strict=True))
     row: Row = {
         f"P({c})": float(posterior.get(c, 0.0)) for c in np.asarray(model.classes_).tolist()
     }
+    typicality = None
+    if hasattr(final, "typicality"):
+        with suppress(ValueError):  # the model has no typicality; the features are valid
+            typicality = final.typicality(table)
+            row["typicality"] = float(typicality[0])
     if isinstance(final, LeastRiskMixin):
-        truths = final.truth_proba(table, probabilities)
+        truths = final.truth_proba(table, probabilities, typicality)
         cost = final.cost_
         row["expected_cost"] = float(risks_of(truths, cost)[0].min())
         decision = final.decisions_[decide(truths, cost)[0]]
     else:
         decision = final.predict(table)[0]
     row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
-    if hasattr(final, "typicality"):
-        with suppress(ValueError):  # the model has no typicality; the features are valid
-            row["typicality"] = float(final.typicality(table)[0])
     unknown = getattr(final, "unknown", None)
     return row, unknown is not None and bool(row["decision"] == unknown)
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import io
+import math
 import os
+import zipfile
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,7 @@ from numpy.typing import NDArray
 
 from emacm.recordings.file_columns import FileColumns
 
+_NPY = b"\x93NUMPY"  # start of an array in an npz file
 _PASSED_ON = (ImportError, MemoryError, FileNotFoundError, PermissionError)
 
 
@@ -97,25 +102,45 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
 
 def _read_npz(path: Path) -> FileColumns:
     content = FileColumns({})
-    with open(path, "rb") as file:  # which numpy leaves open if the archive is damaged
+    with open(path, "rb") as file:
         if file.read(2) != b"PK":
             raise RefusedFileError(
                 "it is not an .npz file (no ZIP archive). Save it by numpy.savez."
             )
-        file.seek(0)
-        arrays = np.load(file, allow_pickle=False)
-        for name in arrays.files:
-            try:
-                values = arrays[name]
-            except ValueError as error:
-                if "pickle" not in str(error):
-                    raise
-                raise RefusedFileError(
-                    f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
-                    f"numbers."
-                ) from error
-            add_array(content, name, values)
+        with zipfile.ZipFile(file) as archive:
+            for member in archive.namelist():
+                data = archive.read(member)
+                if data.startswith(_NPY):
+                    name = member.removesuffix(".npy")
+                    add_array(content, name, _array_of(data, name))
     return settled(content)
+
+
+def _array_of(data: bytes, name: str) -> NDArray[Any]:
+    """Return an array as `numpy.load` does, but without a copy of the samples."""
+    length = len(_NPY) + 4 + int.from_bytes(data[len(_NPY) + 2 : len(_NPY) + 4], "little")
+    if data[len(_NPY) :][:2] != b"\x01\x00":  # a header of another version
+        length = 0
+    shape, is_fortran, dtype = _array_header(data[:length]) if length else ((), False, None)
+    if dtype is None or dtype.hasobject:
+        try:
+            return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+        except ValueError as error:
+            if "allow_pickle" not in str(error):
+                raise
+            raise RefusedFileError(
+                f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
+                f"numbers."
+            ) from error
+    values = np.frombuffer(data, dtype, count=math.prod(shape), offset=length)
+    return values.reshape(shape, order="F" if is_fortran else "C")
+
+
+@lru_cache(maxsize=256)
+def _array_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order and type; files of one kind have the same headers."""
+    file = io.BytesIO(header[len(_NPY) + 2 :])
+    return np.lib.format.read_array_header_1_0(file)
 
 
 def settled(content: FileColumns) -> FileColumns:

@@ -70,9 +70,7 @@ def is_speed_unit(unit: str) -> bool:
     >>> is_speed_unit("1/min"), is_speed_unit("Hz"), is_speed_unit("m/s")
     (True, False, False)
     """
-    plain = _plain(unit)
-    known = [name for names in _SPEEDS.values() for name in names]
-    return plain in map(_plain, known) and plain not in ("hz", "1/s", "s^-1")
+    return bool(unit) and _plain(unit) in _ONLY_SPEEDS
 
 
 def same_unit(one: str, other: str) -> bool:
@@ -92,3 +90,7 @@ def _plain(unit: str, *, case: bool = False) -> str:
         plain = plain.replace(written, meant)
     plain = plain.replace(" ", "")
     return plain.replace("s2", "s^2") if plain.endswith("/s2") else plain
+
+
+_ONLY_SPEEDS = {_plain(name) for names in _SPEEDS.values() for name in names}
+_ONLY_SPEEDS -= {"hz", "1/s", "s^-1"}
