@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from functools import partial
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,6 +23,7 @@ from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
 from emacm.models.model_files import load_model
 from emacm.models.scoring import check_model, score_columns, scored_rows
+from emacm.recordings.digests import digest_of_file
 from emacm.recordings.files import open_recording
 from emacm.recordings.layout import Layout
 
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     classes = check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
-    settings = (_digest_of(options.model), layout.key, repr(layout.meta))
+    settings = (digest_of_file(options.model), layout.key, repr(layout.meta))
     costs = options.cost.read_text(encoding="utf-8") if options.cost else None
     settings_digest = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
     columns = [*score_columns(classes), "digest"]
@@ -82,7 +82,6 @@ class _Work:
         self._reported = time.monotonic()
         self._table = None if options.out is None else ResultTable(options.out, columns)
         self._done: dict[tuple[str, str], Row] = {}
-        self._digests: dict[tuple[str, int, int], str] = {}  # of files that were read before
         self._reports: Any = None
         if options.report is not None:
             from emacm.commands.report import FileReports  # with the displays
@@ -126,15 +125,10 @@ class _Work:
     def _digest(self, path: Path) -> str:
         """Return the digest of a file and of the settings; "" for a file that is not there."""
         try:
-            status = os.stat(path)
-            stamp = (str(path), status.st_size, status.st_mtime_ns)
-            if stamp not in self._digests:
-                self._digests[stamp] = sha256(
-                    f"{self._settings_digest}{_digest_of(path)}".encode()
-                ).hexdigest()
+            digest = digest_of_file(path)
         except OSError:
             return ""
-        return self._digests[stamp][:32]
+        return sha256(f"{self._settings_digest}{digest}".encode()).hexdigest()[:32]
 
     def _rows(self, paths: Sequence[Path]) -> list[Row]:
         """Return the rows of some files in order; those that are new are written."""
@@ -174,11 +168,6 @@ def compile_loops(options: argparse.Namespace, path: Path) -> None:
 def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:
     """Return the rows with a decision, by file and digest; files that failed are tried again."""
     return {(row["recording"], row["digest"]): row for row in rows if not row["error"]}
-
-
-def _digest_of(path: Path) -> str:
-    with open(path, "rb") as file:
-        return file_digest(file, "sha256").hexdigest()
 
 
 def set_costs(model: Any, cost: Path | None, priors: str | None) -> None:

@@ -10,7 +10,7 @@ import mmap
 import os
 import time
 from collections.abc import Iterable
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ _MOST_FILES = 100_000
 # Digests of memory-mapped arrays, so that a worker process reads a file once, however often it
 # receives the recording.
 _file_digests: dict[tuple[Any, ...], bytes] = {}
+_digests_of_files: dict[tuple[int, int, int, int, int], str] = {}
 
 
 def content_digest(
@@ -82,6 +83,35 @@ def _read(array: NDArray[Any]) -> bytes:
     for start in range(0, len(array), _BLOCK):
         digest.update(np.ascontiguousarray(array[start : start + _BLOCK]).data)
     return digest.digest()
+
+
+def digest_of_file(path: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file; it is read once, as long as nothing was written to it.
+
+    The time of the last change of the inode shows that a file was replaced, even by one of the
+    same size and time of writing; it also changes where nothing was written, as by a new link.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    stamp = _inode(path)
+    known = _digests_of_files.get(stamp)
+    if known is None:
+        with open(path, "rb") as file:
+            known = file_digest(file, "sha256").hexdigest()
+        if stamp == _inode(path) and time.time() - max(stamp[3:]) / 1e9 > _SETTLED:
+            if len(_digests_of_files) >= _MOST_FILES:
+                _digests_of_files.clear()
+            _digests_of_files[stamp] = known
+    return known
+
+
+def _inode(path: str | os.PathLike[str]) -> tuple[int, int, int, int, int]:
+    """Return device, inode and size of a file, and its times of writing and of change [ns]."""
+    s = os.stat(path)
+    return s.st_dev, s.st_ino, s.st_size, s.st_mtime_ns, s.st_ctime_ns
 
 
 def file_stamps(arrays: Iterable[NDArray[Any]]) -> Stamps | None:

@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import located
 from emacm.recordings.file_columns import FileColumns, recording_arguments
+from emacm.recordings.file_state import FileState
 from emacm.recordings.layout import Layout
 from emacm.recordings.readers import READERS, read_columns
 from emacm.recordings.recent import Recent
@@ -30,17 +31,11 @@ _last = threading.local()  # the content that this thread reads, of any size
 Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
 
 
-class FileStamp(NamedTuple):
-    """Size of a file [bytes] and time of its last change [ns]."""
-
-    size: int
-    written: int
-
-
 class FileRecording(Recording):
     """A recording in a file: its samples are read when they are needed, and not kept for long.
 
-    It is pickled as path, layout, size and time of the file, and meta. See `open_recording`.
+    It is pickled as path, layout, size, time and digest of the file, and meta. See
+    `open_recording`.
 
     Attributes
     ----------
@@ -50,11 +45,11 @@ class FileRecording(Recording):
         How the file is read.
     """
 
-    __slots__ = ("_key", "_part", "_stamp", "_steps", "layout", "path")
+    __slots__ = ("_key", "_part", "_state", "_steps", "layout", "path")
 
     path: str
     layout: Layout
-    _stamp: FileStamp
+    _state: FileState
     _steps: tuple[Step, ...]
     _part: str  # of a file that holds several recordings; "" if it holds one
 
@@ -72,19 +67,8 @@ class FileRecording(Recording):
         ValueError
             If the file was changed since the recording was opened.
         """
-        self.check_unchanged()
+        self._state.check_stamp()
         return super().digest
-
-    def check_unchanged(self) -> None:
-        """Raise a ValueError if the file was changed since the recording was opened."""
-        with located(self.path):
-            found = _stamp_of(Path(self.path))
-            if found != self._stamp:
-                raise ValueError(
-                    f"the file was replaced or changed since it was opened: it had "
-                    f"{self._stamp.size} bytes, written at {self._stamp.written} ns, and has "
-                    f"{found.size} bytes, written at {found.written} ns. Open it again."
-                )
 
     def __getattr__(self, name: str) -> Any:
         """Read the content of the file."""
@@ -125,12 +109,12 @@ class FileRecording(Recording):
             content = before.content()
             with located(self.path):
                 return content._changed(change(content, *arguments))
-        self.check_unchanged()
+        self._state.check_stamp()
         with located(self.path):
             columns = self._columns()
             read = recording_arguments(columns, self.layout)
             recording = Recording(**read, meta=self._meta)
-        self.check_unchanged()
+        self._state.check_content()
         return recording
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
@@ -138,7 +122,7 @@ class FileRecording(Recording):
         return self._with_steps((*self._steps, (change, arguments)))
 
     def _with_steps(self, steps: tuple[Step, ...]) -> FileRecording:
-        return _opened(self.path, self.layout, self._stamp, self._meta, steps, self._part)
+        return _opened(self.layout, self._state, self._meta, steps, self._part)
 
     def _columns(self) -> FileColumns:
         """Read the file, or the part of it that is this recording."""
@@ -149,9 +133,9 @@ class FileRecording(Recording):
         return read_part(Path(self.path), self._part)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return path, layout, stamp and meta; no samples."""
+        """Return path, layout, size, time and digest of the file, and meta; no samples."""
         layout = self.layout.without_meta()
-        return _opened, (self.path, layout, self._stamp, self._meta, self._steps, self._part)
+        return _opened, (layout, self._state, self._meta, self._steps, self._part)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the content."""
@@ -215,10 +199,11 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
-    absolute path, layout, size and time of the file, and meta (less than 1 kB), so that worker
-    processes read the file themselves; on other computers it must have the same path, size and
-    time (a shared folder, or ``cp -p``). A few recordings are kept in memory (16 MiB); a file is
-    read as a whole, and must not be changed as long as the recording is used.
+    absolute path, layout, size, time and SHA-256 of the file, and meta (less than 1 kB), so that
+    worker processes read the file themselves; on other computers it must have the same path, size,
+    time and content (a shared folder, or ``cp -p``). A few recordings are kept in memory (16 MiB);
+    a file is read as a whole, and must not be changed as long as the recording is used: a file
+    that was replaced is an error when it is read again, even if size and time are the same.
 
     Parameters
     ----------
@@ -257,38 +242,28 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
         raise TypeError(f"layout must be a Layout, got {type(layout).__name__}.")
     file = Path(path).absolute()
     with located(str(file)):
-        stamp, meta = _stamp_of(file), layout.meta_of(file)
-    return _opened(str(file), layout, stamp, meta)
+        return _opened(layout, FileState.of(file), layout.meta_of(file))
 
 
 def open_part(path: Path, part: str, layout: Layout, meta: dict[Any, Any]) -> FileRecording:
     """Return one recording of a file that holds several, see `open_bearing_dataset`."""
-    return _opened(str(path), layout, _stamp_of(path), meta, part=part)
+    return _opened(layout, FileState.of(path), meta, part=part)
 
 
 def _opened(
-    path: str,
     layout: Layout,
-    stamp: FileStamp,
+    state: FileState,
     meta: dict[Any, Any],
     steps: tuple[Step, ...] = (),
     part: str = "",
 ) -> FileRecording:
     """Return a recording in a file that was opened before."""
     recording = FileRecording.__new__(FileRecording)
-    key = (path, stamp, layout.key, repr(meta), repr(steps), part)
-    content = {"path": path, "layout": layout, "_stamp": stamp, "_steps": steps, "_key": key}
+    key = (*state.key, layout.key, repr(meta), repr(steps), part)
+    content = {"path": state.path, "layout": layout, "_state": state, "_steps": steps, "_key": key}
     for name, value in (content | {"_meta": meta, "_part": part}).items():
         object.__setattr__(recording, name, value)
     return recording
-
-
-def _stamp_of(path: Path) -> FileStamp:
-    try:
-        status = os.stat(path)
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"there is no file {str(path)!r}.") from error
-    return FileStamp(status.st_size, status.st_mtime_ns)
 
 
 def _size(recording: Recording) -> int:

@@ -201,6 +201,16 @@ def test_only_new_changed_and_failed_files_are_decided_on_again(here, monkeypatc
     assert len(scored) == 14  # other priors, other results
 
 
+def test_a_file_replaced_by_one_of_the_same_size_and_time_is_decided_on_again(here, monkeypatch):
+    path = here / "files" / "ok_00.npz"
+    assert run("--out", "table.csv") == 0
+    scored, time = counted(monkeypatch), os.stat(path).st_mtime_ns
+    write(path, True, 0)
+    os.utime(path, ns=(time, time))
+    assert run("--out", "table.csv") == 0
+    assert scored == ["files/ok_00.npz"]
+
+
 def test_a_killed_run_is_continued_and_ends_with_the_same_table(here, monkeypatch):
     assert run("--out", "whole.csv") == 0
     lines = Path("whole.csv").read_text().splitlines(keepends=True)

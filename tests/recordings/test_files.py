@@ -245,6 +245,50 @@ def test_a_replaced_file_is_an_error(npz, later):
     assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
 
 
+def replace_alike(path):
+    """Replace a file by another of the same size and time."""
+    time = os.stat(path).st_mtime_ns
+    os.utime(path, ns=(time, time))
+    other = {name: -values for name, values in SIGNALS.items()}
+    np.savez(path.with_name("other.npz"), **other, speed=SPEED)
+    os.replace(path.with_name("other.npz"), path)
+    os.utime(path, ns=(time, time))
+
+
+def test_a_file_replaced_by_one_of_the_same_size_and_time_is_an_error_where_it_is_read_again(npz):
+    opened, never_read = open_recording(npz, LAYOUT), open_recording(npz, LAYOUT)
+    part = opened.select(["vibration"])
+    assert opened.signals["vibration"][0] > 0
+    pickled = pickle.dumps(never_read)
+    replace_alike(npz)
+    opened.release()
+    for recording in (opened, part, pickle.loads(pickled)):
+        with pytest.raises(ValueError, match=r"same size and time, but its content .* Open it aga"):
+            recording.signals  # noqa: B018
+    assert open_recording(npz, LAYOUT).signals["vibration"][0] < 0
+
+
+def test_a_file_replaced_alike_is_not_taken_from_memory_when_it_is_opened_again(npz):
+    assert open_recording(npz, LAYOUT).signals["vibration"][0] > 0
+    replace_alike(npz)
+    assert open_recording(npz, LAYOUT).signals["vibration"][0] < 0
+
+
+def test_a_link_to_a_file_changes_nothing(npz):
+    opened = open_recording(npz, LAYOUT)
+    assert opened.duration
+    os.link(npz, npz.with_name("link.npz"))
+    opened.release()
+    assert opened == in_memory()
+
+
+def test_a_recording_whose_file_is_gone_can_be_pickled(npz):
+    opened = open_recording(npz, LAYOUT)
+    npz.unlink()
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        pickle.loads(pickle.dumps(opened)).duration  # noqa: B018
+
+
 def test_a_file_that_is_gone_is_an_error(npz):
     opened = open_recording(npz, LAYOUT)
     npz.unlink()
