@@ -223,7 +223,7 @@ def group_intervals(
             limits = (0.0, np.abs(counted).max())
             drawn = np.clip(drawn - np.nanmean(drawn) + estimate, *limits)
         intervals.append(draw_interval(drawn, estimate, n_groups, limits, confidence))
-    return np.array(intervals).reshape(-1, 2)
+    return np.array(intervals)
 
 
 def draw_interval(

@@ -11,6 +11,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.prediction_sets import LeftOutDensities, probability_threshold
+from emacm.decisions.refits import parts_of
+from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.unit_effects import UnitLevels, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
@@ -223,6 +225,30 @@ def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
     assert probability_threshold(left_out, even, 1.0, 0.9) == pytest.approx(0.1)
     with pytest.raises(ValueError, match=r"10 units cannot .* at least 19; .* at most 0.909"):
         probability_threshold(left_out, even, 1.0, 0.95)
+
+
+def test_recordings_of_left_out_units_are_judged_by_a_fit_to_the_others():
+    X, y, units = fleet(14, 4)
+    y = np.where((units % 7 == 2) & (units != 9), "backlash", y)
+    y[units == 5] = "worn"  # of one unit: unknown without it
+    fitted = NewUnitClassifier(shrinkage=0.1, temperature="groups").fit(X, y, groups=units)
+    left_out = fitted._left_out
+    first = np.unique(units, return_index=True)[1]
+    parts = parts_of(np.unique(y, return_inverse=True)[1][first])[units]
+    expected = np.full((len(X), 4), -np.inf)
+    for part in np.unique(parts):
+        rows, others = parts == part, parts != part
+        anew = NewUnitClassifier(shrinkage=0.1).fit(X[others], y[others], groups=units[others])
+        known = np.isin(fitted.classes_, anew.classes_)
+        expected[np.ix_(rows, known)] = anew._gaussians.log_densities(X[rows])
+    judged = y != "worn"
+    assert np.isneginf(expected[judged]).any()
+    np.testing.assert_allclose(left_out.log_densities, expected[judged], rtol=1e-9)
+    assert left_out.units.tolist() == units[judged].tolist()
+    assert fitted.classes_[left_out.codes].tolist() == y[judged].tolist()
+    weight, priors = np.ones(judged.sum()), fitted.class_count_ / len(X)
+    best = fit_temperature(left_out.log_densities, left_out.codes, weight, priors)
+    assert fitted.temperature_ == best
 
 
 @pytest.mark.slow

@@ -8,7 +8,14 @@ from scipy.stats import norm, t
 from sklearn.metrics import recall_score
 
 from emacm.evaluation import bootstrap
-from emacm.evaluation.bootstrap import cell_mean, check_bootstrap, group_intervals
+from emacm.evaluation.bootstrap import (
+    cell_mean,
+    check_bootstrap,
+    draw_interval,
+    gap_of_cells,
+    group_draws,
+    group_intervals,
+)
 
 
 def interval(values, groups, **options):
@@ -123,3 +130,64 @@ def test_draws_in_blocks_are_the_draws_at_once(block, monkeypatch):
     monkeypatch.setattr(bootstrap, "_BLOCK", block)  # 1 or 10 of 104 draws at a time
     assert interval(values, groups, n_resamples=104, random_state=3) == pytest.approx(once)
     assert sum(len(times) for times in bootstrap.drawn_groups(9, 104, 3)) == 104
+
+
+@pytest.mark.parametrize(("n_groups", "expanded"), [(4, False), (5, True)])
+@pytest.mark.parametrize("confidence", [0.95, 0.8])
+def test_draws_of_five_groups_have_percentiles_and_of_fewer_student_t(
+    n_groups, expanded, confidence
+):
+    drawn = np.random.default_rng(0).gamma(2.0, size=5000)
+    quantile = t.ppf((1 + confidence) / 2, n_groups - 1)
+    widening = np.sqrt(n_groups / (n_groups - 1)) * quantile
+    student = 2.5 - widening * drawn.std(), 2.5 + widening * drawn.std()
+    percentiles = np.quantile(drawn, norm.cdf([-widening, widening]))
+    unknown = np.append(drawn, np.nan)
+    found = draw_interval(unknown, 2.5, n_groups, confidence=confidence)
+    assert found == pytest.approx(percentiles if expanded else student)
+    narrow = draw_interval(unknown, 2.5, n_groups, (2.4, 2.7), confidence)
+    assert narrow == pytest.approx(percentiles if expanded else (2.4, 2.7))
+
+
+@pytest.mark.parametrize(("n_known", "is_known"), [(0, False), (9, False), (10, True)])
+def test_one_draw_in_ten_must_be_known(n_known, is_known):
+    drawn = np.append(np.arange(n_known), np.full(100 - n_known, np.nan))
+    assert np.isfinite(draw_interval(drawn, 1.0, 6)).all() == is_known
+    assert np.isfinite(draw_interval(drawn, 1.0, 2)).all() == is_known
+    assert np.isnan(draw_interval(drawn, 1.0, 1)).all()
+
+
+def test_no_draws_have_no_interval():
+    assert np.isnan(draw_interval(np.empty(0), np.nan, 9)).all()
+
+
+def test_draws_that_miss_a_cell_are_unknown_and_figures_without_cells_have_none():
+    values, cells = np.ones((3, 4)), [[0, 0, 1, 1], [5, 5, 5, 2], [-1, -1, -1, -1]]
+    first, second, none = group_draws(values, cells, [0, 0, 7, 7], n_resamples=400)
+    assert 0.4 < np.isnan(first).mean() < 0.6  # one of two groups twice
+    assert np.isnan(second).mean() == pytest.approx(0.25, abs=0.06)  # the first group twice
+    assert set(first[np.isfinite(first)]) == {1.0}
+    assert (len(first), len(none)) == (400, 0)
+
+
+def test_as_many_groups_are_drawn_as_there_are_with_equal_probability():
+    (times,) = bootstrap.drawn_groups(4, 5000, 1)
+    assert times.dtype == float
+    assert (times.sum(axis=1) == 4).all()
+    np.testing.assert_allclose(times.mean(axis=0), 1, atol=0.06)
+    np.testing.assert_allclose(times.var(axis=0), 3 / 4, atol=0.06)
+
+
+def test_the_interval_of_an_absolute_sum_is_moved_to_it_and_is_never_negative():
+    values, bins, groups = np.array([0.4, -0.4, 0.3, -0.3]), np.zeros(4, int), np.arange(4)
+    options = {"combine": [gap_of_cells], "n_resamples": 500}
+    ((low, high),) = group_intervals([values], [bins], groups, **options)
+    (drawn,) = group_draws([values], [bins], groups, **options)
+    moved = np.clip(drawn - drawn.mean(), 0, 0.4)  # the values themselves cancel
+    assert (low, high) == (0, pytest.approx(min(0.4, draw_interval(moved, 0.0, 4)[1])))
+    none = group_intervals([values], [bins - 1], groups, **options)
+    assert np.isnan(none).all()
+
+
+def test_the_largest_number_of_draws_is_allowed():
+    check_bootstrap(0.5, 1_000_000)

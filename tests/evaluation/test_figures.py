@@ -1,5 +1,7 @@
 """Figures of merit with answers computed by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,15 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation.bootstrap import cell_mean, gap_of_cells, group_draws, group_intervals
 from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.figures import (
+    FIGURES,
+    confusion,
+    figure_row,
+    label_posteriors,
+    reliability_curve,
+    tallies,
+)
+from emacm.evaluation.scoring import scoring_rule
 
 
 class Stated(ClassifierMixin, BaseEstimator):
@@ -130,3 +141,80 @@ def test_families_have_the_probability_of_their_classes_in_the_predicted_cost():
     found = evaluate(Stated(), X, y, families=families, cost=cost, n_splits=2)
     held = found.predictions.sort_values("recording")["predicted_cost"]
     assert held.tolist() == pytest.approx([2 * 0.5, 7 * 0.4] * 4)
+
+
+BOOTSTRAP = {"confidence": 0.9, "n_resamples": 300, "random_state": 2}
+
+
+def test_each_bin_of_a_reliability_curve_has_the_interval_of_its_own_recordings():
+    of_a = np.array([0.95, 0.95, 0.91, 0.3, 0.3, 0.97, 0.95, 0.25, 0.3, 0.3])
+    truths = pd.Series(list("bbabbbaaaa"))
+    groups = np.array([1, 1, 2, 3, 4, 5, 6, 7, 1, 2])
+    probabilities = np.column_stack([1 - of_a, of_a])
+    curve = reliability_curve(probabilities, truths, ["b", "a"], groups, **BOOTSTRAP)
+    assert curve["from"].tolist() == [0.7, 0.9]
+    assert curve["count"].tolist() == [5, 5]
+    assert curve["groups"].tolist() == [5, 4]
+    assert curve["frequency"].tolist() == [0.4, 0.4]
+    for row, chosen in ((0, of_a < 0.5), (1, of_a > 0.5)):
+        correct = (of_a > 0.5) == (truths == "a")
+        ((low, high),) = group_intervals([correct], [np.where(chosen, 0, -1)], groups, **BOOTSTRAP)
+        assert (curve["low"][row], curve["high"][row]) == (low, high)
+
+
+def judged_families():
+    """Three classes in two families; "inspect" is no family."""
+    families = {"worn": ["dry", "spalled"], "new": ["new"]}
+    cost = pd.DataFrame(
+        [[0, 4], [1, 0], [0.5, 0.5]], index=["new", "worn", "inspect"], columns=["new", "worn"]
+    )
+    classes = np.array(["dry", "new", "spalled"])
+    rule = scoring_rule(classes, families=families, cost=cost, healthy="new")
+    truths = ["dry", "dry", "new", "spalled", "new", "new", "dry"]
+    decisions = ["worn", "new", "inspect", "dry", "worn", "new", "inspect"]
+    return rule.judge(truths, decisions), rule
+
+
+def test_the_confusion_counts_families_decided_on_in_the_classes_of_their_truth():
+    counts = confusion(*judged_families())
+    assert (counts.index.name, counts.columns.name) == ("decided", "true")
+    assert counts.index.tolist() == ["worn", "new", "inspect"]
+    assert counts.columns.tolist() == ["dry", "spalled", "new"]
+    assert counts.to_numpy().tolist() == [[1, 1, 1], [1, 0, 1], [1, 0, 1]]
+
+
+def test_figures_of_merit_by_hand_are_in_their_order():
+    found = tallies(*judged_families())
+    assert list(found) == [name for name in FIGURES if name in found]
+    row = figure_row(found, np.arange(7), **BOOTSTRAP)
+    assert list(row)[:3] == [f"balanced_accuracy{end}" for end in ("", "_low", "_high")]
+    expected = {
+        "balanced_accuracy": (1 / 3 + 2 / 4) / 2,
+        "accuracy": 3 / 7,
+        "false_alarm_rate": 1 / 3,
+        "inspection_rate": 1 / 3,
+        "missed_detection_rate": 1 / 4,
+        "expected_cost": (4 + 0.5 + 1 + 0.5) / 7,
+    }
+    assert {name: row[name] for name in expected} == pytest.approx(expected)
+    assert row["accuracy_low"] < 3 / 7 < row["accuracy_high"]
+
+
+def test_probabilities_of_the_classes_of_a_family_are_added():
+    _, rule = judged_families()
+    posterior = pd.DataFrame([[0.2, 0.5, 0.3]], columns=["spalled", "new", "dry"])
+    assert label_posteriors(posterior, rule) == pytest.approx(np.array([[0.5, 0.5]]))
+    assert rule.labels == ["worn", "new"]
+
+
+def test_classes_that_are_all_impossible_in_service_have_no_cost_in_service():
+    judged, rule = judged_families()
+    held = judged[judged["truth"] != "new"].reset_index(drop=True)
+    held = held.assign(predicted_cost=1.0, **{"P(worn)": 0.8, "P(new)": 0.2})
+    priors = {"dry": 0.0, "new": 1.0, "spalled": 0.0}
+    row = figure_row(tallies(held, replace(rule, priors=priors)), np.arange(4), **BOOTSTRAP)
+    assert np.isnan([row["realised_cost"], row["predicted_cost"]]).all()
+    assert row["expected_cost"] == pytest.approx(4.5 / 4)
+    weighted = replace(rule, priors=priors | {"dry": 0.1, "spalled": 0.3})
+    row = figure_row(tallies(held, weighted), np.arange(4), **BOOTSTRAP)
+    assert row["realised_cost"] == pytest.approx(0.25 * 4.5 / 3 + 0.75 * 0)

@@ -12,8 +12,15 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 
 from emacm import OrderPSD, OrderResampler, Recording
+from emacm.evaluation.bootstrap import cell_mean, draw_interval, drawn_groups, group_intervals
 from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.nuisances import nuisance_caveats, predict_by_level, read_nuisances
+from emacm.evaluation.nuisances import (
+    Nuisance,
+    nuisance_caveats,
+    nuisance_table,
+    predict_by_level,
+    read_nuisances,
+)
 from emacm.evaluation.schemes import Fold, Scheme
 from emacm.recordings.meta import Grouping
 
@@ -234,3 +241,102 @@ def test_caveats_are_in_the_order_of_the_nuisances_those_without_a_score_first()
     caveats = nuisance_caveats(table, 40)
     assert [text.split("'")[1] for text in caveats] == ["tool", "day", "load", "bench"]
     assert "is 0.70 (chance 0.25) in 'by run', from at most 12 of 40 recordings" in caveats[2]
+
+
+BOOTSTRAP = {"confidence": 0.9, "n_resamples": 400, "random_state": 1}
+
+
+def judged_runs():
+    """Return levels, labels and decisions: each of eight runs is a level and has two labels."""
+    rng = np.random.default_rng(6)
+    runs = np.repeat(np.arange(8), 5)
+    labels = np.where(np.arange(40) % 5 < 2, "worn", "new")
+    held = pd.DataFrame({"scheme": "by run", "recording": rng.permutation(40)})
+    held["correct"] = rng.random(40) < 0.6 + 0.04 * runs[held["recording"]]
+    return runs, labels, held.assign(group=runs[held["recording"]])
+
+
+def test_draws_that_miss_levels_give_the_mean_of_the_present_ones():
+    runs, labels, held = judged_runs()
+    predictions = pd.concat([held.assign(scheme="random split"), held])
+    table = nuisance_table([Nuisance("run", runs)], None, labels, predictions, BOOTSTRAP)
+    right = held.assign(label=labels[held["recording"]]).groupby(["group", "label"])["correct"]
+    by_run = right.mean().groupby("group").mean().to_numpy()
+    (times,) = drawn_groups(8, 400, 1)
+    drawn = (times > 0) @ by_run / (times > 0).sum(axis=1)
+    assert table["scheme"].tolist() == ["random split", "by run"]
+    for _, row in table.iterrows():
+        assert row["within"] == pytest.approx(by_run.mean())
+        limits = draw_interval(drawn, by_run.mean(), 8, confidence=0.9)
+        assert (row["within_low"], row["within_high"]) == pytest.approx(limits)
+        assert (row["within_chance"], row["recordings"], row["levels"]) == (0.5, 40, 8)
+        codes = (labels == "new").astype(int)[held["recording"]]
+        assert row["balanced_accuracy"] == pytest.approx(cell_mean(held["correct"], codes))
+        assert np.isnan([row["alone"], row["alone_low"], row["alone_high"]]).all()
+        assert (row["chance"], row["held_out"]) == (0.5, "")
+
+
+def test_the_score_of_a_nuisance_alone_has_the_interval_of_its_groups():
+    runs, labels, held = judged_runs()
+    units = Grouping("unit", runs // 2)
+    tests = [np.flatnonzero(units.labels == unit) for unit in range(4)]
+    folds = [Fold(np.setdiff1d(np.arange(40), test), test) for test in tests[::-1]]
+    scheme = Scheme("by unit", folds, units)
+    levels = (np.arange(40) % 5 < 2) ^ (np.arange(40) % 11 == 0)
+    table = nuisance_table([Nuisance("x", levels * 1)], scheme, labels, held, BOOTSTRAP)
+    correct = np.arange(40) % 11 != 0
+    ((low, high),) = group_intervals([correct], [labels == "worn"], units.labels, **BOOTSTRAP)
+    row = table.iloc[0]
+    assert row["alone"] == pytest.approx(cell_mean(correct, labels == "worn"))
+    assert (row["alone_low"], row["alone_high"]) == (low, high)
+    assert (row["held_out"], row["levels"]) == ("by unit", 2)
+
+
+def test_labels_that_no_training_recording_has_are_not_predicted_and_ties_are_shared():
+    levels, labels = np.array([0, 0, 1, 1, 0, 0, 2]), np.array([0, 1, 0, 1, 2, 0, 1])
+    scheme = Scheme("s", [Fold(np.arange(4), np.array([4, 5, 6]))], Grouping("r", levels))
+    assert predict_by_level(levels, labels, scheme)[0].tolist() == [0, 0.5, 0.5]
+
+
+def test_numbers_and_dates_of_more_than_ten_values_are_divided_and_others_never():
+    days = pd.date_range("2024-01-01", periods=22).to_list()
+    given = {
+        "eleven": [*range(11)] * 2,
+        "ten": [*range(10), *range(10), 0, 1],
+        "days": days,
+        "names": [str(k) for k in range(22)],
+        "flags": [True, False] * 11,
+        "skewed": [0] * 19 + [1, 2, 3],
+    }
+    found = {each.name: each.levels for each in read_nuisances(given, [0] * 22)}
+    assert {name: len(set(levels)) for name, levels in found.items()} == {
+        "eleven": 10, "ten": 10, "days": 10, "names": 22, "flags": 2, "skewed": 4,
+    }  # fmt: skip
+    assert found["eleven"].tolist() == [0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9] * 2
+    assert {levels.dtype for levels in found.values()} == {np.dtype(np.intp)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "stated"),
+    [
+        ({"alone_low": 0.5}, None),
+        ({"alone_low": 0.51}, "0.70 (0.51 to 0.90) in 'by unit', where chance is 0.50. Within"),
+        ({"alone_low": np.nan, "alone": 0.5}, None),
+        ({"alone_low": np.nan}, "accuracy of 0.70 in 'by unit', where chance is 0.50. Within"),
+        ({"alone_low": 0.1, "recordings": 0}, "0.70 (0.10 to 0.90) in 'by unit', where chance"),
+    ],
+)
+def test_a_nuisance_that_may_predict_by_chance_only_has_no_caveat(changes, stated):
+    row = {"nuisance": "day", "scheme": "by unit", "alone": 0.7, "alone_low": 0.6}
+    row |= {"alone_high": 0.9, "chance": 0.5, "held_out": "by unit", "within": 0.8}
+    row |= {"within_low": 0.75, "within_high": 0.85, "within_chance": 0.5, "recordings": 9}
+    caveats = nuisance_caveats(pd.DataFrame([row | changes]), 40)
+    if stated is None:
+        assert caveats == []
+    else:
+        assert stated in caveats[0]
+    both = pd.DataFrame([row | {"scheme": "random split", "recordings": 0}, row])
+    (text,) = nuisance_caveats(both, 40)
+    ending = "is not known in 'random split', 0.80 (0.75 to 0.85; chance 0.50) in 'by unit', "
+    assert text.endswith(ending + "from at most 9 of 40 recordings.")
+    assert nuisance_caveats(pd.DataFrame(), 40) == []

@@ -1,0 +1,145 @@
+"""Facts about the checks of parameters, weights and fitted densities, with their limits."""
+
+import re
+
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, ClassifierMixin
+
+from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
+from emacm.decisions.density_checks import check_densities, check_seen
+from emacm.decisions.fit_checks import (
+    agreed_classes,
+    as_counts,
+    check_parameters,
+    check_unweighted,
+)
+from emacm.decisions.moments import ClassMoments
+
+CLASSES = np.array(["dry", "new"])
+
+
+class Trusting(ClassifierMixin, BaseEstimator):
+    """Checks nothing."""
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        return self
+
+    def predict(self, X):
+        return np.full(len(X), self.classes_[0])
+
+    def predict_proba(self, X):
+        return np.full((len(X), len(self.classes_)), 1 / len(self.classes_))
+
+
+@pytest.mark.parametrize(
+    "fit",
+    [
+        lambda X, y: CostSensitiveGaussianBayes().fit(X, y),
+        lambda X, y: CostSensitiveGaussianBayes().partial_fit(X, y, [0.5, 1.5]),
+        lambda X, y: LeastRiskClassifier(Trusting()).fit(X, y),
+        lambda X, y: evaluate(Trusting(), X, y),
+    ],
+)
+def test_measurements_are_no_classes(fit):
+    with pytest.raises(ValueError, match="Unknown label type"):
+        fit(np.arange(8.0).reshape(4, 2), [0.5, 0.5, 1.5, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (("spherical", None, None), "covariance must be one of 'full', 'tied', 'diag'"),
+        (("full", "lw", None), "shrinkage as a word must be one of 'oas', 'auto'"),
+        (("full", 1.01, None), 'shrinkage, if not None, "oas" or "auto", must be a number at lea'),
+        (("full", -0.01, None), "at least 0 and at most 1, got -0.01"),
+        (("full", None, "units"), "temperature as a word must be one of 'groups'"),
+        (("full", None, 0), 'temperature, if not None or "groups", must be a number above 0'),
+    ],
+)
+def test_parameters_have_limits(parameters, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        check_parameters(*parameters)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+@pytest.mark.parametrize("shrinkage", [None, 0, 1, "oas", "auto"])
+@pytest.mark.parametrize("temperature", [None, 1e-3, "groups"])
+def test_all_other_parameters_are_accepted(covariance, shrinkage, temperature):
+    check_parameters(covariance, shrinkage, temperature)
+
+
+def test_weights_that_add_up_to_1_are_relative():
+    np.testing.assert_allclose(as_counts(np.array([0.5, 0.25, 0.25])), [1.5, 0.75, 0.75])
+    np.testing.assert_allclose(as_counts(np.full(3, (1 + 5e-10) / 3)), 1)
+    for total in (1 + 1e-7, 2.0, 0.5):
+        weight = np.array([0.5, 0.5]) * total
+        assert as_counts(weight) is weight
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_weights_of_1_are_1_but_for_rounding(place, sign):
+    weight = np.ones(2)
+    weight[place] += sign * 5e-10
+    check_unweighted(weight)
+    weight[place] += sign * 1e-7
+    with pytest.raises(ValueError, match="cannot be used with sample weights other than 1"):
+        check_unweighted(weight)
+
+
+def test_classes_are_sorted_and_stay_the_same():
+    assert agreed_classes(["new", "dry", "new"], None).tolist() == ["dry", "new"]
+    assert agreed_classes(None, CLASSES) is CLASSES
+    assert agreed_classes(["new", "dry"], CLASSES).tolist() == ["dry", "new"]
+    with pytest.raises(ValueError, match="classes must be given in the first call"):
+        agreed_classes(None, None)
+    with pytest.raises(ValueError, match=r"got \['new'\], previously \['dry', 'new'\]"):
+        agreed_classes(["new"], CLASSES)
+
+
+def moments(counts, scatter, pooled=False):
+    means = np.array([[0.0], [3.0]])
+    return ClassMoments(np.array(counts), means, np.array(scatter)[:, None, None], pooled)
+
+
+@pytest.mark.parametrize(
+    ("counts", "scatter", "pooled", "named"),
+    [
+        ([1.0, 4.0], [0.5, 2.0], False, "class 'dry' has a total weight of [1.0]"),
+        ([0.5, 0.9], [0.5, 2.0], False, "class 'dry', 'new' has a total weight of [0.5, 0.9]"),
+        ([0.5, 1.5], [2.0], True, "all classes has a total weight of [2.0]"),
+    ],
+)
+def test_a_class_that_varies_counts_more_than_once(counts, scatter, pooled, named):
+    singular = np.zeros(len(scatter), bool)
+    with pytest.raises(ValueError, match=re.escape(named)):
+        check_densities(moments(counts, scatter, pooled), singular, CLASSES, 0.1, stacklevel=1)
+
+
+def test_one_recording_alone_has_no_scatter_and_is_singular():
+    singular = np.array([True, False])
+    one = moments([1.0, 4.0], [0.0, 2.0])
+    message = "The covariance of class 'dry' is singular; .* raised to 1e-09 .* Use shrinkage="
+    with pytest.warns(UserWarning, match=message):
+        check_densities(one, singular, CLASSES, None, stacklevel=1)
+    for shrinkage, remedy in ((0.0, "Use shrinkage="), ("oas", "Use fewer"), ("auto", "Use fewer")):
+        with pytest.raises(ValueError, match=rf"is singular with shrinkage={shrinkage!r}. {remedy}"):
+            check_densities(one, singular, CLASSES, shrinkage, stacklevel=1)
+    check_densities(one, ~singular & False, CLASSES, None, stacklevel=1)
+    # A class without recordings has no covariance, which is no defect.
+    check_densities(moments([0.0, 4.0], [0.0, 2.0]), singular, CLASSES, 0.1, stacklevel=1)
+
+
+def test_equal_recordings_cannot_be_separated():
+    equal = ClassMoments(np.ones(2), np.full((2, 1), 3.0), np.zeros((2, 1, 1)), False)
+    with pytest.raises(ValueError, match="all recordings have the same features"):
+        check_densities(equal, np.ones(2, bool), CLASSES, None, stacklevel=1)
+
+
+def test_a_prior_without_recordings_is_refused_and_no_prior_is_not():
+    with pytest.raises(ValueError, match=r"class \['new'\] has had no recordings yet"):
+        check_seen(np.array([0.5, 0.5]), np.array([2.0, 0.0]), CLASSES)
+    check_seen(np.array([1.0, 0.0]), np.array([2.0, 0.0]), CLASSES)
+    check_seen(np.array([0.5, 0.5]), np.array([2.0, 1e-3]), CLASSES)

@@ -1,0 +1,69 @@
+"""Facts about the forms in which priors are given, and their checks."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
+
+CLASSES, COUNTS = np.array(["dry", "new", "worn"]), np.array([1.0, 6.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("priors", "expected"),
+    [
+        (None, [0.1, 0.6, 0.3]),
+        ("uniform", [1 / 3] * 3),
+        ([0, 1, 0], [0, 1, 0]),
+        ((0.2, 0.3, 0.5), [0.2, 0.3, 0.5]),
+        (pd.Series({"worn": 0.5, "dry": 0.2, "new": 0.3}), [0.2, 0.3, 0.5]),
+        ([0.2, 0.3, 0.5 + 9e-7], np.array([0.2, 0.3, 0.5 + 9e-7]) / (1 + 9e-7)),
+    ],
+)
+def test_every_form_gives_probabilities_in_the_order_of_the_classes(priors, expected):
+    found = class_priors(priors, CLASSES, COUNTS)
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("priors", "message"),
+    [
+        ({"dry": 0.5, "new": 0.5, "worn": 0, "wet": 0}, "unknown: ['wet'], missing: []."),
+        ({"dry": 0.5, "new": 0.5}, "unknown: [], missing: ['worn']."),
+        ([0.5, 0.5], "one probability for each of the 3 classes ['dry', 'new', 'worn'], got"),
+        ([[0.5, 0.5, 0.0]], "got shape (1, 3)"),
+        ([0.2, 0.3, 0.5 + 2e-6], "add up to 1"),
+        ([0.2, 0.3, 0.5 - 2e-6], "add up to 1"),
+        ([0.6, 0.6, -0.2], "the prior of class 'worn' must be a number at least 0, got -0.2"),
+    ],
+)
+def test_priors_that_are_no_distribution_over_the_classes_are_refused(priors, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        class_priors(priors, CLASSES, COUNTS)
+
+
+def test_names_for_classes_that_are_numbers_are_explained():
+    with pytest.raises(ValueError, match=r"replace the classes by numbers"):
+        class_priors({"dry": 0.5, "new": 0.5}, np.array([0, 1]), np.ones(2))
+
+
+def test_a_class_with_a_prior_is_possible_for_the_estimator():
+    own, shares = np.array([0.5, 0.0, 0.5]), np.array([0.3, 0.3, 0.4])
+    message = "tree has the prior 0 of class 'new', .* priors give it 0.3. Give tree another"
+    with pytest.raises(ValueError, match=message):
+        check_possible(shares, own, CLASSES, "tree")
+    with pytest.raises(ValueError, match="^estimator has the prior 0"):
+        check_possible(shares, own, CLASSES)
+    check_possible(np.array([1.0, 0.0, 0.0]), own, CLASSES)
+
+
+def test_members_have_equal_priors_but_for_rounding():
+    first = np.array([0.2, 0.3, 0.5])
+    others = {"b": first + [9e-7, 0, -9e-7], "c": first}
+    check_equal_priors({"a": first} | others, CLASSES)
+    for step in ([0, 2e-6, -1e-7], [0, 1e-7, -2e-6]):
+        with pytest.raises(ValueError, match=r"'a' has \[0.2, 0.3, 0.5\], 'd' has \[0.2, 0\.3"):
+            check_equal_priors({"a": first} | others | {"d": first + step}, CLASSES)
