@@ -155,7 +155,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
 
     def get_params(self, deep=True):
         """Return parameters; with `deep`, also members, and theirs as ``name__parameter``."""
-        parameters = super().get_params(deep=False)
+        parameters = super().get_params()
         for name, member in self._named_pairs().items() if deep else ():
             parameters[name] = member
             if hasattr(member, "get_params"):
@@ -195,7 +195,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         return dict(pairs) if all(valid) and all(isinstance(p[0], str) for p in pairs) else {}
 
     def _checked_members(self) -> dict[str, Any]:
-        members, taken = self._named_pairs(), set(super().get_params(deep=False))
+        members, taken = self._named_pairs(), set(super().get_params())
         if not members:
             raise ValueError(
                 f"estimators must be a list of at least one pair (name, classifier), got "

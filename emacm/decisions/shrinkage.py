@@ -160,7 +160,7 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
     >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
     array([8.039, 1.24 , 1.24 , 1.24 , 1.24 ])
     """
-    values = np.asarray(values, dtype=np.float64)
+    values = np.asarray(values)
     ratio = len(values) / divisor
     corrected = np.full(len(values), values.mean())
     above = np.zeros(len(values), bool)

@@ -1,5 +1,7 @@
 """Facts about Gaussian classes: moments, shrinkage, singular covariances, densities."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -8,9 +10,21 @@ from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
 from sklearn.preprocessing import StandardScaler
 
-from emacm.decisions.gaussians import FLOOR, fit_gaussians, is_singular
-from emacm.decisions.moments import class_moments
-from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
+from emacm.decisions.gaussians import (
+    FLOOR,
+    class_gaussians,
+    factorise,
+    fit_gaussians,
+    is_singular,
+)
+from emacm.decisions.moments import class_moments, moments_for
+from emacm.decisions.shrinkage import (
+    ledoit_wolf_coefficient,
+    ledoit_wolf_coefficients,
+    oas_coefficient,
+    population_eigenvalues,
+    shrink,
+)
 
 KINDS = [{}, {"pooled": True}, {"variances_only": True}, {"pooled": True, "variances_only": True}]
 
@@ -110,6 +124,23 @@ def test_features_whose_square_overflows_are_refused_with_their_position():
     X[2, 1] = -1e200
     with pytest.raises(ValueError, match="got -1e\\+200 at recording 2, feature 1"):
         class_moments(X, np.zeros(3, int), 1)
+
+
+def test_the_largest_features_and_the_smallest_deviations_are_allowed():
+    X = np.array([[1e150, 0.0], [-1e150, 1e-140], [0.0, 2e-140]])
+    assert np.isfinite(class_moments(X, np.zeros(3, int), 1).scatter).all()
+    X[1:, 1] = 3e-140, 1.5e-140
+    class_moments(X, np.zeros(3, int), 1)
+    for sign, place in ((1, (1, 0)), (-1, (2, 1))):
+        bad = np.zeros((3, 2))
+        bad[place] = sign * 1.001e150
+        message = f"got {bad[place]:g} at recording {place[0]}, feature {place[1]}"
+        with pytest.raises(ValueError, match=re.escape(message)):
+            class_moments(bad, np.zeros(3, int), 1)
+    bad = np.zeros((4, 3))
+    bad[3, 1] = 1.9e-140  # the largest deviation from the mean is half of it
+    with pytest.raises(ValueError, match=r"deviation of feature 1 in class number 1 is 9\.5e-141"):
+        class_moments(bad, np.array([0, 0, 1, 1]), 2)
 
 
 @pytest.mark.parametrize("shape", [(5, 20), (30, 4), (400, 10), (9, 1), (2, 2)])
@@ -296,3 +327,87 @@ def test_distances_whose_terms_overflow_with_both_signs_are_infinite():
     squares = classes.squared_distances(np.array([[1e300, 1e300], [0.0, 0.0]]))
     assert np.isposinf(squares[0]).all()
     assert np.isfinite(squares[1]).all()
+
+
+def test_all_arguments_reach_the_moments_and_the_coefficients():
+    X, codes = draw(16)
+    weight = np.random.default_rng(16).integers(1, 4, 60).astype(float)
+    expected = class_moments(X, codes, 3, sample_weight=weight, pooled=True)
+    assert_same_moments(moments_for("tied", None, X, codes, 3, weight), expected)
+    for covariance, shrinkage, shape in (
+        ("full", "oas", (3, 4, 4)),
+        ("diag", None, (3, 4)),
+        ("diag", 0.3, (3, 4)),
+        ("diag", "oas", (3, 4, 4)),
+        ("tied", "oas", (1, 4, 4)),
+    ):
+        moments = moments_for(covariance, shrinkage, X, codes, 3)
+        assert moments.scatter.shape == shape
+        gaussians = class_gaussians(moments, covariance, shrinkage)
+        covariances = [np.cov(X[codes == k].T) for k in range(3)]
+        if covariance == "tied":
+            covariances = [np.mean(covariances, axis=0)]
+        if shrinkage == "oas":
+            count = 60 if covariance == "tied" else 20
+            share = np.array([oas_coefficient(S, count) for S in covariances])
+        else:
+            share = shrinkage or 0.0
+        expected = shrink(np.array(covariances), share)
+        if covariance == "diag":
+            expected = np.diagonal(expected, axis1=1, axis2=2)
+        np.testing.assert_allclose(gaussians.covariances, expected, rtol=1e-12)
+    with pytest.raises(ValueError, match='shrinkage="auto" needs the recordings'):
+        class_gaussians(moments_for("full", "auto", X, codes, 3), "full", "auto")
+
+
+@pytest.mark.parametrize("shrinkage", [None, 0.0])
+def test_only_without_shrinkage_a_singular_covariance_is_raised(shrinkage):
+    X, codes = draw(17)
+    X[:, 1] = X[:, 0]
+    gaussians = class_gaussians(moments_for("full", shrinkage, X, codes, 3), "full", shrinkage)
+    least = np.linalg.eigvalsh(gaussians.covariances)[:, 0]
+    floor = FLOOR * X.var(axis=0).max() if shrinkage is None else 0.0
+    np.testing.assert_allclose(least, floor, rtol=1e-4, atol=1e-12)
+    assert gaussians.factors.any() == (shrinkage is None)
+    assert gaussians.singular.tolist() == [True] * 3
+
+
+def test_a_factor_whitens_a_covariance_and_gives_its_determinant():
+    S = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, -2.0], [0.0, -2.0, 1.0]])
+    factor, log_determinant = factorise(S)
+    np.testing.assert_allclose(factor @ factor.T, np.linalg.inv(S), atol=1e-14)
+    assert log_determinant == pytest.approx(np.log(np.linalg.det(S)))
+    factor, log_determinant = factorise(np.array([4.0, 9.0]))
+    np.testing.assert_allclose(factor, [1 / 2, 1 / 3])
+    assert log_determinant == pytest.approx(np.log(36))
+
+
+def test_coefficients_lie_between_0_and_1():
+    equal = np.eye(2) * 3.0  # no scatter of eigenvalues: nothing but the target
+    assert oas_coefficient(equal, 4) == 1.0
+    assert oas_coefficient([[2.0]], 4) == 0.0
+    assert oas_coefficient([[3, 1], [1, 1]], 10) == oas_coefficient([[-3e9, 1e9], [1e9, -1e9]], 10)
+    assert ledoit_wolf_coefficient(np.diag([8.0, 2.0]), 4, 1e9) == 1.0
+    assert ledoit_wolf_coefficient(np.diag([8.0, 2.0]), 4, 4 * 4.25) == 0.0  # no error at all
+    one = np.array([[1.0, 2.0], [5.0, 1.0], [5.0, 9.0]])
+    found = ledoit_wolf_coefficients(one, np.array([0, 1, 1]), np.zeros((3, 2)), pooled=False)
+    np.testing.assert_allclose(found[1], [[1, 1], [1, 16], [1, 1]])  # one recording, constant, none
+    assert found[0][[0, 2]].tolist() == [0, 0]
+
+
+def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
+    rng = np.random.default_rng(0)
+    order = rng.permutation(30)
+    values = np.linspace(0.5, 1.5, 30)
+    values[:2] = 40.0, 9.0
+    found = population_eigenvalues(values, 60)
+    assert found.sum() == pytest.approx(values.sum())
+    np.testing.assert_allclose(population_eigenvalues(values[order], 60), found[order])
+    np.testing.assert_allclose(population_eigenvalues(7 * values, 60), 7 * found)
+    assert np.ptp(found[2:]) == 0  # as far apart as noise makes equal ones
+    np.testing.assert_allclose(population_eigenvalues(values, 10**9), values, rtol=1e-3)
+    # Variance 0.15^2 of ten values of which sampling explains 10 / 1000.
+    apart = 1 + 0.15 * np.array([-1, 1] * 5)
+    kept = 1 + (apart - 1) * (1 - 0.01 / 0.15**2)
+    np.testing.assert_allclose(population_eigenvalues(3 * apart, 1000), 3 * kept)
+    assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]
