@@ -216,7 +216,7 @@ class _Residuals:
         counts = before.counts - member @ weight[:, 0]
         counts[counts <= 1e-9 * before.counts] = 0.0
         seen = (counts > 0)[:, np.newaxis]
-        sums = np.where(seen, member @ (weight * values), 0.0)
+        sums = member @ (weight * values)
         moved = np.divide(sums, counts[:, np.newaxis], out=np.zeros_like(sums), where=seen)
         scatter = before.scatter.copy()
         if scatter.ndim == 2:

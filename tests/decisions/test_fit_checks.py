@@ -125,7 +125,9 @@ def test_one_recording_alone_has_no_scatter_and_is_singular():
     with pytest.warns(UserWarning, match=message):
         check_densities(one, singular, CLASSES, None, stacklevel=1)
     for shrinkage, remedy in ((0.0, "Use shrinkage="), ("oas", "Use fewer"), ("auto", "Use fewer")):
-        with pytest.raises(ValueError, match=rf"is singular with shrinkage={shrinkage!r}. {remedy}"):
+        with pytest.raises(
+            ValueError, match=rf"is singular with shrinkage={shrinkage!r}. {remedy}"
+        ):
             check_densities(one, singular, CLASSES, shrinkage, stacklevel=1)
     check_densities(one, ~singular & False, CLASSES, None, stacklevel=1)
     # A class without recordings has no covariance, which is no defect.

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import softmax
 from scipy.stats import multivariate_normal
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -249,6 +250,35 @@ def test_recordings_of_left_out_units_are_judged_by_a_fit_to_the_others():
     weight, priors = np.ones(judged.sum()), fitted.class_count_ / len(X)
     best = fit_temperature(left_out.log_densities, left_out.codes, weight, priors)
     assert fitted.temperature_ == best
+
+
+def test_the_threshold_weights_classes_by_priors_and_cools_densities():
+    rng = np.random.default_rng(8)
+    logs, codes = 3 * rng.normal(size=(40, 3)), np.tile([0, 1, 1, 2], 10)
+    logs[codes != 2, 2] = -np.inf
+    units = 3 * rng.permutation(np.arange(40) // 2)
+    priors = np.array([0.7, 0.1, 0.2])
+    posterior = softmax(logs / 2.5 + np.log(priors), axis=1)
+    own = posterior[np.arange(40), codes]
+    own[codes == posterior.argmax(axis=1)] = 1.0
+    weight = 1 / np.array([np.sum(units == unit) for unit in units])
+    weight *= (priors / [weight[codes == k].sum() for k in range(3)])[codes]
+    assert weight.sum() == pytest.approx(1)
+    left_out = LeftOutDensities(logs, codes, units)
+    for coverage in (0.6, 0.8, 0.95):
+        enough = [p for p in own if weight[own >= p].sum() >= coverage]
+        assert probability_threshold(left_out, priors, 2.5, coverage) == max(enough)
+    with pytest.raises(ValueError, match=r"20 units cannot support .* at least 24; .* most 0\.952"):
+        probability_threshold(left_out, priors, 2.5, 0.96)
+
+
+def test_classes_that_no_judged_recording_has_and_impossible_ones_take_no_part():
+    left_out = LeftOutDensities(np.zeros((3, 3)), np.array([0, 1, 0]), np.arange(3))
+    assert probability_threshold(left_out, np.array([0.5, 0.5, 0.0]), 1.0, 0.5) == 1.0
+    assert probability_threshold(left_out, np.array([0.6, 0.2, 0.2]), 1.0, 0.7) == 1.0
+    assert probability_threshold(left_out, np.array([0.6, 0.2, 0.2]), 1.0, 0.75) == 1.0
+    third = probability_threshold(left_out, np.array([0.6, 0.22, 0.18]), 1.0, 0.75)
+    assert third == pytest.approx(0.22)
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_a_class_with_a_prior_is_possible_for_the_estimator():
     message = "tree has the prior 0 of class 'new', .* priors give it 0.3. Give tree another"
     with pytest.raises(ValueError, match=message):
         check_possible(shares, own, CLASSES, "tree")
-    with pytest.raises(ValueError, match="^estimator has the prior 0"):
+    with pytest.raises(ValueError, match=r"^estimator has the prior 0"):
         check_possible(shares, own, CLASSES)
     check_possible(np.array([1.0, 0.0, 0.0]), own, CLASSES)
 

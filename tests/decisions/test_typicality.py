@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.special import logsumexp
 
 from emacm.decisions.gaussians import FLOOR, fit_gaussians
 from emacm.decisions.left_out import Training, left_out_gaussians
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients
+from emacm.decisions.tails import peaks_over_threshold, student_tail
 from emacm.decisions.typicality import fit_typicality
 
 
@@ -178,3 +180,88 @@ def test_variances_are_moderated_by_three_degrees_of_freedom():
     expected = (within / (within + between)).mean() * (within + between)
     moderated = (9 * within + 3 * expected) / 12  # 4 groups in 3 classes: 9 degrees of freedom
     assert_allclose(fit(X, codes, groups).distances.deviations ** 2, moderated)
+
+
+def plain_logs(known, X, present):
+    """Logarithms of the squared distances inside, outside and of the largest deviation."""
+    gaussians = pooled_gaussians(known)
+    S, means = gaussians.covariances[0], gaussians.means[present]
+    root = np.linalg.cholesky(np.linalg.inv(S))
+    centred = (means - means.mean(axis=0)) @ root
+    axes = np.linalg.qr(centred.T)[0][:, : len(means) - 1] if len(means) > 1 else root[:, :0]
+    offsets = (X[:, np.newaxis] - means) @ root
+    inside = np.sum((offsets @ axes) ** 2, axis=2)
+    outside = np.sum(offsets[:, 0] ** 2, axis=1) - inside[:, 0]
+    total = S.diagonal() + means.var(axis=0)
+    pairs = set(zip(known.codes, known.groups, strict=True))
+    degrees = len(pairs) - len(set(known.codes))
+    expected = np.mean(S.diagonal() / total) * total
+    deviations = np.sqrt((degrees * S.diagonal() + 3 * expected) / (degrees + 3))
+    away = (X - means[inside.argmin(axis=1)]) / deviations
+    every = np.full((len(X), known.n_classes), np.inf)
+    every[:, present] = inside
+    return np.log(every + 1e-3), np.log(outside + 1e-3), np.log((away**2).max(axis=1) + 1e-3)
+
+
+def plain_typicality(training, new):
+    """Typicality as the module describes it, by separate fits without each group."""
+    n, codes, weight = len(training.X), training.codes, training.weight
+    logs = [np.empty((n, training.n_classes)), np.empty(n), np.empty(n)]
+    judged = np.zeros(n, bool)
+    for group in np.unique(training.groups):
+        rows, rest = training.groups == group, training.take(training.groups != group)
+        present = np.unique(rest.codes)
+        for found, part in zip(logs, plain_logs(rest, training.X[rows], present), strict=True):
+            found[rows] = part
+        judged[rows] = np.isin(codes[rows], present)
+    logs, codes, weight = [part[judged] for part in logs], codes[judged], weight[judged]
+    own = [logs[0][np.arange(len(codes)), codes], *logs[1:]]
+    fresh = plain_logs(training, new, np.arange(training.n_classes))
+    directions = training.n_classes - 1
+    used = [directions > 0, directions < training.X.shape[1], True]
+    slopes = (1.0, 0.5, 1.5) if directions else (None, 1.0, 1.0)
+    terms, terms_of_new = [], []
+    for number, expected in enumerate((0.5, 0.15, 0.2)):
+        values, mean = own[number], np.average(own[number], weights=weight)
+        levels = np.full(training.n_classes, mean)
+        for k in np.unique(codes):
+            n_groups = len(np.unique(training.groups[judged][codes == k]))
+            of_class = np.average(values[codes == k], weights=weight[codes == k])
+            levels[k] = (mean + n_groups * of_class) / (1 + n_groups)
+        peaks = peaks_over_threshold(values - levels[codes], weight, expected, 5.0)
+        if used[number]:
+            for found, part in ((terms, logs[number]), (terms_of_new, fresh[number])):
+                above = (part if number == 0 else part[:, np.newaxis]) - levels - peaks.threshold
+                above = above * slopes[number] / peaks.mean_excess - (0, 0, 8)[number]
+                found.append(above + np.zeros((1, training.n_classes)))
+    combined = [logsumexp(found, axis=0).min(axis=1) for found in (terms, terms_of_new)]
+    return student_tail(combined[0], weight, 0.85).survival(combined[1])
+
+
+@pytest.mark.parametrize(
+    ("n_classes", "n_features"), [(3, 6), (2, 4), (2, 1), (3, 2), (1, 3), (1, 1)]
+)
+def test_typicality_is_that_of_separate_fits_and_plain_formulas(n_classes, n_features):
+    X, codes, groups = draw(15, 7, n_features, n_classes)
+    kept = (codes != n_classes - 1) | (groups < 4) if n_classes > 1 else groups < 7
+    kept &= np.random.default_rng(3).random(len(X)) < 0.7
+    X, codes, groups = X[kept], codes[kept], groups[kept]
+    training = Training(X, codes, groups, np.ones(len(X)), n_classes)
+    new = draw(16, 3, n_features, n_classes)[0] * np.linspace(0.5, 2, 15 * n_classes)[:, np.newaxis]
+    typicality = fit(X, codes, groups)
+    assert_allclose(typicality(new), plain_typicality(training, new), rtol=1e-5)
+    assert typicality.used.tolist() == [n_classes > 1, n_features >= n_classes, True]
+    assert_array_equal(typicality.feature_range, [X.min(axis=0), X.max(axis=0)])
+
+
+def test_the_distance_to_one_class_has_the_slope_of_its_gradient():
+    X, codes, groups = draw(17, n_groups=3, n_features=4)
+    distances = fit(X, codes, groups).distances
+    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
+    for code in range(3):
+        squares = gaussians.squared_distances(X)[:, code]
+        assert_allclose(distances.squares(X, code), squares, rtol=1e-9)
+        gradient = distances.square_gradient(X, code)
+        for feature, step in enumerate(1e-4 * np.eye(4)):
+            rise = distances.squares(X + step, code) - distances.squares(X - step, code)
+            assert_allclose(gradient[:, feature], rise / 2e-4, rtol=1e-5, atol=1e-5)

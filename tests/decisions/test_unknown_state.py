@@ -13,9 +13,12 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.left_out import Training, all_gaussians, left_out_gaussians
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.posterior_product import PosteriorProduct
+from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.decisions.typicality import fit_typicality
 from emacm.decisions.unknown import unknown_probability
 
 NAMES = np.array(["worn", "healthy", "dry"])
@@ -112,6 +115,42 @@ def test_costs_and_priors_set_later_equal_those_of_a_refit(covariance, shrinkage
     model.set_params(**later)
     for method in ("predict_proba", "unknown_proba", "typicality", "risk", "predict"):
         np.testing.assert_array_equal(getattr(model, method)(X), getattr(anew, method)(X))
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), [*KINDS, ("tied", 0.1)])
+def test_typicality_is_tied_and_the_temperature_that_of_fits_without_each_unit(
+    covariance, shrinkage
+):
+    X, y, units = draw(3)
+    y[units == "u7"] = "healthy"
+    kept = (y != "worn") | (units == "u5")  # a class of one unit is not judged
+    X, y, units = X[kept], y[kept], units[kept]
+    weight = np.ones(len(X))
+    if shrinkage != "auto":  # which accepts no weights; 0 leaves out
+        weight[::4], weight[1] = 2.0, 0.0
+    options = {"unknown": "odd", "temperature": "groups"}
+    model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage, **options)
+    model.fit(X, y, weight, groups=units)
+    codes, numbers = (np.unique(each, return_inverse=True)[1] for each in (y, units))
+    training = Training(X, codes, numbers, weight, 3).take(weight > 0)
+    pooled = left_out_gaussians(training, "tied", "auto")
+    typicality = fit_typicality(training, all_gaussians(training, "tied", "auto"), pooled)
+    np.testing.assert_allclose(model.typicality(X), typicality(X), rtol=1e-9)
+    np.testing.assert_array_equal(model.feature_range_, typicality.feature_range)
+    assert model.distances_.means.shape == (3, 4)
+    logs = np.full((len(X), 3), -np.inf)
+    for unit in np.unique(units):
+        rows, others = units == unit, (units != unit) & (weight > 0)
+        alone = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
+        alone.fit(X[others], y[others], weight[others])
+        known = np.isin(CLASSES, alone.classes_)
+        with np.errstate(divide="ignore"):
+            priors = np.log(alone.priors_)
+        logs[np.ix_(rows, known)] = alone.predict_joint_log_proba(X[rows]) - priors
+    judged = (y != "worn") & (weight > 0)
+    shares = model.class_count_ / model.class_count_.sum()
+    best = fit_temperature(logs[judged], codes[judged], weight[judged], shares)
+    assert model.temperature_ == pytest.approx(best, rel=1e-5)
 
 
 def test_numbers_stay_numbers_unless_unknown_is_decided():

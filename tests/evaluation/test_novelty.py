@@ -9,6 +9,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes
+from emacm.evaluation.bootstrap import draw_interval, drawn_groups
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.novelty import novelty_table, pair_counts
 
@@ -113,6 +114,31 @@ def test_groups_of_one_kind_only_have_no_interval():
     row = novelty_table(one_unit, "new", BOOTSTRAP).loc["dry"]
     assert np.isnan([row["auroc_low"], row["unknown_flagged_high"]]).all()
     assert not np.isnan(row["known_flagged_low"])
+
+
+@pytest.mark.parametrize(("n_known", "n_unknown"), [(6, 3), (3, 6), (6, 7), (1, 6), (6, 0), (0, 6)])
+def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n_unknown):
+    rng = np.random.default_rng(5)
+    is_unknown = np.repeat(np.arange(n_known + n_unknown) >= n_known, 4)
+    groups = np.repeat(np.arange(n_known + n_unknown), 4)
+    typicality = np.round(rng.random(len(groups)) * np.where(is_unknown, 0.7, 1), 2)
+    table = {"left_out": "dry", "is_unknown": is_unknown, "typicality": typicality}
+    predictions = pd.DataFrame(table | {"group": groups, "decided_label": "new"})
+    row = novelty_table(predictions, None, BOOTSTRAP).loc["dry"]
+    (times,) = drawn_groups(n_known + n_unknown, 200, 0)
+    mine, theirs = typicality[is_unknown, np.newaxis], typicality[~is_unknown]
+    won = (mine < theirs) + 0.5 * (mine == theirs)
+    drawn = []
+    for weight in times[:, groups]:
+        first, second = weight[is_unknown], weight[~is_unknown]
+        pairs = first.sum() * second.sum()
+        drawn.append(first @ won @ second / pairs if pairs else np.nan)
+    estimate = roc_auc_score(is_unknown, -typicality) if n_known and n_unknown else np.nan
+    n_groups = min(n_known, n_unknown)
+    limits = draw_interval(np.array(drawn), estimate, n_groups, (0, 1), 0.95)
+    found = row[["auroc", "auroc_low", "auroc_high"]].to_numpy(float)
+    assert found == pytest.approx(np.array([estimate, *limits]), nan_ok=True)
+    assert (row["known"], row["unknown"]) == (4 * n_known, 4 * n_unknown)
 
 
 def test_pairs_are_counted_by_groups():
