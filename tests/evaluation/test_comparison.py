@@ -11,8 +11,10 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import LinearSVC
 
 from emacm import CostSensitiveGaussianBayes
+from emacm.evaluation.bootstrap import cell_mean, draw_interval, group_draws
 from emacm.evaluation.comparison import compare
 from emacm.evaluation.evaluate import evaluate
+from emacm.evaluation.figures import FIGURES, tallies
 
 STATES = ["worn", "new", "new", "dry", "new"]
 
@@ -73,6 +75,49 @@ def test_the_interval_is_of_the_difference_in_the_same_runs(found):
     separate = [each.table.loc["by run"] for each in found.values()]
     widths = [table["accuracy_high"] - table["accuracy_low"] for table in separate]
     assert row["accuracy_high"] - row["accuracy_low"] < 0.8 * np.hypot(*widths)
+
+
+def test_intervals_of_differences_are_those_of_paired_draws(found):
+    comparison, (base, other) = compare(found), found.values()
+    row = comparison.differences.loc["current"]
+    ends = ("", "_low", "_high")
+    assert row.index.tolist() == [f"{name}{end}" for name in FIGURES for end in ends]
+    held = [each.predictions.query("scheme == 'by run'") for each in (base, other)]
+    groups = held[0]["group"].to_numpy()
+    both = [tallies(part, base.scoring) for part in held]
+    for name in FIGURES:
+        parts = [each[name] for each in both]
+        drawn = [group_draws([v], [cells], groups, combine=[how])[0] for v, cells, how in parts]
+        estimates = [cell_mean(*part) for part in parts]
+        difference, estimate = drawn[1] - drawn[0], estimates[1] - estimates[0]
+        if name == "calibration_error":
+            difference = difference - np.nanmean(difference) + estimate
+        n_groups = len(np.unique(groups[parts[0].cells >= 0]))
+        limits = draw_interval(difference, estimate, n_groups)
+        assert row[[name, f"{name}_low", f"{name}_high"]].tolist() == pytest.approx(
+            [estimate, *limits], rel=1e-9, abs=1e-12
+        )
+
+
+@pytest.mark.parametrize("faulty", [False, True])
+def test_figures_without_any_recording_and_of_few_groups_have_no_interval(faulty):
+    X, y, runs = sensors()
+    of_state = (y != "new") == faulty
+    later = {"later": (runs < 7, (runs >= 7) & of_state)}
+    options = {"runs": runs, "healthy": "new", "splits": later, "confidence": 0.8}
+    found = [
+        evaluate(CostSensitiveGaussianBayes(), each, y, n_resamples=100, **options)
+        for each in X.values()
+    ]
+    comparison = compare(found, scheme="later")
+    row = comparison.differences.loc["2"]
+    names = ["missed_detection_rate", "false_alarm_rate"]
+    known, unknown = names if faulty else names[::-1]
+    assert np.isnan(row[[unknown, f"{unknown}_low", f"{unknown}_high"]]).all()
+    assert row[f"{known}_low"] <= row[known] <= row[f"{known}_high"]
+    assert (comparison.confidence, comparison.healthy, comparison.reference) == (0.8, "new", "1")
+    assert comparison.caveats == []
+    assert "80 % confidence interval" in str(comparison)
 
 
 def test_an_evaluation_does_not_differ_from_itself(found):

@@ -179,6 +179,20 @@ def test_a_fault_of_an_unknown_state_is_missed_if_it_is_decided_healthy():
     ] <= largest_missed(100, 0.1, 0.95) + 1e-9  # fmt: skip
 
 
+def test_the_unknown_state_takes_its_share_of_every_posterior():
+    X, y, units = three_states(90, 0)
+    cost = {("inspect", state): 0.3 for state in ("healthy", "worn", "dry", "new")}
+    priors = {"healthy": 0.4, "worn": 0.1, "dry": 0.1, "new": 0.4}
+    model = CostSensitiveGaussianBayes(cost, priors=priors, unknown="new")
+    model.fit(X, y, groups=units)
+    X, y, units = three_states(90, 1)
+    row = miss_rate_limit(model, X, y, units, 0.3, healthy="healthy").table.loc["given cost"]
+    decided, well = model.predict(X), y == "healthy"
+    assert row["missed_detection_rate"] == np.mean(decided[~well] == "healthy")
+    not_healthy = row["inspection_rate"] + row["false_alarm_rate"]
+    assert 0.1 < not_healthy == pytest.approx(np.mean(decided[well] != "healthy"))
+
+
 def test_families_and_conditions():
     X, y, units = three_states(180, 0)
     frame = pd.DataFrame(X, columns=["level", "ratio"]).assign(load=np.where(units % 2, 40, 20))
