@@ -7,9 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sklearn.dummy import DummyClassifier
+from sklearn.ensemble import VotingClassifier
 from sklearn.metrics import confusion_matrix, make_scorer
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from emacm.decisions.costs import cost_table
+from emacm import CostSensitiveGaussianBayes, PosteriorProduct
+from emacm.decisions.costs import (
+    cost_of_some,
+    cost_parameters,
+    cost_table,
+    narrow_costs,
+    stated_cost,
+    stated_truths,
+)
 from emacm.decisions.metrics import check_weights, expected_cost
 from emacm.decisions.risks import canonical_cost, conditional_risk, least_risk
 
@@ -311,3 +322,74 @@ def test_a_table_without_an_index_is_refused_as_its_decisions_have_no_names():
     table = polars.DataFrame({"worn": [9, 0], "healthy": [0, 1]})
     with pytest.raises(TypeError, match=r"polars DataFrame, which has no index.*pandas"):
         cost_table(table, ["healthy", "worn"])
+
+
+# Costs of estimators
+
+
+@pytest.mark.parametrize(
+    ("cost", "expected"),
+    [
+        (None, None),
+        (MATRIX, MATRIX[np.ix_([0, 2], [0, 2])]),
+        (np.arange(16).reshape(4, 4), [[0, 2, 3], [8, 10, 11], [12, 14, 15]]),  # unknown: the last
+        (np.ones((2, 3)), np.ones((2, 3))),
+        (np.ones((5, 5)), np.ones((5, 5))),
+        (
+            {("ball", "healthy"): 1, ("healthy", "ball"): 2, ("screw", "ball"): 3, "ball": 4},
+            {("screw", "ball"): 3, "ball": 4},
+        ),
+    ],
+)
+def test_a_cost_is_narrowed_to_the_classes_that_occur(cost, expected):
+    found = cost_of_some(cost, ["screw", "ball"], CLASSES)
+    if isinstance(expected, dict | None):
+        assert found == expected
+    else:
+        np.testing.assert_array_equal(found, expected)
+    assert cost_of_some(cost, CLASSES, CLASSES) is cost
+
+
+def test_a_frame_is_narrowed_in_its_columns_only():
+    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
+    found = cost_of_some(frame, ["ball", "screw"], CLASSES)
+    pd.testing.assert_frame_equal(found, frame[["ball", "screw"]])
+    known = frame[["ball", "screw"]]
+    pd.testing.assert_frame_equal(cost_of_some(known, ["ball", "screw"], CLASSES), known)
+
+
+def member(cost=None, **options):
+    return CostSensitiveGaussianBayes(cost, **options)
+
+
+OTHER = {("ball", "screw"): 2}
+
+
+def test_all_costs_of_an_estimator_are_narrowed():
+    cost = {("ball", "screw"): 2, ("ball", "healthy"): 3}
+    product = PosteriorProduct([("a", member(cost)), ("b", member())], cost=MATRIX)
+    assert narrow_costs(product, ["ball", "screw"], CLASSES) is product
+    assert product.estimators[0][1].cost == OTHER
+    assert product.estimators[1][1].cost is None
+    assert product.cost.tolist() == [[0, 2], [1, 0]]
+    assert set(cost_parameters(product)) == {"cost", "a__cost", "b__cost"}
+    plain = DummyClassifier()
+    assert narrow_costs(plain, ["ball"], CLASSES) is plain
+    assert cost_parameters(plain) == cost_parameters(object()) == {}
+
+
+def test_the_outer_cost_decides_and_several_beside_one_another_must_agree():
+    inner = member(OTHER, unknown="odd", priors="uniform")
+    assert stated_cost(PosteriorProduct([("a", inner)], cost=MATRIX)) is MATRIX
+    assert stated_cost(PosteriorProduct([("a", inner)])) is None
+    assert stated_cost(make_pipeline(StandardScaler(), inner)) == OTHER
+    assert stated_cost(DummyClassifier()) is None
+    pair = VotingClassifier([("a", inner), ("b", member(dict(OTHER)))])
+    assert stated_cost(pair) == OTHER
+    assert stated_truths(pair) == ("odd", "uniform")
+    differing = VotingClassifier([("a", inner), ("b", member(MATRIX, unknown="new"))])
+    assert stated_truths(differing) == (None, "uniform")
+    with pytest.raises(ValueError, match=r"several costs that differ, \['a__cost', 'b__cost'\]"):
+        stated_cost(differing)
+    assert stated_truths(PosteriorProduct([("a", inner)])) == (None, None)
+    assert stated_truths(DummyClassifier()) == (None, None)

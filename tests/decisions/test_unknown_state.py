@@ -17,7 +17,7 @@ from emacm.decisions.left_out import Training, all_gaussians, left_out_gaussians
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.temperature import fit_temperature
-from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.decisions.truths import truth_cost_table, truth_labels, truth_priors
 from emacm.decisions.typicality import fit_typicality
 from emacm.decisions.unknown import unknown_probability
 
@@ -191,6 +191,63 @@ def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
         decisions, table = truth_cost_table(cost, CLASSES, "new")
         assert decisions.tolist() == rows
         np.testing.assert_array_equal(table, matrix)
+
+
+@pytest.mark.parametrize("key", ["ab", ("a",), ("a", "b", "c")])
+def test_a_key_that_is_no_pair_is_refused_with_an_unknown_state(key):
+    with pytest.raises(TypeError, match="keys of a cost mapping must be tuples"):
+        truth_cost_table({key: 1}, CLASSES, "new")
+
+
+@pytest.mark.parametrize("form", ["frame", "mapping"])
+def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
+    inspect = {("look", state): 0.3 for state in CLASSES}
+    stated = {("healthy", "new"): 9, ("look", "new"): 0.2, ("new", "dry"): 4, ("new", "new"): -1}
+    if form == "mapping":
+        cost, order = inspect | stated, [*CLASSES, "new", "look"]
+    else:
+        order = ["look", "worn", "healthy", "dry", "new"]
+        columns = {"dry": [0.3, 1, 1, 0, 4], "new": [0.2, 1, 9, 1, -1]}
+        columns |= {"worn": [0.3, 0, 1, 1, 1], "healthy": [0.3, 1, 0, 1, 1]}
+        cost = pd.DataFrame(columns, order)
+    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    assert decisions.tolist() == order
+    found = dict(zip(order, table.tolist(), strict=True))
+    assert found == {
+        "dry": [0, 1, 1, 1],
+        "healthy": [1, 0, 1, 9],
+        "worn": [1, 1, 0, 1],
+        "new": [4, 1, 1, -1],
+        "look": [0.3, 0.3, 0.3, 0.2],
+    }
+
+
+def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state():
+    cost = pd.DataFrame(
+        [[0, 2, 3], [5, 0.5, 0.2], [1, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
+    )
+    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    assert decisions.tolist() == [*"abcd", "new"]
+    assert table[:, -1].tolist() == [1, 1, 1, 4, 0]
+    square = np.arange(9.0).reshape(3, 3)
+    decisions, table = truth_cost_table(square, CLASSES, "new")
+    assert decisions.tolist() == [*CLASSES, "new"]
+    np.testing.assert_array_equal(table[:3, :3], square)
+    np.testing.assert_array_equal(table[3], [1, 1, 1, 0])
+
+
+@pytest.mark.parametrize(("unknown", "name"), [([1], "list"), (np.nan, "nan"), ({}, "mapping")])
+def test_the_unknown_state_has_a_label(unknown, name):
+    with pytest.raises(TypeError, match="unknown must be a label such as 'unknown', or None"):
+        truth_labels(CLASSES, unknown)
+
+
+def test_labels_of_truths_are_the_classes_and_then_the_unknown_state():
+    assert truth_labels(CLASSES, None) is CLASSES
+    assert truth_labels(np.array([3, 5]), 0).tolist() == [3, 5, 0]
+    assert truth_labels(np.array([3, 5]), "new").tolist() == [3, 5, "new"]
+    with pytest.raises(ValueError, match="unknown = 5 is a class with recordings"):
+        truth_labels(np.array([3, 5]), 5)
 
 
 def test_without_an_unknown_state_the_cost_is_that_of_the_classes():
