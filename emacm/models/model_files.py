@@ -170,8 +170,9 @@ def describe_model(path: str | os.PathLike[str]) -> dict[str, Any]:
     -------
     dict
         "note", "saved" (time, UTC), "versions", "model" (class), "steps", "classes", "decisions",
-        "cost" (rows: decisions, columns: truths), "truths", "priors", "channels", "training_range"
-        (of each resampler) and "check" (rows of features with their posteriors).
+        "cost" (rows: decisions, columns: truths), "truths", "priors", "channels", "units" and
+        "training_range" (of the training recordings of each resampler) and "check" (rows of
+        features with their posteriors).
 
     Raises
     ------
@@ -254,6 +255,7 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
         **{name: _plain(model, f"{name}_") for name in ("classes", "decisions", "truths", "cost")},
         "priors": _plain(model, "priors_"),
         "channels": list(fitted[0].channels_) if fitted else [],
+        "units": [getattr(part, "training_units_", {}) for part in fitted],
         "training_range": [getattr(part, "training_range_", None) for part in fitted],
         "check": list(_check_rows(model)),
     }

@@ -18,9 +18,9 @@ from emacm.resampling.training_range import Statement
 def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     """State which properties of recordings are outside the range of the training recordings.
 
-    The range of level, speed, sampling rate, revolutions and highest valid order was stored by
-    the `OrderResampler` of the model when it was fitted. A `ConditionRouter` compares each
-    recording with the training recordings of its condition.
+    The units of channels and the range of level, speed, sampling rate, revolutions and highest
+    valid order were stored by the `OrderResampler` of the model when it was fitted. A
+    `ConditionRouter` compares each recording with the training recordings of its condition.
 
     Parameters
     ----------

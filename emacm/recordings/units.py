@@ -1,4 +1,4 @@
-"""Units of angles, speeds and times, and whether two units of a channel are the same."""
+"""Units of angles, speeds and times, and how two units of a channel are related."""
 
 from __future__ import annotations
 
@@ -22,6 +22,17 @@ _TIMES = {
     1e-9: ("ns", "nanoseconds"),
     60.0: ("min", "minute", "minutes"),
     3600.0: ("h", "hour", "hours"),
+}
+_SIGNALS: dict[str, dict[str, float]] = {  # unit of each quantity and its size; case matters
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665, "G": 9.80665, "gn": 9.80665},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "in/s": 0.0254, "ips": 0.0254},
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 25.4e-6},
+    "V": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "μV": 1e-6, "kV": 1e3},
+    "A": {"A": 1.0, "mA": 1e-3, "kA": 1e3},
+    "N": {"N": 1.0, "kN": 1e3, "mN": 1e-3},
+    "N*m": {"N*m": 1.0, "Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3},
+    "Pa": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "MPa": 1e6, "bar": 1e5, "mbar": 100.0},
+    "W": {"W": 1.0, "kW": 1e3, "mW": 1e-3},
 }
 _KINDS = {"velocity": ("rad/s", _SPEEDS), "angle": ("rad", _ANGLES), "time": ("s", _TIMES)}
 
@@ -82,6 +93,28 @@ def same_unit(one: str, other: str) -> bool:
     (True, False)
     """
     return _plain(one, case=True) == _plain(other, case=True)
+
+
+def unit_ratio(one: str, other: str) -> float | None:
+    """Return the factor by which values in one unit of a channel become values in another.
+
+    Returns
+    -------
+    float or None
+        None if a unit is not known, or they are units of different quantities.
+
+    Examples
+    --------
+    >>> unit_ratio("g", "m/s²"), unit_ratio("mV", "V"), unit_ratio("mV", "g"), unit_ratio("x", "x")
+    (9.80665, 0.001, None, 1.0)
+    """
+    if same_unit(one, other):
+        return 1.0
+    before, after = _plain(one, case=True), _plain(other, case=True)
+    for sizes in _SIGNALS.values():
+        if before in sizes and after in sizes:
+            return sizes[before] / sizes[after]
+    return None
 
 
 def _plain(unit: str, *, case: bool = False) -> str:

@@ -37,6 +37,7 @@ from emacm.resampling.training_range import (
     Statement,
     outside_range,
     training_range,
+    training_units,
     warn_of_severe,
 )
 from emacm.shaft.paths import DIRECTIONS
@@ -96,6 +97,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     training_range_ : dict of str to (float, float)
         Range of revolutions, speeds, highest valid order, and of sampling rate and level of each
         channel in the recordings of `fit`; see `emacm.outside_training`.
+    training_units_ : dict of str to tuple of str
+        Units of each channel in them, where they are stated.
     training_findings_ : tuple of str
         Kinds of warnings of `quality` that occur among them.
 
@@ -174,6 +177,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_channels(recordings, self.channels_, others=self.channels is not None)
         qualities = self._qualities(recordings, self.channels_)
         self.training_range_ = training_range(qualities)
+        self.training_units_ = training_units(qualities)
         kinds = {finding.kind for quality in qualities for finding in quality.findings}
         self.training_findings_ = tuple(sorted(kinds))
         return self
@@ -204,7 +208,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         UserWarning
             If the shaft reference has an isolated jump of more than `theta_s`; if `quality` warns
             of something that no recording of `fit` has; if a level is 20 dB outside the range of
-            these recordings, or a speed seems to be in another unit.
+            these recordings, a channel is in another unit, or a speed seems to be.
         """
         check_is_fitted(self)
         self._check_parameters()
@@ -214,8 +218,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             with located(partial(described, recording, index)):
                 self._check_motion(recording, index)
         qualities = self._qualities(recordings, self.channels_)
-        known = self.training_range_, self.training_findings_
-        warn_of_severe(recordings, qualities, *known, stacklevel=3)
+        known = self.training_range_, self._training_units
+        warn_of_severe(recordings, qualities, *known, self.training_findings_, stacklevel=3)
         theta_s = check_angle_step(self.theta_s)
         return [
             AngleRecording(
@@ -278,7 +282,12 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         check_channels(recordings, self.channels_, others=self.channels is not None)
         qualities = self._qualities(recordings, self.channels_)
-        return [outside_range(quality, self.training_range_) for quality in qualities]
+        known = self.training_range_, self._training_units
+        return [outside_range(quality, *known) for quality in qualities]
+
+    @property
+    def _training_units(self) -> dict[str, tuple[str, ...]]:
+        return getattr(self, "training_units_", {})  # which older model files do not have
 
     def _qualities(self, recordings: list[Recording], channels: Sequence[str]) -> list[Quality]:
         quality = partial(

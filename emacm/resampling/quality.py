@@ -32,6 +32,8 @@ class Quality(NamedTuple):
         The columns of `OrderResampler.quality` except the last one.
     rates, levels : dict of str to float
         Sampling rate [Hz] and level (root mean square about the mean) of each channel.
+    units : dict of str to str
+        Unit of each channel of which one is stated.
     findings : tuple of Finding
         Warnings about the recording.
     has_jump : bool
@@ -41,6 +43,7 @@ class Quality(NamedTuple):
     row: dict[str, float]
     rates: dict[str, float]
     levels: dict[str, float]
+    units: dict[str, str]
     findings: tuple[Finding, ...]
     has_jump: bool
 
@@ -131,7 +134,8 @@ def _quality(
     found += [Finding(check.defect, check.text) for check in checks.values() if check.defect]
     rates = {name: recording.fs[name] for name in channels}
     levels = {name: check.level for name, check in checks.items()}
-    return Quality(row, rates, levels, tuple(found), jump > 0)
+    units = {name: unit for name, unit in recording.units.items() if name in channels}
+    return Quality(row, rates, levels, units, tuple(found), jump > 0)
 
 
 def _highest_frequency(recording: Recording, channel: str) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from emacm.recordings.inputs import described
 from emacm.recordings.recording import Recording
+from emacm.recordings.units import unit_ratio
 from emacm.resampling.quality import Quality
 
 Range = tuple[float, float]
@@ -19,7 +20,7 @@ _LEVEL, _FAR_LEVEL = 3.0, 20.0  # dB beyond the range: what is stated, and what 
 _SPEED = 1.1  # factor beyond the range
 _RATE = 1e-3  # relative difference of sampling rates, more than that of two clocks
 _LISTED = 5  # recordings that a warning lists
-_UNITS = (  # speed in this unit over speed in rad/s
+_SPEED_UNITS = (  # speed in this unit over speed in rad/s
     ("rpm", 60 / (2 * np.pi)),
     ("degrees per second", 180 / np.pi),
     ("revolutions per second", 1 / (2 * np.pi)),
@@ -56,7 +57,18 @@ def training_range(qualities: Sequence[Quality]) -> dict[str, Range]:
     return {name: (float(min(column)), float(max(column))) for name, column in values.items()}
 
 
-def outside_range(quality: Quality, known: Mapping[str, Range]) -> list[Statement]:
+def training_units(qualities: Sequence[Quality]) -> dict[str, tuple[str, ...]]:
+    """Return the units of each channel in training recordings, where they are stated."""
+    found: dict[str, dict[str, None]] = {}
+    for quality in qualities:
+        for channel, unit in quality.units.items():
+            found.setdefault(channel, {})[unit] = None
+    return {channel: tuple(units) for channel, units in found.items()}
+
+
+def outside_range(
+    quality: Quality, known: Mapping[str, Range], units: Mapping[str, Sequence[str]]
+) -> list[Statement]:
     """State which properties of a recording are outside the training range.
 
     Levels are stated from 3 dB beyond the range, speeds from 10 %, shorter recordings and lower
@@ -68,12 +80,15 @@ def outside_range(quality: Quality, known: Mapping[str, Range]) -> list[Statemen
         Of the recording.
     known : mapping of str to (float, float)
         Of `training_range`.
+    units : mapping of str to sequence of str
+        Of `training_units`.
 
     Returns
     -------
     list of Statement
     """
     return [
+        *_units(quality.units, units),
         *([] if quality.has_jump else _speed(quality.row, known)),
         *_rates(quality.rates, known),
         *_too_short(quality.row, known),
@@ -85,6 +100,7 @@ def warn_of_severe(
     recordings: Sequence[Recording],
     qualities: Sequence[Quality],
     known: Mapping[str, Range],
+    units: Mapping[str, Sequence[str]],
     findings: Collection[str],
     *,
     stacklevel: int,
@@ -97,6 +113,8 @@ def warn_of_severe(
         The recordings that are to be judged.
     known : mapping of str to (float, float)
         Of `training_range`.
+    units : mapping of str to sequence of str
+        Of `training_units`.
     findings : collection of str
         Kinds of findings in the training, which are not warned of.
     stacklevel : int
@@ -107,7 +125,7 @@ def warn_of_severe(
         # A jump has a warning of its own, and makes the highest speed meaningless.
         left_out = {*findings, "jump"} | ({"order", "speed"} if quality.has_jump else set())
         texts = [f.text for f in quality.findings if f.kind not in left_out]
-        texts += [s.text for s in outside_range(quality, known) if s.severe]
+        texts += [s.text for s in outside_range(quality, known, units) if s.severe]
         if texts:
             lines.append(f"{described(recording, index)}: {'; '.join(texts)}")
     if lines:
@@ -122,7 +140,7 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     if low / _SPEED <= fastest <= high * _SPEED:
         return []
     factor = fastest / high if fastest > high else fastest / low
-    units = [unit for unit, size in _UNITS if abs(np.log(factor / size)) < np.log(_SPEED)]
+    units = [unit for unit, size in _SPEED_UNITS if abs(np.log(factor / size)) < np.log(_SPEED)]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
     if row["slowest"] > high or fastest < least:  # no speed in common
@@ -136,6 +154,24 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
             f"{_span(low, high)} rad/s{hint}"
         )
     return [Statement(text, bool(units))]  # other speeds may be intended
+
+
+def _units(units: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:
+    """State the channels in another unit than in the training; those without a unit are as there.
+
+    This is also stated where the level does not show it.
+    """
+    for channel, unit in units.items():
+        usual = known.get(channel, ())
+        ratios = [unit_ratio(unit, other) for other in usual]
+        if not usual or 1.0 in ratios:
+            continue
+        remedy = f"convert it, or correct the unit, if it is {usual[0]}"
+        if ratios[0] is not None:
+            remedy = f"multiply it by {ratios[0]:.6g}, or correct the unit, if it is {usual[0]}"
+        training = " or ".join(usual)
+        text = f"channel {channel!r} is in {unit}, in the training in {training}: {remedy}"
+        yield Statement(text, True)
 
 
 def _rates(rates: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:

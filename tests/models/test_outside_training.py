@@ -1,5 +1,6 @@
 """A model states what is unusual about a recording: speed, rate, level, length, defects."""
 
+import pickle
 import warnings
 
 import numpy as np
@@ -18,7 +19,11 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    describe_model,
+    load_model,
     outside_training,
+    save_model,
+    score,
 )
 
 FS, SPEED, N = 3_000, 47.0, 12_000  # 30 revolutions in 4 s
@@ -224,9 +229,58 @@ def test_a_warning_lists_five_recordings_and_counts_the_others():
     assert str(warning.message).count("all channels 40 dB above training") == 5
 
 
-def test_the_range_is_stored_with_the_model():
-    import pickle
+def in_units(recording, **units):
+    """Return a recording with the same samples, stated to be in other units."""
+    signals = dict(recording.signals)
+    return Recording(signals, FS, velocity=recording.velocity, units=units, meta=recording.meta)
 
+
+@pytest.fixture(scope="module")
+def in_g():
+    X = [in_units(run(seed, worn=seed % 2 == 1), vibration="g", current="A") for seed in range(8)]
+    return pipeline().fit(X, ["healthy", "worn"] * 4)
+
+
+@pytest.mark.parametrize(
+    ("unit", "remedy"),
+    [("m/s²", "multiply it by 0.101972"), ("mV", "convert it"), ("counts", "convert it")],
+)
+def test_a_channel_in_another_unit_is_stated_whatever_its_level(in_g, unit, remedy):
+    stated = f"channel 'vibration' is in {unit}, in the training in g: {remedy}, or correct the un"
+    assert stated in about(in_units(run(9), vibration=unit), in_g)
+    (words,) = warned(in_units(run(9), vibration=unit), in_g)
+    assert stated in words
+
+
+@pytest.mark.parametrize("units", [{}, {"vibration": "g"}, {"vibration": "gn", "current": " A"}])
+def test_the_same_unit_or_none_is_not_stated(in_g, units):
+    assert about(in_units(run(9), **units), in_g) == ""
+
+
+def test_all_units_of_the_training_are_known():
+    X = [in_units(run(seed), vibration=("g", "mV")[seed // 4]) for seed in range(8)]
+    model = pipeline().fit(X, ["healthy", "worn"] * 4)
+    assert model[0].training_units_ == {"vibration": ("g", "mV")}
+    assert about(in_units(run(9), vibration="mV", current="A"), model) == ""
+    assert "in the training in g or mV" in about(in_units(run(9), vibration="V"), model)
+
+
+def test_units_are_stored_in_model_files(in_g, tmp_path):
+    pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
+    save_model(in_g, tmp_path / "model.emacm")
+    described = describe_model(tmp_path / "model.emacm")["units"]
+    assert described == [{"vibration": ["g"], "current": ["A"]}]
+    table = score(load_model(tmp_path / "model.emacm"), [in_units(run(9), vibration="mV")])
+    assert "channel 'vibration' is in mV, in the training in g" in table["outside_training"][0]
+
+
+def test_a_model_without_units_states_none_of_them(in_g):
+    older = pickle.loads(pickle.dumps(in_g))
+    del older[0].training_units_
+    assert about(in_units(run(9), vibration="mV"), older) == ""
+
+
+def test_the_range_is_stored_with_the_model():
     model, _ = fitted()
     loaded = pickle.loads(pickle.dumps(model))
     pd.testing.assert_series_equal(

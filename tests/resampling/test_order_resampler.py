@@ -146,7 +146,7 @@ def test_fit_forgets_what_it_saw_before():
 
 def test_only_what_fit_learns_ends_in_an_underscore():
     learnt = set(vars(OrderResampler().fit([run()]))) - set(OrderResampler().get_params())
-    assert learnt == {"channels_", "training_range_", "training_findings_"}
+    assert learnt == {"channels_", "training_range_", "training_units_", "training_findings_"}
 
 
 def test_the_input_is_unchanged():
