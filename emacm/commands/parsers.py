@@ -79,10 +79,10 @@ def _add_train(commands: Any) -> None:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="folds in parallel")
 
 
-def _add_files(parser: argparse.ArgumentParser) -> None:
+def _add_files(parser: argparse.ArgumentParser, number: str = "+") -> None:
     """Add the files that a command reads, and their layout."""
     parser.add_argument(
-        "paths", metavar="PATH", type=Path, nargs="+", help="files, or folders of files"
+        "paths", metavar="PATH", type=Path, nargs=number, help="files, or folders of files"
     )
     parser.add_argument(
         "--layout", required=True, type=Path, metavar="L", help="layout of the files (TOML)"
@@ -214,13 +214,25 @@ def _add_trend(commands: Any) -> None:
         "exceeds its limit; 2 for invalid arguments or too few healthy groups; 3 if files failed.",
     )
     parser.set_defaults(run=_run_later("trend"))
-    parser.add_argument("healthy", metavar="HEALTHY", type=Path, help="folder of healthy files")
-    _add_files(parser)
+    parser.add_argument(
+        "healthy", metavar="HEALTHY", type=Path, nargs="?", help="folder of healthy files"
+    )
+    _add_files(parser, "*")
     parser.add_argument(
         "--groups",
-        required=True,
         metavar="KEY",
         help="key of meta with the run of a healthy file; whole ones are left out for the limit",
+    )
+    parser.add_argument(
+        "--results",
+        type=Path,
+        metavar="TABLE",
+        help="table of emacm score, in place of files, HEALTHY and --groups; the index is -log10 "
+        "of P(healthy) or of the typicality, whichever is smaller, and the limit that of "
+        "--false-alarm",
+    )
+    parser.add_argument(
+        "--state", metavar="LABEL", help="healthy state in TABLE; default: healthy or normal"
     )
     parser.add_argument("--unit", metavar="KEY", help="key of meta with the unit")
     _add_time(parser)

@@ -1,13 +1,15 @@
-"""The command ``emacm trend``: health index of each unit over time, from files."""
+"""The command ``emacm trend``: health index of each unit over time, from files or results."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
+import numpy as np
 import pandas as pd
 from sklearn.pipeline import make_pipeline
 
+from emacm._checks import check_number, located
 from emacm.commands.paths import check_paths, expanded
 from emacm.commands.train import extent, order_levels
 from emacm.monitoring.health_index import HealthIndex
@@ -15,13 +17,13 @@ from emacm.monitoring.health_trend import health_trend
 from emacm.recordings.files import RecordingFolder, open_recording
 from emacm.recordings.layout import Layout
 from emacm.recordings.meta import read_meta
-from emacm.reports.inputs import known_times, value_of
+from emacm.reports.inputs import known_times, read_results, value_of, with_units_and_times
 
 ALARM, FAILED = 1, 3  # exit status
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit a health index on healthy files, and state the trend of others.
+    """Fit a health index on healthy files, and state the trend of others; or read it from results.
 
     Returns
     -------
@@ -30,14 +32,9 @@ def run(options: argparse.Namespace) -> int:
         files failed.
     """
     layout = Layout.from_toml(options.layout)
-    check_paths([options.healthy, *options.paths])
-    healthy = RecordingFolder(options.healthy, layout)
-    groups = read_meta(healthy, options.groups, role="--groups")
-    units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
-    steps = order_levels(*extent(healthy, options), options.min_speed)
-    model = make_pipeline(*steps, HealthIndex(options.false_alarm))
-    model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
-    table = _trend(model, options, layout)
+    table = (
+        _from_files(options, layout) if options.results is None else _from_results(options, layout)
+    )
     table.to_csv(sys.stdout if options.out is None else options.out, index=False)
     if options.plot is not None:
         _plot(table, options)
@@ -50,6 +47,63 @@ def run(options: argparse.Namespace) -> int:
     if options.fail_on_alarm and latest["alarm"].any():
         return ALARM
     return FAILED if (table["error"] != "").any() else 0
+
+
+def _from_files(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
+    """Return the distances of files from healthy ones."""
+    if options.healthy is None or not options.paths or options.groups is None:
+        raise ValueError(
+            "trend needs a folder of HEALTHY files, PATHs of others and --groups; or --results, a "
+            "table of emacm score."
+        )
+    check_paths([options.healthy, *options.paths])
+    healthy = RecordingFolder(options.healthy, layout)
+    groups = read_meta(healthy, options.groups, role="--groups")
+    units = None if options.unit is None else read_meta(healthy, options.unit, role="--unit")
+    steps = order_levels(*extent(healthy, options), options.min_speed)
+    model = make_pipeline(*steps, HealthIndex(options.false_alarm))
+    model.fit(healthy, healthindex__groups=groups, healthindex__units=units)
+    return _trend(model, options, layout)
+
+
+def _from_results(options: argparse.Namespace, layout: Layout) -> pd.DataFrame:
+    """Return the trend of typicality and P(healthy) in a table of `score`; nothing is computed."""
+    if options.healthy is not None or options.groups is not None:
+        raise ValueError("with --results, trend reads that table: leave out HEALTHY and --groups.")
+    false_alarm = check_number(options.false_alarm, "--false-alarm", above=0, below=1)
+    found = with_units_and_times(read_results(options.results), layout, options.unit, options.time)
+    with located(str(options.results)):
+        healthy = _healthy_column(found, options.state)
+        columns = [name for name in (healthy, "typicality") if name in found.columns]
+        values = found[columns].apply(pd.to_numeric, errors="coerce")
+    least = values.min(axis=1).clip(lower=np.finfo(np.float64).tiny)  # NaN is left out
+    error = found["error"].fillna("").astype(str) if "error" in found.columns else ""
+    table = pd.DataFrame(
+        {
+            "unit": found["unit"] if "unit" in found.columns else "all",
+            "time": found["time"],
+            "index": -np.log10(least),
+            "limit": -np.log10(false_alarm),
+            "alarm": least < false_alarm,
+            "baseline": "population",
+            "recording": found["recording"],
+            "error": error,
+        }
+    )
+    return table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+
+
+def _healthy_column(table: pd.DataFrame, state: str | None) -> str:
+    """Return the column with the probability of the healthy state."""
+    wanted = ("healthy", "normal") if state is None else (state,)
+    known = [name for name in table.columns if name.startswith("P(")]
+    for name in wanted:
+        if f"P({name})" in known:
+            return f"P({name})"
+    raise ValueError(
+        f"it has no column {' or '.join(f'P({name})' for name in wanted)}. State the healthy state "
+        f"by --state; the probabilities in it are {known}."
+    )
 
 
 def _trend(model: object, options: argparse.Namespace, layout: Layout) -> pd.DataFrame:

@@ -186,7 +186,23 @@ class HealthIndex(TransformerMixin, SavedEstimator):
             return float("nan")
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         own = self.left_out_[self.left_out_["baseline"] == kind]
+        if own.empty:
+            raise ValueError(self._nothing_left_out(kind))
         return _limit(own, self.false_alarm, kind)
+
+    def _nothing_left_out(self, kind: str) -> str:
+        """Say why there is no limit: to leave a group out, there must be another one."""
+        remedy = (
+            f"Give at least {_needed(self.false_alarm)} of them, measured at different times, or "
+            f"set false_alarm to None for an index without limit."
+        )
+        if kind == _UNIT:
+            return (
+                f"a limit for units with a baseline of their own needs units that were measured in "
+                f"several groups, with {self.min_baseline} recordings or more in the others; here "
+                f"no unit has them. {remedy}"
+            )
+        return f"a limit needs several groups, but all recordings are of one. {remedy}"
 
     def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
         """Return the index of each unit over time or cycles, with its limit.
@@ -349,10 +365,14 @@ def _chosen(labels: list[Any], chosen: NDArray[np.bool_]) -> list[Any]:
     return [label for label, is_chosen in zip(labels, chosen.tolist(), strict=True) if is_chosen]
 
 
+def _needed(false_alarm: float | None) -> int:
+    """Return the number of groups that a limit needs."""
+    return int(np.ceil(1 / (false_alarm or 1.0) - 1 - 1e-9))
+
+
 def _limit(left_out: pd.DataFrame, false_alarm: float, kind: str) -> float:
     """Return the quantile of left-out indices in which each group counts the same."""
-    n_groups = left_out.groupby("group").ngroups if len(left_out) else 0
-    needed = int(np.ceil(1 / false_alarm - 1 - 1e-9))
+    n_groups, needed = left_out.groupby("group").ngroups, _needed(false_alarm)
     if n_groups < needed:
         what = "groups of units with a baseline" if kind == _UNIT else "units or groups"
         raise ValueError(

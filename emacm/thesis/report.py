@@ -6,7 +6,6 @@ import json
 import platform
 import re
 import shutil
-import tempfile
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from string import Template
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pandas as pd
@@ -376,11 +376,12 @@ def whole_folder(out: Path, *, overwrite: bool = False) -> Iterator[Path]:
     out = Path(out).absolute()
     check_target(out, overwrite=overwrite)
     existing = next(folder for folder in (out, *out.parents) if folder.exists())
-    try:
-        work = Path(tempfile.mkdtemp(prefix=".emacm-", dir=existing))
-    except OSError as error:
-        raise OSError(f"cannot write to the folder {out}: {error.strerror}.") from error
-    try:
+    work = existing / f".emacm-{uuid4().hex}"
+    try:  # from before the folder is made, as an interruption may come at any time
+        try:
+            work.mkdir(0o700)
+        except OSError as error:
+            raise OSError(f"cannot write to the folder {out}: {error.strerror}.") from error
         new, old = work / "new", work / "old"
         new.mkdir()  # with the default permissions of folders; those of `work` are narrower
         old.mkdir()

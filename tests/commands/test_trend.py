@@ -73,6 +73,7 @@ def test_a_picture_is_drawn(here):
     [
         (["--false-alarm", "0.01"], "needs at least 99"),
         (["--groups", "run"], "has no meta key 'run'"),
+        (["--groups", "unit"], "needs units that were measured in several groups, with 5 record"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
 )
@@ -81,3 +82,72 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, arguments, me
     printed = capsys.readouterr()
     assert message in printed.err
     assert printed.err.count("\n") == 1
+
+
+# From a table of emacm score
+
+ROWS = {
+    "recording": [f"nights/{unit}_{day}.npz" for unit in ("press", "axis") for day in (10, 2, 3)],
+    "decision": ["ok", "ok", "worn", "ok", "ok", ""],
+    "typicality": [0.4, 0.5, 0.02, 0.3, 0.001, np.nan],
+    "P(ok)": [0.9, 0.99, 0.2, 0.99, 1.0, np.nan],
+    "P(worn)": [0.1, 0.01, 0.8, 0.01, 0.0, np.nan],
+    "error": ["", "", "", "", "", "the file is empty"],
+}
+
+
+def write_results(suffix):
+    table = pd.DataFrame(ROWS)
+    if suffix == ".csv":
+        table.to_csv("results.csv", index=False)
+    else:
+        table.to_json("results.jsonl", orient="records", lines=True)
+
+
+def from_results(*arguments, suffix=".csv"):
+    fixed = ["--layout", "layout.toml", "--unit", "unit", "--time", "day"]
+    return main(["trend", "--results", f"results{suffix}", *fixed, *arguments])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+def test_results_give_the_trend_of_the_rarer_of_health_and_typicality(
+    tmp_path, monkeypatch, capsys, suffix
+):
+    monkeypatch.chdir(tmp_path)
+    Path("layout.toml").write_text(LAYOUT)
+    write_results(suffix)
+    assert from_results("--state", "ok", "--false-alarm", "0.01", suffix=suffix) == 3
+    table = pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=False)
+    assert table["unit"].tolist() == 3 * ["axis"] + 3 * ["press"]
+    assert table["time"].tolist() == [2, 3, 10, 2, 3, 10]
+    least = [0.001, "", 0.3, 0.5, 0.02, 0.4]
+    assert [v if v == "" else round(10 ** -float(v), 9) for v in table["index"]] == least
+    assert table["limit"].tolist() == 6 * [2.0]
+    assert table["alarm"].astype(str).tolist() == ["True", *5 * ["False"]]
+    assert table["error"][1] == "the file is empty"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "it has no column P(healthy) or P(normal). State the healthy state by --state"),
+        (["--state", "old"], "it has no column P(old)"),
+        (["--state", "ok", "--groups", "day"], "leave out HEALTHY and --groups"),
+        (["--state", "ok", "--false-alarm", "2"], "--false-alarm must be"),
+    ],
+)
+def test_results_that_cannot_be_used_are_status_2(
+    tmp_path, monkeypatch, capsys, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    Path("layout.toml").write_text(LAYOUT)
+    write_results(".csv")
+    assert from_results(*arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_trend_needs_files_or_results(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("layout.toml").write_text(LAYOUT)
+    assert main(["trend", "--layout", "layout.toml"]) == 2
+    assert "or --results, a table of emacm score" in capsys.readouterr().err

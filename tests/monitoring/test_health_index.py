@@ -274,3 +274,10 @@ def test_an_invalid_table_is_refused():
     many = pd.concat([table.assign(unit=str(k)) for k in range(9)])
     with pytest.raises(ValueError, match="9 units do not fit"):
         TrendDisplay(many)
+
+
+def test_a_limit_needs_more_than_one_group():
+    X = np.random.default_rng(0).normal(size=(30, 3))
+    index = HealthIndex().fit(X, groups=["run 1"] * 30)
+    with pytest.raises(ValueError, match="a limit needs several groups, but all recordings are of"):
+        index.limit()

@@ -376,6 +376,19 @@ def test_what_is_not_finished_leaves_nothing_behind(tmp_path, error):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_interruption_while_the_temporary_folder_is_made_leaves_nothing(tmp_path, monkeypatch):
+    make = Path.mkdir
+
+    def interrupted(path, *arguments, **options):
+        make(path, *arguments, **options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "out"):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_is_not_finished_leaves_the_report_that_was_there(tmp_path):
     with whole_folder(tmp_path) as folder:
         write(folder, small_chapter())
