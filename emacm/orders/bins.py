@@ -148,10 +148,7 @@ def kept_intervals(band: Band, stop_bands: Sequence[Band]) -> list[Band]:
         if stop_low > low:
             kept.append((low, min(stop_low, band[1])))
         low = max(low, stop_high)
-        if low >= band[1]:
-            break
-    else:
-        kept.append((low, band[1]))
+    kept.append((low, band[1]))
     return [(a, b) for a, b in kept if b > a]
 
 

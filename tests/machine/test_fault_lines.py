@@ -9,7 +9,8 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import Bearing, FaultLines, OrderPSD, OrderResampler, Recording
-from emacm.machine.lines import LineLevels, fault_series
+from emacm.machine import lines as machine_lines
+from emacm.machine.lines import FaultSeries, LineLevels, fault_series
 
 STEP = 1 / 25
 ORDERS = STEP * np.arange(0, 501)
@@ -123,6 +124,93 @@ def test_other_columns_than_those_of_fit_are_refused():
     lines = FaultLines(BEARING).fit(table(spectrum([])))
     with pytest.raises(ValueError, match="another order axis"):
         lines.transform(table(spectrum([])).iloc[:, ::-1])
+
+
+def test_the_background_needs_five_lines_and_all_lines_need_both_neighbours():
+    series = [FaultSeries("wear", (4.0, 8.0), False)]
+    assert LineLevels(ORDERS, series, 0.0, 0.08)._width == 5
+    with pytest.raises(ValueError, match=r"fewer than 5 lines.*revolutions=125"):
+        LineLevels(ORDERS, series, 0.0, 0.04)
+    fitting = LineLevels(ORDERS[99:202], series, 0.0, 0.5)  # 3.96 to 8.04
+    assert fitting.measure(np.ones((1, 103)))[0] == pytest.approx(0)
+    for part in (ORDERS[100:202], ORDERS[99:201]):
+        with pytest.raises(ValueError, match="'wear' reach order 8, but the spectra hold orders"):
+            LineLevels(part, series, 0.0, 0.5)
+
+
+def test_the_background_is_the_median_around_each_line_and_mirrored_at_the_ends():
+    psd = np.random.default_rng(5).gamma(3.0, size=(2, len(ORDERS)))
+    psd[1, 7] = 0.0
+    measure = LineLevels(ORDERS, [FaultSeries("wear", (4.0,), False)], 0.0, 0.2)
+    padded = np.pad(psd, ((0, 0), (5, 5)), mode="reflect")
+    medians = np.median([padded[:, k : k + len(ORDERS)] for k in range(11)], axis=0)
+    expected = 10 * np.log10(np.maximum(psd, np.finfo(float).tiny) / medians)
+    np.testing.assert_allclose(measure.heights(psd), expected, rtol=1e-12, atol=1e-12)
+    there = psd > 0
+    np.testing.assert_allclose(measure.background(psd)[there], medians[there], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "excluded", "expected"),
+    [
+        ({5: 30, 3: 20, 8: 20}, [], {4: 30, 5: 30, 6: 30, 7: 20, 8: 20, 9: 20}),
+        ({5: 30, 7: 27}, [], {4: 30, 5: 30, 6: 30, 7: 27, 8: 27}),
+        ({5: 30, 7: 26.9}, [], {4: 30, 5: 30, 6: 30}),
+        ({5: 30, 3: 20, 8: 20}, [5], {7: 20, 8: 20, 9: 20}),
+        ({5: -4, 4: -5, 6: -6}, [5], {5: -4}),
+    ],
+)
+def test_the_skirt_of_a_strong_line_and_what_is_excluded_are_no_peaks(given, excluded, expected):
+    def row(values):
+        return np.array([[values.get(place, 0.0) for place in range(12)]])
+
+    kept = machine_lines._peaks(row(given), np.isin(np.arange(12), excluded))
+    np.testing.assert_array_equal(kept, row(expected))
+
+
+@pytest.mark.parametrize(
+    ("order", "without_shaft", "level"),
+    [(5.08, False, 20), (5.08, True, 0), (5.04, True, 20), (4.98, True, 20)],
+)
+def test_lines_of_the_shaft_count_only_where_they_are_predicted(order, without_shaft, level):
+    slipping = FaultSeries("wear", (order, 2 * order, 3 * order), True)
+    measure = LineLevels(ORDERS, [slipping], 0.02, 0.5, without_shaft=without_shaft)
+    found, slips, lines = measure.measure(spectrum([5, 10, 15])[np.newaxis])
+    assert found == pytest.approx(level, abs=1e-9)
+    np.testing.assert_allclose(lines[0], [[level] * 3], atol=1e-9)
+    assert slips[0, 0] == pytest.approx(5 / order - 1 if level else 0, abs=STEP / 5)
+
+
+def test_sidebands_are_averaged_where_the_spectrum_has_them():
+    heights = {102: 10, 152: 20, 229: 30, 427: 8}  # orders 4.08, 6.08, 9.16 and 17.08
+    psd = np.ones((1, len(ORDERS)))
+    for place, height in heights.items():
+        psd[0, place] = 10 ** (height / 10)
+    fault = FaultSeries("wear", (5.0, 10.0), True, "", (("cage", 1), ("far", 12), ("none", 30)))
+    found = LineLevels(ORDERS, [fault], 0.02, 0.5).sidebands(psd, fault, 0.016)
+    assert found == {"cage": pytest.approx(15), "far": pytest.approx(8)}
+
+
+def test_a_p_value_counts_the_simulated_levels_that_are_at_least_as_high(monkeypatch):
+    monkeypatch.setattr(machine_lines, "DRAWS", 200)
+    measure = LineLevels(ORDERS, fault_series(BEARING, 2), 0.02, 0.5)
+    shapes = np.array([2.0, 9.0, 2.0])
+    monkeypatch.setattr(measure, "background_shapes", lambda psd: shapes)
+    drawn = [np.sort(measure._background_levels(shape), axis=0) for shape in shapes]
+    assert drawn[0].shape == (200, 4)
+    assert drawn[0].std() > 1.5 * drawn[1].std()  # averages of more segments vary less
+    levels = np.stack([drawn[0][-3], drawn[1][0] - 1, drawn[2][-1] + 1])
+    excess, p = measure.compare(np.ones((3, len(ORDERS))), levels)
+    np.testing.assert_allclose(p, np.repeat([[4 / 201], [1], [1 / 201]], 4, axis=1))
+    np.testing.assert_allclose(excess, levels - [rows.mean(axis=0) for rows in drawn])
+    np.testing.assert_array_equal(measure.p_values(np.ones((3, len(ORDERS))), levels), p)
+
+
+def test_a_series_keeps_what_is_known_of_its_line():
+    (inner,) = [fault for fault in fault_series(BEARING, 3) if fault.name == "BPFI"]
+    line = next(line for line in BEARING.lines() if line.name == "BPFI")
+    assert (inner.kind, inner.slips, inner.sidebands) == (line.kind, True, line.sidebands)
+    assert inner.orders == pytest.approx([line.order * k for k in (1, 2, 3)])
 
 
 @pytest.mark.slow

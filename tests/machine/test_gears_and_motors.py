@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emacm import Gear, InductionMotor, PlanetaryGear, fault_orders
+from emacm.machine.parts import MOST
 
 MEMBERS = ("sun", "planet", "ring", "carrier")
 
@@ -123,7 +124,15 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
         (lambda: PlanetaryGear(30, 90, 3, 1), "planet_teeth .* at least 2 and at most 31, got 1"),
         (lambda: PlanetaryGear(30, 90, 3, 60), "planet_teeth .* at most 31, got 60"),
         (lambda: PlanetaryGear(30, 90, 3, fixed="planet"), "fixed must be one of 'sun', 'ring'"),
+        (lambda: PlanetaryGear(30, 90, 3, driven_by="planet"), "driven_by must be one of 'sun'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="ring"), "must differ, got 'ring' for both"),
+        (lambda: PlanetaryGear(MOST + 1, MOST + 2, 3), "sun_teeth .* at most 100000"),
+        (lambda: PlanetaryGear(MOST - 4, MOST + 1, 3), "ring_teeth .* at most 100000"),
+        (lambda: PlanetaryGear(30, 90, MOST + 1), "n_planets .* at most 100000"),
+        (lambda: Gear(1, 20), "^teeth .* at least 2"),
+        (lambda: Gear(20, 1), "mating_teeth .* at least 2"),
+        (lambda: Gear(MOST + 1, 20), "^teeth .* at most 100000"),
+        (lambda: Gear(20, MOST + 1), "mating_teeth .* at most 100000"),
         (lambda: PlanetaryGear(30, 90, 3, ratio=0), "ratio must be a number at least"),
         (lambda: InductionMotor(2, 0.0), "slip must be a number above 0"),
         (lambda: InductionMotor(2, 4.0), "slip must be a number above 0 and at most 0.5"),
@@ -142,6 +151,13 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
 def test_an_invalid_stage_or_motor_is_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_the_smallest_gears_and_a_stage_of_one_planet_have_lines():
+    assert orders(Gear(2, 2)) == {"mesh": 2, "pinion": 1, "wheel": 1, "hunting": 1, "phase": 1}
+    (mesh, *_) = PlanetaryGear(2, 6, 1).lines()  # of a single planet, the carrier is the passage
+    assert [name for name, _ in mesh.sidebands] == ["sun", "carrier"]
+    assert PlanetaryGear(2, MOST, 1).ring_teeth == MOST
 
 
 def test_a_pinion_of_13_teeth_drives_a_gear_of_35():
