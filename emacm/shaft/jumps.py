@@ -88,6 +88,5 @@ def _neighbours(speed: NDArray[np.floating]) -> NDArray[np.floating]:
     Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
     """
     width = _FAR - _NEAR + 1
-    width = _FAR - _NEAR + 1
     highest = sliding_window_view(np.pad(speed, _FAR, mode="edge"), width).max(axis=-1)
     return np.maximum(highest[: len(speed)], highest[_FAR + _NEAR :][: len(speed)])

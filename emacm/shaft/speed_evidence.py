@@ -110,8 +110,8 @@ def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whiten
     Whitened
     """
     n_times = len(signal)
-    spectrum = fft.rfft(signal - signal.mean(), fft.next_fast_len(n_times, real=True))
     n_fft = fft.next_fast_len(n_times, real=True)
+    spectrum = fft.rfft(signal - signal.mean(), n_fft)
     frequencies = np.arange(len(spectrum)) * (fs / n_fft)
     kept = int(np.searchsorted(frequencies, highest)) + 1
     axis, background = _background(signal, fs, highest, smoothing)

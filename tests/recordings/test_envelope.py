@@ -22,6 +22,7 @@ from emacm import (
     OrderResampler,
     Recording,
 )
+from emacm.recordings.computed_series import ComputedSeries
 from emacm.recordings.envelope import (
     EnvelopeSeries,
     analytic_filter,
@@ -351,6 +352,53 @@ def test_a_long_recording_is_never_held_as_a_whole():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < sound.nbytes
+
+
+@pytest.mark.parametrize("n_times", [7, 8])
+def test_a_signal_is_extended_by_its_mirror_image(n_times):
+    signal = np.arange(float(n_times)) ** 2
+    series = ComputedSeries(signal)
+    whole = np.pad(signal, n_times - 1, mode="reflect")
+    for start in range(1 - n_times, 2 * n_times - 2):
+        for stop in range(start + 1, 2 * n_times):
+            expected = whole[start + n_times - 1 : stop + n_times - 1]
+            np.testing.assert_array_equal(series._mirrored(start, stop), expected)
+
+
+def test_samples_at_indices_are_those_of_the_whole_envelope(monkeypatch):
+    signal = noise(5000)
+    series = EnvelopeSeries(signal, FS, BAND)
+    whole = envelope(signal, FS, BAND)
+    inside = np.zeros(5000, bool)
+    inside[[3, 4400]] = True
+    monkeypatch.setattr("emacm.recordings.envelope._GATHERED", 2 * len(series._taps))
+    for index in ([4999], [-1, 0, 17], [0, 4999, 2500, 2500, -5000], inside, slice(9, 3000, 700)):
+        key = index if isinstance(index, slice) else np.asarray(index)
+        np.testing.assert_allclose(series[key], whole[key], rtol=1e-9)
+    assert len(series[np.array([], int)]) == 0
+    assert len(series[np.zeros(5000, bool)]) == 0
+    assert series[-2] == pytest.approx(whole[-2], rel=1e-12)
+
+
+@pytest.mark.parametrize(("dtype", "scale"), [(np.float32, 1e20), (float, 1e160), (float, 1e-170)])
+def test_a_squared_envelope_out_of_range_is_refused(dtype, scale):
+    values = (scale * tone(2000)[:2000]).astype(dtype)
+    with pytest.raises(ValueError, match=rf"exceeds the range of {np.dtype(dtype)}.*squared=False"):
+        envelope(values, FS, BAND)
+    plain = envelope(values, FS, BAND, squared=False)
+    assert plain.dtype == dtype
+    assert plain[1000] == pytest.approx(scale, rel=1e-3)
+    assert not envelope(0 * values, FS, BAND).any()
+
+
+def test_a_description_holds_that_of_the_inner_series():
+    inner = EnvelopeSeries(noise(5000), FS, BAND)
+    outer = EnvelopeSeries(inner, FS, (200.0, 400.0), squared=False)
+    assert repr(inner) == "EnvelopeSeries(10000.0, (1500.0, 2500.0), True)"
+    assert repr(outer) == f"EnvelopeSeries(10000.0, (200.0, 400.0), False, {inner!r})"
+    other = EnvelopeSeries(EnvelopeSeries(inner.sources[0], FS, (700.0, 900.0)), FS, (200, 400))
+    assert outer != other
+    assert outer != inner
 
 
 def test_nothing_is_computed_before_it_is_read(monkeypatch):

@@ -186,6 +186,32 @@ def test_the_html_table_states_rates_units_and_ranges():
     assert cells[:7] == ["a&lt;b", "g", "3", "3", "-4", "-0.3333", "2"]
     assert cells[-7:] == ["shaft velocity", "rad/s", "3", "3", "2", "2", "2"]
     assert "unit=&#x27;&lt;i&gt;&#x27;" in html
+    assert "Recording: 1 s, 0.212207 revolutions, unit" in html
+    headings = ["channel", "unit", "rate [Hz]", "samples", "lowest", "mean", "highest"]
+    assert re.findall("<th>(.*?)</th>", html) == headings
+
+
+def test_the_html_table_states_the_angle_where_that_was_measured():
+    angle = [0.0, 3.0, 5.0, 2.0]
+    html = Recording({"b": np.arange(8.0)}, 8, angle=angle, shaft_fs=4)._repr_html_()
+    cells = re.findall("<td>(.*?)</td>", html)
+    assert cells == [
+        "b",
+        "",
+        "8",
+        "8",
+        "0",
+        "3.5",
+        "7",
+        "shaft angle",
+        "rad",
+        "4",
+        "4",
+        *"0",
+        "2.5",
+        "5",
+    ]
+    assert "1 s, 1.27324 revolutions<" in html  # 8 rad, there and back
 
 
 # A table passed as a whole

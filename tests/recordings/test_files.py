@@ -25,6 +25,7 @@ from emacm import (
     open_recording,
 )
 from emacm.recordings import files
+from emacm.recordings.file_columns import FileColumns, stated_rates
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -466,3 +467,36 @@ def test_a_text_without_a_header_has_numbered_columns(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.arange(8.0).reshape(4, 2))
     opened = open_recording(tmp_path / "a.txt", Layout(fs=10, velocity=1))
     assert opened.channels == ("x0", "x1")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "units", "rates"),
+    [
+        ({"fs": 25.0}, {}, {"b": 25, "g/c": 25}),
+        ({"g/Sample_Rate": 25.0}, {"g/Sample_Rate": "kHz"}, {"g/c": 25_000}),
+        ({"fs": 25.0, "g/fs": 5.0}, {"fs": "Hz"}, {"b": 25, "g/c": 5}),
+        ({"fs": 0.0}, {}, {}),
+        ({"fs": 25.0}, {"fs": "rpm"}, {}),
+        ({"offset": 25.0}, {}, {}),
+    ],
+)
+def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
+    columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
+    content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
+    found = stated_rates(content)
+    assert found.pop("own") == 7
+    assert {name: found[name] for name in found} == rates
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.npz", b"no archive", r"it is not an \.npz file \(no ZIP archive\)"),
+        ("a.wav", b"RIFF\x04\x00\x00\x00AVI ", r"it is not a WAV file \(no RIFF header\)"),
+        ("a.wav", b"RIFX\x04\x00\x00\x00WAVE", r"it is not a WAV file \(no RIFF header\)"),
+    ],
+)
+def test_a_file_of_another_format_is_refused(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import signal as filters
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
@@ -72,6 +73,43 @@ def test_widths_and_centres_cover_the_spectrum():
     assert [len(values) for values in found.kurtosis] == [5, 9, 13]
 
 
+def test_it_is_the_kurtosis_of_the_signal_in_each_band():
+    signal = struck(2000, n_times=1500) + 0.1 * noise(1500)
+    found = kurtogram(signal, FS, levels=2)
+    for width, centres, kurtosis in zip(found.widths, found.centres, found.kurtosis, strict=True):
+        n_bands = round(FS / width)
+        taps = filters.firwin(8 * n_bands, 0.5, fs=n_bands)
+        starts = range(0, len(signal) - len(taps) + 1, n_bands // 2)
+        frames = np.array([signal[k : k + len(taps)] * taps for k in starts])
+        times = np.arange(len(taps)) / FS
+        power = np.abs(frames @ np.exp(-1j * TURN * np.outer(times, centres))) ** 2
+        expected = (power**2).mean(axis=0) / power.mean(axis=0) ** 2 - 2
+        np.testing.assert_allclose(kurtosis, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("n_per_segment", [8, 9, 30])
+def test_spectral_kurtosis_is_that_of_the_lines_of_overlapping_segments(n_per_segment):
+    signal = struck(2000, n_times=400) + 0.1 * noise(400)
+    frequencies, kurtosis = spectral_kurtosis(signal, FS, n_per_segment=n_per_segment)
+    starts = range(0, 401 - n_per_segment, n_per_segment // 4)
+    window = np.sin(np.pi * np.arange(n_per_segment) / n_per_segment) ** 2
+    frames = np.array([signal[k : k + n_per_segment] * window for k in starts])
+    power = np.abs(np.fft.rfft(frames)) ** 2
+    expected = (power**2).mean(axis=0) / power.mean(axis=0) ** 2 - 2
+    axis = np.fft.rfftfreq(n_per_segment, 1 / FS)
+    inner = (axis > 0) & (axis < FS / 2)
+    np.testing.assert_allclose(frequencies, axis[inner])
+    np.testing.assert_allclose(kurtosis, expected[inner], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("n_times", "levels"), [(320, 1), (480, 2), (639, 2), (640, 3)])
+def test_a_short_signal_has_as_many_levels_as_it_allows(n_times, levels):
+    found = kurtogram(noise(n_times), FS)
+    assert len(found.widths) == levels
+    with pytest.raises(ValueError, match="319 samples"):
+        kurtogram(noise(319), FS)
+
+
 def test_gain_changes_nothing():
     signal = struck(2000) + 0.1 * noise()
     one, other = kurtogram(signal, FS), kurtogram(-1e3 * signal, FS)
@@ -120,6 +158,7 @@ def test_it_works_after_prewhitening():
         (noise(100), {}, ValueError, "100 samples; a kurtogram needs at least 320"),
         (noise(1000), {"levels": 9}, ValueError, "1000 samples; a kurtogram needs"),
         (noise(1000), {"levels": 10}, ValueError, "levels"),
+        (noise(127), {"levels": 1}, ValueError, "127 samples"),
         (noise(1000).reshape(2, -1), {}, ValueError, "one-dimensional"),
         (np.zeros(5000), {}, ValueError, "no power at some frequencies"),
         (["a"], {}, (TypeError, ValueError), "signal"),

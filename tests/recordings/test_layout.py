@@ -1,11 +1,14 @@
 """Layouts: what they find in a file, and what they refuse with which remedy."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from emacm import Layout, Recording, open_recording
-from emacm.recordings.units import unit_factor
+from emacm.recordings.column_names import is_shaft_name, is_time_name
+from emacm.recordings.units import same_unit, unit_factor
 
 RNG = np.random.default_rng(1)
 N = 600
@@ -91,24 +94,55 @@ def test_a_column_that_is_missing_is_an_error_that_suggests_alternatives(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("kind", "unit", "factor"),
+    ("kind", "factor", "units"),
     [
-        ("velocity", "u/min", np.pi / 30),
-        ("velocity", "r/s", 2 * np.pi),
-        ("velocity", "°/s", np.pi / 180),
-        ("velocity", "rad s⁻¹", 1),
-        ("angle", "turns", 2 * np.pi),
-        ("angle", "Degrees", np.pi / 180),
-        ("time", "sec", 1),
-        ("time", "ms", 1e-3),
-        ("time", "µs", 1e-6),
-        ("time", "ns", 1e-9),
-        ("time", "min", 60),
-        ("time", "hours", 3600),
+        ("velocity", 1, ["rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad s⁻¹", "rad·s^-1"]),
+        ("velocity", np.pi / 30, ["rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "U/min"]),
+        ("velocity", 2 * np.pi, ["rev/s", "r/s", "rps", "Hz", "1/s", "s^-1", "turns / s"]),
+        ("velocity", np.pi / 180, ["deg/s", "°/s", "degree/s", "Degrees/s"]),
+        ("angle", 1, ["rad", "radian", "radians"]),
+        ("angle", np.pi / 180, ["deg", "°", "degree", "Degrees"]),
+        ("angle", 2 * np.pi, ["rev", "revolution", "revolutions", "turn", "turns"]),
+        ("time", 1, ["s", "sec", "second", "seconds"]),
+        ("time", 1e-3, ["ms", "millisecond", "milliseconds"]),
+        ("time", 1e-6, ["us", "µs", "μs", "microseconds"]),
+        ("time", 1e-9, ["ns", "nanoseconds"]),
+        ("time", 60, ["min", "minute", "minutes"]),
+        ("time", 3600, ["h", "hour", "hours"]),
     ],
 )
-def test_units_have_their_factors(kind, unit, factor):
-    assert unit_factor(unit, kind) == pytest.approx(factor, rel=1e-15)
+def test_units_have_their_factors(kind, factor, units):
+    factors = [unit_factor(unit, kind) for unit in units]
+    np.testing.assert_allclose(factors, factor, rtol=1e-15)
+
+
+def test_units_are_the_same_apart_from_spaces_and_exponents():
+    assert same_unit("m/s2", "m/s²")
+    assert same_unit(" m / s**2", "m/s^2")
+    assert same_unit("m³·s⁻¹", "m^3*s^-1")
+    assert not same_unit("m/s", "m/s2")
+    assert not same_unit("mPa", "MPa")
+
+
+def test_names_of_columns_that_hold_times_or_the_motion_of_the_shaft():
+    times = "t time Times timestamp timestamps seconds elapsed datetime Zeit time_s t_ms time_sec"
+    assert all(map(is_time_name, times.split()))
+    assert not any(map(is_time_name, ["s", "ms", "time_constant", "[s]", "speed"]))
+    shaft = (
+        "angle angular encoder keyphasor resolver rpm speed tacho tachometer theta velocity omega "
+        "Drehzahl Winkel X097RPM motorspeed istdrehzahl shaftAngle shaft_velocity"
+    )
+    assert all(map(is_shaft_name, shaft.split()))
+    linear = "linear_speed nut_velocity slider_velocity piston_speed vibration thetas speeds"
+    assert not any(map(is_shaft_name, linear.split()))
+    assert not is_shaft_name("nut", "rad/s")
+    assert [
+        is_shaft_name("n", unit) for unit in ("U/min", "rad/s", "Hz", "1/s", "s^-1", "m/s")
+    ] == [
+        True,
+        True,
+        *[False] * 4,
+    ]
 
 
 @pytest.mark.parametrize(("unit", "period"), [("rad", 2 * np.pi), ("deg", 360), ("rev", 1)])
@@ -241,6 +275,7 @@ def test_the_name_of_a_file_gives_its_meta(tmp_path, pattern, meta):
         pd.DataFrame({"file": ["A_1.npz", "A_2.npz"], "load": [3, 4]}),
         pd.DataFrame({"load": [3]}, index=["A_1"]),
         {"A_1.npz": {"load": 3}},
+        {Path("A_1.npz"): {"load": 3}, "A_2.npz": {}},
     ],
 )
 def test_a_table_gives_the_meta(tmp_path, meta):
@@ -317,6 +352,10 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"meta": 3}, TypeError, "meta must be a pattern"),
         ({"meta": "unit"}, ValueError, "without a field"),
         ({"meta": "{unit"}, ValueError, "meta must be a pattern"),
+        ({"meta": "{unit}_{unit}"}, ValueError, "each field once .* got 'unit' in"),
+        ({"meta": "{unit:s}"}, ValueError, "':d' or ':g' for numbers; got 'unit' in"),
+        ({"meta": "{0}"}, ValueError, "got '0' in"),
+        ({"meta": "{}"}, ValueError, "got '' in"),
         ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
         ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
         ({"meta": pd.DataFrame({"file": ["a", "a"]})}, ValueError, "several rows for 'a'"),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from motions import FS, MOTIONS, TIME, TURN, turned
 
 from emacm.shaft.angle import (
+    _unwrapped_over_gaps,
     angle_from_currents,
     angle_from_position,
     angle_from_resolver,
@@ -331,11 +332,12 @@ def test_an_angle_that_is_cumulative_already_stays():
     [
         (lambda: angle_from_velocity([1e308, 1e308, 1e308], fs=1e-3), "sample 1; velocity"),
         (lambda: angle_from_position([0.0, 1e308], lead=1e-9), "sample 1; position and lead"),
+        (lambda: angle_from_position([1.0, 0.0], lead=5e-324), "sample 0; position and lead"),
         (lambda: angle_from_wrapped([0.0, 1.0], period=1e-320), "spans|exceeds the range"),
     ],
 )
 def test_an_angle_beyond_what_a_float_can_represent_is_refused(call, words):
-    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=words):
         call()
 
 
@@ -347,3 +349,8 @@ def test_the_scale_of_currents_changes_no_angle(scale):
     np.testing.assert_allclose(
         angle_from_currents(scale * phases, pole_pairs=3), expected, atol=1e-9
     )
+
+
+def test_phases_known_at_single_samples_only_go_on_by_the_shorter_way():
+    found = _unwrapped_over_gaps(np.array([0.5, 3.0, -3.0]), np.array([0, 3, 6]))
+    np.testing.assert_allclose(found, [0.5, 3.0, TURN - 3.0])

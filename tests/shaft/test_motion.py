@@ -144,3 +144,76 @@ def test_travel_at_a_multiple_of_the_rate_is_the_cubic_through_the_samples(facto
     left = np.clip(np.floor(position + 1e-9).astype(int), 1, 47)
     expected = [cubic_from(k)(x - k) for k, x in zip(left.tolist(), position, strict=True)]
     np.testing.assert_allclose(found, expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("n_times", [2, 3, 4, 5])
+def test_between_few_samples_the_travel_is_the_polynomial_through_them(n_times):
+    shape = np.polynomial.Polynomial([0.0, 1.0, 0.0, 0.1] if n_times > 3 else [0.0, 1.3])
+    path = ShaftPath(shape(np.arange(float(n_times))), 10.0, 0.3, 0.0, 1)
+    for fs in (7.0, 25.0, 33.3):
+        index = np.arange(-3, 30)
+        place = np.clip((index / fs - 0.3) * 10, 0, n_times - 1)
+        np.testing.assert_allclose(path.travel_at(fs, -3, 30), shape(place), atol=1e-12)
+    assert len(path.travel_at(7.0, 4, 4)) == 0
+
+
+def test_the_samples_of_a_channel_on_a_path_include_both_ends():
+    path = ShaftPath(np.arange(21.0), 100.0, 0.2, 0.0, 1)  # 0.2 to 0.4 s
+    assert path.sample_range(50.0, 1000) == (10, 21)
+    assert path.sample_range(48.0, 1000) == (10, 20)
+    assert path.sample_range(50.0, 15) == (10, 15)
+    assert path.sample_range(4.0, 9) == (1, 3)
+    assert path.sample_range(4.0, 2) == (0, 2)
+    assert path.sample_range(1.0, 1) == (0, 2)  # which the caller must be able to read
+
+
+def test_samples_over_the_angle_are_counted_from_the_start():
+    path = ShaftPath(np.linspace(0, 3.0, 31), 10.0, 0.0, 0.0, 1)
+    assert [path.count(step) for step in (1.0, 3.0, 3.1, 0.7, 3 / 2**31)] == [4, 2, 1, 5, 2**31 + 1]
+    with pytest.raises(ValueError, match=r"theta_s = 1e-09 rad would make 3e\+09 .* 0.477 rev"):
+        path.count(1e-9)
+
+
+def test_a_geared_shaft_turns_by_the_ratio_as_far():
+    travel = np.array([0.0, 2, 5, 4, 3.5, 6, 9, 8.9, 10])
+    path = ShaftPath(travel, FS, 0.7, 3.0, -1)
+    geared = path.geared(2.5)
+    assert path.geared(1) is path
+    assert (geared.n_times, geared.length, geared.max_reversal) == (9, 25, 3.75)
+    assert (geared.fs, geared.start_time, geared.start_angle, geared.direction) == (
+        FS,
+        0.7,
+        7.5,
+        -1,
+    )
+    assert geared.fastest == pytest.approx(7.5 * FS)
+    np.testing.assert_array_equal(geared.travel[2:5], 2.5 * travel[2:5])
+    (stroke,) = stroke_paths(IntegratedAngle(VELOCITY**2 + 1, FS), VELOCITY**2 + 1, FS)
+    turned = stroke.geared(0.5)
+    known = ("n_times", "length", "fastest", "max_reversal")
+    assert set(known) <= set(vars(turned))  # without reading the travel
+    expected = [stroke.n_times, stroke.length / 2, stroke.fastest / 2, 0]
+    assert [getattr(turned, name) for name in known] == expected
+
+
+def test_paths_are_equal_if_travel_rate_start_and_direction_are():
+    def path(*, travel=(0.0, 1.0), fs=2.0, start=0.5, angle=3.0, direction=1):
+        return ShaftPath(np.array(travel), fs, start, angle, direction)
+
+    assert path() == path()
+    assert hash(path()) == hash(path())
+    others = [{"travel": (0, 2)}, {"fs": 3.0}, {"start": 0.0}, {"angle": 2.0}, {"direction": -1}]
+    assert all(path() != path(**other) for other in others)
+    assert path() != 3
+
+
+def test_a_slice_of_any_step_and_single_samples_are_those_of_the_whole():
+    series = DifferentiatedVelocity(ANGLE, FS)
+    whole = np.asarray(series)
+    np.testing.assert_array_equal(series[5:50:7], whole[5:50:7])
+    np.testing.assert_array_equal(series[::-1], whole[::-1])
+    assert series[-3] == whole[-3]
+    assert (series[9:9].shape, series[9:9].dtype) == ((0,), np.float64)
+    assert np.asarray(series, np.float32).dtype == np.float32
+    with pytest.raises(IndexError):
+        series[N_TIMES]

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from motions import FS, TIME, TURN, turned
 from scipy.interpolate import CubicSpline
 
-from emacm.shaft.tacho import TachoAngle, angle_from_pulses, angle_from_tacho, pulse_times
+from emacm.shaft.tacho import (
+    TachoAngle,
+    _judged,
+    _rougher_end,
+    angle_from_pulses,
+    angle_from_tacho,
+    pulse_times,
+)
 
 one_way = pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
 
@@ -356,3 +363,54 @@ def test_a_shaft_that_slows_down_unevenly_from_its_first_pulse_has_no_double_pul
     pulses = np.concatenate([[0.0], np.cumsum(intervals[::sign])])
     found = angle_from_pulses(pulses, 1000, int(1000 * pulses[-1]))
     assert len(found.double) == len(found.missing) == 0
+
+
+def test_a_rate_of_zero_is_refused():
+    with pytest.raises(ValueError, match="fs must be a number of Hz, above 0, got 0"):
+        angle_from_pulses([0.0, 1.0], 0, 5)
+    with pytest.raises(ValueError, match="fs must be a number of Hz, above 0, got 0"):
+        angle_from_tacho([0.0, 1.0] * 5, 0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "short", "long"),
+    [
+        ({4: 0.59}, [4], []),
+        ({4: 0.61}, [], []),
+        ({4: 1.39}, [], []),
+        ({4: 1.41}, [], [4]),
+        ({0: 0.59}, [0], []),
+        ({8: 0.59}, [8], []),
+        ({0: 0.69, 1: 0.70}, [0], []),  # an outermost interval cut in two
+        ({0: 0.70, 1: 0.69}, [1], [0]),
+        ({8: 0.69, 7: 0.70}, [8], []),
+        ({0: 0.71, 1: 0.72}, [], []),
+        ({0: 0.65, 1: 0.76}, [], []),  # joined, they are too long
+        ({0: 1.41}, [], [0]),
+        ({8: 1.41}, [], [8]),
+        ({0: 0.4, 4: 0.3, 8: 2.0}, [0, 4], [8]),
+    ],
+)
+def test_intervals_are_judged_by_their_neighbours(changed, short, long):
+    intervals = np.array([changed.get(place, 1.0) for place in range(9)])
+    found = _judged(np.log(1e-3 * intervals))
+    assert [np.flatnonzero(marks).tolist() for marks in found[:2]] == [short, long]
+    assert not any(marks.any() for marks in _judged(np.log([1.0, 9.0]))[:2])
+
+
+def test_intervals_that_grow_evenly_are_neither_short_nor_long():
+    logs = 0.1 * np.arange(9)
+    short, long, expected = _judged(logs)
+    assert not short.any()
+    assert not long.any()
+    np.testing.assert_allclose(expected, logs, atol=1e-12)
+
+
+@pytest.mark.parametrize("shift", [-0.45, -0.3, 0.3, 0.45])
+@pytest.mark.parametrize("place", [1, 4, 9, 11])
+def test_of_two_pulses_the_stray_one_is_that_without_which_the_rest_is_even(shift, place):
+    even = 1.01 ** np.arange(12.0)
+    pulses = np.sort(np.append(even, even[place] + shift * (even[1] - even[0])))
+    stray = place + (shift > 0)
+    other = stray + (-1 if shift > 0 else 1)
+    assert _rougher_end(pulses, min(stray, other)) == stray
