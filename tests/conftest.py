@@ -16,8 +16,11 @@ from hypothesis import settings  # noqa: E402
 matplotlib.use("Agg")
 
 # By default every run draws the same examples, on machines of any speed. With
-# HYPOTHESIS_PROFILE=explore each run draws its own; what fails there becomes an @example.
-settings.register_profile("repeatable", deadline=None, derandomize=True, database=None)
+# HYPOTHESIS_PROFILE=explore each run draws its own, and twice as many; what fails there becomes
+# an @example.
+settings.register_profile(
+    "repeatable", deadline=None, derandomize=True, database=None, max_examples=50
+)
 settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
