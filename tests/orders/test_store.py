@@ -804,3 +804,28 @@ def test_spectra_by_direction_are_found_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(SegmentPlan, "spectra_of", estimate)
     np.testing.assert_array_equal(psd.transform(X), expected)
+
+
+@pytest.mark.parametrize(
+    ("values", "version"),
+    [
+        (np.ones(3), (2, 0)),
+        (np.ones(3, np.float32), (1, 0)),
+        (np.asfortranarray(np.ones((2, 3))), (1, 0)),
+        (np.array([1.0, np.nan]), (1, 0)),
+        (np.array([1.0, np.inf]), (1, 0)),
+        (np.array([1.0, -1e-300]), (1, 0)),
+    ],
+)
+def test_only_a_power_spectrum_is_read_from_a_file(values, version):
+    def body(array, version):
+        file = io.BytesIO()
+        np.lib.format.write_array(file, array, version)
+        return file.getvalue()
+
+    with pytest.raises(ValueError, match="not a "):
+        store_module._decoded(body(values, version))
+    kept = np.array([[0.0, 1, 2], [3, 4, 1e300]])
+    found = store_module._decoded(body(kept, (1, 0)))
+    np.testing.assert_array_equal(found, kept)
+    assert not found.flags.writeable

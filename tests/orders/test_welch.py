@@ -11,7 +11,7 @@ from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.orders import sections
-from emacm.orders.welch import order_psd, segment_plan
+from emacm.orders.welch import order_psd, segment_length, segment_plan
 
 TURN = 2 * np.pi
 WINDOWS = [
@@ -455,3 +455,44 @@ def test_signals_without_a_segment_are_refused(average):
 def test_an_array_without_samples_is_refused(signal):
     with pytest.raises(ValueError, match=r"signal of shape .* holds no segment of 800 samples"):
         order_psd(signal, 50)
+
+
+@pytest.mark.parametrize(
+    ("samples_per_rev", "revolutions", "n_per_segment", "length"),
+    [
+        (7.0, None, 2**31, 2**31),
+        (7.0, None, 2, 2),
+        (2.0, 2**30, None, 2**31),
+        (1.0, 1.6, None, 2),
+        (99.6, 2.5, None, 249),
+        (7.0, None, 2**31 + 1, "more than the 2147483648 samples"),
+        (2.0, 2**30 + 1, None, r"segments of 2.15e\+09 samples. Lower revolutions"),
+        (1.0, 1.4, None, "segments of 1 samples; at least 2 are needed"),
+        (7.0, None, 1, "n_per_segment must be a whole number of at least 2"),
+        (7.0, 0, None, "revolutions must be a number above 0"),
+    ],
+)
+def test_a_segment_has_2_to_2_to_the_31_samples(
+    samples_per_rev, revolutions, n_per_segment, length
+):
+    if isinstance(length, str):
+        with pytest.raises(ValueError, match=length):
+            segment_length(samples_per_rev, revolutions, n_per_segment)
+    else:
+        assert segment_length(samples_per_rev, revolutions, n_per_segment) == length
+
+
+@pytest.mark.parametrize(
+    ("max_order", "n_orders"), [(None, 126), (0, 1), (0.39, 2), (0.4, 2), (0.41, 3), (60, 126)]
+)
+def test_the_line_at_or_above_the_highest_order_is_the_last(max_order, n_orders):
+    plan = segment_plan(100.0, n_per_segment=250, max_order=max_order)
+    assert plan.n_orders == len(plan.orders) == n_orders
+    np.testing.assert_allclose(plan.orders, 0.4 * np.arange(n_orders))
+
+
+@pytest.mark.parametrize(
+    ("overlap", "step"), [(0, 10), (0.05, 10), (0.59, 5), (0.9, 1), (0.999, 1)]
+)
+def test_segments_are_at_least_one_sample_apart(overlap, step):
+    assert segment_plan(4.0, n_per_segment=10, overlap=overlap).step == step

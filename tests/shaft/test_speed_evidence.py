@@ -16,7 +16,7 @@ from emacm.shaft.phase_refinement import (
     refined_speed,
 )
 from emacm.shaft.speed_evidence import Evidence, Whitened, measure, whiten
-from emacm.shaft.vibration import _at, _covered, _margins, _most_likely_path, _windowed
+from emacm.shaft.vibration import _at, _course, _covered, _margins, _most_likely_path, _windowed
 
 TURN = 2 * np.pi
 FS = 1000.0
@@ -222,6 +222,19 @@ def test_whitening_flattens_a_resonance_removes_the_mains_and_lowers_the_rate():
         assert power[np.abs(axis - line) < 0.15].max() < 0.3 * np.mean(flat)
 
 
+def test_the_background_is_the_median_over_frequency_of_the_mean_over_frames():
+    signal = noise(10_000)
+    axis, background = speed_evidence._background(signal, FS, 100.0, 2.0)
+    np.testing.assert_allclose(axis, np.arange(402) / 4)  # frames of 4 s
+    powers = speed_evidence._powers(signal, 4000, np.zeros(1), FS, 100.0)[0][:, 0].mean(axis=0)
+    padded = np.pad(powers, 8, mode="edge")
+    medians = np.median([padded[k : k + 402] for k in range(17)], axis=0)  # 2 Hz on either side
+    np.testing.assert_allclose(background, medians)
+    narrow = speed_evidence._background(signal, FS, 100.0, 0.1)[1]  # four bins at least
+    padded = np.pad(powers, 4, mode="edge")
+    np.testing.assert_allclose(narrow, np.median([padded[k : k + 402] for k in range(9)], axis=0))
+
+
 # Paths of speeds
 
 
@@ -278,6 +291,47 @@ def test_the_margin_is_that_to_the_best_rival_and_the_own_lines_are_none():
     # Within 2 / (4 s * 12 Hz) = 4.2 % speeds are the same.
     assert (margin[0], own[0]) == (19, 30)
     assert rival[0] == pytest.approx(24, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("ratios", "margin", "speed", "trusted"),
+    [
+        ([20, 20, 20], 4.0, 20.0, [True, True, True]),
+        ([20, 2, 20], 4.0, 20.0, [True, True, True]),
+        ([20, 1.9, 20], 4.0, 20.0, [True, False, True]),  # no evidence in the frame itself
+        ([20, 20, 20], 30.0, 20.0, [True, True, True]),
+        ([20, 20, 20], 30.1, 20.0, [False, False, False]),  # nearly as likely as noise
+        ([4.6, 4.6, 4.6], 4.0, 20.0, [False, False, False]),  # any of 1001 speeds would be
+        ([4.7, 4.7, 4.7], 4.0, 20.0, [True, True, True]),
+        ([20, 20, 20], 4.0, 15.05, [False, False, False]),  # at an end of the range
+        ([20, 20, 20], 4.0, 24.92, [False, False, False]),
+    ],
+)
+def test_a_frame_is_trusted_if_its_speed_is_clear_and_inside_the_range(
+    ratios, margin, speed, trusted
+):
+    times = np.arange(8000) / FS
+    orders = np.arange(1.0, 9)
+    white = Whitened(tones(speed * orders, times) + 0.1 * noise(8000), FS, 450.0, np.empty(0))
+    speeds = 15 + 0.01 * np.arange(1001)
+    table = np.zeros((3, 1001))
+    table[:, np.abs(speeds - speed).argmin()] = ratios
+    found = _course(white, evidence(table, speeds), 8.0, (15.0, 25.0), orders, margin)
+    assert found.trusted.tolist() == trusted
+    np.testing.assert_allclose(found.speeds, speed)
+    first, middle, last = trusted
+    both = [first and middle, middle and last]
+    assert found.reliable.tolist() == [
+        *[first] * 3,
+        both[0],
+        middle,
+        both[1],
+        *[last] * 2,
+    ]
+    assert f"between {15 * TURN:.4g} and {25 * TURN:.4g} rad/s" in found.refusal
+    assert f"{margin:g} is needed" in found.refusal
+    assert f"where {np.log(1001):.2g} is needed" in found.refusal
+    assert f"The best, {speed * TURN:.5g} rad/s at" in found.refusal
 
 
 # Refinement by phase
