@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emacm import Gear, InductionMotor, PlanetaryGear, fault_orders
+from emacm import (
+    BallScrew,
+    Bearing,
+    Gear,
+    InductionMotor,
+    Motor,
+    PlanetaryGear,
+    fault_orders,
+)
 from emacm.machine.parts import MOST
 
 MEMBERS = ("sun", "planet", "ring", "carrier")
@@ -126,13 +134,13 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
         (lambda: PlanetaryGear(30, 90, 3, fixed="planet"), "fixed must be one of 'sun', 'ring'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="planet"), "driven_by must be one of 'sun'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="ring"), "must differ, got 'ring' for both"),
-        (lambda: PlanetaryGear(MOST + 1, MOST + 2, 3), "sun_teeth .* at most 100000"),
-        (lambda: PlanetaryGear(MOST - 4, MOST + 1, 3), "ring_teeth .* at most 100000"),
-        (lambda: PlanetaryGear(30, 90, MOST + 1), "n_planets .* at most 100000"),
+        (lambda: PlanetaryGear(MOST + 1, MOST + 2, 3), "sun_teeth .* at most 1000000,"),
+        (lambda: PlanetaryGear(MOST - 4, MOST + 1, 3), "ring_teeth .* at most 1000000,"),
+        (lambda: PlanetaryGear(30, 90, MOST + 1), "n_planets .* at most 1000000,"),
         (lambda: Gear(1, 20), "^teeth .* at least 2"),
         (lambda: Gear(20, 1), "mating_teeth .* at least 2"),
-        (lambda: Gear(MOST + 1, 20), "^teeth .* at most 100000"),
-        (lambda: Gear(20, MOST + 1), "mating_teeth .* at most 100000"),
+        (lambda: Gear(MOST + 1, 20), "^teeth .* at most 1000000,"),
+        (lambda: Gear(20, MOST + 1), "mating_teeth .* at most 1000000,"),
         (lambda: PlanetaryGear(30, 90, 3, ratio=0), "ratio must be a number at least"),
         (lambda: InductionMotor(2, 0.0), "slip must be a number above 0"),
         (lambda: InductionMotor(2, 4.0), "slip must be a number above 0 and at most 0.5"),
@@ -208,3 +216,37 @@ def test_rotor_slot_harmonics_agree_with_the_published_formula():
             published = mains * ((bars + n_d) * (1 - slip) / pole_pairs + sign)
             line = f"supply{'+' if sign > 0 else '-'}{name}"
             assert shaft * found[line] == pytest.approx(published)
+
+
+def screw(lead=5.0, balls=9, **options):
+    return BallScrew(balls, 3.0, 20.0, lead, **options)
+
+
+@pytest.mark.parametrize(
+    ("make", "accepted", "refused", "words"),
+    [
+        (lambda n: Motor(n), MOST, MOST + 1, "pole_pairs .* at most 1000000, got 1000001"),
+        (lambda n: Motor(3, n), MOST, MOST + 1, "slots .* at most 1000000, got 1000001"),
+        (lambda n: Motor(3, n), 2, 1, "slots .* at least 2"),
+        (lambda n: InductionMotor(n, 0.1), MOST, MOST + 1, "pole_pairs .* at most 1000000"),
+        (lambda n: InductionMotor(n, 0.1), 1, 0, "pole_pairs .* at least 1"),
+        (lambda n: InductionMotor(3, n), 0.5, 0.51, "slip .* at most 0.5, got 0.51"),
+        (lambda n: InductionMotor(3, 0.1, n), MOST, MOST + 1, "bars .* at most 1000000"),
+        (lambda n: InductionMotor(3, 0.1, n), 2, 1, "bars .* at least 2"),
+        (lambda n: Bearing(n, 1.0, 2.0), 6, 7, "7 balls of diameter 1 do not fit on a pitch"),
+        (lambda n: Bearing(9, 1.0, n), 1e6, 1.1e6, r"at least 1e-06 times pitch_diameter"),
+        (lambda n: Bearing(9, 1.0, 8.0, n), 1.57, np.pi / 2, "contact_angle must be below pi/2"),
+        (lambda n: Bearing(9, 1.0, 8.0, ratio=n), 1e6, 1.1e6, "ratio .* at most 1e\\+06"),
+        (lambda n: Bearing(9, 1.0, 8.0, ratio=n), 1e-6, 9e-7, "ratio .* at least 1e-06"),
+        (lambda n: screw(lead=n), 2000.0, 2001.0, "lead .* at most 2000, got 2001"),
+        (lambda n: screw(balls=n), 20.9, 21.1, "21.1 balls of diameter 3 do not fit in a turn"),
+        (lambda n: screw(balls=n), 0.5, MOST + 1, "balls_per_turn .* at most 1e\\+06"),
+        (lambda n: screw(circuit_balls=n), MOST, MOST + 1, "circuit_balls .* at most 1000000"),
+        (lambda n: screw(circuit_balls=n), 1, 0, "circuit_balls .* at least 1"),
+        (lambda n: screw(rotating=n), "nut", "ring", "rotating must be one of 'screw', 'nut'"),
+    ],
+)
+def test_limits_of_a_part_are_inclusive(make, accepted, refused, words):
+    assert all(line.order > 0 for line in make(accepted).lines())
+    with pytest.raises(ValueError, match=words):
+        make(refused)
