@@ -14,6 +14,7 @@ from sklearn.utils import _safe_indexing
 from emacm import BinTransformer
 from emacm.orders.columns import (
     OrderTable,
+    check_input_names,
     column_names,
     number_name,
     order_columns,
@@ -316,3 +317,45 @@ def test_a_band_without_width_is_a_name():
     (block,) = parse_bin_columns(("a@2-3", "a@3-3"))
     assert block.bands is None
     assert block.names == ("2-3", "3-3")
+
+
+def test_names_must_be_those_of_fit():
+    check_input_names(["a", "b"], ["a", "b"], 2)
+    check_input_names(["a", "b"], None, None)
+    with pytest.raises(ValueError, match="input_features is not equal to feature_names_in_"):
+        check_input_names(["b", "a"], ["a", "b"], 2)
+    with pytest.raises(ValueError, match=r"length equal to what fit saw \(3\), got 2"):
+        check_input_names(["a", "b"], None, 3)
+
+
+def test_names_without_a_band_make_no_bins_and_bands_must_rise():
+    assert parse_bin_columns(["a@0-1", "b"]) is None
+    assert parse_bin_columns(["a@0-1", 3]) is None
+    assert parse_bin_columns([]) is None
+    first, other = parse_bin_columns(["a@2-3", "b@3-2", "a@3-4.5", "b@1-2"])
+    assert (first.channel, first.names, first.columns.tolist()) == ("a", ("2-3", "3-4.5"), [0, 2])
+    np.testing.assert_array_equal(first.bands, [[2, 3], [3, 4.5]])
+    assert (other.channel, other.bands, other.columns.tolist()) == ("b", None, [1, 3])
+    (named,) = parse_bin_columns(["a@b@BPFI", "a@b@0-1"])
+    assert (named.channel, named.names, named.bands) == ("a@b", ("BPFI", "0-1"), None)
+
+
+@pytest.mark.parametrize(
+    ("key", "kept"),
+    [
+        ((), True),
+        (..., True),
+        (slice(1, 3), True),
+        ([0, 2], True),
+        ((slice(0, 2), slice(None)), True),
+        ((slice(0, 2), ...), True),
+        ((slice(0, 2), slice(0, 2)), False),
+        ((..., 0), False),
+        (1, False),
+        (None, False),
+    ],
+)
+def test_rows_keep_the_names_of_the_columns(key, kept):
+    chosen = table()[key]
+    np.testing.assert_array_equal(chosen, np.asarray(table())[key])
+    assert (column_names(chosen) == COLUMNS) is kept

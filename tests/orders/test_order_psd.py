@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import signal as filters
+from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
 from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
@@ -333,3 +334,20 @@ def test_rows_of_unequal_length_have_no_table_and_must_be_one_dimensional():
     assert not hasattr(psd, "n_features_in_")
     with pytest.raises(ValueError, match=r"inhomogeneous|must be|2D"):
         psd.fit([np.ones(40), np.ones((2, 40))])
+
+
+def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segments():
+    over_angle = OrderResampler(2 * np.pi / 32).fit_transform(
+        [Recording({"b": np.ones(900)}, 300, velocity=np.full(900, 31.0))]
+    )
+    assert OrderPSD(2).fit(over_angle).plan.n_per_segment == 64
+    with pytest.raises(NotFittedError):
+        OrderPSD(2).plan  # noqa: B018
+    plan = segment_plan(32.0, n_per_segment=8, detrend=None)
+    short = np.random.default_rng(0).normal(size=(1, 5))
+    both = list(plan.padded_lines([short[:, :1], short]))
+    assert len(both) == 1
+    window = np.sin(np.pi * np.arange(5) / 5) ** 2
+    np.testing.assert_allclose(both[0][0][:, 0], np.fft.rfft(short * window, 8))
+    with pytest.raises(ValueError, match="no stroke has two samples"):
+        plan.padded([short[:, :1]])

@@ -618,3 +618,11 @@ def test_the_quality_of_an_envelope_knows_its_bandwidth():
     assert row["max_order"] == pytest.approx(100 / 30)
     assert "above order 3.333 at the highest speed (the width of the band" in row["warnings"]
     assert resampler.quality([run])["max_order"][0] == pytest.approx(5000 / 30)
+
+
+def test_channels_that_are_computed_are_a_mapping_too():
+    (heard,) = EnvelopeDetector(BAND, channels=["sound"]).fit_transform([knocking()])
+    assert list(heard.signals) == list(knocking().channels)
+    assert len(heard.signals) == len(knocking().channels)
+    assert not heard.signals["sound"].flags.writeable
+    assert heard.series["sound"] != 3

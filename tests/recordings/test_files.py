@@ -26,6 +26,7 @@ from emacm import (
 )
 from emacm.recordings import files
 from emacm.recordings.file_columns import FileColumns, stated_rates
+from emacm.recordings.readers import read_columns
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -500,3 +501,71 @@ def test_a_file_of_another_format_is_refused(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ValueError, match=message):
         assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration
+
+
+@pytest.mark.parametrize(
+    ("columns", "options", "message"),
+    [
+        ({"t": [0, 1], "time": [0, 1], "b": [1, 2]}, {}, "several columns of times: \\['t', 'tim"),
+        ({"t": [0.0, 0.1]}, {}, r"no channel besides \['t'\]"),
+        ({"t": [0.0, 0.1]}, {"time": False, "fs": 3}, r"no channel besides \['t'\]"),
+        ({"b": [1, 2], "rate": [3, 3]}, {"fs": "rate"}, "fs = 'rate' is not a single number"),
+        ({"b": [1, 2]}, {"fs": None}, "the sampling rate of 'b' is not known"),
+        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "no column 'name'"),
+    ],
+)
+def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, options, message):
+    np.savez(tmp_path / "a.npz", **{name: np.array(values) for name, values in columns.items()})
+    with pytest.raises(ValueError, match=rf"a.npz: .*{message}"):
+        assert open_recording(tmp_path / "a.npz", Layout(velocity=3, **options)).duration
+
+
+def test_units_stay_in_names_that_would_be_equal_without_them():
+    plain = FileColumns({"b [g]": np.zeros(2)}, {"b [g]": 3.0}, {}, {"n (rpm)": 5.0})
+    assert (list(plain.columns), plain.rates, plain.numbers) == (["b"], {"b": 3}, {"n": 5})
+    assert plain.units == {"b": "g", "n": "rpm"}
+    alike = FileColumns({"b [g]": np.zeros(2), "b [V]": np.ones(2)}, {"b [g]": 3.0})
+    assert list(alike.columns) == ["b [g]", "b [V]"]
+    assert (alike.rates, alike.units) == ({"b [g]": 3}, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.npz", b"", r"the file is empty \(0 bytes\)"),
+        ("a.xyz", b"1", r"files of type .xyz are not read; known are \['.csv', "),
+        ("a", b"1", "files without a suffix are not read"),
+    ],
+)
+def test_a_file_without_content_or_of_no_known_type_is_refused(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration
+
+
+def test_python_objects_in_a_file_are_not_opened(tmp_path):
+    np.savez(tmp_path / "a.npz", b=np.ones(3), note=np.array([{"a": 1}], object))
+    with pytest.raises(ValueError, match=r"array 'note' holds Python objects \(a pickle\)"):
+        assert open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=3)).duration
+
+
+def test_a_series_of_a_file_reads_like_the_array(npz):
+    opened = open_recording(npz, LAYOUT)
+    series, values = opened.series["current"], opened.signals["current"]
+    np.testing.assert_array_equal(series.read(3, 9), values[3:9])
+    assert (repr(series), len(series), series.dtype) == ("FileSeries()", len(values), values.dtype)
+    assert series.bandwidth == np.inf
+    np.testing.assert_array_equal(series.sources[0], values)
+    opened.release()
+    assert opened.__getstate__()["reference"] == opened.reference
+    with pytest.raises(AttributeError, match="'FileRecording' object has no attribute 'speed'"):
+        opened.speed  # noqa: B018
+
+
+def test_the_unit_of_a_struct_is_that_of_its_values(tmp_path):
+    run = {"b": {"data": np.arange(5.0), "unit": "g"}, "unit": "V"}
+    scipy.io.savemat(tmp_path / "a.mat", {"run": run, "fs": 10.0})
+    layout = Layout(channels={"b": "run.b.data"}, velocity=3)
+    opened = open_recording(tmp_path / "a.mat", layout)
+    assert opened.fs["b"] == 10
+    assert read_columns(tmp_path / "a.mat").units == {"run.b": "g", "run": "V"}

@@ -18,7 +18,13 @@ from emacm import (
     RecordingStatistics,
 )
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.recordings.inputs import as_list, check_channel_names, check_channels
+from emacm.recordings.inputs import (
+    as_list,
+    as_recordings,
+    check_channel_names,
+    check_channels,
+    entry_name,
+)
 
 
 def run(*channels, **meta):
@@ -149,3 +155,21 @@ def test_channels_are_chosen_by_a_tuple_or_an_array_of_names(model, X):
     for channels in (("current",), np.array(["current"]), pd.Index(["current"])):
         fitted = clone(model).set_params(channels=channels).fit(X)
         assert list(fitted.get_feature_names_out()) == list(expected)
+
+
+def test_recordings_over_angle_and_other_things_are_no_recordings_over_time():
+    over_angle = OrderResampler().fit_transform([run(unit="A")])
+    with pytest.raises(TypeError, match=r"recording 0 \(unit='A'\) is over the shaft .*put Prewh"):
+        as_recordings(over_angle, "Prewhitening")
+    assert as_recordings(over_angle, "Prewhitening", also=(type(over_angle[0]),)) == over_angle
+    with pytest.raises(
+        TypeError, match=r"entry 1 of X must be a recording for Prewh.*a polars Dat"
+    ):
+        as_recordings([run(), pytest.importorskip("polars").DataFrame({"b": [1]})], "Prewhitening")
+
+
+def test_an_entry_is_named_by_its_row_or_by_its_meta():
+    assert entry_name(pd.DataFrame({"load": [3, 4]}), 1) == "row 1"
+    assert entry_name([run(), run(unit="B", load=3)], 1) == "recording 1 (unit='B', load=3)"
+    assert entry_name([run()], 0) == "recording 0"
+    assert entry_name([run(note="x" * 300)], 0).endswith("x ...)")

@@ -69,6 +69,7 @@ def test_impacts_are_found_in_the_band_of_their_resonance(frequency):
 def test_widths_and_centres_cover_the_spectrum():
     found = kurtogram(noise(20_000), FS, levels=3)
     assert found.widths == (FS / 8, FS / 12, FS / 16)
+    assert found.fs == pytest.approx(FS)
     assert found.centres[0].tolist() == [FS / 8, FS / 8 * 1.5, FS / 4, FS / 8 * 2.5, FS / 8 * 3]
     assert [len(values) for values in found.kurtosis] == [5, 9, 13]
 

@@ -9,7 +9,7 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
-from emacm.recordings.meta import chosen_rows, read_grouping, read_meta
+from emacm.recordings.meta import chosen_rows, plain_label, read_grouping, read_meta
 
 
 def runs(*metas):
@@ -138,3 +138,15 @@ def test_labels_may_be_numbers_of_several_types():
     assert read_grouping([7, 2.5, 3], FLEET, "runs", "run").labels.tolist() == [7, 2.5, 3]
     with pytest.raises(TypeError, match="runs must hold labels of one kind, got int, str"):
         read_grouping([7, "a", 3], FLEET, "runs", "run")
+
+
+def test_labels_are_python_objects():
+    labels = [np.int64(3), np.float32(0.5), np.str_("a"), np.timedelta64(2, "s"), "b", None]
+    found = [plain_label(label) for label in labels]
+    assert found == [3, 0.5, "a", pd.Timedelta("2s"), "b", None]
+    assert [type(label) for label in found[:4]] == [int, float, str, pd.Timedelta]
+
+
+def test_a_table_without_rows_has_no_recordings():
+    with pytest.raises(ValueError, match="X contains no recording; at least one is needed"):
+        read_meta(pd.DataFrame({"load": []}), "load")

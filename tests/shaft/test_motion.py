@@ -217,3 +217,16 @@ def test_a_slice_of_any_step_and_single_samples_are_those_of_the_whole():
     assert np.asarray(series, np.float32).dtype == np.float32
     with pytest.raises(IndexError):
         series[N_TIMES]
+
+
+def test_the_travel_since_another_angle_is_shifted():
+    angle = np.array([0.0, 1, 3, 6, 5])
+    travel = StrokeTravel(angle, Stroke(1, 4, 1), monotonic=False)
+    np.testing.assert_array_equal(travel, [0, 2, 5])
+    moved = travel.starting_at(0.5)
+    np.testing.assert_array_equal(moved, [0.5, 2.5, 5.5])
+    assert (moved.known["length"], travel.known["length"]) == (5.5, 5)
+    assert moved.known["n_times"] == 3
+    back = StrokeTravel(angle, Stroke(3, 5, -1), monotonic=True, start_angle=7.0)
+    np.testing.assert_array_equal(back, [1, 2])
+    assert back.known == {"n_times": 2, "length": 2, "max_reversal": 0}
