@@ -202,9 +202,12 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         if groups is not None or self.unknown is not None or by_groups:
             warn_without_groups(groups, stacklevel=2)
             numbers = group_numbers(groups, X, codes)
-            training = Training(X, codes, numbers, weight, len(classes)).take(weight > 0)
+            training = Training(X, codes, numbers, weight, len(classes))
+            if not (weight > 0).all():
+                training = training.take(weight > 0)
+            kind = self.covariance, self.shrinkage
             self._calibration = calibrate(
-                training, gaussians, self.covariance, self.shrinkage, temperature=by_groups
+                training, moments, gaussians, *kind, temperature=by_groups
             )
         return self
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpocon
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpocon, dtrtri
 
 from emacm.decisions.moments import ClassMoments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _BLOCK = 4096  # recordings at a time, so that large tables take no more memory
 
 _REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
+_FAR = 1e6  # squared distance of means above which expanded squares lose digits
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
 
@@ -219,84 +220,173 @@ def fit_gaussians(
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
     array([[-1.266, -7.516]])
     """
+    covariances, least = shrunk_covariances(
+        moments, coefficients, squared_scales, diagonal=diagonal
+    )
+    if covariances.ndim == 2:
+        return _fit_variances(moments.means, covariances, floor)
+    factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
+    singular = np.zeros(len(covariances), dtype=bool)
+    for group, covariance in enumerate(covariances):
+        root = cholesky_root(covariance, least[group])
+        singular[group] = root is None
+        if root is not None:
+            factors[group], log_determinants[group] = _inverse_of_root(root)
+        elif floor:
+            covariances[group], factors[group], log_determinants[group] = _lift(covariance, floor)
+    return GaussianClasses(moments.means, covariances, factors, log_determinants, singular)
+
+
+def shrunk_covariances(
+    moments: ClassMoments,
+    coefficients: ArrayLike = 0.0,
+    squared_scales: ArrayLike = 1.0,
+    *,
+    diagonal: bool = False,
+) -> tuple[Array, Array]:
+    """Return the covariances of `fit_gaussians` before singular ones are raised to the floor.
+
+    Returns
+    -------
+    covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
+    least : ndarray of shape (n_groups,)
+        What the target contributes to each variance at least, a fraction: no eigenvalue of the
+        correlation matrix is smaller.
+    """
     scatter = diagonals(moments.scatter) if diagonal else moments.scatter
     free = np.maximum(moments.divisors, 0.0)
     inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
     covariances = scatter * inverse.reshape(-1, *(1,) * (scatter.ndim - 1))
+    variances = diagonals(covariances)
     covariances = shrink(covariances, coefficients, squared_scales)
-    factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
-    singular = np.array([is_singular(S) for S in covariances])
-    for group, bad in enumerate(singular):
-        if not bad:
-            factors[group], log_determinants[group] = factorise(covariances[group])
-        elif floor:
-            covariances[group], factors[group], log_determinants[group] = _lift(
-                covariances[group], floor
-            )
-    return GaussianClasses(moments.means, covariances, factors, log_determinants, singular)
+    kept = (1 - np.broadcast_to(coefficients, len(free)))[:, np.newaxis] * variances
+    shrunk = diagonals(covariances)
+    of_data = np.divide(kept, shrunk, out=np.ones_like(kept), where=shrunk > 0)
+    return covariances, 1 - of_data.max(axis=1)
+
+
+def solved_log_densities(
+    X: Array, means: Array, covariances: Array, least: ArrayLike = 0.0
+) -> Array | None:
+    """Logarithms of Gaussian densities, Eq. (2.44), or None if a covariance is singular.
+
+    For few recordings less work than `GaussianClasses.log_densities`: the factor of a covariance is
+    not inverted, and squares of differences are expanded.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class.
+    covariances : ndarray of shape (1, n_features, n_features) or (n_classes, n_features)
+        Covariance of all classes, or the variances of each.
+    least : array-like of shape (1,), default=0.0
+        As returned by `shrunk_covariances`.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings, n_classes) or None
+
+    Examples
+    --------
+    >>> covariance = np.array([[[2.0, 0.0], [0.0, 0.5]]])
+    >>> solved_log_densities(np.array([[1.0, 1.0]]), np.zeros((1, 2)), covariance).round(3)
+    array([[-3.088]])
+    """
+    centre = means.mean(axis=0)
+    X, means, inverse = X - centre, means - centre, np.ones((1, X.shape[1]))
+    if covariances.ndim == 2:
+        if not (covariances > 0).all():
+            return None
+        inverse, log_determinants = 1 / covariances, np.log(covariances).sum(axis=1)
+    else:
+        root = cholesky_root(covariances[0], np.max(least))
+        if root is None:
+            return None
+        log_determinants = 2 * np.log(np.diagonal(root)).sum()
+        # The transposes are not copied.
+        X = dtrsm(1.0, root.T, X.T, trans_a=1, overwrite_b=1).T
+        if len(means) > 1:
+            means = dtrsm(1.0, root.T, means.T, trans_a=1).T
+    norms = (means**2 * inverse).sum(axis=1)
+    if norms.max() < _FAR:
+        squares = np.square(X) @ inverse.T + norms
+        if len(means) > 1:
+            squares -= 2 * X @ (means * inverse).T
+    else:
+        weights = np.broadcast_to(inverse, means.shape)
+        pairs = zip(means, weights, strict=True)
+        squares = np.array([np.square(X - mean) @ weight for mean, weight in pairs]).T
+    return -0.5 * (squares + X.shape[1] * np.log(2 * np.pi) + log_determinants)
 
 
 def is_singular(covariance: Array) -> bool:
-    """Return whether a covariance, or a vector of variances, has no inverse.
-
-    The correlation matrix decides, so that features in very different units do not make a
-    covariance singular.
+    """Return whether a covariance has no inverse, in any units of the features.
 
     Examples
     --------
     >>> is_singular(np.diag([1e-12, 1e12])), is_singular(np.ones((2, 2)))
     (False, True)
     """
-    if not (diagonals(covariance[np.newaxis]) > 0).all():
-        return True
-    if covariance.ndim == 1:
-        return False
-    correlation = _correlation(covariance)[0]
-    if _clearly_regular(correlation):
-        return False
-    eigenvalues = np.linalg.eigvalsh(correlation)
-    rounding = 10 * len(covariance) * np.finfo(np.float64).eps
-    return bool(eigenvalues[0] <= rounding * eigenvalues[-1])
+    return cholesky_root(covariance) is None
 
 
-def _clearly_regular(correlation: Array) -> bool:
-    """Return True if an estimate of the condition number is far below that of a singular matrix.
+def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
+    """Return the lower triangular L with L L' = a covariance, or None if it is singular.
 
-    The estimate takes a tenth of the time of the eigenvalues. It is at least a tenth of the ratio
-    of the extreme eigenvalues in practice, and the limit leaves a factor of a thousand.
+    The correlation matrix decides, so that features in very different units do not make a
+    covariance singular. An estimate of its condition number takes a tenth of the time of the
+    eigenvalues. It is at least a tenth of the ratio of the extreme eigenvalues in practice, and
+    the limit leaves a factor of a thousand. No estimate is needed if `least`, a lower bound of the
+    eigenvalues of the correlation matrix, is large enough.
     """
+    variances = np.diagonal(covariance)
+    if not (variances > 0).all():
+        return None
     try:
-        lower = np.linalg.cholesky(correlation)
+        root = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        return False
-    inverse_condition, _ = dpocon(lower, np.abs(correlation).sum(axis=0).max(), uplo="L")
-    return bool(inverse_condition > _REGULAR)
+        return None
+    # The largest eigenvalue of a correlation matrix is at most the number of features.
+    if least > _REGULAR * len(root):
+        return root
+    deviations = np.sqrt(variances)[:, np.newaxis]
+    inverse_condition, _ = dpocon((root / deviations).T, float(len(root)), uplo="U")
+    if inverse_condition <= _REGULAR:
+        eigenvalues = np.linalg.eigvalsh(covariance / deviations / deviations[:, 0])
+        rounding = 10 * len(covariance) * np.finfo(np.float64).eps
+        if eigenvalues[0] <= rounding * eigenvalues[-1]:
+            return None
+    return root
 
 
 def factorise(covariance: Array) -> tuple[Array, float]:
-    """Return P with P P' = inverse of a covariance, and the logarithm of its determinant.
+    """Return P with P P' = inverse of a covariance, and the logarithm of its determinant."""
+    return _inverse_of_root(np.linalg.cholesky(covariance))
 
-    By Cholesky of the correlations; the covariance may be a vector of variances.
-    """
-    if covariance.ndim == 1:
-        return 1 / np.sqrt(covariance), float(np.log(covariance).sum())
-    correlation, deviations = _correlation(covariance)
-    lower = np.linalg.cholesky(correlation)
-    inverse = solve_triangular(lower, np.diag(1 / deviations), lower=True)
-    return inverse.T, float(2 * (np.log(np.diagonal(lower)) + np.log(deviations)).sum())
+
+def _inverse_of_root(root: Array) -> tuple[Array, float]:
+    """Return the inverse of the transpose of L, and the logarithm of the determinant of L L'."""
+    inverse, _ = dtrtri(root.T, lower=0)
+    return inverse, float(2 * np.log(np.diagonal(root)).sum())
+
+
+def _fit_variances(means: Array, variances: Array, floor: float | None) -> GaussianClasses:
+    """Return densities of uncorrelated features."""
+    singular = ~(variances > 0).all(axis=1)
+    if floor:
+        variances[singular] = np.maximum(variances[singular], floor)
+    usable = ~singular if not floor else np.ones_like(singular)
+    factors, log_determinants = np.zeros_like(variances), np.zeros(len(variances))
+    factors[usable] = 1 / np.sqrt(variances[usable])
+    log_determinants[usable] = np.log(variances[usable]).sum(axis=1)
+    return GaussianClasses(means, variances, factors, log_determinants, singular)
 
 
 def _lift(covariance: Array, floor: float) -> tuple[Array, Array, float]:
     """Raise the eigenvalues to the floor; return covariance, inverse factor, log determinant."""
-    if covariance.ndim == 1:
-        lifted = np.maximum(covariance, floor)
-        return lifted, *factorise(lifted)
     eigenvalues, vectors = np.linalg.eigh(covariance)
     eigenvalues = np.maximum(eigenvalues, floor)
     root = vectors * np.sqrt(eigenvalues)
     return root @ root.T, vectors / np.sqrt(eigenvalues), float(np.log(eigenvalues).sum())
-
-
-def _correlation(covariance: Array) -> tuple[Array, Array]:
-    deviations = np.sqrt(np.diagonal(covariance))
-    return covariance / deviations / deviations[:, np.newaxis], deviations

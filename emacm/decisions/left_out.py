@@ -14,14 +14,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.gaussians import FLOOR, GaussianClasses, fit_gaussians
+from emacm.decisions.gaussians import (
+    FLOOR,
+    GaussianClasses,
+    fit_gaussians,
+    shrunk_covariances,
+    solved_log_densities,
+)
 from emacm.decisions.moments import ClassMoments, class_moments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
 
 Array = NDArray[np.float64]
 
 MAX_PARTS = 64  # parts of the recordings that are left out in turn, if no groups are given
-_FAR = 1e6  # squared shift of a mean, in standard deviations, above which expansions lose digits
+_BLOCK = 256  # recordings at a time, whose deviations stay in the cache
 _CANCELLED = 1e-7  # remaining fraction of a scatter below which a difference is too inaccurate
 
 
@@ -83,46 +89,6 @@ class LeftOut:
     seen: NDArray[np.bool_]
 
 
-def left_out_gaussians(training: Training, covariance: str, shrinkage: Any) -> list[LeftOut]:
-    """Fit Gaussian densities without each group in turn.
-
-    The result equals that of separate fits without each group, except for rounding.
-
-    Parameters
-    ----------
-    training : Training
-        The recordings.
-    covariance, shrinkage : str and None, float or str
-        As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
-
-    Returns
-    -------
-    list of LeftOut
-        One for each group whose removal leaves enough recordings for a covariance.
-    """
-    residuals = _Residuals(training, covariance, shrinkage)
-    order = np.argsort(training.groups, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(training.groups[order])) + 1)
-    found = (residuals.gaussians_without(rows) for rows in parts)
-    return [part for part in found if part.seen.any()]
-
-
-def all_gaussians(training: Training, covariance: str, shrinkage: Any) -> GaussianClasses:
-    """Fit Gaussian densities to all recordings, as `left_out_gaussians` does without some.
-
-    Parameters
-    ----------
-    training, covariance, shrinkage
-        As for `left_out_gaussians`.
-
-    Returns
-    -------
-    GaussianClasses
-    """
-    residuals = _Residuals(training, covariance, shrinkage)
-    return residuals.gaussians_without(np.empty(0, dtype=int)).gaussians
-
-
 def group_numbers(groups: ArrayLike | None, X: Array, codes: NDArray[np.intp]) -> NDArray[np.intp]:
     """Assign numbers to groups; without groups to single recordings, equal ones together.
 
@@ -171,99 +137,173 @@ def group_numbers(groups: ArrayLike | None, X: Array, codes: NDArray[np.intp]) -
     return numbers
 
 
-class _Residuals:
-    """Deviations of the recordings from the mean of their class, and what follows without groups.
+class Remaining:
+    """Densities of the recordings that remain without a group.
 
-    Attributes
+    They equal those of separate fits without each group, except for rounding.
+
+    Parameters
     ----------
+    training : Training
+        The recordings.
     moments : ClassMoments
-        Of all recordings.
+        Of all of them, of any kind.
     """
 
-    def __init__(self, training: Training, covariance: str, shrinkage: Any):
-        self._training, self._diagonal, self._shrinkage = training, covariance == "diag", shrinkage
-        # Products of two features determine the shrinkage of their variances too.
-        only = self._diagonal and shrinkage not in ("oas", "auto")
-        self._kind = {"pooled": covariance == "tied", "variances_only": only}
-        self.moments = training.moments(**self._kind)
-        self._values = training.X - self.moments.means[training.codes]
-        self._squares = self._values**2
+    def __init__(self, training: Training, moments: ClassMoments):
+        self._training, self._moments = training, moments
+        self._values = training.X - moments.means[training.codes]
+        self._groups = np.unique(training.groups)
+        self._without: dict[int, ClassMoments] = {}
+        self._scatter = moments.scatter
+        if not moments.pooled:
+            scaled = self._values * np.sqrt(training.weight)[:, np.newaxis]
+            self._scatter = (scaled.T @ scaled)[np.newaxis]
 
-    def gaussians_without(self, rows: NDArray[np.intp]) -> LeftOut:
-        """Return the densities of all recordings but some."""
-        moments = self.without(rows)
-        coefficients: tuple[Array, ...]
-        if self._shrinkage == "auto":
-            coefficients = self.ledoit_wolf(moments, rows)
-        elif self._shrinkage == "oas":
-            pairs = zip(moments.scatter, moments.group_counts, strict=True)
-            coefficients = (np.array([oas_coefficient(*pair) for pair in pairs]),)
-        else:
-            coefficients = (np.array([float(self._shrinkage or 0.0)]),)
-        floor = FLOOR * moments.feature_variances.max() if moments.counts.any() else None
-        gaussians = fit_gaussians(moments, *coefficients, diagonal=self._diagonal, floor=floor)
-        return LeftOut(rows, gaussians, (moments.counts > 0) & (moments.divisors > 0))
+    def all_gaussians(self, shrinkage: Any) -> GaussianClasses:
+        """Return densities with one covariance for all classes, of all recordings."""
+        moments = ClassMoments(self._moments.counts, self._moments.means, self._scatter, True)
+        return self._gaussians(moments, None, shrinkage)
 
-    def without(self, rows: NDArray[np.intp]) -> ClassMoments:
-        """Return the moments of all recordings but some.
+    def left_out_gaussians(self, shrinkage: Any) -> list[LeftOut]:
+        """Return densities with one covariance for all classes, without each group in turn.
+
+        Parameters
+        ----------
+        shrinkage : None, float or str
+            As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
+
+        Returns
+        -------
+        list of LeftOut
+            One for each group whose removal leaves enough recordings for a covariance.
+        """
+        found = []
+        for group in self._groups:
+            moments = self._without[group] = self.without(group)
+            seen = (moments.counts > 0) & (moments.divisors > 0)
+            if seen.any():
+                rows = np.flatnonzero(self._training.groups == group)
+                found.append(LeftOut(rows, self._gaussians(moments, group, shrinkage), seen))
+        return found
+
+    def log_densities(self, covariance: str, shrinkage: Any) -> Array:
+        """Return the log densities of each recording without its group.
+
+        Parameters
+        ----------
+        covariance, shrinkage : str and None, float or str
+            As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_classes)
+            -inf for classes of which too few other recordings remain.
+        """
+        training, diagonal = self._training, covariance == "diag"
+        found = np.full((len(training.X), training.n_classes), -np.inf)
+        products = covariance == "full" or shrinkage in ("oas", "auto")  # of two features
+        parts = [(np.arange(training.n_classes), self)]
+        if covariance != "tied" and products:
+            parts = [(np.array([code]), _of_class(training, code)) for code in parts[0][0]]
+        members = [np.flatnonzero(training.groups == group) for group in self._groups]
+        for columns, part in parts:  # one class after the other: a single matrix stays in the cache
+            for group, rows in zip(self._groups, members, strict=True):
+                moments = part.without(group, variances_only=diagonal and not products)
+                seen = (moments.counts > 0) & (moments.divisors > 0)
+                if not seen.any():
+                    continue
+                target = part._target(moments, group, shrinkage)
+                shrunk, least = shrunk_covariances(moments, *target, diagonal=diagonal)
+                shrunk, X = shrunk if moments.pooled else shrunk[seen], training.X[rows]
+                logs = solved_log_densities(X, moments.means[seen], shrunk, least)
+                if logs is None:  # singular
+                    floor = FLOOR * self.without(group).feature_variances.max()
+                    lifted = fit_gaussians(moments, *target, diagonal=diagonal, floor=floor)
+                    logs = lifted.log_densities(X)[:, seen]
+                found[rows[:, np.newaxis], columns[seen]] = logs
+        return found
+
+    def without(self, group: int, *, variances_only: bool = False) -> ClassMoments:
+        """Return the moments of all recordings but those of a group.
 
         Without rows r of a class, of weights w, the mean moves by ``-sum(w r) / n``, where n counts
         the remaining recordings, and the scatter loses ``sum(w r r') + sum(w r) sum(w r)' / n``.
+
+        Parameters
+        ----------
+        group : int
+            Number of the group.
+        variances_only : bool, default=False
+            The variances of each class, instead of one scatter matrix for all classes.
         """
-        before, codes = self.moments, self._training.codes[rows]
-        weight, values = self._training.weight[rows, np.newaxis], self._values[rows]
-        member = (codes == np.arange(len(before.counts))[:, np.newaxis]).astype(float)
-        counts = before.counts - member @ weight[:, 0]
-        counts[counts <= 1e-9 * before.counts] = 0.0
+        if group in self._without and not variances_only:
+            return self._without[group]
+        training = self._training
+        rows = np.flatnonzero(training.groups == group)
+        values, weight = self._values[rows], training.weight[rows, np.newaxis]
+        member = (training.codes[rows] == np.arange(training.n_classes)[:, np.newaxis]) * 1.0
+        before = self._moments.counts
+        counts = before - member @ weight[:, 0]
+        counts[counts <= 1e-9 * before] = 0.0
         seen = (counts > 0)[:, np.newaxis]
         sums = member @ (weight * values)
-        moved = np.divide(sums, counts[:, np.newaxis], out=np.zeros_like(sums), where=seen)
-        scatter = before.scatter.copy()
-        if scatter.ndim == 2:
-            lost = member @ (weight * values**2) + sums * moved
-            scatter -= lost.sum(axis=0) if before.pooled else lost
+        roots = np.sqrt(counts)[:, np.newaxis]
+        moved = np.divide(sums, roots, out=np.zeros_like(sums), where=seen)
+        if variances_only:
+            total = diagonals(self._moments.scatter)
+            scatter = total - member @ (weight * values**2) - moved**2
         else:
-            for group in range(len(scatter)):
-                chosen, classes = (slice(None),) * 2 if before.pooled else (codes == group, [group])
-                scatter[group] -= (weight[chosen] * values[chosen]).T @ values[chosen]
-                scatter[group] -= sums[classes].T @ moved[classes]
-        means = np.where(seen, before.means - moved, 0.0)
-        found = ClassMoments(counts, means, scatter, before.pooled)
-        left = diagonals(scatter) < _CANCELLED * diagonals(before.scatter)
-        if left[found.group_counts > 0].any():  # rounding errors dominate the difference
-            others = np.setdiff1d(np.arange(len(self._values)), rows)
-            return self._training.take(others).moments(**self._kind)
-        return found
+            lost = np.vstack([np.sqrt(weight) * values, moved])
+            total, scatter = diagonals(self._scatter), self._scatter - lost.T @ lost
+        moved = np.divide(moved, roots, out=moved, where=seen)
+        means = np.where(seen, self._moments.means - moved, 0.0)
+        moments = ClassMoments(counts, means, scatter, not variances_only)
+        left = diagonals(scatter) < _CANCELLED * total
+        if left[moments.group_counts > 0].any():  # rounding errors dominate the difference
+            others = training.take(training.groups != group)
+            moments = others.moments(pooled=not variances_only, variances_only=variances_only)
+        return moments
 
-    def ledoit_wolf(self, moments: ClassMoments, rows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Return coefficients and squared scales of all recordings but some.
+    def _gaussians(
+        self, moments: ClassMoments, group: int | None, shrinkage: Any
+    ) -> GaussianClasses:
+        floor = FLOOR * moments.feature_variances.max()
+        return fit_gaussians(moments, *self._target(moments, group, shrinkage), floor=floor)
 
-        As `ledoit_wolf_coefficients` does, from their moments and the norms of the deviations.
+    def _target(
+        self, moments: ClassMoments, group: int | None, shrinkage: Any
+    ) -> tuple[ArrayLike, ...]:
+        """Return the arguments of `shrink` for all recordings but those of a group.
+
+        For "auto" as `ledoit_wolf_coefficients`, from moments and the norms of the deviations.
         """
-        weight, codes = self._training.weight.copy(), self._training.codes
-        weight[rows] = 0.0
-        counts = moments.group_counts
-        variances = diagonals(moments.scatter) / np.maximum(counts, 1e-300)[:, np.newaxis]
+        count, scatter = float(moments.group_counts[0]), moments.scatter[0]
+        if shrinkage == "oas":
+            return (oas_coefficient(scatter, count),)
+        if shrinkage != "auto":
+            return (float(shrinkage or 0.0),)
+        variances = np.diagonal(scatter) / count
         variances = np.where(variances > 0, variances, 1.0)
-        coefficients, moved = np.zeros(len(counts)), moments.means - self.moments.means
-        for group in np.flatnonzero(counts):
-            chosen = slice(None) if moments.pooled else codes == group
-            norms, scatter = self._norms(chosen, moved, variances[group], moments.scatter[group])
-            fourth = float(weight[chosen] @ norms**2)
-            coefficients[group] = ledoit_wolf_coefficient(scatter, counts[group], fourth)
-        return coefficients, variances
+        weight = np.where(self._training.groups == group, 0.0, self._training.weight)
+        fourth = float(weight @ self._norms(moments.means, 1 / variances) ** 2)
+        scaled = scatter / np.sqrt(variances)
+        scaled /= np.sqrt(variances)[:, np.newaxis]
+        return ledoit_wolf_coefficient(scaled, count, fourth), variances
 
-    def _norms(self, chosen: Any, moved: Array, variances: Array, scatter: Array) -> Any:
-        """Return squared norms of standardised deviations from moved means, and their scatter."""
-        inverse, codes = 1 / variances, self._training.codes[chosen]
-        shifts = moved**2 @ inverse
-        scale = np.sqrt(inverse)
-        values = self._values[chosen]
-        if scatter.ndim == 2 and (shifts < _FAR).all():
-            products = values @ (moved * inverse).T
-            norms = self._squares[chosen] @ inverse + shifts[codes]
-            norms -= 2 * np.take_along_axis(products, codes[:, np.newaxis], 1)[:, 0]
-            return norms, scatter * scale * scale[:, np.newaxis]
-        scaled = (values - moved[codes]) * scale
-        norms = np.einsum("rf,rf->r", scaled, scaled)
-        return norms, scatter * scale * scale[:, np.newaxis]
+    def _norms(self, means: Array, inverse: Array) -> Array:
+        """Return squared norms of the standardised deviations from moved means."""
+        codes, moved = self._training.codes, means - self._moments.means
+        norms = np.empty(len(codes))
+        for start in range(0, len(codes), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            deviations = self._values[part] - np.take(moved, codes[part], axis=0)
+            norms[part] = np.square(deviations, out=deviations) @ inverse
+        return norms
+
+
+def _of_class(training: Training, code: int) -> Remaining:
+    rows = np.flatnonzero(training.codes == code)
+    codes = np.zeros(len(rows), dtype=np.intp)
+    only = Training(training.X[rows], codes, training.groups[rows], training.weight[rows], 1)
+    return Remaining(only, only.moments(pooled=True))

@@ -12,7 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm.decisions.fit_checks import has_unknown
 from emacm.decisions.gaussians import GaussianClasses
-from emacm.decisions.left_out import LeftOut, Training, all_gaussians, left_out_gaussians
+from emacm.decisions.left_out import Remaining, Training
+from emacm.decisions.moments import ClassMoments
 from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.truths import truth_priors
 from emacm.decisions.typicality import fit_typicality
@@ -20,7 +21,7 @@ from emacm.decisions.unknown import unknown_probability
 
 Array = NDArray[np.float64]
 
-_POOLED = "tied", "auto"  # covariance and shrinkage of the distances
+_SHRINKAGE = "auto"  # of the covariance of the distances
 
 
 class LeftOutCalibration(NamedTuple):
@@ -144,6 +145,7 @@ class LeftOutMixin:
 
 def calibrate(
     training: Training,
+    moments: ClassMoments,
     gaussians: GaussianClasses,
     covariance: str,
     shrinkage: Any,
@@ -156,6 +158,8 @@ def calibrate(
     ----------
     training : Training
         The recordings.
+    moments : ClassMoments
+        Of all of them, as for `gaussians`.
     gaussians : GaussianClasses
         Densities of the classifier, fitted to all of them.
     covariance, shrinkage : str and None, float or str
@@ -172,20 +176,18 @@ def calibrate(
     ValueError
         If no class has recordings in two groups.
     """
-    own = (covariance, shrinkage) == _POOLED
-    pooled = left_out_gaussians(training, *_POOLED)
-    fitted = gaussians if own else all_gaussians(training, *_POOLED)
-    distances = fit_typicality(training, fitted, pooled)
+    remaining = Remaining(training, moments)
+    left_out = remaining.left_out_gaussians(_SHRINKAGE)
+    if (covariance, shrinkage) != ("tied", _SHRINKAGE):
+        gaussians = remaining.all_gaussians(_SHRINKAGE)
+    distances = fit_typicality(training, gaussians, left_out)
     if not temperature:
         return LeftOutCalibration(distances, None)
-    parts = pooled if own else left_out_gaussians(training, covariance, shrinkage)
-    return LeftOutCalibration(distances, _temperature(training, parts))
+    log_densities = remaining.log_densities(covariance, shrinkage)
+    return LeftOutCalibration(distances, _temperature(training, log_densities))
 
 
-def _temperature(training: Training, parts: list[LeftOut]) -> float:
-    log_densities = np.full((len(training.X), training.n_classes), -np.inf)
-    for rows, gaussians, seen in ((part.rows, part.gaussians, part.seen) for part in parts):
-        log_densities[np.ix_(rows, seen)] = gaussians.log_densities(training.X[rows])[:, seen]
+def _temperature(training: Training, log_densities: Array) -> float:
     judged = np.isfinite(log_densities[np.arange(len(training.X)), training.codes])
     if not judged.any():
         raise ValueError(

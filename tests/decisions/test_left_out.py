@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from emacm.decisions.gaussians import FLOOR, fit_gaussians
 from emacm.decisions.left_out import (
     MAX_PARTS,
+    Remaining,
     Training,
     group_numbers,
-    left_out_gaussians,
 )
+from emacm.decisions.moments import moments_for
 from emacm.decisions.shrinkage import (
     ledoit_wolf_coefficient,
     ledoit_wolf_coefficients,
@@ -55,22 +56,36 @@ def fitted_anew(training, covariance, shrinkage):
     return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
 
 
+def remaining(training, covariance="tied", shrinkage=0.0):
+    """From the moments that the classifier keeps."""
+    of = training.X, training.codes, training.n_classes, training.weight
+    return Remaining(training, moments_for(covariance, shrinkage, *of))
+
+
 @pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, covariance, shrinkage):
     training = draw(seed)
-    found = left_out_gaussians(training, covariance, shrinkage)
+    found = remaining(training, covariance, shrinkage).log_densities(covariance, shrinkage)
+    for group in range(5):
+        rows = training.groups == group
+        expected = fitted_anew(training.take(~rows), covariance, shrinkage)
+        assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-7)
+
+
+@pytest.mark.parametrize("shrinkage", [0.3, "oas", "auto"])
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_common_covariances_follow_from_moments_of_any_kind(covariance, shrinkage):
+    training = draw(2)
+    found = remaining(training, covariance).left_out_gaussians(shrinkage)
     assert len(found) == 5
     for part in found:
         others = np.setdiff1d(np.arange(len(training.X)), part.rows)
         assert len(np.unique(training.groups[part.rows])) == 1
         assert not np.isin(training.groups[part.rows[0]], training.groups[others])
-        expected = fitted_anew(training.take(others), covariance, shrinkage)
+        expected = fitted_anew(training.take(others), "tied", shrinkage)
         assert_allclose(part.gaussians.means, expected.means, rtol=1e-9, atol=1e-9)
         assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-8)
-        assert_allclose(
-            part.gaussians.log_densities(training.X), expected.log_densities(training.X), rtol=1e-7
-        )
         assert part.seen.all()
 
 
@@ -78,7 +93,7 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
 @given(seed=st.integers(0, 1000), n_groups=st.integers(2, 12))
 def test_every_recording_is_left_out_once(seed, n_groups):
     training = draw(seed, n_recordings=30, n_groups=n_groups)
-    found = left_out_gaussians(training, "tied", 0.1)
+    found = remaining(training).left_out_gaussians(0.1)
     rows = np.concatenate([part.rows for part in found])
     assert_array_equal(np.sort(rows), np.arange(30))
 
@@ -86,7 +101,7 @@ def test_every_recording_is_left_out_once(seed, n_groups):
 def test_a_group_with_outliers_leaves_accurate_moments():
     training = draw(3)
     training.X[training.groups == 2] *= 1e9
-    for part in left_out_gaussians(training, "tied", "auto"):
+    for part in remaining(training).left_out_gaussians("auto"):
         others = np.setdiff1d(np.arange(len(training.X)), part.rows)
         expected = fitted_anew(training.take(others), "tied", "auto")
         assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-6)
@@ -97,12 +112,9 @@ def test_a_class_of_one_group_is_not_seen_without_it(covariance):
     training = draw(4)
     training.groups[training.codes == 1] = 7
     training.groups[training.codes != 1] %= 3
-    seen = {
-        tuple(np.unique(training.groups[part.rows])): part.seen.tolist()
-        for part in left_out_gaussians(training, covariance, 0.2)
-    }
-    assert seen.pop((7,)) == [True, False, True]
-    assert list(seen.values()) == [[True, True, True]] * 3
+    found = remaining(training, covariance).log_densities(covariance, 0.2)
+    assert_array_equal(np.isfinite(found[:, [0, 2]]), True)
+    assert_array_equal(np.isfinite(found[:, 1]), training.groups != 7)
 
 
 @pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
@@ -111,9 +123,11 @@ def test_weights_equal_repetitions(covariance, shrinkage):
     weight = np.random.default_rng(5).integers(1, 4, len(once.X))
     weighted = Training(once.X, once.codes, once.groups, weight.astype(float), 3)
     repeated = once.take(np.repeat(np.arange(len(once.X)), weight))
-    found = left_out_gaussians(weighted, covariance, shrinkage)
-    for part, other in zip(found, left_out_gaussians(repeated, covariance, shrinkage), strict=True):
-        assert_allclose(part.gaussians.covariances, other.gaussians.covariances, rtol=1e-8)
+    found, expected = (
+        remaining(training, covariance, shrinkage).log_densities(covariance, shrinkage)
+        for training in (weighted, repeated)
+    )
+    assert_allclose(np.repeat(found, weight, axis=0), expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("n_recordings", [5, 60])
@@ -172,10 +186,20 @@ def test_a_covariance_that_is_singular_without_a_group_is_raised_to_the_floor():
     groups = np.concatenate([[0, 0, 1, 1, 2, 2], np.arange(9) % 3])
     X = rng.normal(size=(15, 4)) * [1, 10, 0.1, 3] + 5 * codes[:, np.newaxis]
     training = Training(X, codes, groups, np.ones(15), 2)
-    for part in left_out_gaussians(training, "full", None):
-        others = np.setdiff1d(np.arange(15), part.rows)
-        expected = fitted_anew(training.take(others), "full", 0.0)
-        assert part.gaussians.singular.tolist() == [True, False]
-        assert_allclose(
-            part.gaussians.log_densities(X), expected.log_densities(X), rtol=1e-6, atol=1e-6
-        )
+    found = remaining(training, "full", None).log_densities("full", None)
+    for group in range(3):
+        rows = groups == group
+        expected = fitted_anew(training.take(~rows), "full", 0.0)
+        assert expected.singular.tolist() == [True, False]
+        assert_allclose(found[rows], expected.log_densities(X[rows]), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+@pytest.mark.parametrize("distance", [1.0, 1e6])
+def test_densities_are_accurate_for_classes_that_are_close_and_far_apart(covariance, distance):
+    training = draw(7)
+    training.X[:, 0] += distance * training.codes
+    found = remaining(training, covariance).log_densities(covariance, 0.0)
+    rows = training.groups == 1
+    expected = fitted_anew(training.take(~rows), covariance, 0.0)
+    assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-6)

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import logsumexp
 
 from emacm.decisions.gaussians import FLOOR, fit_gaussians
-from emacm.decisions.left_out import Training, left_out_gaussians
+from emacm.decisions.left_out import Remaining, Training
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients
 from emacm.decisions.tails import peaks_over_threshold, student_tail
 from emacm.decisions.typicality import fit_typicality
@@ -20,10 +20,14 @@ def pooled_gaussians(training):
     return fit_gaussians(moments, *target, floor=FLOOR * moments.feature_variances.max())
 
 
+def left_out_gaussians(training):
+    return Remaining(training, training.moments(pooled=True)).left_out_gaussians("auto")
+
+
 def fit(X, codes, groups, weight=None):
     weight = np.ones(len(X)) if weight is None else weight
     training = Training(X, codes, groups, weight, int(codes.max()) + 1)
-    left_out = left_out_gaussians(training, "tied", "auto")
+    left_out = left_out_gaussians(training)
     return fit_typicality(training, pooled_gaussians(training), left_out)
 
 
@@ -104,7 +108,7 @@ def test_weights_equal_repetitions():
     gaussians = pooled_gaussians(weighted)  # of either: what is compared is the calibration
     new = draw(7)[0]
     first, second = (
-        fit_typicality(t, gaussians, left_out_gaussians(t, "tied", "auto"))(new)
+        fit_typicality(t, gaussians, left_out_gaussians(t))(new)
         for t in (weighted, Training(*repeated_columns(repeated), n_classes=3))
     )
     assert_allclose(first, second, rtol=1e-6)
