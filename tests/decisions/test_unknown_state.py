@@ -13,7 +13,7 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.left_out import Training, all_gaussians, left_out_gaussians
+from emacm.decisions.left_out import Remaining, Training
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.temperature import fit_temperature
@@ -133,8 +133,9 @@ def test_typicality_is_tied_and_the_temperature_that_of_fits_without_each_unit(
     model.fit(X, y, weight, groups=units)
     codes, numbers = (np.unique(each, return_inverse=True)[1] for each in (y, units))
     training = Training(X, codes, numbers, weight, 3).take(weight > 0)
-    pooled = left_out_gaussians(training, "tied", "auto")
-    typicality = fit_typicality(training, all_gaussians(training, "tied", "auto"), pooled)
+    remaining = Remaining(training, training.moments(pooled=True))
+    pooled = remaining.left_out_gaussians("auto")
+    typicality = fit_typicality(training, remaining.all_gaussians("auto"), pooled)
     np.testing.assert_allclose(model.typicality(X), typicality(X), rtol=1e-9)
     np.testing.assert_array_equal(model.feature_range_, typicality.feature_range)
     assert model.distances_.means.shape == (3, 4)
