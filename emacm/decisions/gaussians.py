@@ -345,7 +345,7 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
     if not (variances > 0).all():
         return None
     try:
-        root = np.linalg.cholesky(covariance)
+        root = _cholesky(covariance)
     except np.linalg.LinAlgError:
         return None
     # The largest eigenvalue of a correlation matrix is at most the number of features.
@@ -363,7 +363,12 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
 
 def factorise(covariance: Array) -> tuple[Array, float]:
     """Return P with P P' = inverse of a covariance, and the logarithm of its determinant."""
-    return _inverse_of_root(np.linalg.cholesky(covariance))
+    return _inverse_of_root(_cholesky(covariance))
+
+
+def _cholesky(covariance: Array) -> Array:
+    root: Any = np.linalg.cholesky(covariance)
+    return root
 
 
 def _inverse_of_root(root: Array) -> tuple[Array, float]:
@@ -374,7 +379,7 @@ def _inverse_of_root(root: Array) -> tuple[Array, float]:
 
 def _fit_variances(means: Array, variances: Array, floor: float | None) -> GaussianClasses:
     """Return densities of uncorrelated features."""
-    singular = ~(variances > 0).all(axis=1)
+    singular: NDArray[np.bool_] = ~np.all(variances > 0, axis=1)
     if floor:
         variances[singular] = np.maximum(variances[singular], floor)
     usable = ~singular if not floor else np.ones_like(singular)

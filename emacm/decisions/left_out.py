@@ -205,7 +205,9 @@ class Remaining:
         products = covariance == "full" or shrinkage in ("oas", "auto")  # of two features
         parts = [(np.arange(training.n_classes), self)]
         if covariance != "tied" and products:
-            parts = [(np.array([code]), _of_class(training, code)) for code in parts[0][0]]
+            parts = [
+                (np.array([code]), _of_class(training, code)) for code in range(training.n_classes)
+            ]
         members = [np.flatnonzero(training.groups == group) for group in self._groups]
         for columns, part in parts:  # one class after the other: a single matrix stays in the cache
             for group, rows in zip(self._groups, members, strict=True):
