@@ -6,15 +6,19 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
+from sklearn.covariance import shrunk_covariance
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.prediction_sets import LeftOutDensities, probability_threshold
 from emacm.decisions.refits import parts_of
+from emacm.decisions.shrinkage import population_eigenvalues
 from emacm.decisions.temperature import fit_temperature
-from emacm.decisions.unit_effects import UnitLevels, unit_scatter
+from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
 CENTRES = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, -2.0], [0.0, 5.0, 3.0]])
@@ -71,18 +75,97 @@ def test_the_covariances_are_found(crossed):
     assert fitted.classes_.tolist() == ["backlash", "dry", "healthy"]
 
 
-def test_mean_squares_are_unbiased_in_an_unbalanced_design():
-    rng = np.random.default_rng(5)
+def dense(n_features=2, crossed=True, seed=3, spread=2.0):
+    """Return recordings of seven units in an unbalanced design, and its indicator matrices."""
+    rng = np.random.default_rng(seed)
     units = np.repeat(np.arange(7), [1, 5, 2, 2, 3, 1, 4])
-    codes = rng.integers(0, 2, len(units))
-    within, between = [], []
-    for seed in range(1500):
-        X, _ = draw(codes, units, seed)
-        parts = unit_scatter(X - CENTRES[codes], codes, units)
-        within.append(parts.within)
-        between.append((parts.between - parts.within) / parts.multiplicity)
-    np.testing.assert_allclose(np.mean(within, axis=0), WITHIN, atol=0.03)
-    np.testing.assert_allclose(np.mean(between, axis=0), BETWEEN, atol=0.4)
+    codes = rng.integers(0, 3, len(units)) if crossed else units % 3
+    X = rng.normal(size=(18, n_features)) + spread * rng.normal(size=(7, n_features))[units]
+    X = (X + 3 * codes[:, np.newaxis]) @ rng.normal(size=(n_features, n_features))
+    return X, codes, units, np.eye(3)[codes], np.eye(7)[units]
+
+
+def projector(columns):
+    return columns @ np.linalg.pinv(columns)
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+def test_mean_squares_are_those_of_projections(crossed):
+    X, codes, units, C, Z = dense(crossed=crossed)
+    of_classes, of_both = projector(C), projector(np.hstack([C, Z]))
+    rank = round(np.trace(of_both))
+    parts = unit_scatter(X, codes, units)
+    np.testing.assert_allclose(parts.within, X.T @ (np.eye(18) - of_both) @ X / (18 - rank))
+    np.testing.assert_allclose(parts.between, X.T @ (of_both - of_classes) @ X / (rank - 3))
+    # The trace is that of Z'(I - P)Z: the expected mean square between units is W + n B.
+    multiplicity = np.trace(Z.T @ (np.eye(18) - of_classes) @ Z) / (rank - 3)
+    assert (parts.between_divisor, parts.multiplicity) == (rank - 3, pytest.approx(multiplicity))
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+@pytest.mark.parametrize("spread", [0.0, 2.0, 20.0])
+def test_levels_are_those_of_generalised_least_squares_with_dense_matrices(crossed, spread):
+    X, codes, units, C, Z = dense(crossed=crossed, spread=spread)
+    parts = unit_scatter(X, codes, units)
+    coefficient, plain = 0.1, np.diag([2.0, 3.0])
+    levels = fit_unit_levels(X, codes, units, plain, coefficient)
+    W, between = (shrunk_covariance(part, coefficient) for part in parts[:2])
+    mean_squares = eigh(between, W, eigvals_only=True)
+    corrected = population_eigenvalues(mean_squares, parts.between_divisor)
+    ratios = np.maximum(corrected - 1, 0) / parts.multiplicity
+    np.testing.assert_allclose(levels.within, W if ratios.any() else plain)
+    D, contrasts = levels.directions, np.array([[1, -1, 0], [1, 1, -2]]).T / np.sqrt([2, 6])
+    np.testing.assert_allclose(levels.between, D @ np.diag(ratios) @ D.T, atol=1e-12)
+    np.testing.assert_allclose(levels.offset, 0)
+    weights = [np.linalg.inv(np.eye(18) + r * Z @ Z.T) for r in ratios]
+    information = [C.T @ V @ C for V in weights]
+    sums = [C.T @ V @ y for V, y in zip(weights, np.linalg.solve(D, X.T), strict=True)]
+
+    def excess(variance):
+        total = -4.0
+        for matrix, right in zip(information, sums, strict=True):
+            difference = contrasts.T @ np.linalg.solve(matrix, right)
+            spread = contrasts.T @ np.linalg.inv(matrix) @ contrasts
+            total += difference @ np.linalg.solve(spread + variance * np.eye(2), difference)
+        return total
+
+    variance = brentq(excess, 1e-6, 1e6) if excess(1e-6) > 0 else 1e-6
+    prior = contrasts @ contrasts.T / variance
+    for j, matrix in enumerate(information):
+        means = np.linalg.solve(matrix + prior, sums[j])
+        np.testing.assert_allclose(levels.means[j], [*means, 0], rtol=1e-6, atol=1e-9)
+        excess_variance = np.linalg.inv(matrix + prior) - np.linalg.inv(C.T @ C + prior)
+        expected = np.pad(excess_variance, (0, 1)) + ratios[j]
+        np.testing.assert_allclose(levels.covariances[j], expected, rtol=1e-5, atol=1e-8)
+
+
+def test_densities_of_a_unit_are_those_of_scipy():
+    X, codes, units, *_ = dense(n_features=3)
+    levels = fit_unit_levels(X, codes, units, np.eye(3), 0.3)
+    for known in (levels, levels.given(X[:4], codes[:4])):
+        gaussians, D = known.gaussians(), known.directions
+        for k in range(3):
+            covariance = D @ np.diag(1 + known.covariances[:, k, k]) @ D.T
+            expected = multivariate_normal(D @ known.means[:, k], covariance).logpdf(X)
+            np.testing.assert_allclose(gaussians.log_densities(X)[:, k], expected, rtol=1e-8)
+            np.testing.assert_allclose(gaussians.covariances[k], covariance)
+    assert (levels.n_recordings, known.n_recordings) == (0, 4)
+    assert gaussians.singular.tolist() == [False] * 3
+    again = known.given(X[4:6], codes[4:6])
+    together = levels.given(X[:6], codes[:6])
+    np.testing.assert_allclose(again.covariances, together.covariances, atol=1e-12)
+    np.testing.assert_allclose(again.means, together.means, atol=1e-12)
+
+
+def test_one_class_alone_has_levels_too():
+    X, _, units, *_ = dense(n_features=1)
+    codes = np.zeros(18, int)
+    levels = fit_unit_levels(X, codes, units, np.eye(1), 0.0)
+    ratio = levels.covariances[0, -1, -1]
+    weight = np.linalg.inv(np.eye(18) + ratio * np.equal.outer(units, units)).sum(axis=0)
+    assert levels.directions[0] @ levels.means[:, 0] == pytest.approx(
+        weight @ X[:, 0] / weight.sum()
+    )
 
 
 def test_conditioning_is_that_of_the_joint_gaussian():

@@ -2,13 +2,21 @@
 
 import numpy as np
 import pytest
-from sklearn.model_selection import GridSearchCV
+from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from emacm.decisions.pipelines import before_the_last_step, final_estimator, weight_parameter
+from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, NewUnitClassifier
+from emacm.decisions.pipelines import (
+    before_the_last_step,
+    final_estimator,
+    groups_are_units,
+    groups_parameter,
+    search_estimator,
+    weight_parameter,
+)
 
 X = np.array([[0.0, 3.0], [2.0, 1.0], [5.0, 4.0], [9.0, 8.0]])
 Y = np.array(["new", "new", "worn", "worn"])
@@ -49,3 +57,59 @@ def test_the_name_of_weights_contains_all_steps():
     assert weight_parameter(GaussianNB()) == "sample_weight"
     with pytest.raises(TypeError, match="KNeighborsClassifier accepts no sample_weight"):
         weight_parameter(make_pipeline(StandardScaler(), KNeighborsClassifier()))
+
+
+def in_pipeline(classifier):
+    return make_pipeline(StandardScaler(), classifier)
+
+
+@pytest.mark.parametrize(
+    ("options", "needed"),
+    [
+        ({}, False),
+        ({"unknown": "odd"}, True),
+        ({"unknown": 0}, True),
+        ({"temperature": "groups"}, True),
+        ({"temperature": 2.0}, False),
+    ],
+)
+def test_groups_reach_a_classifier_that_leaves_them_out_under_the_name_of_its_step(options, needed):
+    model = CostSensitiveGaussianBayes(**options)
+    nested = make_pipeline(make_pipeline(StandardScaler(), model))
+    search = GridSearchCV(in_pipeline(model), {})
+    names = "groups", "costsensitivegaussianbayes__groups"
+    expected = [names[0], names[1], f"pipeline__{names[1]}", names[1]] if needed else [None] * 4
+    found = [groups_parameter(each) for each in (model, in_pipeline(model), nested, search)]
+    assert found == expected
+    assert not any(groups_are_units(each) for each in (model, nested, search))
+
+
+def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
+    model = NewUnitClassifier()
+    wrapped = LeastRiskClassifier(in_pipeline(model))
+    for each in (model, in_pipeline(model), GridSearchCV(in_pipeline(model), {}), wrapped):
+        assert groups_are_units(each)
+        assert groups_parameter(each) is None or groups_parameter(each).endswith("groups")
+    assert groups_parameter(model) == "groups"
+    assert groups_parameter(in_pipeline(model)) == "newunitclassifier__groups"
+    for each in (GaussianNB(), in_pipeline(GaussianNB()), GridSearchCV(GaussianNB(), {}), object()):
+        assert groups_are_units(each) is False
+        assert groups_parameter(each) is None
+
+
+def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():
+    search = GridSearchCV(GaussianNB(), {"var_smoothing": [0.5]}, cv=2)
+    assert search_estimator(search) is search.estimator
+    assert search_estimator(search.fit(X, Y)).var_smoothing == 0.5
+    random = RandomizedSearchCV(KNeighborsClassifier(), {"n_neighbors": [1]}, n_iter=1)
+    assert search_estimator(random) is random.estimator
+    assert search_estimator(LeastRiskClassifier(GaussianNB())).estimator is not None
+    plain = GaussianNB()
+    assert search_estimator(plain) is plain
+
+
+def test_one_step_before_the_last_is_enough_to_change_the_input():
+    model = make_pipeline(FunctionTransformer(np.square), GaussianNB()).fit(X, Y)
+    final, table = before_the_last_step(model, X)
+    np.testing.assert_array_equal(table, X**2)
+    assert final is model[-1]
