@@ -228,7 +228,7 @@ def narrow_costs(estimator: Any, known: Sequence[Any], all_classes: Sequence[Any
     estimator
         The same object.
     """
-    costs = {name: cost for name, cost in cost_parameters(estimator).items() if cost is not None}
+    costs = cost_parameters(estimator)
     narrow = {name: cost_of_some(cost, known, all_classes) for name, cost in costs.items()}
     return estimator.set_params(**narrow) if narrow else estimator
 

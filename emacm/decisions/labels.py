@@ -72,7 +72,7 @@ def label_array(labels: Sequence[Any], classes: ArrayLike = ()) -> NDArray[Any]:
     known = np.asarray(classes)
     place = {label: number for number, label in enumerate(known.tolist())}
     if all(label in place for label in labels):
-        return known[[place[label] for label in labels]] if len(known) else known
+        return known[[place[label] for label in labels]]
     for kind in (str, int):
         if all(type(label) is kind for label in labels):
             return np.array(labels, dtype=kind)

@@ -52,10 +52,8 @@ class ClassMoments:
             )
         counts = self.counts + other.counts
         share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)
-        step = np.where(self.counts[:, np.newaxis] > 0, other.means - self.means, 0.0)
-        means = np.where(
-            self.counts[:, np.newaxis] > 0, self.means + share[:, np.newaxis] * step, other.means
-        )
+        step = other.means - self.means  # a class without recordings has the mean 0, of no weight
+        means = self.means + share[:, np.newaxis] * step
         between = _scatter_of_rows(step, self.counts * share, self.scatter.ndim)
         if self.pooled:
             between = between.sum(axis=0, keepdims=True)

@@ -196,11 +196,11 @@ def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
         Counts; the index is named "decided", the columns "true".
     """
     rows = list(dict.fromkeys([*rule.labels, *judged["decided_label"]]))
-    index = pd.Index(rows, name="decided")
-    counts = pd.DataFrame(0, index=index, columns=pd.Index(rule.classes, name="true"))
-    for decided, true in zip(judged["decided_label"], judged["truth"], strict=True):
-        counts.loc[decided, true] += 1
-    return counts
+    counts = np.zeros((len(rows), len(rule.classes)), np.int64)
+    places = _codes(judged["decided_label"], rows), _codes(judged["truth"], rule.classes)
+    np.add.at(counts, places, 1)
+    index, columns = pd.Index(rows, name="decided"), pd.Index(rule.classes, name="true")
+    return pd.DataFrame(counts, index, columns)
 
 
 def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[np.float64]:
@@ -217,10 +217,10 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[
     -------
     ndarray of shape (n_recordings, n_labels)
     """
-    summed = np.zeros((len(probabilities), len(rule.labels)))
-    for column, name in enumerate(probabilities.columns):
-        label = rule.family_of.get(name, name)
-        summed[:, rule.labels.index(label)] += probabilities.iloc[:, column]
+    labels, family_of = rule.labels, rule.family_of
+    summed = np.zeros((len(probabilities), len(labels)))
+    for name, column in zip(probabilities.columns, probabilities.to_numpy().T, strict=True):
+        summed[:, labels.index(family_of.get(name, name))] += column
     return summed
 
 

@@ -69,6 +69,9 @@ def test_mixed_labels_keep_their_types():
     assert label_array([2, 1]).dtype.kind == "i"
     assert label_array([2, 1], np.array([1, 2], np.int16)).dtype == np.int16
     assert label_array([True, False]).tolist() == [True, False]
+    assert label_array([]).tolist() == label_array([], [1, 2]).tolist() == []
+    assert label_array([], np.array([1, 2], np.int16)).dtype == np.int16
+    assert label_array(["b", 1], ["b", "a"]).tolist() == ["b", 1]
 
 
 def test_labels_form_one_dimension():
