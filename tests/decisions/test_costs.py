@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sklearn.dummy import DummyClassifier
@@ -190,17 +190,20 @@ def test_rows_are_the_decision():
 
 
 @given(posteriors, whole_costs, st.sampled_from([1e-9, 0.1, 1 / 3, 3.0, 7e8]))
+@settings(max_examples=40)
 def test_scaling_all_costs_changes_no_decision(posterior, cost, scale):
     np.testing.assert_array_equal(least_risk(posterior, cost * scale), least_risk(posterior, cost))
 
 
 @given(posteriors, whole_costs, arrays(float, 3, elements=st.sampled_from([0, 0.1, -7 / 3, 50])))
+@settings(max_examples=40)
 def test_a_constant_on_every_decision_of_one_truth_changes_no_decision(posterior, cost, constant):
     shifted = least_risk(posterior, cost * 0.1 + constant)
     np.testing.assert_array_equal(shifted, least_risk(posterior, cost * 0.1))
 
 
 @given(posteriors, whole_costs)
+@settings(max_examples=40)
 def test_the_decision_has_the_least_risk(posterior, cost):
     risk = conditional_risk(posterior, cost)
     chosen = np.take_along_axis(risk, least_risk(posterior, cost)[:, None], axis=1)[:, 0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -36,12 +36,14 @@ def normalised(scores):
 
 
 @given(st.integers(1, 5).flatmap(posteriors))
+@settings(max_examples=40)
 def test_zero_one_decisions_are_those_of_the_plain_formula(posterior):
     cost = 1 - np.eye(posterior.shape[1])
     np.testing.assert_array_equal(least_risk(posterior, cost), plain_decision(posterior, cost))
 
 
 @given(posteriors(3), arrays(float, (4, 3), elements=st.integers(-3, 3).map(float)))
+@settings(max_examples=40)
 def test_decisions_are_those_of_the_plain_formula(posterior, cost):
     np.testing.assert_array_equal(least_risk(posterior, cost), plain_decision(posterior, cost))
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 from sklearn.metrics import recall_score
@@ -24,6 +24,7 @@ def interval(values, groups, **options):
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1))
+@settings(max_examples=30)
 def test_the_mean_over_classes_is_the_balanced_accuracy(pairs):
     truths, decided = np.array(pairs).T
     right = (truths == decided).astype(float)
@@ -52,9 +53,9 @@ def test_copies_counted_as_single_recordings_narrow_the_interval():
 def test_the_interval_of_many_recordings_is_given_by_percentiles():
     values = np.random.default_rng(5).normal(size=400)
     reach = np.sqrt(400 / 399) * t.ppf(0.975, 399)
-    means = values[np.random.default_rng(1).integers(0, 400, (20_000, 400))].mean(axis=1)
+    means = values[np.random.default_rng(1).integers(0, 400, (5000, 400))].mean(axis=1)
     theirs = np.quantile(means, norm.cdf([-reach, reach]))
-    assert np.allclose(interval(values, np.arange(400), n_resamples=20_000), theirs, atol=0.004)
+    assert np.allclose(interval(values, np.arange(400), n_resamples=5000), theirs, atol=0.008)
 
 
 @pytest.mark.parametrize("n_groups", [3, 5, 8, 20])
