@@ -6,13 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import sklearn
-from sklearn.base import clone
+from scipy.special import log_softmax
+from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KernelDensity
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
@@ -322,3 +324,63 @@ def test_numbers_and_names_of_features_are_the_estimators():
     model.fit(table, Y)
     assert model.n_features_in_ == 3
     assert model.feature_names_in_.tolist() == ["a", "b", "c"]
+
+
+class Single(ClassifierMixin, BaseEstimator):
+    """Posteriors and priors in single precision."""
+
+    def fit(self, X, y, groups=None):
+        self.classes_, self.class_prior_ = np.unique(y), np.array([0.1, 0.9], np.float32)
+        self.groups_ = groups
+        return self
+
+    def predict_proba(self, X):
+        return np.tile(np.array([0.0, 1.0], np.float32), (len(X), 1))
+
+
+class GaussianUnits(Single):
+    needs_groups = True
+
+
+class SingleLogs(Single):
+    def predict_log_proba(self, X):
+        return np.tile(np.array([-200.0, 0.0], np.float32), (len(X), 1))
+
+
+@pytest.mark.parametrize("estimator", [Single(), SingleLogs()])
+@pytest.mark.parametrize("options", [{}, {"priors": "uniform"}, {"temperature": 2.0}])
+def test_posteriors_and_priors_in_single_precision_become_double(estimator, options):
+    model = LeastRiskClassifier(estimator, **options).fit(np.zeros((4, 1)), [0, 0, 1, 1])
+    assert model.estimator_priors_.dtype == model.priors_.dtype == np.float64
+    logs = model.predict_log_proba(np.zeros((2, 1)))
+    assert logs.dtype == model.risk(np.zeros((2, 1))).dtype == np.float64
+    own = model.estimator_log_posterior(np.zeros((1, 1)))
+    assert own.dtype == np.float64
+    assert own[0, 0] == (-200 if isinstance(estimator, SingleLogs) else -np.inf)
+    if options == {"temperature": 2.0}:
+        likelihood = np.array([np.log(1e-15), 0]) - np.log(np.array([0.1, 0.9], np.float32))
+        expected = log_softmax(likelihood / 2 + np.log(model.priors_))
+        np.testing.assert_allclose(logs[0], expected)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "options", "passed"),
+    [
+        (Single(), {}, True),
+        (Single(), {"temperature": "groups"}, False),
+        (Single(), {"detector": KernelDensity()}, False),
+        (GaussianUnits(), {"temperature": "groups"}, True),
+        (GaussianUnits(), {"detector": KernelDensity()}, True),
+    ],
+)
+def test_groups_reach_an_estimator_that_needs_them_or_if_nothing_else_does(
+    estimator, options, passed
+):
+    X, groups = np.array([[0.0], [1], [4], [5], [0.5], [4.5]]), [*"aabbcc"]
+    model = LeastRiskClassifier(estimator, **options).fit(X, [0, 0, 1, 1, 0, 1], groups=groups)
+    assert (model.estimator_.groups_ is not None) == passed
+    assert model.needs_groups == isinstance(estimator, GaussianUnits)
+    in_steps = make_pipeline(StandardScaler(), estimator)
+    if passed and options:
+        model = LeastRiskClassifier(in_steps, **options).fit(X, [0, 0, 1, 1, 0, 1], groups=groups)
+        assert list(model.estimator_[-1].groups_) == groups

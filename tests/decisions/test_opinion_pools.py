@@ -101,6 +101,16 @@ def test_sums_of_huge_logarithms_do_not_overflow(size):
     assert pooled[0, 0] < -1e299
 
 
+def test_posteriors_in_single_precision_are_combined_in_double_precision():
+    logs = np.array([[-np.inf, 0.0], np.log([0.25, 0.75])])
+    single, own = [logs.astype(np.float32)] * 3, np.full((3, 2), 0.5, np.float32)
+    pooled = pooled_log_posterior(single, own, np.array(HALF, np.float32))
+    assert pooled.dtype == np.float64
+    # 0 counts as the smallest positive number in double precision, in each of the members.
+    assert pooled[0, 0] == pytest.approx(3 * np.log(np.finfo(float).tiny))
+    assert np.exp(pooled[1]) == pytest.approx(np.array([1, 27]) / 28, rel=1e-6)
+
+
 def test_a_class_of_prior_zero_stays_impossible_even_if_members_gave_it_one():
     certain = np.array([[-np.inf, 0.0]])
     pooled = pooled_log_posterior([np.log([[0.9, 0.1]])], [HALF], [0, 1])
