@@ -109,6 +109,16 @@ def test_rates_are_counted_among_the_known_and_the_unknown_separately():
     assert "unknown_called_healthy" not in without
 
 
+def test_families_are_in_the_order_in_which_they_were_left_out():
+    both = pd.concat([PREDICTIONS.assign(left_out="worn"), PREDICTIONS])
+    assert novelty_table(both, "new", BOOTSTRAP).index.tolist() == ["worn", "dry"]
+    columns = novelty_table(both, "new", BOOTSTRAP).columns
+    figures = ("auroc", "known_flagged", "unknown_flagged", "unknown_called_healthy")
+    ends = ("", "_low", "_high")
+    expected = [f"{name}{end}" for name in figures for end in ends]
+    assert columns.tolist() == [*expected, "known", "unknown"]
+
+
 def test_groups_of_one_kind_only_have_no_interval():
     one_unit = PREDICTIONS.assign(group=[1, 1, 2, 2, 3, 3, 3])
     row = novelty_table(one_unit, "new", BOOTSTRAP).loc["dry"]
