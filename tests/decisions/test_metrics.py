@@ -1,9 +1,19 @@
 """Facts about which decisions are correct."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from emacm.decisions.metrics import are_correct, correct_decisions, fraction_correct
+from emacm import CostSensitiveGaussianBayes, expected_cost, neg_expected_cost
+from emacm.decisions.metrics import (
+    are_correct,
+    check_weights,
+    correct_decisions,
+    correct_families,
+    fraction_correct,
+    label_of,
+    positive_weights,
+)
 
 STATES = ["healthy", "dry 1", "dry 2", "spall"]
 FAMILIES = ["healthy", "dry", "spalled"]
@@ -97,3 +107,67 @@ def test_a_class_decided_for_another_of_its_family_is_correct():
     correct = correct_decisions(FAMILIES, STATES, COST)
     found = are_correct(["dry 1", "dry 1", "spall"], ["dry 2", "spall", "spalled"], correct)
     assert found.tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(("gap", "equal"), [(0.9e-12, True), (1.1e-12, False)])
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_costs_are_equal_but_for_rounding_of_the_largest(gap, equal, scale):
+    cost = scale * np.array([[-4.0, 1.0], [-4.0 + 4 * gap, 0.0]])
+    found = correct_decisions(["a", "b"], [0, 1], cost)
+    assert found == {0: ("a", "b") if equal else ("a",), 1: ("b",), "a": ("a",), "b": ("b",)}
+
+
+def test_families_and_their_states_have_the_family_as_the_correct_decision():
+    correct = correct_families({"dry 1": "dry", "dry 2": "dry", "new": "new"})
+    assert list(correct) == ["dry 1", "dry 2", "new", "dry"]
+    assert {name: label_of(name, correct) for name in (*correct, "odd")} == {
+        "dry 1": "dry", "dry 2": "dry", "dry": "dry", "new": "new", "odd": "odd",
+    }  # fmt: skip
+    found = are_correct(["odd", "odd", "dry", "new"], ["odd", "dry", "dry 2", "dry"], correct)
+    assert found.tolist() == [True, False, True, False]
+    assert found.dtype == bool
+    assert are_correct([], [], correct).dtype == bool
+
+
+class Fixed:
+    """Decides as stated, under a cost with an unknown state."""
+
+    decisions_, classes_ = np.array(["new", "worn", "stop"]), np.array(["new", "worn"])
+    cost_ = np.array([[0.0, 9, 5], [1, 0, 3], [0.2, 0.3, 0.1]])
+
+    def predict(self, X):
+        return self.decisions_[X]
+
+
+def test_the_negative_mean_cost_is_that_of_the_truths_of_the_classifier():
+    model, truths = Fixed(), ["new", "worn", "worn", "new"]
+    known = Fixed()
+    known.cost_ = known.cost_[:, :2]
+    assert neg_expected_cost(known, [0, 0, 2, 1], truths) == -(0 + 9 + 0.3 + 1) / 4
+    with pytest.raises(ValueError, match="y_true contains 'odd' at position 1"):
+        neg_expected_cost(known, [0, 0], ["new", "odd"])
+    model.truths_ = np.array(["new", "worn", "odd"])
+    assert neg_expected_cost(model, [0, 0, 2], ["new", "odd", "odd"]) == -(0 + 5 + 0.1) / 3
+    for other in (Fixed.predict, CostSensitiveGaussianBayes, CostSensitiveGaussianBayes()):
+        with pytest.raises(TypeError, match="neg_expected_cost uses the cost of the classifier"):
+            neg_expected_cost(other, [0], ["new"])
+
+
+def test_classes_of_a_metric_follow_from_the_cost_and_the_labels():
+    pairs = {("stop", "a"): 3, ("stop", "b"): 2, ("stop", "c"): 4}
+    assert expected_cost(["b", "a"], ["stop", "a"], cost=pairs) == 1.0
+    assert expected_cost(["b", "a"], ["d", "a"], cost=pairs | {("stop", "d"): 1}) == 0.5
+    frame = pd.DataFrame([[0, 3], [7, 0]], ["b", "a"], ["b", "a"])
+    assert expected_cost(["a", "a"], ["b", "a"], cost=frame) == 1.5
+    assert expected_cost([2, 10], [10, 10], cost=[[0, 4], [6, 0]]) == 3.0  # sorted as numbers
+    assert expected_cost([2, 10], [10, 10], cost=[[0, 4], [6, 0]], labels=[10, 2]) == 2.0
+
+
+def test_weights_are_finite_and_some_is_positive():
+    np.testing.assert_array_equal(check_weights([0, 2, 0.5], 3), [0, 2, 0.5])
+    assert check_weights(np.array([1, 2], np.int8), 2).dtype == np.float64
+    assert positive_weights(None, 2).tolist() == [1.0, 1.0]
+    assert positive_weights([0, 1e-300], 2).tolist() == [0, 1e-300]
+    for bad in (-1e-9, np.inf):
+        with pytest.raises(ValueError, match=f"got {bad} at recording 2"):
+            check_weights([0, 1, bad], 3)

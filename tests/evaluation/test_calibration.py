@@ -86,3 +86,49 @@ def test_a_probability_rounded_to_above_1_has_no_negative_loss():
     loss = log_losses([[1 + 4e-16, 0.0]], [0])
     assert loss.tolist() == [0.0]
     assert not np.signbit(loss).any()
+
+
+@pytest.mark.parametrize(
+    ("row", "accepted"),
+    [
+        ([0.5, 0.5 + 0.9e-5], True),
+        ([0.5, 0.5 - 0.9e-5], True),
+        ([0.5, 0.5 + 1.1e-5], False),
+        ([0.5, 0.5 - 1.1e-5], False),
+        ([1.0, 0.0], True),
+        ([1 + 1e-9, -1e-9], False),
+    ],
+)
+def test_probabilities_add_up_to_1_but_for_single_precision(row, accepted):
+    if accepted:
+        assert brier_scores([row], [0]).shape == (1,)
+    else:
+        with pytest.raises(ValueError, match="must be at least 0 and add up to 1"):
+            brier_scores([row], [0])
+
+
+@pytest.mark.parametrize("truths", [[0.0, 1.0], [True, False], [[0, 1]], ["a", "b"], [-1, 0]])
+def test_truths_are_indices_of_classes(truths):
+    with pytest.raises(ValueError, match="truths must"):
+        log_losses(np.full((2, 2), 0.5), truths)
+    assert log_losses(np.empty((0, 3)), np.empty(0, int)).shape == (0,)
+    assert log_losses([[0.25, 0.75]] * 2, np.array([0, 1], np.uint8)) == pytest.approx(
+        -np.log([0.25, 0.75])
+    )
+
+
+def test_a_reliability_curve_by_hand():
+    probabilities = np.array([[0.5, 0.5], [0.45, 0.55], [0.05, 0.95], [0.96, 0.04], [1.0, 0.0]])
+    curve = reliability(probabilities, [1, 1, 0, 0, 0])
+    assert curve.index.tolist() == [0, 1]
+    assert curve.to_dict("list") == {
+        "from": [0.5, 0.9],
+        "to": [0.6, 1.0],
+        "confidence": pytest.approx([0.525, (0.95 + 0.96 + 1) / 3]),
+        "frequency": pytest.approx([0.5, 2 / 3]),  # of equal probabilities the first is meant
+        "count": [2, 3],
+    }
+    largest, correct, bins = most_probable(probabilities, [1, 1, 0, 0, 0], n_bins=1)
+    assert bins.tolist() == [0] * 5
+    assert correct.tolist() == [0, 1, 0, 1, 1]
+    assert (largest.dtype, correct.dtype, bins.dtype) == (float, float, np.intp)

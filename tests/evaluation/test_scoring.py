@@ -102,3 +102,98 @@ def test_costs_between_families_may_have_an_unknown_state():
     rule = scoring_rule(CLASSES, families=families, cost=cost, unknown="unknown", healthy="new")
     found = rule.judge(["dry", "new", "worn"], ["new", "unknown", "unknown"])
     assert found["cost"].tolist() == [8, 2, 1]
+
+
+FAMILIES = {"worn": ["dry", "worn 1"], "new": ["new"]}
+STATES = np.array(["dry", "new", "worn 1"])
+OF_STATES = pd.DataFrame([[9, 0, 8], [0, 1, 0.5]], ["new", "worn"], STATES)
+
+
+def test_families_are_given_or_follow_from_the_cost():
+    given = scoring_rule(STATES, families=FAMILIES, healthy="new")
+    assert given.classes == ["dry", "worn 1", "new"]
+    assert given.labels == ["worn", "new"]
+    by_cost = scoring_rule(STATES, cost=OF_STATES, healthy="new")
+    assert by_cost.classes == STATES.tolist()
+    for rule in (given, by_cost):
+        assert rule.family_of == {"dry": "worn", "worn 1": "worn", "new": "new"}
+        assert (rule.has_families, rule.alarms, rule.healthy) == (True, {"worn"}, "new")
+        assert (rule.unknown, rule.priors) == (None, None)
+    plain = scoring_rule(STATES, healthy="new")
+    assert (plain.has_families, plain.labels, plain.costs) == (False, STATES.tolist(), None)
+    assert plain.alarms == {"dry", "worn 1"}
+    assert scoring_rule(STATES).healthy is None
+
+
+@pytest.mark.parametrize(("healthy", "label"), [("new", "ok"), ("ok", "ok"), (None, None)])
+def test_the_healthy_class_stands_for_its_family(healthy, label):
+    families = {"ok": ["new"], "worn": ["dry", "worn 1"]}
+    assert scoring_rule(STATES, families=families, healthy=healthy).healthy == label
+
+
+@pytest.mark.parametrize(
+    ("healthy", "error", "message"),
+    [
+        (["new"], TypeError, r"healthy must be one class or family, got \['new'\]"),
+        ("fine", ValueError, r"healthy='fine' is neither .*\['dry', 'new', 'worn 1'\]; labels .*"),
+    ],
+)
+def test_an_unknown_healthy_label_is_refused(healthy, error, message):
+    with pytest.raises(error, match=message):
+        scoring_rule(STATES, healthy=healthy)
+
+
+def test_costs_of_families_are_those_of_their_classes():
+    of_families = pd.DataFrame(
+        [[0, 7], [2, 0], [0.5, 0.4]], ["new", "worn", "look"], ["new", "worn"]
+    )
+    rule = scoring_rule(STATES, families=FAMILIES, cost=of_families)
+    decisions, truths, matrix = rule.costs
+    assert (decisions, truths) == (["new", "worn", "look"], STATES.tolist())
+    np.testing.assert_array_equal(matrix, [[7, 0, 7], [0, 2, 0], [0.4, 0.5, 0.4]])
+    found = rule.judge(["dry", "dry", "new", "worn 1"], ["worn 1", "look", "dry", "new"])
+    assert found.columns.tolist() == [
+        "truth", "decision", "true_label", "decided_label", "correct", "cost",
+    ]  # fmt: skip
+    assert found["decided_label"].tolist() == ["worn", "look", "worn", "new"]
+    assert found["true_label"].tolist() == ["worn", "worn", "new", "worn"]
+    assert found["correct"].tolist() == [True, False, False, False]
+    assert found["cost"].tolist() == [0, 0.4, 2, 7]
+    mapping = {("new", "worn"): 7, ("worn", "new"): 2}
+    again = scoring_rule(STATES, families=FAMILIES, cost=mapping).costs
+    np.testing.assert_array_equal(again[2], matrix[[1, 0]] if again[0][0] == "worn" else matrix[:2])
+    posterior = pd.DataFrame([[0.2, 0.3, 0.5]], columns=["worn 1", "dry", "new"])
+    assert rule.predicted_costs(["look"], posterior) == pytest.approx(0.5 * 0.4 + 0.5 * 0.5)
+
+
+def test_without_costs_wrong_decisions_are_counted():
+    rule = scoring_rule(STATES, families=FAMILIES, unknown="odd")
+    found = rule.judge(["dry", "new", "new"], ["worn 1", "odd", "new"])
+    assert found["cost"].tolist() == [0, 1, 0]
+    assert found["decided_label"].tolist() == ["worn", "odd", "new"]
+    posterior = pd.DataFrame([[0.5, 0.1, 0.4]] * 3, columns=STATES)
+    costs = rule.predicted_costs(["dry", "new", "odd"], posterior, np.array([0.2, 0.0, 0.5]))
+    # The unknown state is true with the stated probability, and deciding it is then correct.
+    assert costs == pytest.approx([0.8 * 0.1 + 0.2, 0.9, 0.5])
+    with pytest.raises(ValueError, match="the estimator decided 'rusty', which is none of the cl"):
+        rule.judge(["dry"], ["rusty"])
+
+
+def test_several_correct_decisions_count_as_the_first():
+    cost = pd.DataFrame(
+        [[0, 5, 5], [9, 0, 0], [9, 0, 0]], ["new", "grease", "swap"], ["new", *"ab"]
+    )
+    rule = scoring_rule(np.array(["a", "b", "new"]), cost=cost, healthy="new")
+    assert rule.alarms == {"grease", "swap"}
+    found = rule.judge(["a", "b", "new"], ["swap", "grease", "swap"])
+    assert found["correct"].tolist() == [True, True, False]
+    assert found["decided_label"].tolist() == ["grease", "grease", "swap"]
+
+
+def test_priors_in_service_are_given_the_known_states():
+    stated = {"dry": 0.2, "new": 0.5, "worn 1": 0.2, "odd": 0.1}
+    rule = scoring_rule(STATES, unknown="odd", priors=stated)
+    assert rule.priors == pytest.approx({"dry": 2 / 9, "new": 5 / 9, "worn 1": 2 / 9})
+    assert scoring_rule(STATES, priors="uniform").priors == pytest.approx(
+        dict.fromkeys(STATES, 1 / 3)
+    )
