@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -98,8 +99,35 @@ class InputAlarm:
                 f"readings must have at least one of the columns {list(COLUMNS)}, got "
                 f"{list(readings.columns)}. Pass the table that score returns."
             )
-        reasons = [self._reasons(row) for row in readings.to_dict("records")]
+        reasons = [self.reasons(row) for row in readings.to_dict("records")]
         return pd.DataFrame({"alarm": ["; ".join(found) for found in reasons]}, readings.index)
+
+    def reasons(self, row: Mapping[Any, Any]) -> list[str]:
+        """Continue with one reading, and return the reasons for an alarm.
+
+        Parameters
+        ----------
+        row : mapping
+            Any of the columns of `update` with their values.
+
+        Returns
+        -------
+        list of str
+            Empty for no alarm.
+        """
+        found = []
+        for name in _TEXTS:
+            text = row.get(name, "")
+            text = "; ".join(map(str, text)) if isinstance(text, list | tuple) else text
+            if isinstance(text, str) and text:
+                found.append(f"{name.replace('_', ' ')}: {text}")
+        if row.get("decision") == self.unknown:
+            found.append("unknown state")
+        typicality = row.get("typicality", np.nan)
+        self.n_untypical_ = self.n_untypical_ + 1 if typicality <= self.typicality else 0
+        if self.n_untypical_ >= self.consecutive:
+            found.append(f"{self.n_untypical_} successive untypical readings")
+        return found
 
     def state(self) -> dict[str, int]:
         """Return what `restore` needs to continue.
@@ -126,18 +154,3 @@ class InputAlarm:
         """
         self.n_untypical_ = check_count(state["n_untypical"], "n_untypical", at_least=0)
         return self
-
-    def _reasons(self, row: dict[Any, Any]) -> list[str]:
-        found = []
-        for name in _TEXTS:
-            text = row.get(name, "")
-            text = "; ".join(map(str, text)) if isinstance(text, list | tuple) else text
-            if isinstance(text, str) and text:
-                found.append(f"{name.replace('_', ' ')}: {text}")
-        if row.get("decision") == self.unknown:
-            found.append("unknown state")
-        typicality = row.get("typicality", np.nan)
-        self.n_untypical_ = self.n_untypical_ + 1 if typicality <= self.typicality else 0
-        if self.n_untypical_ >= self.consecutive:
-            found.append(f"{self.n_untypical_} successive untypical readings")
-        return found

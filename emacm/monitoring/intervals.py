@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, floor
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 _ROUNDING = 1e-6  # samples, by which a time in seconds may miss a sample
 
 Samples = NDArray[np.floating]
+_NOTHING: Samples = np.empty(0)
 
 
 class IntervalCutter:
@@ -19,7 +21,9 @@ class IntervalCutter:
     Parameters
     ----------
     rates : sequence of float
-        Sampling rates of the channels, and last that of the shaft reference [Hz].
+        Sampling rates of groups of channels, and last that of the shaft reference [Hz].
+    n_rows : sequence of int
+        Channels in each group; 1 for the shaft.
     every : float or None
         Length of an interval [s or revolutions]; None for a single one.
     in_seconds : bool
@@ -41,7 +45,8 @@ class IntervalCutter:
 
     def __init__(
         self,
-        rates: list[float],
+        rates: Sequence[float],
+        n_rows: Sequence[int],
         every: float | None,
         in_seconds: bool,
         turn: float,
@@ -52,46 +57,52 @@ class IntervalCutter:
         self._turn, self._reference, self._min_speed = turn, reference, min_speed
         # Samples at the end of an interval that the next one may begin with.
         self._shared = 2 if every is not None and len(set(rates)) > 1 else 0
-        self._waiting: list[Samples] = [np.empty(0)] * len(rates)
+        self._waiting: list[list[Samples]] = [[_NOTHING] * n for n in n_rows]
         self._forgotten = [0] * len(rates)  # samples before those waiting
         self._given = [0] * len(rates)  # samples that were given out, or belong to no interval
         self._examined = 0  # samples of the shaft
         self._number = 0
         self._turned = 0.0  # angle of the shaft in the interval [rad]
-        self._last_shaft = np.empty(0)
+        self._last_shaft: Samples = _NOTHING
         self.start = 0.0
         self.stop = every if in_seconds else None
 
     @property
     def received(self) -> list[int]:
-        """Samples received of each channel and of the shaft."""
-        return [n + len(w) for n, w in zip(self._forgotten, self._waiting, strict=True)]
+        """Samples received of each group and of the shaft."""
+        return [n + len(w[0]) for n, w in zip(self._forgotten, self._waiting, strict=True)]
 
     @property
     def n_waiting(self) -> int:
         """Most samples of a channel that are held."""
-        return max(map(len, self._waiting))
+        return max(len(rows[0]) for rows in self._waiting)
 
-    def append(self, streams: list[Samples]) -> None:
-        """Add the next samples of the channels and of the shaft."""
-        pairs = zip(self._waiting, streams, strict=True)
-        self._waiting = [np.concatenate(pair) if len(pair[0]) else pair[1] for pair in pairs]
+    def append(self, streams: list[list[Samples]]) -> None:
+        """Add the next samples of the channels of each group, and of the shaft."""
+        for i, (waiting, rows) in enumerate(zip(self._waiting, streams, strict=True)):
+            if len(waiting[0]):
+                rows = [np.concatenate(pair) for pair in zip(waiting, rows, strict=True)]
+            self._waiting[i] = rows
 
-    def take(self, *, all_of_them: bool = False) -> list[Samples]:
+    def take(self, *, all_of_them: bool = False) -> list[list[Samples]]:
         """Return the samples that are known to belong to the interval."""
         if self.stop is None and self._every is not None:
             self._look_for_stop()
         taken = []
         counts = self.received
-        for i, received in enumerate(counts):
+        for i, (rows, received) in enumerate(zip(self._waiting, counts, strict=True)):
             first, last = min(received, self._given[i]), received
             if not all_of_them or self.stop is not None:
                 last = max(first, min(received, self._last(i, received, counts[-1])))
-            waiting, before = self._waiting[i], self._forgotten[i]
-            taken.append(waiting[first - before : last - before])
+            before = self._forgotten[i]
+            now = slice(first - before, last - before)
+            taken.append(rows if last - first == len(rows[0]) else [row[now] for row in rows])
             self._given[i] = max(self._given[i], last)
-            self._forgotten[i] = max(before, last - self._shared)
-            self._waiting[i] = waiting[self._forgotten[i] - before :].copy()
+            self._forgotten[i] = kept = max(before, last - self._shared)
+            if kept < received:
+                self._waiting[i] = [row[kept - before :].copy() for row in rows]
+            else:
+                self._waiting[i] = [_NOTHING] * len(rows)
         return taken
 
     @property
@@ -127,21 +138,21 @@ class IntervalCutter:
 
     def _look_for_stop(self) -> None:
         """Find the sample of the shaft at which the interval has its revolutions."""
-        new = self._waiting[-1][self._examined - self._forgotten[-1] :]
-        shaft = np.concatenate([self._last_shaft, new])
-        n_before = len(self._last_shaft)
-        if len(shaft) <= n_before or len(shaft) < 2:
+        new = self._waiting[-1][0][self._examined - self._forgotten[-1] :]
+        if not len(new):
             return
         assert self._every is not None
         limit = self._every * self._turn * (1 - 1e-12)  # beyond the rounding of the sum
-        used, turned = len(shaft), self._turned + self._angle_of(shaft)
+        used, turned = len(new), self._turned + self._angle_of(new)
         if turned >= limit:
-            reached = self._turned + np.cumsum(self._steps(shaft)) >= limit
-            used = (int(reached.argmax()) if reached.any() else len(reached) - 1) + 2
-            self.stop = (self._examined + used - n_before) / self._rates[-1]
-        self._examined += used - n_before
+            n_before = len(self._last_shaft)
+            steps = self._steps(np.concatenate([self._last_shaft, new]))
+            reached = self._turned + np.cumsum(steps) >= limit
+            used = (int(reached.argmax()) if reached.any() else len(reached) - 1) + 2 - n_before
+            self.stop = (self._examined + used) / self._rates[-1]
+        self._examined += used
         self._turned = turned
-        self._last_shaft = shaft[used - 1 : used].copy()
+        self._last_shaft = new[used - 1 : used].copy()
 
     def _steps(self, shaft: Samples) -> Samples:
         """Return the angles between successive samples, 0 at standstill [rad]."""
@@ -151,16 +162,19 @@ class IntervalCutter:
         steps = np.abs(shaft[1:] + shaft[:-1]) * (0.5 / self._rates[-1])
         return steps * (np.abs(shaft[1:]) > self._min_speed)
 
-    def _angle_of(self, shaft: Samples) -> float:
-        """Return their sum."""
-        if self._reference == "velocity" and shaft.min() > self._min_speed:  # faster
-            return float(shaft.sum() - 0.5 * (shaft[0] + shaft[-1])) / self._rates[-1]
-        return float(self._steps(shaft).sum())
+    def _angle_of(self, new: Samples) -> float:
+        """Return the angle from the last sample over the next ones [rad]."""
+        last = self._last_shaft
+        forward = self._reference == "velocity" and new.min() > self._min_speed
+        if forward and (not len(last) or last[0] > self._min_speed):  # the same, faster
+            first = last[0] if len(last) else -new[0]
+            return float(new.sum() + 0.5 * (first - new[-1])) / self._rates[-1]
+        return float(self._steps(np.concatenate([last, new])).sum())
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
         return {
-            "waiting": self._waiting,
+            "waiting": [np.stack(rows) for rows in self._waiting],
             "forgotten": self._forgotten,
             "given": self._given,
             "examined": self._examined,
@@ -173,7 +187,7 @@ class IntervalCutter:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a state."""
-        self._waiting = state["waiting"]
+        self._waiting = [list(rows) for rows in state["waiting"]]
         self._forgotten = [int(n) for n in state["forgotten"]]
         self._given = [int(n) for n in state["given"]]
         self._examined = int(state["examined"])

@@ -31,7 +31,7 @@ class OrderMonitor:
 
     Samples are accepted in blocks of any length. The features of a reading are those that the model
     computes of a `Recording` of the same samples, whatever the blocks are. Only what later results
-    depend on is held: some 16,000 samples of each channel, and a few segments.
+    depend on is held: some 21,000 samples of each channel, and a few segments.
 
     Parameters
     ----------
@@ -121,9 +121,14 @@ class OrderMonitor:
         self._max_speed = check_number(max_speed, "max_speed", above=0, unit="rad/s")
         self._every = None if every is None else check_number(every, "every", above=0)
         self._unit = check_choice(unit, "unit", UNITS)
+        self._groups = {  # channels of one rate are held together
+            rate: [k for k, name in enumerate(self._channels) if self._rates[name] == rate]
+            for rate in self._rates.values()
+        }
+        self._all_rates = [*self._groups, self._shaft_fs]
         self._input = StreamInput(
             self._channels,
-            self._rates,
+            self._groups,
             self._shaft_fs,
             self._max_speed,
             check_choice(wrapped, "wrapped", (True, False)),
@@ -131,7 +136,7 @@ class OrderMonitor:
         self._alarms = ReadingAlarms(self._model, alarms)
         self._origin = 0.0  # time of the first sample of the recording
         self._reference: str | None = None
-        compile_loops(self._model, self._settings())
+        compile_loops(self._model, self._stream_settings())
 
     @property
     def time(self) -> float:
@@ -175,7 +180,7 @@ class OrderMonitor:
         self._check_reference(reference, velocity, angle)
         origin = self._checked_time(time)
         begun = self._reference is not None
-        taken, shaft = self._input.checked(
+        streams = self._input.checked(
             signals,
             velocity if angle is None else angle,
             reference,
@@ -187,7 +192,7 @@ class OrderMonitor:
             self._origin, self._reference = origin, reference
             self._begin()
         self._input.accept()
-        self._cutter.append([*taken, shaft])
+        self._cutter.append(streams)
         return self._advance()
 
     def flush(self) -> list[Reading]:
@@ -206,11 +211,9 @@ class OrderMonitor:
         """
         if self._reference is None:
             return []
-        names = [*(f"channel {name!r}" for name in self._channels), "the shaft"]
-        counts = map(range, self._received())
-        check_durations(
-            {n: (c, r) for n, c, r in zip(names, counts, self._all_rates, strict=True)}  # type: ignore[misc]
-        )
+        groups = [[f"channel {self._channels[k]!r}" for k in g] for g in self._groups.values()]
+        counts = zip([*groups, ["the shaft"]], self._received(), self._all_rates, strict=True)
+        check_durations({name: (range(n), r) for names, n, r in counts for name in names})  # type: ignore[misc]
         self._feed(self._cutter.take(all_of_them=True))
         end = self.time
         readings = [self._finish(end)] if end > self._origin + self._cutter.start else []
@@ -279,10 +282,6 @@ class OrderMonitor:
             self._stream.restore(tree["stream"])
         return self
 
-    @property
-    def _all_rates(self) -> list[float]:
-        return [*self._rates.values(), self._shaft_fs]
-
     def _received(self) -> list[int]:
         if self._reference is None:
             return [0] * len(self._all_rates)
@@ -293,12 +292,19 @@ class OrderMonitor:
 
     def _begin(self) -> None:
         """Begin a recording."""
-        resampler = self._model.resampler
+        resampler, names = self._model.resampler, self._model.resampler.channels_
+        self._settings = self._stream_settings()
+        self._wanted = []  # of each group of the model: group of the stream, and rows in it
+        for rate, channels in self._settings.groups:
+            places = [self._groups[rate].index(self._channels.index(names[k])) for k in channels]
+            self._wanted.append((list(self._groups).index(rate), places))
         turn = 2 * np.pi / float(resampler.ratio)
         in_seconds = self._unit == "s" and self._every is not None
         rest = self._reference or "velocity", float(resampler.min_speed)
-        self._cutter = IntervalCutter(self._all_rates, self._every, in_seconds, turn, *rest)
-        self._stream = SpectrumStream(self._settings())
+        sizes = [*map(len, self._groups.values()), 1]
+        interval = self._every, in_seconds, turn
+        self._cutter = IntervalCutter(self._all_rates, sizes, *interval, *rest)
+        self._stream = SpectrumStream(self._settings)
 
     def _advance(self) -> list[Reading]:
         """Process the samples that are known to belong to an interval."""
@@ -309,12 +315,11 @@ class OrderMonitor:
                 return readings
             readings.append(self._finish(self._origin + (self._cutter.stop or 0.0)))
             self._cutter.next()
-            self._stream = SpectrumStream(self._settings())
+            self._stream = SpectrumStream(self._settings)
 
-    def _feed(self, samples: list[Samples]) -> None:
-        wanted = self._model.resampler.channels_
-        signals = [samples[self._channels.index(name)] for name in wanted]
-        self._stream.append(signals, samples[-1])
+    def _feed(self, streams: list[list[Samples]]) -> None:
+        wanted = [[streams[g][k] for k in rows] for g, rows in self._wanted]
+        self._stream.append(wanted, streams[-1][0])
 
     def _finish(self, end: float) -> Reading:
         """Return the reading of the interval that ends now."""
@@ -359,7 +364,7 @@ class OrderMonitor:
             )
         return self._origin
 
-    def _settings(self) -> Settings:
+    def _stream_settings(self) -> Settings:
         reference = self._reference or "velocity"
         rates = [self._rates[name] for name in self._model.resampler.channels_]
         return stream_settings(self._model, reference, rates, self._shaft_fs, self._max_speed)

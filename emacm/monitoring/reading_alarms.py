@@ -7,7 +7,6 @@ from copy import deepcopy
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from emacm.monitoring.alarms import CUSUM, EWMA
 from emacm.monitoring.input_alarms import InputAlarm
@@ -69,8 +68,8 @@ class ReadingAlarms:
         """
         typicality = np.nan if reading.typicality is None else reading.typicality
         row = {"decision": reading.decision, "typicality": typicality, "error": error}
-        (reasons,) = self._input.update(pd.DataFrame([row]))["alarm"]
-        found = [reasons] if reasons else []
+        reasons = self._input.reasons(row)
+        found = ["; ".join(reasons)] if reasons else []
         for name, chart in self._charts.items():
             value = self._value(reading, name)
             if value is None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm._kernels import kernels
-from emacm.monitoring.held_series import HeldSeries
+from emacm.monitoring.held_series import HeldRows, HeldSeries
 from emacm.shaft.motion import DifferentiatedVelocity, Stroke, StrokeTravel
 from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import extend_strokes, longest_gap
@@ -62,12 +62,10 @@ class ShaftStream:
 
     Attributes
     ----------
-    angle : HeldSeries
-        Cumulative shaft angle [rad].
     strokes : list of GrowingStroke
         Those that were not removed; only the last one may still grow.
     n_examined : int
-        Samples whose velocity is known.
+        Samples of which the strokes consist.
     """
 
     def __init__(self, reference: str, fs: float, min_speed: float, max_rest: float | None) -> None:
@@ -75,32 +73,42 @@ class ShaftStream:
         self.fs = fs
         self._min_speed = min_speed
         self._max_gap = longest_gap(max_rest, fs)
-        self.angle = HeldSeries()
-        self._velocity = HeldSeries()
+        self._angle, self._velocity = HeldRows(1), HeldRows(1)
         self.strokes: list[GrowingStroke] = []
+        self.n_examined = 0
 
     @property
-    def n_examined(self) -> int:
-        """Samples whose velocity is known."""
-        return len(self._velocity)
+    def angle(self) -> HeldSeries:
+        """Cumulative shaft angle, as far as it is known [rad]."""
+        return self._angle.series[0]
+
+    @property
+    def n_received(self) -> int:
+        """Samples received."""
+        return self._measured.length
+
+    @property
+    def n_held(self) -> int:
+        """Samples held."""
+        return self._measured.length - self._measured.first
 
     def append(self, samples: Samples) -> None:
         """Add the next samples of the reference."""
-        if not len(samples):
-            return
-        if self.reference == "velocity":
-            self.angle.append(self._integrated(samples))
-            self._examine(samples)
-            return
-        self.angle.append(samples)
-        known = len(self.angle) - 1  # the last velocity depends on the next angle
-        if known > max(self.n_examined, 1):
-            self._examine(self._differentiated(known))
+        self._measured.append([samples])
+
+    def advance(self) -> None:
+        """Extend angle and strokes by the samples received."""
+        if self.reference == "angle":
+            self._differentiate(self.n_received - 1)  # the last one depends on the next angle
+        elif self.n_received > self.n_examined:
+            self._angle.append([self._integrated()])
+            self._examine()
 
     def close(self) -> None:
         """Complete the last stroke: the recording ends here."""
-        if self.reference == "angle" and len(self.angle) > max(self.n_examined, 1):
-            self._examine(self._differentiated(len(self.angle)))
+        self.advance()
+        if self.reference == "angle":
+            self._differentiate(self.n_received)
         if self.strokes:
             self.strokes[-1].complete = True
 
@@ -127,26 +135,35 @@ class ShaftStream:
         """Forget samples that neither resampling nor the strokes need any more."""
         if self.strokes and not self.strokes[-1].complete:
             before = min(before, self.strokes[-1].stroke.stop - 1)
-        self.angle.drop(min(before, self.n_examined - 2))
+        self._angle.drop(min(before, self.n_examined - 2))
         self._velocity.drop(min(before, self.n_examined - 1))
 
-    def _integrated(self, velocity: Samples) -> Samples:
+    @property
+    def _measured(self) -> HeldRows:
+        return self._velocity if self.reference == "velocity" else self._angle
+
+    def _integrated(self) -> Samples:
         """Continue the integral over the velocity by the trapezoidal rule, in one running sum."""
-        n_before = min(1, len(self._velocity))
+        n_before = min(1, self.n_examined)
         total = np.array([float(self.angle[-1]) if n_before else 0.0])
-        speed = np.concatenate([self._velocity[len(self._velocity) - n_before :], velocity])
+        speed = self._velocity.series[0][self.n_examined - n_before :]
         speed.flags.writeable = False  # so that one kind of array is compiled for
         angle = np.empty(len(speed))
         kernels().integrate(speed, 0.5 / self.fs, total, len(speed), angle)
         return angle[n_before:]
 
-    def _differentiated(self, stop: int) -> Samples:
-        return DifferentiatedVelocity(self.angle, self.fs).read(self.n_examined, stop)
+    def _differentiate(self, known: int) -> None:
+        """Compute the velocity of the samples before a number."""
+        if known > max(self.n_examined, 1):
+            velocity = DifferentiatedVelocity(self.angle, self.fs)
+            self._velocity.append([velocity.read(self.n_examined, known)])
+            self._examine()
 
-    def _examine(self, velocity: Samples) -> None:
+    def _examine(self) -> None:
         """Extend the strokes by samples whose velocity is known."""
         first = self.n_examined
-        self._velocity.append(velocity)
+        velocity = self._velocity.series[0][first:]
+        self.n_examined += len(velocity)
         growing = self.strokes[-1] if self.strokes and not self.strokes[-1].complete else None
         known = [growing.stroke] if growing else []
         extend_strokes(known, first, velocity, self._min_speed, self._max_gap)
@@ -166,7 +183,7 @@ class ShaftStream:
         stroke = growing.stroke
         if first == stroke.stop:
             return
-        steps = self._velocity[first : stroke.stop]
+        steps = self._velocity.series[0][first : stroke.stop]
         if self.reference == "velocity" and self._min_speed == 0:  # the shaft never turns back
             largest = max(float(steps.max()), -float(steps.min()))
             growing.largest_step = max(growing.largest_step, largest)
@@ -185,15 +202,17 @@ class ShaftStream:
         """Return all that `restore` needs."""
         strokes = [{**vars(s), "stroke": np.array(s.stroke)} for s in self.strokes]
         return {
-            "angle": self.angle.state(),
+            "angle": self._angle.state(),
             "velocity": self._velocity.state(),
+            "examined": self.n_examined,
             "strokes": strokes,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a state."""
-        self.angle = HeldSeries.restored(state["angle"])
-        self._velocity = HeldSeries.restored(state["velocity"])
+        self._angle.restore(state["angle"])
+        self._velocity.restore(state["velocity"])
+        self.n_examined = int(state["examined"])
         self.strokes = [
             GrowingStroke(
                 Stroke(*map(int, s["stroke"])),

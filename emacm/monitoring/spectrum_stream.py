@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.monitoring.held_series import HeldSeries
+from emacm.monitoring.held_series import HeldRows, HeldSeries
 from emacm.monitoring.shaft_stream import GrowingStroke, ShaftStream
 from emacm.orders.sections import SectionCutter
 from emacm.orders.segment_plan import SegmentPlan
@@ -19,7 +19,9 @@ from emacm.shaft.paths import ShaftPath
 
 MOST_HELD = 1 << 22  # samples of a channel
 _MARGIN = 40  # samples of a channel or the shaft before those that are processed next
-_WAITING = 8192  # samples of a channel or the shaft before the next attempt to process some
+# Samples of a channel or the shaft that are waited for before some are processed: two parts of
+# `emacm.resampling.spreading`, and what it cannot use yet.
+_WAITING = 2 * 8192 + 64
 _SHORTEST = 2  # samples of a stroke
 _SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
@@ -197,8 +199,10 @@ class SpectrumStream:
     ----------
     shaft : ShaftStream
         Motion of the shaft.
-    signals : list of HeldSeries
-        The channels.
+    signals : list of HeldRows
+        The channels, by sampling rate as in `Settings.groups`.
+    n_held : int
+        Most samples of a channel that were held when some were last processed.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -206,22 +210,27 @@ class SpectrumStream:
         self.shaft = ShaftStream(
             settings.reference, settings.shaft_fs, settings.min_speed, settings.max_rest
         )
-        n_channels = sum(len(group) for _, group in settings.groups)
-        self.signals = [HeldSeries() for _ in range(n_channels)]
+        self.signals = [HeldRows(len(group)) for _, group in settings.groups]
         self._streams: list[dict[int, StrokeStream]] = []  # of each stroke, by group
         self._sums = self._no_sums()
         self._longest = {kind: 0 for kind, _ in settings.kinds}
-        self._tried = 0
+        self._fastest = max(settings.shaft_fs, *(fs for fs, _ in settings.groups))
+        self._due = _WAITING  # samples at the fastest rate, at which some are processed
+        self.n_held = 0
 
-    def append(self, signals: Sequence[NDArray[np.floating]], shaft: NDArray[np.floating]) -> None:
-        """Add the next samples of the channels and of the shaft, and process what is complete."""
+    def append(
+        self, signals: Sequence[Sequence[NDArray[np.floating]]], shaft: NDArray[np.floating]
+    ) -> None:
+        """Add the next samples of the channels, by group, and of the shaft; process what is due."""
         self.shaft.append(shaft)
-        for series, samples in zip(self.signals, signals, strict=True):
-            series.append(samples)
-        n_times = max(len(self.shaft.angle), *map(len, self.signals))
-        if n_times - self._tried >= _WAITING:
-            self._tried = n_times
-            self._process(ended=False)
+        for held, blocks in zip(self.signals, signals, strict=True):
+            held.append(blocks)
+        n_times = max(self.shaft.n_received, *(held.length for held in self.signals))
+        if n_times >= self._due:
+            self.shaft.advance()
+            first = self._process(ended=False)
+            # Where little could be processed, as in a rest, it is not tried again with every block.
+            self._due = max(int(first * self._fastest), n_times - _WAITING // 2) + _WAITING
 
     def finish(self) -> Powers:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
@@ -234,7 +243,8 @@ class SpectrumStream:
         self.shaft.close()
         self._process(ended=True)
         plan = self._settings.plan
-        spectra = np.empty((len(self.signals), len(self._settings.kinds), plan.n_orders))
+        n_channels = sum(len(group) for _, group in self._settings.groups)
+        spectra = np.empty((n_channels, len(self._settings.kinds), plan.n_orders))
         for k, (kind, name) in enumerate(self._settings.kinds):
             if self._longest[kind] < plan.n_per_segment:
                 longest = self._longest[kind] / plan.samples_per_rev
@@ -250,18 +260,14 @@ class SpectrumStream:
             raise ValueError("a power exceeds the range of float64. State signals in other units.")
         return spectra if plan.by_direction else spectra[:, 0]
 
-    @property
-    def n_held(self) -> int:
-        """Most samples of a channel that are held."""
-        tails = (stream.n_held for streams in self._streams for stream in streams.values())
-        held = (len(series) - series.first for series in self.signals)
-        return max(*tails, *held, len(self.shaft.angle) - self.shaft.angle.first, 0)
-
     def _no_sums(self) -> dict[int, list[tuple[Any, int]]]:
         return {kind: [(0.0, 0)] * len(self._settings.groups) for kind, _ in self._settings.kinds}
 
-    def _process(self, *, ended: bool) -> None:
-        """Advance all strokes, and forget those that are complete and samples of the past."""
+    def _process(self, *, ended: bool) -> float:
+        """Advance all strokes, and forget those that are complete and samples of the past.
+
+        Returns the time of the first sample that is still needed [s].
+        """
         shaft, settings = self.shaft, self._settings
         groups = range(len(settings.groups))
         new = len(shaft.strokes) - len(self._streams)
@@ -273,7 +279,7 @@ class SpectrumStream:
         done = [s.complete and not g for s, g in zip(shaft.strokes, self._streams, strict=True)]
         shaft.strokes = [s for s, gone in zip(shaft.strokes, done, strict=True) if not gone]
         self._streams = [s for s, gone in zip(self._streams, done, strict=True) if not gone]
-        self._forget()
+        return self._forget()
 
     def _advance(
         self, growing: GrowingStroke, streams: dict[int, StrokeStream], *, ended: bool
@@ -298,7 +304,7 @@ class SpectrumStream:
                 f"followed. Raise min_speed or set max_rest of OrderResampler, and reset."
             )
         for k, stream in list(streams.items()):
-            rows = [self.signals[i] for i in settings.groups[k][1]]
+            rows = self.signals[k].series
             powers = stream.advance(rows, path, complete=growing.complete, ended=ended)
             if powers is not None:
                 kind = stroke.direction if settings.plan.by_direction else 0
@@ -306,7 +312,7 @@ class SpectrumStream:
                 self._sums[kind][k] = total + powers.total, count + powers.count
                 del streams[k]
 
-    def _forget(self) -> None:
+    def _forget(self) -> float:
         """Drop samples that are not needed any more."""
         shaft = self.shaft
         needed = [(shaft.n_examined - 1) / shaft.fs]
@@ -315,9 +321,13 @@ class SpectrumStream:
             needed += [stream.needed_from(start_time) for stream in streams.values()]
         first = min(needed)
         shaft.drop(int(first * shaft.fs) - _MARGIN)
-        for fs, group in self._settings.groups:
-            for i in group:
-                self.signals[i].drop(int(first * fs) - _MARGIN)
+        for held, (fs, _) in zip(self.signals, self._settings.groups, strict=True):
+            held.drop(int(first * fs) - _MARGIN)
+        tails = (stream.n_held for streams in self._streams for stream in streams.values())
+        self.n_held = max(
+            shaft.n_held, *(held.length - held.first for held in self.signals), *tails
+        )
+        return first
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
@@ -325,17 +335,19 @@ class SpectrumStream:
         sums = {str(k): [list(s) for s in each] for k, each in self._sums.items()}
         return {
             "shaft": self.shaft.state(),
-            "signals": [series.state() for series in self.signals],
+            "signals": [held.state() for held in self.signals],
             "streams": streams,
             "sums": sums,
             "longest": {str(k): n for k, n in self._longest.items()},
-            "tried": self._tried,
+            "due": self._due,
+            "held": self.n_held,
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a state."""
         self.shaft.restore(state["shaft"])
-        self.signals = [HeldSeries.restored(series) for series in state["signals"]]
+        for held, series in zip(self.signals, state["signals"], strict=True):
+            held.restore(series)
         self._streams = []
         for each in state["streams"]:
             streams = {
@@ -349,4 +361,4 @@ class SpectrumStream:
             for k, each in state["sums"].items()
         }
         self._longest = {int(k): int(n) for k, n in state["longest"].items()}
-        self._tried = int(state["tried"])
+        self._due, self.n_held = int(state["due"]), int(state["held"])

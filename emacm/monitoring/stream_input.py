@@ -14,6 +14,7 @@ from emacm.recordings.channel_names import check_channel_names
 
 Samples = NDArray[np.floating]
 
+_FLOAT = np.dtype(np.float64)
 _ON = (
     "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
     "after them."
@@ -27,8 +28,8 @@ class StreamInput:
     ----------
     channels : sequence of str
         Names of the channels.
-    rates : mapping of str to float
-        Their sampling rates [Hz].
+    groups : mapping of float to sequence of int
+        Sampling rates [Hz], each with the channels that have it.
     shaft_fs : float
         That of the shaft reference [Hz].
     max_speed : float
@@ -40,13 +41,14 @@ class StreamInput:
     def __init__(
         self,
         channels: Sequence[str],
-        rates: Mapping[str, float],
+        groups: Mapping[float, Sequence[int]],
         shaft_fs: float,
         max_speed: float,
         wrapped: bool,
     ) -> None:
-        self._channels, self._rates, self._shaft_fs = channels, rates, shaft_fs
+        self._channels, self._groups, self._shaft_fs = channels, groups, shaft_fs
         self._max_speed, self._wrapped = max_speed, wrapped
+        self._labels = [f"channel {name!r}" for name in channels]
         self.reset()
 
     def reset(self) -> None:
@@ -58,8 +60,8 @@ class StreamInput:
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
-    ) -> tuple[list[Samples], Samples]:
-        """Return the samples of the channels and of the shaft, as arrays.
+    ) -> list[list[Samples]]:
+        """Return the samples of the channels of each group, and of the shaft, as arrays.
 
         Parameters
         ----------
@@ -68,30 +70,29 @@ class StreamInput:
         reference : {"velocity", "angle"}
             What `shaft` is.
         times : sequence of float
-            Time of the first sample of each channel and of the shaft [s].
+            Time of the first sample of each group and of the shaft [s].
 
         Returns
         -------
-        samples : list of ndarray of shape (n_times,)
-        shaft : ndarray of shape (n_shaft_times,)
-            Angles are not unwrapped yet.
+        list of list of ndarray of shape (n_times,)
         """
         rows = self._rows(signals)
-        taken = []
-        for (name, row), time in zip(rows.items(), times, strict=False):
-            taken.append(_samples(row, f"channel {name!r}", self._rates[name], time))
-        lengths: dict[float, int] = {}
-        for name, row in zip(rows, taken, strict=True):
-            if lengths.setdefault(self._rates[name], len(row)) != len(row):
+        streams = []
+        for (rate, group), time in zip(self._groups.items(), times, strict=False):
+            taken = [_samples(rows[k], self._labels[k], rate, time) for k in group]
+            lengths = [len(row) for row in taken]
+            if min(lengths) < max(lengths):
+                k = int(np.not_equal(lengths, lengths[0]).argmax())
                 raise ValueError(
-                    f"channels of {self._rates[name]:g} Hz must have equally many samples in a "
-                    f"block, got {lengths[self._rates[name]]} and {len(row)} of {name!r}."
+                    f"channels of {rate:g} Hz must have equally many samples in a block, got "
+                    f"{lengths[0]} and {lengths[k]} of {self._channels[group[k]]!r}."
                 )
+            streams.append(taken)
         motion = _samples(shaft, reference, self._shaft_fs, times[-1])
         if reference == "angle":
             motion = self._unwrapped(motion)
         self._check_speed(motion, reference, times[-1])
-        return taken, motion
+        return [*streams, [motion]]
 
     def accept(self) -> None:
         """Go on after the samples that were checked last."""
@@ -106,17 +107,18 @@ class StreamInput:
         self._measured, self._last = state["measured"], state["last"]
         self._added = float(state["added"])
 
-    def _rows(self, signals: Any) -> dict[str, Any]:
+    def _rows(self, signals: Any) -> Sequence[Any]:
         if isinstance(signals, Mapping):
-            check_channel_names(list(signals), self._channels, "the block")
-            return {name: signals[name] for name in self._channels}
-        rows = signals if isinstance(signals, list | tuple) else np.asarray(signals)
+            if tuple(signals) != self._channels:
+                check_channel_names(list(signals), self._channels, "the block")
+            return [signals[name] for name in self._channels]
+        rows = list(signals) if isinstance(signals, list | tuple) else list(np.asarray(signals))
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "
                 f"{list(self._channels)}, got {len(rows)} rows."
             )
-        return dict(zip(self._channels, rows, strict=True))
+        return rows
 
     def _check_speed(self, shaft: Samples, reference: str, time: float) -> None:
         speed = shaft
@@ -152,14 +154,14 @@ class StreamInput:
 def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
     """Return finite samples, none or more, of a block that begins at `time`."""
     samples = np.empty(0)
-    if type(values) is np.ndarray and values.dtype == np.float64:
+    if type(values) is np.ndarray and values.dtype is _FLOAT:
         samples = values
     elif not isinstance(values, list | tuple | np.ndarray) or len(values):
         samples = check_real_array(values, name).astype(np.float64, copy=False)
     if samples.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
     # The sum of squares is much faster than to look at each; it may also be too large.
-    if not isfinite(np.dot(samples, samples)) and not np.isfinite(samples).all():
+    if not isfinite(samples.dot(samples)) and not np.isfinite(samples).all():
         place = int(np.isfinite(samples).argmin())
         raise ValueError(
             f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "

@@ -65,7 +65,8 @@ def compile_loops(model: StreamedModel, settings: Settings) -> None:
     for fs in (1000.0, 1e5):  # upsampled, and not
         list(spread_rows([np.zeros(int(fs / 5) + 1)] * n_rows, fs, path, theta_s))
     stream = SpectrumStream(settings)
-    stream.append([np.zeros(3)] * n_rows, np.full(3, 1.0))
+    stream.append([[np.zeros(3)] * len(group) for _, group in settings.groups], np.full(3, 1.0))
+    stream.shaft.advance()
     section = np.random.default_rng(0).normal(size=(n_rows, plan.n_per_segment + plan.step))
     powers = plan.spectrum_of(plan.section_powers(section, 0, 2), 2)
     with warnings.catch_warnings(), suppress(ValueError):

@@ -27,6 +27,7 @@ _SHAPE = 2.4 * _WIDTH  # of the kernel exp(shape (sqrt(1 - z²) - 1)); least fol
 _DEGREE = 5  # of the polynomials that stand for the kernel: within 1e-4 of it
 _HALF = 20  # of the decimating filter, in points of the fine grid
 _FIRST = _WIDTH // 2  # point that the filter of the first output reads first
+_SOUGHT = 512  # samples that are compared with an angle at a time
 _MARGIN = _HALF + _FIRST  # fine grid points needed beyond either end of the stroke
 
 
@@ -222,24 +223,26 @@ class FineGrid:
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
         near = self._reached - 2 * self._reversal - (_MARGIN + 1) * self._step
-        held = block.cut(_first_after(block.travel, near, self.part), len(block.travel))
+        held = block.cut(_first_after(block.travel, near), len(block.travel))
         if len(held.travel) == len(block.travel):
-            first = _first_after(self._tail.travel, near, self.part)
+            first = _first_after(self._tail.travel, near)
             before = self._tail.cut(first, len(self._tail.travel))
             travel = np.concatenate([before.travel, block.travel])
             pairs = zip(before.values, block.values, strict=True)
             values = [np.concatenate(pair) for pair in pairs]
             held = Block(travel, (before.ends[0], block.ends[1]), values)
         around = np.concatenate([held.ends[:1], held.travel, held.ends[1:]])
+        steps = around[1:] != around[:-1]
         # While the shaft stands, samples have no weight: only the first and the last count.
-        counts = (around[1:-1] != around[:-2]) | (around[1:-1] != around[2:])
-        return Block(held.travel[counts], held.ends, [row[counts] for row in held.values])
+        counts = slice(None) if steps.all() else steps[1:] | steps[:-1]
+        travel, *values = (np.array(row[counts]) for row in (held.travel, *held.values))
+        return Block(travel, held.ends, values)
 
 
-def _first_after(travel: NDArray[np.floating], angle: float, part: int) -> int:
-    """Return the sample after the last one up to an angle, which is sought part by part."""
-    for stop in range(len(travel), 0, -part):
-        start = max(0, stop - part)
+def _first_after(travel: NDArray[np.floating], angle: float) -> int:
+    """Return the sample after the last one up to an angle, which is sought from the end."""
+    for stop in range(len(travel), 0, -_SOUGHT):
+        start = max(0, stop - _SOUGHT)
         passed = np.flatnonzero(travel[start:stop] <= angle)
         if len(passed):
             return start + int(passed[-1]) + 1

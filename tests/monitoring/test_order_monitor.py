@@ -208,6 +208,22 @@ def test_blocks_of_single_samples_and_rows_of_an_array():
     np.testing.assert_array_equal(reading.features, model[:-1].transform([recording])[0])
 
 
+@pytest.mark.parametrize("reference", ["velocity", "angle"])
+def test_intervals_end_at_the_same_time_for_blocks_of_single_samples(reference):
+    recording = recorded("ramp", RATES["one rate"], reference, duration=1.2)
+    model = model_of(recording)
+    shaft = getattr(recording, reference)
+    rows = np.stack(list(recording.signals.values()))
+    found = []
+    for n in (1, 500):
+        monitor, readings = monitor_of(model, recording, every=1.5), []
+        for k in range(0, rows.shape[1], n):
+            readings += monitor.push(rows[:, k : k + n], **{reference: shaft[k : k + n]})
+        found.append([reading.time for reading in readings])
+    assert found[0] == found[1]
+    assert len(found[0]) == 2
+
+
 def test_a_wrapped_angle_is_continued_over_the_blocks():
     recording = recorded("reversing", RATES["one rate"], "angle")
     wrapped = Recording(recording.signals, 2000.0, angle=np.mod(recording.angle, TURN))
