@@ -10,7 +10,9 @@ References
    2021.
 .. [2] R. Dunn, L. Wasserman and A. Ramdas, Distribution-free prediction sets for two-layer
    hierarchical models, J. Am. Stat. Assoc. 118, 2023.
-.. [3] B. Efron, The two sample problem with censored data, Proc. 5th Berkeley Symposium 4, 1967:
+.. [3] R. Beran and P. Hall, Interpolated nonparametric prediction intervals and confidence
+   intervals, J. R. Stat. Soc. B 55(3), 643-652, 1993.
+.. [4] B. Efron, The two sample problem with censored data, Proc. 5th Berkeley Symposium 4, 1967:
    the weight of a censored value is redistributed to the larger ones.
 """
 
@@ -51,6 +53,10 @@ def check_coverage(coverage: float, n_units: int) -> None:
 def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> float:
     """Return how far from the median, in probability, an interval must reach [1]_.
 
+    Among n + 1 exchangeable units, the k-th smallest score of n covers the new one with probability
+    k / (n + 1); between these steps, the score is interpolated, so that the coverage is the one
+    stated up to terms of the order 1 / n**2 [3]_, and not the next multiple of 1 / (n + 1).
+
     Parameters
     ----------
     levels : ndarray of shape (n_units,)
@@ -68,24 +74,25 @@ def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> f
 
     Examples
     --------
-    >>> half_width(np.linspace(0.1, 0.9, 9), np.zeros(9, bool), 0.9)
-    0.4
-    >>> half_width(np.linspace(0.1, 0.9, 8), np.zeros(8, bool), 0.9)
-    inf
+    >>> units = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.96])
+    >>> [round(half_width(units, np.zeros(9, bool), c), 2) for c in (0.8, 0.85, 0.9, 0.91)]
+    [0.4, 0.43, 0.46, inf]
     """
     weights = redistributed(levels, censored)
     scores = np.abs(levels - 0.5)
     order = np.argsort(scores, kind="stable")
+    order = order[weights[order] > 0]
     reached = np.cumsum(weights[order])
-    index = int(np.searchsorted(reached, coverage - 1e-9))
-    return float(scores[order][index]) if index < len(scores) else np.inf
+    if not len(order) or coverage > reached[-1] + 1e-9:
+        return np.inf
+    return float(np.interp(coverage, np.append(0.0, reached), np.append(0.0, scores[order])))
 
 
 def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
     """Return the weight of each unit; the new unit, which may be anywhere, has the rest to 1.
 
     The weight 1 / (n + 1) of a censored unit is given to the units with larger levels and to the
-    new one, in equal parts [3]_.
+    new one, in equal parts [4]_.
 
     Examples
     --------

@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 BEFORE_ONSET = "before onset"
 DAMAGE = "damage"
 MODELS = ("weibull", "wiener")
-SAME_AGE, WHOLE_LIFE = "same age", "whole life"
+SAME_AGE, EARLIER_AGE = "same age", "earlier age"
 _MOST_FOLDS = 20  # units are left out one by one up to this number, else in this many folds
 _N_HALVINGS = 60
 
@@ -146,15 +146,21 @@ class LifeCalibration:
 
     def width(self, stage: str, time: float, coverage: float) -> tuple[float, int, str]:
         """Return half the width of an interval in probability, units used, and calibration."""
-        units = self.units[stage]
-        alive = [unit for unit in units if time < unit.end]
-        levels = np.array([np.interp(time, unit.times, unit.levels) for unit in alive])
-        width = half_width(levels, np.array([not unit.failed for unit in alive], bool), coverage)
+        width, n_units = self._width_at(stage, time, coverage)
         if np.isfinite(width):
-            return width, len(alive), SAME_AGE
-        worst = np.array([u.levels[np.argmax(np.abs(u.levels - 0.5))] for u in units])
-        width = half_width(worst, np.array([not unit.failed for unit in units], bool), coverage)
-        return width, len(units), WHOLE_LIFE
+            return width, n_units, SAME_AGE
+        # The latest time before that enough units reached.
+        for end in sorted({unit.end for unit in self.units[stage] if unit.end <= time})[::-1]:
+            width, n_units = self._width_at(stage, np.nextafter(end, 0), coverage)
+            if np.isfinite(width):
+                break
+        return width, n_units, EARLIER_AGE
+
+    def _width_at(self, stage: str, time: float, coverage: float) -> tuple[float, int]:
+        alive = [unit for unit in self.units[stage] if time < unit.end]
+        levels = np.array([np.interp(time, unit.times, unit.levels) for unit in alive])
+        censored = np.array([not unit.failed for unit in alive], dtype=bool)
+        return half_width(levels, censored, coverage), len(alive)
 
     def _add(self, models: LifeModels, unit: History, life: float, failed: bool) -> None:
         left = np.maximum(life - unit.ages, 0)

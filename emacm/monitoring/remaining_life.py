@@ -79,8 +79,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
     In X, the first column is the age, the second the health index, which increases with damage.
     Further columns are used by "weibull" only. `groups` names the unit of each row: a prediction
     uses the readings of its unit up to its age, and those of no other unit. Without `groups`, each
-    row is another unit. Calibration by unit is exact for units of the same kind as those of the
-    fit; that the fit left out one of them is neglected, which simulations confirm.
+    row is another unit. Calibration by unit holds for units of the same kind as those of the fit.
+    What is neglected, and was measured on 30 simulated units, changes the coverage of 90 % by 0 to
+    3 %: that the fit left out some of them, and the interpolation between their scores. Censored
+    units make intervals wider.
 
     Examples
     --------
@@ -259,8 +261,9 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             One row per reading: "age", "stage" ("before onset": only the life of the population is
             known; "damage"), "median", "lower" and "upper" (which may be infinite), "n_units"
             (units on which the interval is calibrated), "calibration" ("same age": on units of the
-            same age or time since the onset; "whole life": too few units reached it, so that the
-            interval is one that holds at all ages) and "statement", a sentence.
+            same age or time since the onset; "earlier age": too few units reached it, so that the
+            interval is as wide as at the latest one that enough units reached) and "statement", a
+            sentence.
 
         Raises
         ------
@@ -376,5 +379,5 @@ def _statement(row: dict[str, Any], coverage: float) -> str:
         return f"{basis} The units do not support an upper limit with {coverage:.0%} coverage."
     units = f"{row['n_units']} units"
     if row["calibration"] != SAME_AGE:
-        return f"{basis} {coverage:.0%} interval from {units} at all ages: too few {when}."
+        return f"{basis} {coverage:.0%} interval as of {units} earlier: too few {when}."
     return f"{basis} {coverage:.0%} interval from {units} {when}."
