@@ -29,8 +29,8 @@ from emacm.simulation.mechanics import bench_motion, rod_position
 from emacm.simulation.motor import Torques, phase_currents, shaft_torques
 from emacm.simulation.sensors import cable_noise, interference, measured, resolver_angle
 from emacm.simulation.vibration import housing_acceleration, housing_force
+from emacm.simulation.waves import PHASES, OrderWaves
 
-PHASES = ("a", "b", "c")
 _BEFORE = 0.1  # s simulated before the recording, so that filters and resonances settle
 
 
@@ -39,6 +39,10 @@ class BenchTruth(NamedTuple):
 
     Attributes
     ----------
+    condition : int
+        Row of Table 4.3.
+    phase : float
+        Phase of the position command at time 0 [rad].
     actuator : Actuator
         The unit at the start of this recording.
     times : ndarray of shape (n_times,)
@@ -57,12 +61,12 @@ class BenchTruth(NamedTuple):
         Acceleration of the housing [g].
     passages : dict of str to Passage
         Passages of rolling elements over each defect.
-    position_command : ndarray of shape (n_times,)
-        Commanded position [in].
     load_command : ndarray of shape (n_times,)
         Commanded load at the position of the rod: bias and spring of Table 4.3 [lbf].
     """
 
+    condition: int
+    phase: float
     actuator: Actuator
     times: NDArray[np.floating]
     torques: Torques
@@ -72,8 +76,12 @@ class BenchTruth(NamedTuple):
     voltage: NDArray[np.floating]
     acceleration: NDArray[np.floating]
     passages: dict[str, Passage]
-    position_command: NDArray[np.floating]
     load_command: NDArray[np.floating]
+
+    @property
+    def position_command(self) -> NDArray[np.floating]:
+        """Commanded position [in]."""
+        return position_command(CONDITIONS[self.condition], self.times, self.phase)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,19 +224,19 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
-        truth = self.truth(condition, run)
+        truth, turning = self._simulated(condition, run, self.phases)
         angle = truth.torques.angle
         current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
-        error, slope = resolver_error(angle, truth.actuator, self._imperfections)
-        gain = {
-            name: getattr(truth.actuator, name) * drift(name, truth.times, self.run_spread)
+        error, slope = resolver_error(turning, truth.actuator, self._imperfections)
+        lvdt, accelerometer = (
+            getattr(truth.actuator, name) * drift(name, truth.times, self.run_spread)
             for name in ("lvdt_gain", "accelerometer_gain")
-        }
+        )
         quantities = {
-            "lvdt": gain["lvdt_gain"] * truth.position + truth.actuator.lvdt_offset,
+            "lvdt": lvdt * truth.position + truth.actuator.lvdt_offset,
             "velocity": (1 + slope) * truth.torques.velocity,  # computed from the resolver
-            **{f"current_{x}": truth.currents[PHASES.index(x)] for x in self.phases},
-            "accelerometer": gain["accelerometer_gain"] * truth.acceleration,
+            **{f"current_{x}": i for x, i in zip(self.phases, truth.currents, strict=True)},
+            "accelerometer": accelerometer * truth.acceleration,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
@@ -238,10 +246,9 @@ class LaboratoryBench:
         for name, values in quantities.items():
             sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
             mark = truth.actuator.mark + len(sensor)  # different phases in different cables
-            cable = cable_noise(sensor, angle, current, level, mark) + waves.volts(sensor)
-            signals[name] = measured(
-                sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable
-            )[kept]
+            cable = cable_noise(sensor, turning, current, level, mark) + waves.volts(sensor)
+            settled = measured(sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable)
+            signals[name] = settled[kept]
         if self.commands:  # digital values: no sensor, no noise
             for name in ("position_command", "load_command"):
                 signals[name] = getattr(truth, name)[kept].astype(np.float32)
@@ -270,6 +277,10 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
+        return self._simulated(condition, run, PHASES)[0]
+
+    def _simulated(self, condition: int, run: int, phases: str) -> tuple[BenchTruth, OrderWaves]:
+        """Simulate one run with some phase currents; return the waves of its shaft angle too."""
         row, faults = CONDITIONS[_known(condition)], self._present
         check_count(run, "run")
         of_run = self._rng("run", condition, run)
@@ -292,35 +303,23 @@ class LaboratoryBench:
         lines = healthy_lines(
             motion.angle, self._imperfections, self._rng("lines", condition, run), self.fs
         )
-        torques = shaft_torques(
-            motion,
-            force,
-            unit,
-            faults,
-            passages,
-            self._rng("friction", condition, run),
-            lines.torque,
-            self.run_spread,
-        )
+        of_friction = self._rng("friction", condition, run)
+        known = (unit, faults, passages)
+        torques = shaft_torques(motion, force, *known, of_friction, lines.torque, self.run_spread)
+        turning = OrderWaves(torques.angle)
         position, knocks = rod_position(
             torques.angle, force, unit, faults.get("backlash", 0.0), self.fs
         )
-        shaking = housing_force(
-            torques,
-            unit,
-            faults,
-            passages,
-            knocks,
-            self._rng("forces", condition, run),
-            self.fs,
-            lines.force,
-        )
+        of_forces = self._rng("forces", condition, run)
+        shaking = housing_force(torques, *known, knocks, of_forces, self.fs, lines.force, turning)
         voltage = phase_voltage(torques.motor, torques.velocity, unit)
-        currents = phase_currents(torques.motor, torques.angle, unit, faults)
+        currents = phase_currents(torques.motor, turning, unit, faults, phases)
         if self.fs / 2 > CARRIER:
             turned = self._rng("carrier", condition, run).uniform(0, 2 * np.pi)
-            currents += carrier_ripple(voltage, torques.angle, times, turned, unit)
-        return BenchTruth(
+            currents += carrier_ripple(voltage, turning, times, turned, unit, phases)
+        truth = BenchTruth(
+            condition,
+            phase,
             unit,
             times,
             torques,
@@ -330,9 +329,9 @@ class LaboratoryBench:
             voltage,
             housing_acceleration(shaking, unit, self.fs),
             passages,
-            position_command(row, times, phase),
             load_force(row, place),
         )
+        return truth, turning
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:
         """Return the `meta` of the recording of a run, without simulating it.

@@ -38,7 +38,7 @@ RESOLVER_ERRORS = ((1, 1.0), (2, 1.0), (12, 1 / 3))
 STICTION_SPEED = 1.0  # rad/s: range over which friction changes its sign
 DAMPING = 0.8  # damping ratio of the velocity loop
 DEAD_TIME = (0.010, 0.007)  # 5th and 7th harmonic of the current
-COGGING_ORDER = 36.0  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
+COGGING_ORDER = 36  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
 VOLTAGE_RESERVE = 0.95  # part of the voltage up to which the motion is planned: ripple needs more
 CARRIER = 10_000.0  # Hz: switching frequency of the inverter
 

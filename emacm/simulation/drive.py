@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from emacm.simulation.actuator import SUPPLY_VOLTAGE, Actuator
 from emacm.simulation.constants import CARRIER, VOLTAGE_RESERVE
 from emacm.simulation.faults import POLE_PAIRS
-from emacm.simulation.waves import sine_wave
+from emacm.simulation.waves import PHASES, OrderWaves, of_phases, sine_wave
 
 VOLTAGE_LIMIT = SUPPLY_VOLTAGE * sqrt(2 / 3)  # V peak of a phase, which 220 V between phases allow
 _LINK = SUPPLY_VOLTAGE * sqrt(2)  # V: rectified supply
@@ -45,7 +45,7 @@ def phase_voltage(
     current = torque / actuator.torque_constant
     across = actuator.emf_constant * velocity + actuator.winding_resistance * current
     along = POLE_PAIRS * actuator.winding_inductance * velocity * current
-    return np.hypot(across, along)
+    return np.sqrt(across**2 + along**2)
 
 
 def voltage_free_speed(actuator: Actuator, current: float) -> float:
@@ -103,10 +103,11 @@ def torque_limiter(actuator: Actuator) -> Callable[[float, float], float]:
 
 def carrier_ripple(
     voltage: NDArray[np.floating],
-    angle: NDArray[np.floating],
+    angle: NDArray[np.floating] | OrderWaves,
     times: NDArray[np.floating],
     phase: float,
     actuator: Actuator,
+    phases: str = PHASES,
 ) -> NDArray[np.floating]:
     """Return the ripple of the phase currents at the switching frequency of the inverter.
 
@@ -120,7 +121,7 @@ def carrier_ripple(
     ----------
     voltage : ndarray of shape (n_times,)
         Peak voltage of a phase [V].
-    angle : ndarray of shape (n_times,)
+    angle : ndarray of shape (n_times,) or OrderWaves
         Shaft angle [rad].
     times : ndarray of shape (n_times,)
         Times [s].
@@ -128,10 +129,12 @@ def carrier_ripple(
         Phase of the carrier [rad].
     actuator : Actuator
         Constants; without inductance there is no ripple to compute, and 0 is returned.
+    phases : str
+        Phases to compute.
 
     Returns
     -------
-    ndarray of shape (3, n_times)
+    ndarray of shape (n_phases, n_times)
         Currents [A].
 
     References
@@ -139,12 +142,13 @@ def carrier_ripple(
     .. [1] D. G. Holmes and T. A. Lipo, Pulse Width Modulation for Power Converters, 2003.
     """
     if not actuator.winding_inductance:
-        return np.zeros((3, len(times)))
+        return np.zeros((len(phases), len(times)))
     x2 = (np.pi * voltage / _LINK) ** 2  # square of pi M / 2
     bessel = x2 / 8 * (1 - x2 / 12 * (1 - x2 / 32))  # J_2 within 1 % up to M = 1.15
     reactance = 2 * np.pi * CARRIER * actuator.winding_inductance
     size = bessel * sine_wave(CARRIER, times, phase)
     size *= 2 * (2 * _LINK / np.pi) / reactance
-    a = size * np.cos(2 * POLE_PAIRS * angle)
-    across = np.sqrt(3) / 2 * size * np.sin(2 * POLE_PAIRS * angle)
-    return np.stack((a, -across - a / 2, across - a / 2))
+    waves = OrderWaves.of(angle)
+    a = size * waves.sines((2 * POLE_PAIRS, 1.0, np.pi / 2))
+    across = size * waves.sines((2 * POLE_PAIRS, -np.sqrt(3) / 2, 0.0)) if phases != "a" else a
+    return of_phases(a, across, phases)

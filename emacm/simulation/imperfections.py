@@ -19,6 +19,7 @@ from emacm.simulation.constants import (
     WARM_UP,
 )
 from emacm.simulation.faults import HEALTHY_ORDERS
+from emacm.simulation.waves import OrderWaves
 
 _ARCMIN = np.pi / 180 / 60  # rad
 _LINE_RATE = 12_000.0  # Hz
@@ -67,13 +68,13 @@ def draw_imperfections(rng: np.random.Generator, *, spread: float = 1.0) -> Impe
 
 
 def resolver_error(
-    angle: NDArray[np.floating], actuator: Actuator, imperfections: Imperfections
+    angle: NDArray[np.floating] | OrderWaves, actuator: Actuator, imperfections: Imperfections
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return the error of the resolver, and its derivative by the angle.
 
     Parameters
     ----------
-    angle : ndarray of shape (n_times,)
+    angle : ndarray of shape (n_times,) or OrderWaves
         Shaft angle [rad].
     actuator : Actuator
         Constants.
@@ -94,23 +95,13 @@ def resolver_error(
     >>> (error * 180 * 60 / np.pi).round(6)
     array([3.])
     """
-    error, slope = np.zeros_like(angle), np.zeros_like(angle)
-    turning = np.exp(1j * angle)
-    parts = zip(RESOLVER_ERRORS, *imperfections[:2], strict=True)
-    for (order, size), share, phase in parts:
-        amplitude = actuator.resolver_error * _ARCMIN * size * share
-        wave = amplitude * np.exp(1j * phase) * _power(turning, order)
-        error += wave.imag
-        slope += order * wave.real
-    return error, slope
-
-
-def _power(turning: NDArray[np.complexfloating], order: int) -> NDArray[np.complexfloating]:
-    """Return a whole power by multiplication, which is faster than the complex power."""
-    if order == 1:
-        return turning
-    half = _power(turning, order // 2)
-    return half * half * turning if order % 2 else half * half
+    waves, size = OrderWaves.of(angle), actuator.resolver_error * _ARCMIN
+    parts = [
+        (order, size * relative * share, phase)
+        for (order, relative), share, phase in zip(RESOLVER_ERRORS, *imperfections[:2], strict=True)
+    ]
+    slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]
+    return waves.sines(*parts), waves.sines(*slopes)
 
 
 class HealthyLines(NamedTuple):
@@ -163,11 +154,11 @@ def healthy_lines(
         steps = SLIP * np.sqrt(order * travel) * rng.standard_normal(len(travel))
         walk = 2 * np.pi * np.concatenate(([rng.uniform()], steps)).cumsum()
         slipped = np.interp(np.arange(len(turned)), coarse, walk)
-        waves[part] = np.exp(1j * (order * turned + slipped))
+        waves[part] = OrderWaves(order * turned + slipped)
     for (part, harmonic, of_force, of_torque), share in zip(
         HEALTHY_LINES, imperfections.line_shares, strict=True
     ):
-        wave = share * _power(waves[part], harmonic).imag
+        wave = waves[part].sines((harmonic, share, 0.0))
         force += of_force * wave
         torque += of_torque * wave
     return HealthyLines(*(np.interp(samples, fine, wave) for wave in (force, torque)))

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
-from scipy.interpolate import BSpline
 
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
 from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
@@ -89,15 +88,34 @@ def bench_motion(
     steps = np.arange(-n_before, n_after) / _CONTROL_RATE
     targets = position_command(condition, steps, phase) * actuator.angle_per_inch
     start, velocities = _follow(targets, condition, actuator, load_share, jam)
-    # A quadratic spline whose coefficients are the steps: its acceleration is their linear
-    # interpolation, so that neither speed nor torque overshoots its limit.
-    knots = steps[0] + (np.arange(len(steps) + 3) - 1.5) / _CONTROL_RATE
-    velocity = BSpline(knots, velocities, 2)
-    return Motion(
-        times,
-        start + velocity.antiderivative()(times),
-        velocity(times),
-        velocity.derivative()(times),
+    angle, velocity, acceleration = _between_steps(
+        np.array(velocities), (times - steps[0]) * _CONTROL_RATE
+    )
+    return Motion(times, start + angle / _CONTROL_RATE, velocity, acceleration * _CONTROL_RATE)
+
+
+def _between_steps(
+    velocities: NDArray[np.floating], places: NDArray[np.floating]
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """Return angle, velocity and acceleration between the steps of the control loop.
+
+    A quadratic spline whose coefficients are the velocities of the steps: its acceleration is their
+    linear interpolation, so that neither speed nor torque overshoots its limit. `places` are times
+    in steps; the angle is 0 at the first step.
+    """
+    # Pieces of the spline join halfway between the steps.
+    number = np.floor(places + 0.5).astype(np.intp)
+    x = places + 0.5 - number
+    c = np.concatenate((velocities[:1], velocities))
+    value, slope = (c[1:] + c[:-1]) / 2, np.diff(c)
+    curve = np.diff(slope, append=slope[-1:]) / 2
+    whole = value + slope / 2 + curve / 3
+    turned = np.concatenate(([0.0], np.cumsum(whole)[:-1]))
+    value, slope, curve, turned = (a[number] for a in (value, slope, curve, turned))
+    return (
+        turned + x * (value + x * (slope / 2 + x * curve / 3)),
+        value + x * (slope + x * curve),
+        slope + 2 * x * curve,
     )
 
 
@@ -113,8 +131,9 @@ def _follow(
     The loop is nonlinear and therefore computed step by step, with Python floats: 1 us per step.
     """
     dt, inertia, limit = 1 / _CONTROL_RATE, actuator.inertia, _HEADROOM * PEAK_SPEED
-    bandwidth = 2 * np.pi * actuator.velocity_bandwidth
+    nearer = min(1.0, 2 * np.pi * actuator.velocity_bandwidth * dt)
     gain, max_torque = actuator.position_gain, actuator.max_torque
+    coulomb, viscous = actuator.coulomb, actuator.viscous
     within_limits = torque_limiter(actuator)
     part, slow = max_torque / 4, voltage_free_speed(actuator, actuator.max_current / 4)
     resists = [
@@ -128,14 +147,16 @@ def _follow(
     first = angle
     for target in targets.tolist():
         velocities.append(velocity)
-        wanted = min(max(gain * (target - angle), -limit), limit)
-        change = min(1.0, bandwidth * dt) * (wanted - velocity)
-        load = at_0 + per_rad * angle
-        friction = actuator.coulomb + actuator.viscous * abs(velocity) + lost * abs(load)
+        wanted = gain * (target - angle)
+        if not -limit <= wanted <= limit:
+            wanted = copysign(limit, wanted)
+        change = nearer * (wanted - velocity)
+        load, speed = at_0 + per_rad * angle, abs(velocity)
+        friction = coulomb + viscous * speed + lost * abs(load)
         if jammed:
             friction += jammed * exp(-(((angle - jam_angle) / jam_width) ** 2))
         torque = inertia * change / dt + load + copysign(friction, velocity)
-        if abs(torque) > part or abs(velocity) > slow:  # else within all limits
+        if speed > slow or not -part <= torque <= part:  # else within all limits
             limited = within_limits(torque, velocity)
             if limited != torque:  # the limited torque drives; friction can only brake
                 driven = velocity + (limited - load) * dt / inertia

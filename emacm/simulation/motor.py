@@ -21,6 +21,7 @@ from emacm.simulation.constants import (
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.imperfections import drift
 from emacm.simulation.mechanics import Motion, jam_torque
+from emacm.simulation.waves import PHASES, OrderWaves, of_phases
 
 
 class Torques(NamedTuple):
@@ -120,11 +121,12 @@ def shaft_torques(
 
 def phase_currents(
     torque: NDArray[np.floating],
-    angle: NDArray[np.floating],
+    angle: NDArray[np.floating] | OrderWaves,
     actuator: Actuator,
     faults: Mapping[str, float],
+    phases: str = PHASES,
 ) -> NDArray[np.floating]:
-    """Return the currents of the three phases, which sum to zero: the star point is not connected.
+    """Return the currents of the phases, which sum to zero: the star point is not connected.
 
     Unequal phases add a current that passes the phases in the opposite order (negative sequence).
     The controller keeps the current vector perpendicular to the rotor flux (no d-current), so
@@ -135,16 +137,18 @@ def phase_currents(
     ----------
     torque : ndarray of shape (n_times,)
         Motor torque [N m].
-    angle : ndarray of shape (n_times,)
+    angle : ndarray of shape (n_times,) or OrderWaves
         Shaft angle [rad].
     actuator : Actuator
         Constants.
     faults : mapping of str to float
         Severities in [0, 1].
+    phases : str
+        Phases to compute.
 
     Returns
     -------
-    ndarray of shape (3, n_times)
+    ndarray of shape (n_phases, n_times)
         Currents [A]; orders around 6, Eqs. (2.2) to (2.4) of the thesis.
 
     Examples
@@ -154,15 +158,18 @@ def phase_currents(
     array([-10.,   5.,   5.])
     """
     length = torque / actuator.torque_constant
-    turning = np.exp(1j * POLE_PAIRS * angle)
-    squared = turning * turning
-    fifth = squared * squared * turning
+    waves, mismatch = OrderWaves.of(angle), _mismatch(actuator, faults)
     # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
-    positive = turning + DEAD_TIME[1] * fifth * squared
-    negative = _mismatch(actuator, faults) * turning + DEAD_TIME[0] * fifth
-    a = -length * (positive.imag + negative.imag)
-    across = length * (np.sqrt(3) / 2) * (positive.real - negative.real)
-    return np.stack((a, across - a / 2, -across - a / 2))
+    positive = ((1, 1.0), (7, DEAD_TIME[1]))
+    negative = ((1, mismatch), (5, DEAD_TIME[0]))
+
+    def waves_of(side: int, phase: float) -> NDArray[np.floating]:
+        sizes = [(n, size) for n, size in positive] + [(n, side * size) for n, size in negative]
+        return waves.sines(*((n * POLE_PAIRS, size, phase) for n, size in sizes))
+
+    a = -length * waves_of(1, 0.0)
+    across = np.sqrt(3) / 2 * length * waves_of(-1, np.pi / 2) if phases != "a" else a
+    return of_phases(a, across, phases)
 
 
 def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
@@ -178,14 +185,16 @@ def _ripple(
 ) -> NDArray[np.floating]:
     """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
     eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
-    ripple = actuator.ripple * np.sin(angle + actuator.mark)
-    ripple += actuator.cogging * np.sin(COGGING_ORDER * angle + actuator.mark)
-    if eccentric:
-        ripple += eccentric * np.sin(angle + 2 * actuator.mark)
+    waves = OrderWaves(angle)
+    ripple = waves.sines(
+        (1, actuator.ripple, actuator.mark),
+        (COGGING_ORDER, actuator.cogging, actuator.mark),
+        (1, eccentric, 2 * actuator.mark),
+    )
     # The torque of the negative sequence pulsates at twice the supply order.
     share = -_mismatch(actuator, faults)
     if share:
-        ripple += share * mean * np.cos(2 * POLE_PAIRS * angle)
+        ripple += mean * waves.sines((2 * POLE_PAIRS, share, np.pi / 2))
     return ripple
 
 
@@ -230,10 +239,11 @@ def _loop_response(
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
     below = [1.0, 2 * DAMPING * corner, corner**2]
-    above = ([1.0], [1.0, 0.0], [1.0, 0.0, 0.0])
     fs = 1 / (times[1] - times[0])
     disturbed = ripple / actuator.inertia
-    angle, velocity, acceleration = (
-        filters.lfilter(*filters.bilinear(part, below, fs=fs), disturbed) for part in above
+    angle, velocity = (
+        filters.lfilter(*filters.bilinear(part, below, fs=fs), disturbed)
+        for part in ([1.0], [1.0, 0.0])
     )
-    return angle, velocity, acceleration
+    # s² + 2 z w s + w² is the denominator, so the acceleration is what the loop leaves.
+    return angle, velocity, disturbed - below[1] * velocity - below[2] * angle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,14 +28,14 @@ from emacm.simulation.constants import (
     SHAFT_DECIMATION,
 )
 from emacm.simulation.faults import POLE_PAIRS
-from emacm.simulation.waves import sine_wave
+from emacm.simulation.waves import OrderWaves, sine_wave
 
-PICKUP_ORDERS = (2.0 * POLE_PAIRS, 6.0 * POLE_PAIRS)
+PICKUP_ORDERS = (2 * POLE_PAIRS, 6 * POLE_PAIRS)
 
 
 def cable_noise(
     sensor: str,
-    angle: NDArray[np.floating],
+    angle: NDArray[np.floating] | OrderWaves,
     current: NDArray[np.floating],
     level: float,
     mark: float,
@@ -49,7 +50,7 @@ def cable_noise(
     ----------
     sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
         Current, accelerometer and load cell are not affected.
-    angle : ndarray of shape (n_times,)
+    angle : ndarray of shape (n_times,) or OrderWaves
         Shaft angle [rad].
     current : ndarray of shape (n_times,)
         Length of the current vector, relative to the rated current.
@@ -65,11 +66,10 @@ def cable_noise(
     """
     if sensor not in PICKUP or not level:
         return 0.0
-    lines = [
-        size * np.sin(order * angle + mark)
-        for order, size in zip(PICKUP_ORDERS, PICKUP[sensor], strict=True)
-    ]
-    return level * (PICKUP_FLOOR + np.abs(current)) * np.sum(lines, axis=0)
+    parts = zip(PICKUP_ORDERS, PICKUP[sensor], strict=True)
+    noise = OrderWaves.of(angle).sines(*((order, level * size, mark) for order, size in parts))
+    noise *= PICKUP_FLOOR + np.abs(current)
+    return noise
 
 
 def measured(
@@ -118,19 +118,34 @@ def measured(
     volts = values / scale
     if sensor in BANDWIDTH and BANDWIDTH[sensor] < fs / 2:
         volts = _low_pass(volts, 2, BANDWIDTH[sensor], fs)
-    volts = _low_pass(volts + noise + cable, FILTER_ORDER, cutoff, fs)
+    volts += noise
+    volts += cable
+    volts = _low_pass(volts, FILTER_ORDER, cutoff, fs)
     step = 2 * RANGE / 2**BITS
-    volts = np.clip(np.round(volts / step) * step, -peak / scale, peak / scale)
-    return (volts * scale).astype(np.float32)
+    volts /= step
+    np.rint(volts, out=volts)
+    volts *= step
+    np.clip(volts, -peak / scale, peak / scale, out=volts)
+    volts *= scale
+    return volts.astype(np.float32)
 
 
 def _low_pass(
     values: NDArray[np.floating], order: int, cutoff: float, fs: float
 ) -> NDArray[np.floating]:
     """Apply a Butterworth filter that starts at rest."""
-    sos = filters.butter(order, cutoff, fs=fs, output="sos")
-    passed, _ = filters.sosfilt(sos, values, zi=filters.sosfilt_zi(sos) * values[0])
+    sos, at_rest = _butterworth(order, cutoff, fs)
+    passed, _ = filters.sosfilt(sos, values, zi=at_rest * values[0])
     return passed
+
+
+@cache
+def _butterworth(
+    order: int, cutoff: float, fs: float
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the sections of a low pass, and their state for a constant input of 1."""
+    sos = filters.butter(order, cutoff, fs=fs, output="sos")
+    return sos, filters.sosfilt_zi(sos)
 
 
 class Interference(NamedTuple):
@@ -147,9 +162,10 @@ class Interference(NamedTuple):
 
     def volts(self, sensor: str) -> NDArray[np.floating]:
         """Return the interference in the cable of a sensor [V]."""
-        carrier = CARRIER_PICKUP.get(sensor, 0.0)
-        mains = MAINS[sensor] * self.mains
-        return mains + carrier * self.carrier if carrier else mains
+        volts = MAINS[sensor] * self.mains
+        if carrier := CARRIER_PICKUP.get(sensor, 0.0):
+            volts += carrier * self.carrier
+        return volts
 
 
 def interference(times: NDArray[np.floating], rng: np.random.Generator) -> Interference:

@@ -12,6 +12,7 @@ from emacm.simulation.actuator import PEAK_SPEED, RATED_CURRENT, RATED_FORCE, Ac
 from emacm.simulation.constants import CONTACT, MODES, NOISE_RATE, PRELOAD, RADIAL
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.motor import Torques
+from emacm.simulation.waves import OrderWaves
 
 GRAVITY = 9.80665  # m/s²
 _HIGHEST = 0.45  # highest modal frequency, relative to the sampling rate
@@ -26,6 +27,7 @@ def housing_force(
     rng: np.random.Generator,
     fs: float,
     lines: NDArray[np.floating] | float = 0.0,
+    waves: OrderWaves | None = None,
 ) -> NDArray[np.floating]:
     """Return the force that excites the housing.
 
@@ -51,13 +53,15 @@ def housing_force(
         Sampling rate [Hz].
     lines : ndarray of shape (n_times,) or float
         `HealthyLines.force`.
+    waves : OrderWaves, optional
+        Those of the shaft angle, if they exist already.
 
     Returns
     -------
     ndarray of shape (n_times,)
         Force [N].
     """
-    angle = torques.angle
+    waves = OrderWaves(torques.angle) if waves is None else waves
     speed = np.abs(torques.velocity) / PEAK_SPEED
     thrust = np.abs(torques.load) / (RATED_FORCE * actuator.torque_per_force)
     pressed = np.sqrt(PRELOAD + thrust)
@@ -65,17 +69,18 @@ def housing_force(
     rolling = 1 + FAULTS["lubrication"].rolling_noise * faults.get("lubrication", 0.0)
     if cage := faults.get("cage", 0.0):
         rub = FAULTS["cage"].rolling_noise * cage
-        rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * angle + actuator.mark))
-    white = np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(angle))  # constant density
+        rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * torques.angle + actuator.mark))
+    white = np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(speed))  # constant density
     force = actuator.rolling_noise * speed * pressed * rolling * white
     force += actuator.waviness * pressed * lines
-    force += actuator.unbalance * torques.velocity**2 * np.sin(angle + 2 * actuator.mark)
-    force += RADIAL * current * np.sin(2 * POLE_PAIRS * angle + actuator.mark)
+    force += torques.velocity**2 * waves.sines((1, actuator.unbalance, 2 * actuator.mark))
+    force += current * waves.sines((2 * POLE_PAIRS, RADIAL, actuator.mark))
     if eccentric := faults.get("eccentricity", 0.0):
         # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
-        pull = FAULTS["eccentricity"].force * eccentric * np.sin(angle + 2 * actuator.mark)
-        force += pull * (0.3 + current) * (1 + 0.5 * np.cos(2 * POLE_PAIRS * angle))
-    impulses = np.zeros_like(angle)
+        strength = FAULTS["eccentricity"].force * eccentric
+        pull = waves.sines((1, strength, 2 * actuator.mark)) * (0.3 + current)
+        force += pull * (1 + waves.sines((2 * POLE_PAIRS, 0.5, np.pi / 2)))
+    impulses = np.zeros_like(speed)
     for name, passage in passages.items():
         at = passage.impacts
         size = faults[name] * FAULTS[name].impact * passage.sizes

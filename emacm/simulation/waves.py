@@ -1,9 +1,41 @@
-"""Waves that are fixed in time: mains and switching of the inverter."""
+"""Waves over time and over the shaft angle, computed with few sines."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+PHASES = "abc"
+_BLOCK = 8192  # samples
+
+
+def of_phases(
+    a: NDArray[np.floating], across: NDArray[np.floating], phases: str = PHASES
+) -> NDArray[np.floating]:
+    """Return phase currents that sum to zero: the star point is not connected.
+
+    Parameters
+    ----------
+    a : ndarray of shape (n_times,)
+        Current of phase a.
+    across : ndarray of shape (n_times,)
+        Half of the difference of the currents of the phases b and c.
+    phases : str
+        Phases to compute.
+
+    Returns
+    -------
+    ndarray of shape (n_phases, n_times)
+
+    Examples
+    --------
+    >>> of_phases(np.array([2.0]), np.array([0.5])).ravel()
+    array([ 2. , -0.5, -1.5])
+    """
+    made = {"a": lambda: a, "b": lambda: across - a / 2, "c": lambda: -across - a / 2}
+    return np.stack([made[phase]() for phase in phases])
 
 
 def sine_wave(frequency: float, times: NDArray[np.floating], phase: float) -> NDArray[np.floating]:
@@ -32,3 +64,70 @@ def sine_wave(frequency: float, times: NDArray[np.floating], phase: float) -> ND
     n_computed = min(int(fs), len(times)) if whole else len(times)  # it repeats every second
     wave = np.sin(2 * np.pi * frequency * times[:n_computed] + phase)
     return wave if n_computed == len(times) else np.resize(wave, len(times))
+
+
+class OrderWaves:
+    """Waves of whole orders over the shaft angle, all from one complex exponential.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,)
+        Shaft angle [rad].
+
+    Examples
+    --------
+    >>> waves = OrderWaves(np.array([0.0, np.pi / 6]))
+    >>> waves.sines((3, 1.0, 0.0)).round(9), waves.sines((3, 2.0, np.pi / 2)).round(9)
+    (array([0., 1.]), array([2., 0.]))
+    """
+
+    def __init__(self, angle: NDArray[np.floating]) -> None:
+        self._turning = np.empty(len(angle), dtype=complex)
+        # By the tangent of the half angle, which NumPy computes faster than sine and cosine.
+        for start in range(0, len(angle), _BLOCK):
+            tangent = np.tan(angle[start : start + _BLOCK] / 2)
+            square = tangent * tangent
+            turning = self._turning[start : start + _BLOCK]
+            turning.real = (1 - square) / (1 + square)
+            turning.imag = 2 * tangent / (1 + square)
+
+    @classmethod
+    def of(cls, angle: NDArray[np.floating] | OrderWaves) -> OrderWaves:
+        """Return the waves of an angle, or waves that exist already."""
+        return angle if isinstance(angle, OrderWaves) else cls(angle)
+
+    def sines(self, *terms: tuple[int, float, float]) -> NDArray[np.floating]:
+        """Return the sum of sines ``size * sin(order * angle + phase)``.
+
+        Parameters
+        ----------
+        *terms : (int, float, float)
+            Order, size and phase [rad] of each sine.
+
+        Returns
+        -------
+        ndarray of shape (n_times,)
+        """
+        total = np.zeros(len(self._turning))
+        terms = tuple(term for term in terms if term[1])
+        # Powers stay in the cache: full-length arrays would cost more than their products.
+        for start in range(0, len(total), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            powers = {1: self._turning[block]}
+            parts = [
+                size * (np.cos(phase) * wave.imag + np.sin(phase) * wave.real)
+                for order, size, phase in terms
+                for wave in [_power(powers, order)]
+            ]
+            total[block] = sum(parts)
+        return total
+
+
+def _power(powers: dict[int, NDArray[np.complexfloating]], order: int) -> NDArray[Any]:
+    """Return a power by multiplication, and keep it for the next ones."""
+    if order not in powers:
+        if order % 2:
+            powers[order] = _power(powers, order - 1) * powers[1]
+        else:
+            powers[order] = _power(powers, order // 2) ** 2
+    return powers[order]

@@ -43,17 +43,17 @@ def reproduce_chapter2(
     ----------
     .. [1] Chirico, chapter 2.
     """
-    tell = report or (lambda line: None)
+    progress = report or (lambda line: None)
     n_errors = 20 if quick else _N_DRAWS
     chapter = Chapter(2, "Feature extraction and classification, by example")
-    tell("chapter 2: speed ramp over time, angle, frequency and order")
+    progress("chapter 2: speed ramp over time, angle, frequency and order")
     draw_chapter2_diagrams(chapter)
     compare_resampling(chapter)
     compare_sine(chapter)
     compare_smearing(chapter)
-    tell(f"chapter 2: {_N_DRAWS} draws of Table 2.1")
+    progress(f"chapter 2: {_N_DRAWS} draws of Table 2.1")
     compare_components(chapter, _N_DRAWS)
-    tell(f"chapter 2: {n_errors} draws of two classes, three cost matrices")
+    progress(f"chapter 2: {n_errors} draws of two classes, three cost matrices")
     compare_decisions(chapter, n_errors)
     compare_equations(chapter)
     return chapter

@@ -75,7 +75,7 @@ def reproduce_chapter3(
     ----------
     .. [1] Chirico, chapter 3.
     """
-    tell = report or (lambda line: None)
+    progress = report or (lambda line: None)
     seeds = range(3 if quick else 20)
     chapter = Chapter(3, "Simulation: a motor current at varying speed", opening=_OPENING)
     # Processes: most of the work holds the interpreter lock, so threads would not help.
@@ -84,11 +84,11 @@ def reproduce_chapter3(
     # A quick run takes less time than starting processes.
     for found in Parallel(n_jobs=None if quick else n_jobs, return_as="generator")(tasks):
         draws.append(found)
-        tell(f"chapter 3: draw {len(draws)} of {len(seeds)}")
+        progress(f"chapter 3: draw {len(draws)} of {len(seeds)}")
     index = pd.Index(seeds, name="seed")
     tables = {r.name: pd.DataFrame([d[r.name] for d in draws], index=index) for r in READINGS}
     ablation = pd.DataFrame([d["hertz"] for d in draws], index=index)
-    tell("chapter 3: pictures")
+    progress("chapter 3: pictures")
     _compare_steps(chapter)
     _compare_lines(chapter, seeds)
     _compare_components(chapter, tables)

@@ -12,7 +12,15 @@ from emacm.simulation.conditions import CONDITIONS
 from emacm.thesis.chapter4_inputs import inputs_table
 from emacm.thesis.chapter4_pictures import draw_condition, draw_summary
 from emacm.thesis.chapter4_spectra import READINGS, SIGNALS, run_campaign
-from emacm.thesis.chapter4_study import GROUPS, OUTCOMES, SCHEMES, Study, outcome_shares, study
+from emacm.thesis.chapter4_study import (
+    GROUPS,
+    OUTCOMES,
+    SCHEMES,
+    Study,
+    classified,
+    outcome_shares,
+    study,
+)
 from emacm.thesis.chapter4_tables import (
     conditions_table,
     lines_table,
@@ -128,7 +136,7 @@ def reproduce_chapter4(
         )
         studies.append(study(campaign, "thesis"))
         if first:
-            others = [study(campaign, name) for name in extent.readings if name != "thesis"]
+            others = [classified(campaign, name) for name in extent.readings if name != "thesis"]
             chapter.tables["conditions"] = conditions_table(campaign)
             chapter.tables["readings"] = readings_table([*studies, *others])
             chapter.tables["lines that determine the decisions"] = lines_table(studies[0])

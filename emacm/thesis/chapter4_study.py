@@ -63,7 +63,7 @@ class Study(NamedTuple):
     models : list of Model
         Trained classifiers.
     explanations : list of DataFrame
-        Result of `explain` for each.
+        Result of `explain` for each; empty from `classified`.
     decisions : DataFrame
         Result of `decide`.
     """
@@ -80,8 +80,14 @@ def study(
     """Train the classifiers of some channels, apply them to the test runs, and explain them."""
     if not isinstance(campaign, Campaign):
         raise TypeError(f"campaign must be the result of run_campaign, got {campaign!r}.")
+    found = classified(campaign, reading, channels)
+    return found._replace(explanations=[explain(model) for model in found.models])
+
+
+def classified(campaign: Campaign, reading: str, channels: Sequence[str] = tuple(SIGNALS)) -> Study:
+    """Do as `study`, without explanations."""
     models = [m for channel in channels for m in train(campaign.signal(reading, channel))]
-    return Study(reading, models, [explain(model) for model in models], decide(models))
+    return Study(reading, models, [], decide(models))
 
 
 def train(signal: Signal) -> list[Model]:

@@ -32,7 +32,7 @@ from emacm.thesis.chapter5_detection import (
     flagged_recordings,
     severity_of_detection,
 )
-from emacm.thesis.chapter5_life import OPTIONS, life_table
+from emacm.thesis.chapter5_life import CONSECUTIVE, ONSET, OPTIONS, life_table
 from emacm.thesis.chapter5_trend import trend_table
 from emacm.thesis.findings import Chapter
 
@@ -138,6 +138,20 @@ def _inputs(extent: Extent5) -> pd.DataFrame:
             "assumed",
         ),
     ]
+    if extent.life_units is not None:
+        rows += [
+            (
+                "health index of the remaining life",
+                "largest rise of the accelerometer over bins of one order up to 24, without those "
+                "below 2.5, relative to the first three readings of the unit",
+                "assumed",
+            ),
+            (
+                "onset of damage",
+                f"{CONSECUTIVE} consecutive readings with a health index above {ONSET:g} dB",
+                "assumed",
+            ),
+        ]
     return pd.DataFrame(rows, columns=["input", "value", "source"]).set_index("input")
 
 

@@ -29,7 +29,6 @@ PAIRS = (
 _REVOLUTIONS = 4
 _OPTIONS: dict[str, Any] = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0}
 _TESTED, _CALIBRATION = 1000, 2000  # first numbers of the units
-_NONE = pd.DataFrame([{}])  # one row without columns
 
 
 class Extent5(NamedTuple):
@@ -151,7 +150,7 @@ def planned_runs(extent: Extent5) -> list[tuple[str, LaboratoryBench, int]]:
 def compute_features(
     extent: Extent5, *, n_jobs: int | None = None, report: Callable[[str], None] | None = None
 ) -> Features:
-    """Simulate all recordings one by one, and return their features.
+    """Simulate all recordings, twenty at a time, and return their features.
 
     Parameters
     ----------
@@ -201,9 +200,11 @@ def _features_of(
         short="pad",
         max_order=MAX_ORDER,
     ).set_output(transform="pandas")
-    autos, crosses = [], []
-    for role, bench, run in runs:
-        resampled = resampler.fit_transform([bench.record(CONDITION, run)])
-        autos.append(np.log10(bins.fit_transform(psd.fit_transform(resampled))))
-        crosses.append(cross.fit_transform(resampled) if role == "tested" else _NONE)
-    return pd.concat(autos, ignore_index=True), pd.concat(crosses, ignore_index=True)
+    recordings = resampler.fit_transform([bench.record(CONDITION, run) for _, bench, run in runs])
+    auto = np.log10(bins.fit_transform(psd.fit_transform(recordings)))
+    tested = [place for place, (role, *_) in enumerate(runs) if role == "tested"]
+    crosses = pd.DataFrame(index=range(len(runs)))
+    if tested:
+        found = cross.fit_transform([recordings[place] for place in tested])
+        crosses = found.set_axis(tested).reindex(crosses.index)
+    return auto, crosses

@@ -21,7 +21,7 @@ from emacm.thesis.chapter4_spectra import MIN_SPEED
 COVERAGE = 0.9
 FRACTIONS = (0.25, 0.5, 0.75, 0.9)  # of the life, at which the remaining life is estimated
 _BASELINE = 3  # first readings of a unit
-_ONSET, _CONSECUTIVE = 10.0, 2  # dB and readings: the onset of damage; assumed
+ONSET, CONSECUTIVE = 10.0, 2  # dB and readings: the onset of damage; assumed
 _FLEETS = {"training": 0, "tested": 500}  # first numbers of the units
 OPTIONS: dict[str, Any] = {"fault": "screw", "interval": 20.0, "duration": 3.0}
 
@@ -64,7 +64,7 @@ def life_table(
         report(f"chapter 5: {len(table)} readings of {sum(n_units)} units that wear out")
     known, new = (table[(table["unit"] >= 500) == late] for late in (False, True))
     columns = ["age", "index"]
-    model = RemainingLife("weibull", coverage=COVERAGE, onset=_ONSET, consecutive=_CONSECUTIVE).fit(
+    model = RemainingLife("weibull", coverage=COVERAGE, onset=ONSET, consecutive=CONSECUTIVE).fit(
         known[columns], known["left"], groups=known["unit"]
     )
     interval = model.predict_interval(new[columns], groups=new["unit"])

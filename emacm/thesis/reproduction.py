@@ -72,13 +72,13 @@ def reproduce(
             raise ValueError(f"chapter {number} is not reproduced; available are {known}.")
     start = time.perf_counter()
 
-    def tell(line: str) -> None:
+    def report_line(line: str) -> None:
         print(f"[{time.perf_counter() - start:4.0f} s] {line}", file=sys.stderr, flush=True)
 
     with whole_folder(out, overwrite=overwrite) as folder:
         report = Report(folder, quick=quick)
         for number in chapters:
-            report.add(CHAPTERS[number](quick=quick, n_jobs=n_jobs, report=tell))
+            report.add(CHAPTERS[number](quick=quick, n_jobs=n_jobs, report=report_line))
         report.finish()
     single = [f for f in report.findings if f.kind == "random" and f.draws == 1]
     for f in report.findings:
