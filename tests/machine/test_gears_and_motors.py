@@ -1,5 +1,6 @@
 """Planetary stages and induction motors, compared with kinematics solved as equations."""
 
+from dataclasses import FrozenInstanceError, replace
 from math import gcd, pi
 
 import numpy as np
@@ -250,3 +251,14 @@ def test_limits_of_a_part_are_inclusive(make, accepted, refused, words):
     assert all(line.order > 0 for line in make(accepted).lines())
     with pytest.raises(ValueError, match=words):
         make(refused)
+
+
+@pytest.mark.parametrize(
+    "part", [Bearing(9, 1.0, 8.0), screw(), Gear(2, 3), PlanetaryGear(30, 90, 3), Motor(2)]
+)
+def test_a_part_cannot_be_changed_and_has_a_tuple_of_lines(part):
+    with pytest.raises(FrozenInstanceError):
+        part.name = "front"
+    assert isinstance(part.lines(), tuple)
+    assert part == replace(part)
+    assert hash(part) == hash(replace(part))

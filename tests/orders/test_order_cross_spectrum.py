@@ -300,7 +300,7 @@ def test_float32_recordings_agree_with_float64():
 
 
 def test_a_long_stroke_is_never_held_as_a_whole():
-    n_times = 2_000_000
+    n_times = 1_000_000
     rng = np.random.default_rng(0)
     signals = {name: rng.standard_normal(n_times, dtype=np.float32) for name in "xy"}
     run = Recording(signals, 10_000, velocity=np.full(n_times, 600.0, np.float32))
@@ -311,8 +311,8 @@ def test_a_long_stroke_is_never_held_as_a_whole():
     estimator.transform([row])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert row.strokes[0].n_angles * 2 * 4 > 19e6  # bytes of the stroke
-    assert peak < 10e6
+    assert row.strokes[0].n_angles * 2 * 4 > 9.7e6  # bytes of the stroke
+    assert peak < 9e6
 
 
 # What is refused
@@ -413,7 +413,10 @@ def test_what_is_no_list_of_recordings_over_the_angle_is_refused(X, error, match
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [
-        ({"pairs": "torque"}, TypeError, "must be a list of"),
+        ({"pairs": "torque"}, TypeError, r"channels, got 'torque'"),
+        ({"pairs": {"torque": "error"}}, TypeError, r"channels, got {'torque': 'error'}"),
+        ({"pairs": 3}, TypeError, "channels, got 3"),
+        ({"pairs": [("torque", "error", "current")]}, TypeError, "'current'.* in it"),
         ({"pairs": ["torque"]}, TypeError, "got 'torque' in it"),
         ({"pairs": [("torque", "lvdt")]}, ValueError, "name a channel 'lvdt', but the recordings"),
         ({"pairs": [("torque", "torque")]}, ValueError, "a pair needs two channels"),

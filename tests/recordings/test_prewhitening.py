@@ -245,7 +245,7 @@ def test_the_order_of_impacts_under_a_resonance_and_a_gear_stands_in_the_envelop
 
 
 def test_a_long_recording_is_never_held_as_a_whole():
-    n_times = 4_000_000
+    n_times = 3_000_000
     sound = noise(n_times).astype(np.float32)
     sound.flags.writeable = False
     run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
