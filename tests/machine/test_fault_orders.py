@@ -376,6 +376,7 @@ def test_lines_of_one_fault_are_joined_and_those_of_different_faults_never():
     cage = {"FTF": 0.4, "screw": 0.5, "2xFTF": 0.8}
     bands = order_bands(cage, slip=0.0, min_width=0.5, on_overlap="join")
     assert bands == {"FTF/2xFTF": (0.15, 1.05), "screw": (0.25, 0.75)}
+    assert list(bands) == ["FTF/2xFTF", "screw"]  # by their lower edges
     table = fault_orders(Bearing(9, 7.94, 39.04), harmonics=3)  # 3xBPFO is beside 2xBPFI
     bands = order_bands(table, slip=0.02, on_overlap="join")
     assert {"3xBPFO", "2xBPFI"} <= set(bands)

@@ -569,3 +569,22 @@ def test_the_unit_of_a_struct_is_that_of_its_values(tmp_path):
     opened = open_recording(tmp_path / "a.mat", layout)
     assert opened.fs["b"] == 10
     assert read_columns(tmp_path / "a.mat").units == {"run.b": "g", "run": "V"}
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("t [ms]", {}), ("t", {"units": {"t": "ms"}}), ("t [s]", {"units": {"b": "g"}})],
+)
+def test_times_have_the_unit_that_the_file_or_the_layout_states(tmp_path, name, options):
+    times = np.arange(6) / 50 * (1 if name == "t [s]" else 1000)
+    np.savez(tmp_path / "a.npz", **{name: times, "b": np.arange(6.0)})
+    opened = open_recording(tmp_path / "a.npz", Layout(velocity=3, **options))
+    assert opened.fs["b"] == pytest.approx(50)
+
+
+def test_a_file_changed_after_it_was_read_has_no_digest(npz):
+    opened = open_recording(npz, LAYOUT)
+    assert opened.digest == in_memory().digest
+    os.utime(npz, ns=(1, 1))
+    with pytest.raises(ValueError, match="Open it again"):
+        opened.digest  # noqa: B018

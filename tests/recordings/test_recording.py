@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from emacm import Recording
 from emacm._kernels import using
 from emacm.recordings import digests
+from emacm.recordings.content import same_content
 
 TIMES = np.arange(200) / 100
 
@@ -884,3 +885,32 @@ def test_an_angle_whose_steps_are_rounded_away_is_refused_with_the_mean_step():
     angle = 1e9 + np.array([0.0, 1e-6, 4e-6])
     with pytest.raises(ValueError, match="the shaft turns by 2e-06 rad from sample to sample"):
         Recording({"a": [1.0, 2, 3]}, 10, angle=angle - angle % 2.0**-23)
+
+
+def test_a_recording_equals_itself_whatever_its_meta():
+    run = Recording({"b": [1.0, 2.0]}, 1, velocity=3.0, meta={"note": np.array([np.nan, "x"], "O")})
+    assert run == copy.copy(run)
+    assert run == run.select(["b"])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ({"a": 1, "b": 2}, {"b": 2, "a": 1}, False),
+        (np.array([1.0, np.nan]), np.array([1.0, np.nan]), True),
+        (np.array([1, 2]), np.array([1.0, 2.0]), False),
+        (np.array(["a"]), np.array(["a"]), True),
+        (1, 1.0, True),
+        (1, "1", False),
+        ([1, (2, np.nan)], [1, (2, np.nan)], True),
+        ([1, 2], [1, 2, 3], False),
+        ([1, 2], (1, 2), False),
+        (pd.Series([1, 2]), pd.Series([1, 2]), True),
+        (pd.Series([1, 2]), pd.Series([1, 3]), False),
+        (float("nan"), float("nan"), True),
+        (None, None, True),
+        (None, 0, False),
+    ],
+)
+def test_contents_are_compared_with_their_types_and_order(one, other, same):
+    assert same_content(one, other) is same

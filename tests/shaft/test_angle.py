@@ -352,5 +352,14 @@ def test_the_scale_of_currents_changes_no_angle(scale):
 
 
 def test_phases_known_at_single_samples_only_go_on_by_the_shorter_way():
-    found = _unwrapped_over_gaps(np.array([0.5, 3.0, -3.0]), np.array([0, 3, 6]))
-    np.testing.assert_allclose(found, [0.5, 3.0, TURN - 3.0])
+    found = _unwrapped_over_gaps(np.array([0.5, 3.0, -3.0, 0.1]), np.array([0, 3, 6, 8]))
+    np.testing.assert_allclose(found, [0.5, 3.0, TURN - 3.0, TURN + 0.1])
+    back = _unwrapped_over_gaps(np.array([2.9, 0.0, -2.9]), np.array([0, 2, 5]))
+    np.testing.assert_allclose(back, [2.9, 0.0, -2.9])
+
+
+def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
+    sample = np.array([0, 1, 2, 3, 8, 9, 10])
+    phase = 1.3 * sample
+    found = _unwrapped_over_gaps(np.angle(np.exp(1j * phase)), sample)
+    np.testing.assert_allclose(found, phase)

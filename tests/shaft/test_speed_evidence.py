@@ -170,6 +170,21 @@ def test_known_orders_are_searched_for_at_these_only():
     assert found.fastest == 0
 
 
+def test_the_evidence_of_clear_lines_follows_from_how_rare_they_are():
+    times = np.arange(4000) / FS
+    signal = tones([21.0, 63.0], times) + noise(4000)
+    white = Whitened(signal, FS, 450.0, np.empty(0))
+    found = measure(white, 4.0, (15.0, 40.0), np.array([1.0, 3.0]), n_rates=3)
+    slope = 2 / (120 * 16)
+    powers = speed_evidence._powers(signal, 4000, slope * np.arange(-1, 2), FS)[0][0]
+    usable = slice(3, 481)  # from above the lobe of the mean up to order 3 at the highest speed
+    powers = powers[:, usable] / np.median(powers[1, usable])
+    share = np.mean(powers > 15)
+    assert 0.01 < share < 0.03
+    score = np.log(0.05 + 0.95 * 0.08 * share**-0.92)
+    assert found.ratios.max() == pytest.approx(2 * score - np.log(3), rel=1e-3)
+
+
 def test_lines_of_the_mains_are_no_evidence():
     times = np.arange(4000) / FS
     signal = tones([25, 50, 75, 100], times) + noise(4000)
@@ -367,6 +382,13 @@ def test_the_most_lines_that_one_correction_explains_are_those_of_the_shaft():
     assert shift == 0
 
 
+@pytest.mark.parametrize(("off", "belongs"), [(0.017, True), (-0.017, True), (0.019, False)])
+def test_a_line_of_the_shaft_is_within_a_tenth_of_a_bin_and_the_error_of_the_speed(off, belongs):
+    orders = np.arange(1.0, 9)
+    moved = np.where(orders == 8, off, 0.0)  # 0.1 / 10 s + 5e-5 of 160 Hz
+    assert _lines_of_shaft(orders, moved, 20.0, 10.0)[0].tolist() == [True] * 7 + [belongs]
+
+
 @pytest.mark.parametrize(("n_sidebands", "shift"), [(5, 0.0), (8, 0.3)])
 def test_sidebands_must_be_more_by_two_lines_than_orders(n_sidebands, shift):
     orders = np.arange(1.0, 5 + n_sidebands)
@@ -445,6 +467,14 @@ def test_few_families_of_lines_may_lie_between_the_orders(n_families, clear, rat
     signal = sum(np.cos(TURN * place * turns + place**2) for place in places)
     signal = signal + 0.1 * noise(8000)
     assert orders_stand_out(signal, 40.0, rate, orders, 2000, 1000) is clear
+
+
+@pytest.mark.parametrize(("amplitude", "clear"), [(0.08, True), (0.11, False)])
+def test_families_count_where_their_lines_stand_out_of_the_noise(amplitude, clear):
+    times, orders = np.arange(8000) / 2000, np.arange(1.0, 9)
+    others = np.add.outer(orders, [0.2, 0.4, 0.7]).ravel()
+    signal = tones(40 * orders, times) + tones(40 * others, times, amplitude) + noise(8000)
+    assert orders_stand_out(signal, 40.0, 0.0, orders, 2000, 1000) is clear
 
 
 def test_families_need_room_and_a_spectrum_that_holds_them():

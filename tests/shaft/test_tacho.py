@@ -389,11 +389,16 @@ def test_a_rate_of_zero_is_refused():
         ({0: 1.41}, [], [0]),
         ({8: 1.41}, [], [8]),
         ({0: 0.4, 4: 0.3, 8: 2.0}, [0, 4], [8]),
+        ({0: 0.62, 1: 0.62, 2: 0.9, 4: 0.95}, [0], []),
+        ({0: 0.62, 1: 0.62, 2: 0.8, 4: 0.95}, [], []),  # the third interval is as short
+        ({0: 0.62, 1: 0.62, 4: 1.3}, [], []),  # a shaft that starts
+        ({0: 0.62, 1: 0.62, 3: 0.85, 4: 0.85}, [], []),
     ],
 )
-def test_intervals_are_judged_by_their_neighbours(changed, short, long):
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_intervals_are_judged_by_their_neighbours(changed, short, long, scale):
     intervals = np.array([changed.get(place, 1.0) for place in range(9)])
-    found = _judged(np.log(1e-3 * intervals))
+    found = _judged(np.log(scale * intervals))
     assert [np.flatnonzero(marks).tolist() for marks in found[:2]] == [short, long]
     assert not any(marks.any() for marks in _judged(np.log([1.0, 9.0]))[:2])
 
