@@ -195,6 +195,6 @@ def _temperature(training: Training, log_densities: Array) -> float:
             "of its class. Give groups= with at least two groups in one class, or a number as "
             "temperature."
         )
-    known = training.take(judged)
+    codes, weight = training.codes[judged], training.weight[judged]
     counts = np.bincount(training.codes, training.weight, training.n_classes)
-    return fit_temperature(log_densities[judged], known.codes, known.weight, counts / counts.sum())
+    return fit_temperature(log_densities[judged], codes, weight, counts / counts.sum())

@@ -52,16 +52,16 @@ def fit_temperature(
     if not len(codes) or log_densities.shape[1] < 2:
         return 1.0
     scores = np.maximum(log_densities - log_densities.max(axis=1, keepdims=True), _IMPOSSIBLE)
-    true = np.take_along_axis(scores, codes[:, np.newaxis], axis=1)
-    log_priors = np.log(priors)
+    true = np.take_along_axis(scores, codes[:, np.newaxis], axis=1)[:, 0]
+    scores = np.ascontiguousarray(scores.T)  # sums over few classes are slow along rows
 
     def slope(log_exponent: float) -> float:
         """Return the derivative of the log loss by the exponent 1 / T."""
-        joint = log_priors + np.exp(log_exponent) * scores
-        posterior = np.exp(joint - joint.max(axis=1, keepdims=True))
-        posterior /= posterior.sum(axis=1, keepdims=True)
+        joint = np.exp(np.exp(log_exponent) * scores)
+        joint *= priors[:, np.newaxis]
         with np.errstate(over="ignore"):
-            return float(weight @ np.sum(posterior * (scores - true), axis=1))
+            mean = np.einsum("kr,kr->r", joint, scores) / joint.sum(axis=0)
+            return float(weight @ (mean - true))
 
     low, high = np.log(_RANGE)
     if slope(low) >= 0:

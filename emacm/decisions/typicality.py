@@ -197,7 +197,8 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    pairs = np.unique(np.column_stack([training.codes, training.groups]), axis=0)
+    numbers = np.unique(training.groups * training.n_classes + training.codes)
+    pairs = np.column_stack([numbers % training.n_classes, numbers // training.n_classes])
     present = np.bincount(training.codes, minlength=training.n_classes) > 0
     distances = _class_distances(gaussians, present, _degrees(pairs))
     inside = np.full((len(training.X), training.n_classes), np.inf)
@@ -213,15 +214,16 @@ def fit_typicality(
             "of its class. Give groups= with at least two groups in one class."
         )
     used = np.array([distances.basis.shape[1] > 0, np.diff(distances.basis.shape)[0] < 0, True])
-    known, logs = training.take(judged), (inside[judged], *others[:, judged])
-    own = np.array([np.take_along_axis(logs[0], known.codes[:, np.newaxis], 1)[:, 0], *logs[1:]])
-    levels = _class_levels(own, known)
+    codes, weight = training.codes[judged], training.weight[judged]
+    logs = inside[judged], *others[:, judged]
+    own = np.array([np.take_along_axis(logs[0], codes[:, np.newaxis], 1)[:, 0], *logs[1:]])
+    levels = _class_levels(own, codes, training.groups[judged], weight, training.n_classes)
     peaks = tuple(
-        peaks_over_threshold(values - level[known.codes], known.weight, expected, _N_EXPECTED)
+        peaks_over_threshold(values - level[codes], weight, expected, _N_EXPECTED)
         for values, level, expected in zip(own, levels, _EXPECTED, strict=True)
     )
     values = _combine(logs, levels, peaks, used)
-    combined = student_tail(values, known.weight, _EXPECTED_COMBINED)
+    combined = student_tail(values, weight, _EXPECTED_COMBINED)
     feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
     return Typicality(distances, levels, peaks, used, combined, feature_range)
 
@@ -261,17 +263,19 @@ def _class_distances(
     return ClassDistances(means, factor, deviations, seen, basis)
 
 
-def _class_levels(own: Array, known: Training) -> Array:
+def _class_levels(
+    own: Array, codes: NDArray[np.intp], groups: NDArray[np.intp], weight: Array, n_classes: int
+) -> Array:
     """Return the mean log distances of each class to itself, shape (3, n_classes).
 
     A class that was measured in g groups has the weight g, against one group of all classes.
     """
-    overall = np.average(own, axis=1, weights=known.weight)
-    levels = np.repeat(overall[:, np.newaxis], known.n_classes, axis=1)
-    for k in np.unique(known.codes):
-        chosen = known.codes == k
-        n_groups = len(np.unique(known.groups[chosen]))
-        mean = np.average(own[:, chosen], axis=1, weights=known.weight[chosen])
+    overall = np.average(own, axis=1, weights=weight)
+    levels = np.repeat(overall[:, np.newaxis], n_classes, axis=1)
+    for k in np.unique(codes):
+        chosen = codes == k
+        n_groups = len(np.unique(groups[chosen]))
+        mean = np.average(own[:, chosen], axis=1, weights=weight[chosen])
         levels[:, k] += n_groups / (n_groups + 1) * (mean - overall)
     return levels
 
