@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from emacm.displays import _drawing
 from emacm.reports.html_pages import heading_of_warnings
@@ -117,26 +120,35 @@ def _wrapped(lines: Sequence[_Line], scale: float) -> list[tuple[_Line, float]]:
 
 def _broken(text: str, width: float, size: float, bold: bool) -> list[str]:
     """Break a text into lines of a width [points]."""
+    room, space = width / size, _width(" ", bold)
+    found, line, used = [], "", 0.0
+    for word in text.split():
+        length = _width(word, bold)
+        while length > room:  # a path
+            cut = _n_fitting(word, room, bold)
+            found += [line] if line else []
+            found, line, word, used = [*found, word[:cut]], "", word[cut:], 0.0
+            length = _width(word, bold)
+        if line and used + space + length > room:
+            found, line, used = [*found, line], "", 0.0
+        line, used = f"{line} {word}".strip(), used + (space if line else 0.0) + length
+    return [*found, line]
+
+
+def _n_fitting(word: str, room: float, bold: bool) -> int:
+    """Return the number of letters of a word that fit into a width in units of the size."""
+    ends = np.cumsum([_width(letter, bold) for letter in word])
+    return max(1, int(np.count_nonzero(ends <= room)))
+
+
+@lru_cache(maxsize=8192)
+def _width(text: str, bold: bool) -> float:
+    """Return the width of a text in units of the size of its letters."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
-    font = FontProperties(size=size, weight="bold" if bold else "normal")
-
-    def fits(words: str) -> bool:
-        return text_to_path.get_text_width_height_descent(words, font, False)[0] <= width
-
-    found, line = [], ""
-    for word in text.split():
-        while not fits(word):  # a path
-            cut = next((k for k in range(len(word) - 1, 1, -1) if fits(word[:k])), 1)
-            found += [line] if line else []
-            found, line, word = [*found, word[:cut]], "", word[cut:]
-        joined = f"{line} {word}".strip()
-        if fits(joined):
-            line = joined
-        else:
-            found, line = [*found, line], word
-    return [*found, line]
+    font = FontProperties(size=1, weight="bold" if bold else "normal")
+    return float(text_to_path.get_text_width_height_descent(text, font, False)[0])
 
 
 def _lines(page: Page) -> Iterator[_Line]:
