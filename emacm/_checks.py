@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pandas import DataFrame
 
+_LONGEST = 60  # letters of a value in a message
 _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
 
 
@@ -199,7 +200,9 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
         given = values if isinstance(values, list | tuple) else array
         for index, value in enumerate(given):
             if isinstance(value, bool) or not isinstance(value, Real):
-                return f"{value!r} at sample {index}"
+                text = repr(value)
+                text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+                return f"{text} at sample {index}. Repair or convert it"
     if array.dtype.kind == "O" and array.ndim:
         return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"

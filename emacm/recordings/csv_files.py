@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import re
 from collections.abc import Sequence
@@ -15,14 +16,17 @@ from numpy.typing import NDArray
 
 from emacm.recordings.column_names import is_time_name, split_unit
 from emacm.recordings.file_columns import FileColumns
+from emacm.recordings.file_kinds import other_kind
 from emacm.recordings.readers import RefusedFileError
 
-_SEPARATORS = (";", "\t", ",")
+_SEPARATORS = (";", "\t", ",", "|")
 _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
     {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
 )
 _HEAD = 200  # lines in which separator and header are looked for
 _LAST = 3  # rows of these, which show how many values a row has
+_QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
+_MOST_COLUMNS = 10_000
 _STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"
     r"[#%\s]*([^\W\d][^:=;,\t]*?)\s*[:=;,\t]\s*([+-]?\d+(?:\.\d+)?)[;,\s]*"
     r"(?:[\[(]?([^\W\d_][^\s;,\])]*)[\])]?)?[;,\s]*"
@@ -54,6 +58,8 @@ def read_csv(path: Path) -> FileColumns:
     RefusedFileError
         If it has no rows of numbers, or no header that belongs to them.
     """
+    if other_kind(path):  # which is stated after this
+        raise RefusedFileError("it is no text with rows of numbers.")
     encoding = _encoding(path)
     with open(path, encoding=encoding, newline=None) as file:
         head = [line.rstrip("\n") for line in itertools.islice(file, _HEAD)]
@@ -76,6 +82,8 @@ class TextTable(NamedTuple):
         Number of lines above the rows of numbers.
     preamble : list of str
         These lines.
+    n_blank : int
+        Number of columns without names and values at the right, which are not read.
     """
 
     names: list[str]
@@ -84,6 +92,7 @@ class TextTable(NamedTuple):
     decimal: str
     start: int
     preamble: list[str]
+    n_blank: int = 0
 
     def columns(self, source: Any, **options: Any) -> FileColumns:
         """Return the columns of rows of numbers, and the numbers that the preamble states.
@@ -107,9 +116,12 @@ class TextTable(NamedTuple):
             names=self.names,
             index_col=False,
             low_memory=False,
+            usecols=range(len(self.names)) if self.n_blank else None,
             **_EXACT,
             **options,
         )
+        blank = table.isna().all(axis=1).to_numpy()[::-1]
+        table = table.iloc[: len(table) - (int(blank.argmin()) if not blank.all() else 0)]
         unnamed = [name for name in self.names if not name and table[name].isna().all()]
         columns = {name: _numbers(table[name]) for name in self.names if name not in unnamed}
         content = FileColumns(columns, units=dict(zip(self.names, self.units, strict=False)))
@@ -134,21 +146,31 @@ def text_table(head: Sequence[str]) -> TextTable:
     RefusedFileError
         If there are no rows of numbers, or no header that belongs to them.
     """
-    filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,")]
+    filled = [(number, line) for number, line in enumerate(head) if line.strip(" \t;,|")]
     separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)
-    rows = [_row(number, line, separator) for number, line in filled]
-    names, units, start = _header(rows, comma=separator in (";", "\t"))
-    data = [line for line in head[start:] if separator in (";", "\t")]
+    if filled and re.fullmatch(r'"?sep=.?"?', filled[0][1].strip(), re.IGNORECASE):
+        del filled[0]  # of spreadsheets
+    rows, n_blank = _without_blank_columns([_row(n, line, separator) for n, line in filled])
+    comma = separator in (";", "\t", "|") or any(map(_QUOTED.search, head))
+    names, units, start = _header(rows, comma=comma)
+    data = [line for line in head[start:] if comma]
     decimal = "," if any(re.search(r"\d,\d", line) for line in data) else "."
-    return TextTable(names, units, separator, decimal, start, list(head[:start]))
+    return TextTable(names, units, separator, decimal, start, list(head[:start]), n_blank)
 
 
 def _encoding(path: Path) -> str:
     """Return UTF-8 or UTF-16, or the code page of Western Europe for what is not UTF-8."""
     with open(path, "rb") as file:
         start = b"".join(itertools.islice(file, _HEAD))
+    if start.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return "utf-32"
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    if b"\0" in start:
+        raise RefusedFileError(
+            "it contains bytes 0: it is binary, or UTF-16 without a byte order mark. Save it as "
+            "text in UTF-8."
+        )
     try:
         start.decode("utf-8")
     except UnicodeDecodeError:
@@ -160,7 +182,20 @@ def _row(number: int, line: str, separator: str | None) -> _Row:
     is_comment = line.startswith(("#", "%"))
     line = line.lstrip("#% \t") if is_comment else line
     fields = line.split(separator) if separator else line.split()
+    if separator and '"' in line:
+        fields = next(csv.reader([line], delimiter=separator))
     return _Row(number, [text.strip().strip('"').strip() for text in fields], is_comment)
+
+
+def _without_blank_columns(rows: Sequence[_Row]) -> tuple[list[_Row], int]:
+    """Leave one of several blank columns at the right, as spreadsheets write them; count others."""
+    width = max((len(row.fields) for row in rows), default=0)
+    wide = [row.fields[::-1] for row in rows if len(row.fields) == width]
+    used = [next((k for k, text in enumerate(fields) if text), width) for fields in wide]
+    n_blank = max(0, min(used, default=0) - 1)
+    if not n_blank:
+        return list(rows), 0
+    return [row._replace(fields=row.fields[: width - n_blank]) for row in rows], n_blank
 
 
 def _is_number(text: str, *, comma: bool) -> bool:
@@ -176,6 +211,11 @@ def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str],
     numeric = [[_is_number(text, comma=comma) for text in row.fields] for row in rows]
     widths = [len(row.fields) for row in rows if not row.is_comment]
     width = mode(widths[-_LAST:]) if widths else 0
+    if width > _MOST_COLUMNS:
+        raise RefusedFileError(
+            f"its rows have {width} values; at most {_MOST_COLUMNS} are read. Save a row for each "
+            f"time, and a column for each channel."
+        )
     first = _first_of_data(rows, numeric, width)
     above = [n for n in range(first) if len(rows[n].fields) == width and not any(numeric[n])]
     named = [n for n in above if all(rows[n].fields[:-1]) and any(rows[n].fields)]
@@ -203,7 +243,11 @@ def _first_of_data(rows: Sequence[_Row], numeric: Sequence[list[bool]], width: i
     for n in wide:
         if numeric[n][0] or numeric[n][-1]:
             return n
-    raise RefusedFileError("it has no rows of numbers.")
+    begin = " ".join(rows[0].fields)[:40] if rows else ""
+    raise RefusedFileError(
+        f"it has no rows of numbers; it begins with {begin!r}. Save a row for each time, with "
+        f"numbers such as 1.5e-3 separated by commas, semicolons, tabs, | or spaces."
+    )
 
 
 def _check_no_other_header(above: Sequence[_Row], width: int) -> None:

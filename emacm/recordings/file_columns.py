@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import check_signal
@@ -20,6 +21,7 @@ from emacm.shaft.tacho import angle_from_tacho
 
 _RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _RATES |= {"abtastrate"}
+_LISTED = 20  # columns that a message names
 _HERTZ = {"": 1.0, "hz": 1.0, "khz": 1000.0}
 
 
@@ -37,12 +39,15 @@ class FileColumns:
         Units that the file states, by column.
     numbers : dict of str to float
         Single numbers by name.
+    ignored : dict of str to str
+        What is in the file but no column, with the reason.
     """
 
     columns: dict[str, NDArray[Any]]
     rates: dict[str, float] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
+    ignored: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Take units out of the names of columns, as in "speed [rpm]"."""
@@ -80,10 +85,16 @@ class FileColumns:
         if len(found) == 1:
             return found[0]
         if found:
-            raise ValueError(f"{wanted!r} matches several columns: {found}. Name one of them.")
+            several = f"{wanted!r} matches several columns: {_listed(found)}."
+            raise ValueError(f"{several} Name one of them.")
+        if plain in self.ignored:
+            raise ValueError(
+                f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
+                f"as an array of numbers, one for each time."
+            )
         raise ValueError(
-            f"it has no column {wanted!r}; its columns are {known}. Where files differ, a layout "
-            f"may give several names: {f'{wanted}|{known[0]}' if known else wanted!r}."
+            f"it has no column {wanted!r}; its columns are {_listed(known)}. Where files differ, a "
+            f"layout may give several names: {f'{wanted}|{known[0]}' if known else wanted!r}."
         )
 
     def has(self, wanted: str) -> bool:
@@ -116,7 +127,7 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         shaft, a unit. The message states the remedy.
     """
     if not content.columns:
-        raise ValueError(f"it contains no signal, only {list(content.numbers) or 'nothing'}.")
+        raise ValueError(_without_signal(content))
     if "|" in layout.key:
         layout = with_names_of(layout, content.has)
     times = _time_column(content, layout)
@@ -124,7 +135,7 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     channels = _channel_columns(content, layout, times, shaft)
     rates = _Rates(content, layout, times)
     fs = {name: rates.of(column, name) for name, column in channels.items()}
-    signals = {n: check_signal(content.columns[c], f"channel {n!r}") for n, c in channels.items()}
+    signals = {name: _signal(content, column, name) for name, column in channels.items()}
     units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
     arguments = {
         "signals": signals,
@@ -132,6 +143,31 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         "units": {name: unit for name, unit in units.items() if unit},
     }
     return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+
+
+def _without_signal(content: FileColumns) -> str:
+    """Say what a file without any column contains."""
+    rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
+    reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]
+    remedy = "Store an array for each channel, or leave the file out."
+    return f"it contains no signal, {'; '.join([rest, *reasons])}. {remedy}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names as a list; of many, the first ones."""
+    more = len(names) - _LISTED
+    return str(list(names)) if more <= 0 else f"{list(names[:_LISTED])} and {more} more"
+
+
+def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
+    """Return a channel; one without any value is refused as a whole."""
+    values = content.columns[column]
+    if values.dtype.kind == "f" and len(values) and np.isnan(values[0]) and np.isnan(values).all():
+        raise ValueError(
+            f"column {column!r} is empty: it has no value at all. List the other columns in "
+            f"channels of the layout."
+        )
+    return check_signal(values, f"channel {name!r}")
 
 
 def _time_column(content: FileColumns, layout: Layout) -> str | None:

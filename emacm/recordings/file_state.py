@@ -50,6 +50,11 @@ class FileState:
             status = os.stat(path)
         except FileNotFoundError as error:
             raise FileNotFoundError(f"there is no file {str(path)!r}.") from error
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise OSError(
+                f"{str(path)!r} cannot be opened: {reason}. Correct the path or the link."
+            ) from error
         inode = status.st_ino, status.st_ctime_ns
         return cls(str(path), status.st_size, status.st_mtime_ns, inode=inode)
 

@@ -18,6 +18,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def read_mat(path: Path) -> FileColumns:
     """Return the numeric arrays of a MAT file; fields of structures as "structure.field".
 
+    Elements of cells and of arrays of structures are numbered from 0, as "cell.0".
+
     Parameters
     ----------
     path : Path
@@ -43,10 +45,20 @@ def _add(content: FileColumns, name: str, value: Any) -> None:
     if isinstance(value, Mapping):
         for field, inner in value.items():
             _add(content, f"{name}.{field}", inner)
+    elif isinstance(value, list | tuple) or _holds_objects(value):
+        for number, inner in enumerate(value):  # cells, and arrays of structures
+            _add(content, f"{name}.{number}", inner)
     elif isinstance(value, np.ndarray | np.number | int | float):
         add_array(content, name, value)
     elif isinstance(value, str) and name.rpartition(".")[2].lower() in ("unit", "units"):
         content.units[name.rpartition(".")[0]] = value
+    else:
+        kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
+        content.ignored[name] = f"{kind}, no array of numbers"
+
+
+def _holds_objects(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.ndim > 0
 
 
 def _add_groups(content: FileColumns, path: Path) -> None:

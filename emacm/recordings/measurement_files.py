@@ -13,7 +13,7 @@ from emacm.recordings.file_columns import FileColumns
 from emacm.recordings.readers import RefusedFileError, add_array, optional_library, settled
 from emacm.recordings.sample_times import rate_of_times
 
-_RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency")
+_RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
 _UNIT_KEYS = ("unit", "units", "Unit", "Units")
 _DOUBLE, _UFF = 15, 6  # digits of a time between samples: as a number, and in a UFF file
 _TIME_RESPONSE = 58  # type of a data set of a UFF file
@@ -26,19 +26,30 @@ def read_parquet(path: Path) -> FileColumns:
     metadata of the file and from ``DataFrame.attrs`` ("fs", "units").
     """
     parquet = optional_library("pyarrow.parquet", "Parquet")
-    table = parquet.read_table(path)
+    table = parquet.ParquetFile(path).read()
+    if len(set(table.column_names)) < len(table.column_names):
+        raise RefusedFileError(f"its columns must have different names, got {table.column_names}.")
     content = FileColumns({})
     for field, column in zip(table.schema, table.columns, strict=True):
+        if str(field.type).startswith("decimal"):
+            column = column.cast("float64")
+        if str(field.type) == "null":
+            content.ignored[field.name] = "is empty"
+            continue
         values = column.to_numpy()
         if values.dtype == object and len(values) and not isinstance(values[0], str):
-            raise RefusedFileError(
-                f"column {field.name!r} holds lists or dates of Python. If it is a data set of "
-                f"bearing-datasets, open its folder by emacm.open_bearing_dataset."
-            )
+            content.ignored[field.name] = f"holds values of the type {field.type}"
+            continue
         content.columns[field.name] = values
         for key, value in (field.metadata or {}).items():
             if key.decode() in _UNIT_KEYS:
                 content.units[field.name] = value.decode()
+    if content.ignored and not any(v.dtype.kind in "iuf" for v in content.columns.values()):
+        name, reason = next(iter(content.ignored.items()))
+        raise RefusedFileError(
+            f"column {name!r} {reason}. If it is a data set of bearing-datasets, open its folder "
+            f"by emacm.open_bearing_dataset."
+        )
     stored = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
     pandas = json.loads(stored.get("pandas", "{}"))
     _add_attributes(content, "", stored | (pandas.get("attributes") or {}))
@@ -55,7 +66,7 @@ def read_hdf5(path: Path) -> FileColumns:
     content = FileColumns({})
 
     def add(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.fields is None:
+        if isinstance(node, h5py.Dataset):
             before = set(content.columns)
             add_array(content, name, node[()])
             for column in set(content.columns) - before:
@@ -155,11 +166,25 @@ def _add_attributes(
         value = value.decode() if isinstance(value, bytes) else value
         if key in _RATE_KEYS:
             if own:
-                content.rates[place] = float(np.squeeze(value))
+                content.rates[place] = _number(key, value, place)
             else:
-                content.numbers[f"{place}{key}"] = float(np.squeeze(value))
+                content.numbers[f"{place}{key}"] = _number(key, value, place)
         elif key in _UNIT_KEYS:
             content.units |= dict(_units(place, value))
+
+
+def _number(key: str, value: Any, place: str) -> float:
+    """Return the rate that an attribute states."""
+    try:
+        rates = np.unique(np.asarray(value, np.float64))
+    except (TypeError, ValueError):
+        rates = np.empty(0)
+    if len(rates) != 1:
+        raise RefusedFileError(
+            f"the attribute {key!r}{f' of {place!r}' if place else ''} is {value!r}; expected was "
+            f"one number, the sampling rate in Hz. Correct the file."
+        )
+    return float(rates[0])
 
 
 def _units(place: str, value: Any) -> Iterator[tuple[str, str]]:

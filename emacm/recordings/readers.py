@@ -17,9 +17,13 @@ import scipy
 from numpy.typing import NDArray
 
 from emacm.recordings.file_columns import FileColumns
+from emacm.recordings.file_kinds import check_file, other_kind
 
 _NPY = b"\x93NUMPY"  # start of an array in an npz file
-_PASSED_ON = (ImportError, MemoryError, FileNotFoundError, PermissionError)
+_PASSED_ON = (ImportError, MemoryError, FileNotFoundError)
+_DAMAGED = " It is damaged, incomplete or of another type. Copy it again, or leave it out."
+_OTHERS = {"U": "texts", "S": "texts", "O": "objects", "m": "differences of times"}
+_MOST_COLUMNS = 10_000
 
 
 class RefusedFileError(ValueError):
@@ -48,16 +52,21 @@ def read_columns(path: Path) -> FileColumns:
         If its type is not known, or it is empty, damaged or of another type.
     """
     reader = _reader_of(path)
-    if not os.stat(path).st_size:
-        raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
+    check_file(path)
     try:
         return reader(path)
-    except (*_PASSED_ON, RefusedFileError):
+    except PermissionError as error:
+        raise PermissionError(
+            f"{str(path)!r}: there is no permission to read it. Ask for it, or leave the file out."
+        ) from error
+    except RefusedFileError as error:
+        raise RefusedFileError(f"{error}{other_kind(path)}") from error
+    except _PASSED_ON:
         raise
     except Exception as error:
         raise ValueError(
-            f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error}). "
-            f"It is damaged, incomplete or of another type. Copy it again, or leave it out."
+            f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error})."
+            f"{other_kind(path) or _DAMAGED}"
         ) from error
 
 
@@ -90,14 +99,26 @@ def array_columns(name: str, values: Any) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def add_array(content: FileColumns, name: str, values: Any) -> None:
-    """Add a numeric array to the content of a file, or a single number; nothing else."""
+    """Add a numeric array to the content of a file, its fields, or a single number.
+
+    What is not added is noted with the reason.
+    """
     array = np.asarray(values)
-    if array.dtype.kind not in "biufc" or not array.size:
-        return
-    if array.size == 1 and array.dtype.kind != "c":
+    if array.dtype.names:
+        for field in array.dtype.names:
+            add_array(content, f"{name}.{field}", array[field])
+    elif not array.size:
+        content.ignored[name] = "is empty"
+    elif array.dtype.kind == "M" and array.ndim == 1:
+        content.columns[name] = array
+    elif array.dtype.kind not in "biufc":
+        content.ignored[name] = f"holds {_OTHERS.get(array.dtype.kind, 'no numbers')}"
+    elif array.size == 1 and array.dtype.kind != "c":
         content.numbers[name] = float(array.reshape(()))
-        return
-    content.columns.update(array_columns(name, array))
+    elif np.squeeze(array).ndim > 2:
+        content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
+    else:
+        content.columns.update(array_columns(name, array))
 
 
 def _read_npz(path: Path) -> FileColumns:
@@ -132,6 +153,8 @@ def _array_of(data: bytes, name: str) -> NDArray[Any]:
                 f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
                 f"numbers."
             ) from error
+    if min(shape, default=0) < 0:
+        raise ValueError(f"array {name!r} has the shape {shape}")
     values = np.frombuffer(data, dtype, count=math.prod(shape), offset=length)
     return values.reshape(shape, order="F" if is_fortran else "C")
 
@@ -145,7 +168,13 @@ def _array_header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 
 def settled(content: FileColumns) -> FileColumns:
     """Return content with units taken out of the names."""
-    return FileColumns(content.columns, content.rates, content.units, content.numbers)
+    if len(content.columns) > _MOST_COLUMNS:
+        raise RefusedFileError(
+            f"it has {len(content.columns)} columns; at most {_MOST_COLUMNS} are read. Store a "
+            f"column for each channel, with a row for each time."
+        )
+    parts = content.columns, content.rates, content.units, content.numbers, content.ignored
+    return FileColumns(*parts)
 
 
 def _read_wav(path: Path) -> FileColumns:

@@ -101,3 +101,29 @@ def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_pat
     layout = Layout(fs=9, velocity=3, channels=["out", "b"])
     recording = opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", layout)
     assert recording.signals["out"].tolist() == [900, 901]
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("b;n;;;\r\n1,5;900;;;\r\n-2,5;903,5;;;\r\n4;907;;;\r\n", "utf-8"),  # a spreadsheet
+        ("b,n\n1.5,900\n-2.5,903.5\n4,907\n,\n,\n", "utf-8"),  # with rows that were deleted
+        ('b,n\n"1,5","900,0"\n"-2,5","903,5"\n"4,0","907,0"\n', "utf-8"),
+        ('"b","n"\n"1.5","900"\n"-2.5","903.5"\n"4","907"\n', "utf-8"),
+        ("b|n\n1.5|900\n-2.5|903.5\n4|907\n", "utf-8"),
+        ("sep=;\nb;n\n1,5;900\n-2,5;903,5\n4;907\n", "cp1252"),
+        ("b,n\r1.5,900\r-2.5,903.5\r4,907\r", "utf-8-sig"),
+        ("b,n\n1.5,900\n-2.5,903.5\n4,907\n", "utf-32"),
+    ],
+)
+def test_files_of_spreadsheets_are_read(tmp_path, text, encoding):
+    layout = Layout(fs=2, channels=["b"], velocity="n", units={"n": "rpm"})
+    recording = opened(tmp_path, text, layout, encoding=encoding)
+    assert recording.signals["b"].tolist() == [1.5, -2.5, 4.0]
+    np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903.5, 907], rtol=1e-14)
+
+
+def test_blank_cells_within_a_recording_are_an_error(tmp_path):
+    text = "b,n\n1.5,900\n,\n4,907\n"
+    with pytest.raises(ValueError, match="nan at sample 1"):
+        assert opened(tmp_path, text, Layout(fs=2, channels=["b"], velocity=3)).duration

@@ -1,12 +1,15 @@
 """Files written by their own libraries are read with names, rates and units."""
 
 import sys
+from decimal import Decimal
 
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 
 from emacm import Layout, Recording, open_recording
+from emacm.recordings import files
 
 RNG = np.random.default_rng(6)
 N = 1500
@@ -186,3 +189,101 @@ def test_a_damaged_file_is_one_clear_error(tmp_path, name, module):
     (tmp_path / name).write_bytes(b"something else " * 40)
     with pytest.raises(ValueError, match=rf"{name}: (it cannot be read as a|it contains no sig)"):
         assert open_recording(tmp_path / name, LAYOUT).duration
+
+
+# Files of unusual form
+
+WAVE = np.sin(np.arange(200.0))
+AT_100_HZ = Layout(channels={"vib": "vib"}, velocity=3)
+
+
+def written_hdf5(tmp_path, key="fs", value=100.0):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["vib"] = WAVE
+        file["vib"].attrs[key] = value
+    return open_recording(tmp_path / "a.h5", AT_100_HZ)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("rate", 100.0), ("fs", "100"), ("fs", np.array([100.0, 100.0]))]
+)
+def test_a_rate_of_an_hdf5_data_set_may_have_other_forms(tmp_path, key, value):
+    assert written_hdf5(tmp_path, key, value).fs["vib"] == 100
+
+
+@pytest.mark.parametrize("value", ["0.1 kHz", np.array([100.0, 50.0])])
+def test_a_rate_that_is_no_number_is_an_error_with_its_place(tmp_path, value):
+    with pytest.raises(ValueError, match=r"the attribute 'fs' of 'vib' is .* rate in Hz. Correct"):
+        assert written_hdf5(tmp_path, "fs", value).duration
+
+
+def test_the_fields_of_a_compound_data_set_are_columns(tmp_path):
+    h5py = library("h5py")
+    table = pd.DataFrame({"vib": WAVE, "speed": 3.0}).to_records(index=False)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("run", data=table)
+    layout = Layout(fs=100, channels={"vib": "vib"}, velocity="run.speed")
+    np.testing.assert_array_equal(open_recording(tmp_path / "a.h5", layout).signals["vib"], WAVE)
+
+
+def parquet_of(tmp_path, columns, names=None):
+    pa, parquet = library("pyarrow"), library("pyarrow.parquet")
+    arrays = [pa.array(values) for values in columns.values()]
+    table = pa.Table.from_arrays(arrays, names=names or list(columns))
+    parquet.write_table(table, tmp_path / "a.parquet")
+    return open_recording(tmp_path / "a.parquet", Layout(fs=100, channels=["vib"], velocity=3))
+
+
+def test_parquet_columns_that_are_not_needed_may_be_of_any_type(tmp_path):
+    decimals = [Decimal(number) / 2 for number in range(200)]
+    columns = {"vib": decimals, "tags": [["a"], []] * 100, "nothing": [None] * 200}
+    signal = parquet_of(tmp_path, columns).signals["vib"]
+    np.testing.assert_array_equal(signal, np.arange(200) / 2)
+
+
+@pytest.mark.parametrize(
+    ("columns", "names", "message"),
+    [
+        ({"vib": [[1.0]] * 200, "b": WAVE}, None, "'vib' holds values of the type list<"),
+        ({"vib": [None] * 200, "b": WAVE}, None, "'vib' is empty"),
+        ({"vib": [[1.0]] * 200}, None, "open its folder by emacm.open_bearing_dataset"),
+        ({"vib": WAVE, "b": WAVE}, ["vib", "vib"], "its columns must have different names"),
+    ],
+)
+def test_parquet_columns_that_are_no_signals_are_named(tmp_path, columns, names, message):
+    with pytest.raises(ValueError, match=message):
+        assert parquet_of(tmp_path, columns, names).duration
+
+
+def test_cells_and_arrays_of_structures_of_a_mat_file_are_numbered(tmp_path):
+    cell = np.empty(2, object)
+    cell[0], cell[1] = WAVE, 2 * WAVE
+    runs = np.array([(3 * WAVE,), (4 * WAVE,)], dtype=[("y", "O")])
+    scipy.io.savemat(tmp_path / "a.mat", {"cell": cell, "runs": runs})
+    channels = {"a": "cell.1", "b": "runs.0.y"}
+    recording = open_recording(tmp_path / "a.mat", Layout(fs=100, channels=channels, velocity=3))
+    np.testing.assert_array_equal(recording.signals["a"], 2 * WAVE)
+    np.testing.assert_array_equal(recording.signals["b"], 3 * WAVE)
+
+
+def test_dates_of_an_npz_file_are_times(tmp_path):
+    times = np.datetime64("2026-01-01") + np.arange(200) * np.timedelta64(10, "ms")
+    np.savez(tmp_path / "a.npz", t=times, vib=WAVE)
+    assert open_recording(tmp_path / "a.npz", AT_100_HZ).fs["vib"] == 100
+
+
+def test_a_file_that_is_written_while_it_is_read_is_an_error(tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    np.savez(path, vib=WAVE)
+    opened = open_recording(path, Layout(fs=100, velocity=3))
+    read = files.read_columns
+
+    def interrupted(name):
+        content = read(name)
+        np.savez(path, vib=np.r_[WAVE, WAVE])
+        return content
+
+    monkeypatch.setattr(files, "read_columns", interrupted)
+    with pytest.raises(ValueError, match="was replaced or changed since it was opened"):
+        assert opened.duration
