@@ -511,7 +511,7 @@ def test_a_file_of_another_format_is_refused(tmp_path, name, content, message):
         ({"t": [0.0, 0.1]}, {"time": False, "fs": 3}, r"no channel besides \['t'\]"),
         ({"b": [1, 2], "rate": [3, 3]}, {"fs": "rate"}, "fs = 'rate' is not a single number"),
         ({"b": [1, 2]}, {"fs": None}, "the sampling rate of 'b' is not known"),
-        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "no column 'name'"),
+        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "'name' holds texts"),
     ],
 )
 def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, options, message):
