@@ -14,7 +14,7 @@ from sklearn.preprocessing import FunctionTransformer
 from emacm._checks import check_number
 from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.pipelines import groups_parameter
+from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
 from emacm.models.actuator_recipe import actuator_recipe
 from emacm.models.model_files import save_model
@@ -67,8 +67,7 @@ def _train(options: argparse.Namespace) -> None:
     print(rates_table(found.table).to_string())
     for caveat in found.caveats:
         print(f"- {caveat}")
-    name = groups_parameter(model)
-    model.fit(recordings, labels, **({} if name is None else {name: groups}))
+    model.fit(recordings, labels, **groups_options(model, groups))
     save_model(model, options.out, note=options.note)
     print(f"Model: {options.out}")
 

@@ -22,7 +22,7 @@ from emacm.decisions.left_out import group_numbers
 from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
 from emacm.decisions.metrics import positive_weights
 from emacm.decisions.opinion_pools import pooled_log_posterior
-from emacm.decisions.pipelines import final_estimator, groups_parameter, weight_parameter
+from emacm.decisions.pipelines import final_estimator, groups_options, uses_groups, weight_parameter
 from emacm.decisions.priors import check_possible
 from emacm.decisions.refits import Refits, as_rows, log_likelihoods, parameters_of_rows, parts_of
 from emacm.decisions.truths import UNKNOWN_PRIOR, truth_cost_table, truth_priors
@@ -165,7 +165,7 @@ class LeastRiskClassifier(
         by_groups = isinstance(self.temperature, str)
         calibrated = by_groups or self.detector is not None
         if groups is not None and (self.needs_groups or not calibrated):
-            fit_params = {self._groups_of_estimator(): groups} | fit_params
+            fit_params = self._groups_of_estimator(groups) | fit_params
         fit_params = self._fit_params(sample_weight, fit_params)
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[0] if weights else None, len(y))
@@ -206,7 +206,7 @@ class LeastRiskClassifier(
     @property
     def needs_groups(self) -> bool:
         """Whether the estimator learns from groups."""
-        return groups_parameter(self.estimator) is not None
+        return uses_groups(self.estimator)
 
     @property
     def estimator_priors_(self) -> Array:
@@ -323,11 +323,11 @@ class LeastRiskClassifier(
             raise AttributeError(f"{type(self).__name__} has no {name} before it is fitted.")
         return getattr(self.estimator_, name)
 
-    def _groups_of_estimator(self) -> str:
-        """Return the name under which the estimator accepts groups."""
-        if get_config()["enable_metadata_routing"]:
-            return "groups"
-        return groups_parameter(self.estimator) or "groups"
+    def _groups_of_estimator(self, groups: Any) -> dict[str, Any]:
+        """Return the arguments by which the estimator is given groups."""
+        routed = get_config()["enable_metadata_routing"]
+        named = {} if routed else groups_options(self.estimator, groups)
+        return named or {"groups": groups}
 
     def _fit_params(self, sample_weight: Any, fit_params: dict[str, Any]) -> dict[str, Any]:
         given = {} if sample_weight is None else {"sample_weight": sample_weight}

@@ -83,34 +83,49 @@ def weight_parameter(estimator: Any) -> str:
     return f"{prefix}sample_weight"
 
 
-def groups_parameter(estimator: Any) -> str | None:
-    """Return the name under which `fit` accepts the groups that a classifier leaves out.
+def groups_options(estimator: Any, groups: Any) -> dict[str, Any]:
+    """Return the arguments of `fit` that pass groups to all that learn from left-out groups.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Classifier or pipeline.
+    groups : array-like of shape (n_recordings,) or None
+        Labels of recordings that were measured together.
 
     Returns
     -------
-    str or None
-        As "costsensitivegaussianbayes__groups"; None if nothing is learned from left-out groups.
+    dict
+        The groups, by the name of the argument; empty without groups, or if nothing uses them.
 
     Examples
     --------
     >>> from sklearn.pipeline import make_pipeline
-    >>> from sklearn.preprocessing import StandardScaler
-    >>> from emacm import CostSensitiveGaussianBayes
-    >>> classifier = CostSensitiveGaussianBayes(unknown="unknown")
-    >>> groups_parameter(make_pipeline(StandardScaler(), classifier))
-    'costsensitivegaussianbayes__groups'
+    >>> from emacm import BinTransformer, CostSensitiveGaussianBayes
+    >>> model = make_pipeline(BinTransformer(), CostSensitiveGaussianBayes(unknown="unknown"))
+    >>> sorted(groups_options(model, ["unit 1", "unit 2"]))
+    ['bintransformer__groups', 'costsensitivegaussianbayes__groups']
     """
+    return {} if groups is None else dict.fromkeys(_groups_parameters(estimator), groups)
+
+
+def uses_groups(estimator: Any) -> bool:
+    """Return whether `fit` learns anything from left-out groups."""
+    return bool(_groups_parameters(estimator))
+
+
+def _groups_parameters(estimator: Any) -> list[str]:
     if isinstance(estimator, Pipeline):
-        step, last = estimator.steps[-1]
-        name = groups_parameter(last)
-        return None if name is None else f"{step}__{name}"
+        return [
+            f"{step}__{name}" for step, part in estimator.steps for name in _groups_parameters(part)
+        ]
     if has_fit_parameter(estimator, "groups"):
         unknown, temperature = (getattr(estimator, n, None) for n in ("unknown", "temperature"))
         needed = getattr(estimator, "needs_groups", False)
-        return "groups" if needed or unknown is not None or temperature == "groups" else None
+        return ["groups"] if needed or unknown is not None or temperature == "groups" else []
     # Searches and routers pass what `fit` gets on to the estimator inside.
     inner = getattr(estimator, "estimator", None)
-    return None if inner is None else groups_parameter(inner)
+    return [] if inner is None else _groups_parameters(inner)
 
 
 def groups_are_units(estimator: Any) -> bool:

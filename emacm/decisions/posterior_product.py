@@ -15,7 +15,7 @@ from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.opinion_pools import pooled_log_posterior
-from emacm.decisions.pipelines import groups_are_units, groups_parameter
+from emacm.decisions.pipelines import groups_are_units, uses_groups
 from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     @property
     def needs_groups(self) -> bool:
         """Whether a member learns from groups."""
-        return any(groups_parameter(member) for member in self._named_pairs().values())
+        return any(uses_groups(member) for member in self._named_pairs().values())
 
     @property
     def groups_are_units(self) -> bool:
@@ -121,9 +121,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         fitted = {}
         for name, member in self._checked_members().items():
             with located(f"member {name!r}"):
-                of_groups = None if groups is None else groups_parameter(member)
-                options = {of_groups: groups} if of_groups else {}
-                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, **options)
+                known = groups if uses_groups(member) else None
+                fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, known)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
         self.estimators_ = [member.estimator_ for member in fitted.values()]

@@ -17,8 +17,9 @@ from emacm._checks import located
 from emacm._progress import run
 from emacm.conditions.present_costs import priors_of_some
 from emacm.decisions.costs import narrow_costs
-from emacm.decisions.pipelines import before_the_last_step, groups_parameter
+from emacm.decisions.pipelines import before_the_last_step, groups_options
 from emacm.evaluation.schemes import Fold, Scheme
+from emacm.orders.new_lines import collected_statements
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ def _decide(
     may_refuse: tuple[str, ...],
 ) -> Decided | str:
     where += f" ({fold.left_out} left out)" if fold.left_out else ""
-    with located(where), warnings.catch_warnings():
+    with located(where), warnings.catch_warnings(), collected_statements():
         if "predict" in may_refuse:  # what is held out is not like the training, by design
             warnings.filterwarnings("ignore", _OUTSIDE)
         method = "fit"
@@ -171,8 +172,7 @@ def _fitted(
     model.set_params(
         **{name: priors_of_some(each, known, classes) for name, each in priors.items()}
     )
-    name = groups_parameter(model)
-    options = {name: groups[fold.train]} if name and groups is not None else {}
+    options = groups_options(model, None if groups is None else groups[fold.train])
     return model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
 
 

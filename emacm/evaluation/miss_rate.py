@@ -27,7 +27,7 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import check_number, located
 from emacm.decisions.labels import label_array, label_list, label_positions
 from emacm.decisions.metrics import label_of
-from emacm.decisions.pipelines import before_the_last_step, groups_parameter
+from emacm.decisions.pipelines import before_the_last_step, groups_options
 from emacm.decisions.risks import decide, risks_of
 from emacm.evaluation.figures import figure_row, tallies
 from emacm.evaluation.provable_rates import check_units, largest_missed
@@ -246,8 +246,7 @@ def _left_out_posteriors(
     parts = []
     for fold in scheme.folds:
         with located(f"{fold.left_out} left out"):
-            clean, name = clone(model), groups_parameter(model)
-            options = {name: units.labels[fold.train]} if name else {}
+            clean, options = clone(model), groups_options(model, units.labels[fold.train])
             clean.fit(chosen_rows(X, fold.train), y[fold.train], **options)
             held_out = chosen_rows(X, fold.test)
             parts.append(_posteriors(clean, held_out, y[fold.test].tolist(), units, n_splits, seed))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import chain
 from typing import Any
 
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import search_estimator
+from emacm.decisions.pipelines import before_the_last_step, search_estimator
+from emacm.models.model_files import parts_of
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.new_lines import collected_statements
 from emacm.recordings.inputs import as_list
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.training_range import Statement
@@ -19,8 +23,9 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     """State which properties of recordings are outside the range of the training recordings.
 
     The units of channels and the range of level, speed, sampling rate, revolutions and highest
-    valid order were stored by the `OrderResampler` of the model when it was fitted. A
-    `ConditionRouter` compares each recording with the training recordings of its condition.
+    valid order were stored by the `OrderResampler` of the model when it was fitted, and the largest
+    value of each spectral line by its `BinTransformer`. A `ConditionRouter` compares each recording
+    with the training recordings of its condition.
 
     Parameters
     ----------
@@ -34,7 +39,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     list of list of str
         For each recording, one sentence for each property outside its range; empty if there is
         none. Levels are stated from 3 dB beyond the range, speeds, lengths and valid orders from
-        10 %, sampling rates from 0.1 %.
+        10 %, sampling rates from 0.1 %; if nothing else is stated, new spectral lines from
+        `BinTransformer.new_line_limit_`.
 
     Raises
     ------
@@ -61,13 +67,38 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     12.73 revolutions, in the training at least 95.48
     channel 'vibration' 60 dB above training, 0.7071 (root mean square)
     """
-    found = training_statements(model, as_list(recordings))
+    X = as_list(recordings)
+    found = training_statements(model, X)
     if found is None:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
             f"training recordings."
         )
-    return [[statement.text for statement in own] for own in found]
+    # Another speed, gain or rate changes all lines.
+    lines = [[] if own else new_lines(model, x) for own, x in zip(found, X, strict=True)]
+    return [[s.text for s in own] or new for own, new in zip(found, lines, strict=True)]
+
+
+def new_lines(model: Any, recording: Any) -> list[str]:
+    """Return the statements of each `BinTransformer` in a model about one recording."""
+    with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
+        if any(isinstance(part, BinTransformer) for part in parts_of(model)):
+            _compute_features(model, [recording])
+    return found
+
+
+def _compute_features(model: Any, X: Any) -> None:
+    """Apply all transformers of a fitted model."""
+    final, table = before_the_last_step(model, X)
+    if isinstance(final, ConditionRouter):
+        _compute_features(final.models_of(table)[0], table)
+    elif hasattr(final, "transform"):
+        final.transform(table)
+    else:
+        inner = [*getattr(final, "estimators_", []), getattr(final, "estimator_", None)]
+        for part in inner:
+            if part is not None:
+                _compute_features(part, table)
 
 
 def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:

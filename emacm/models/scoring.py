@@ -21,7 +21,8 @@ from emacm.decisions.pipelines import before_the_last_step, search_estimator
 from emacm.decisions.risks import decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.models.model_files import parts_of
-from emacm.models.outside_training import outside_training
+from emacm.models.outside_training import training_statements
+from emacm.orders.new_lines import collected_statements
 from emacm.recordings.files import FileRecording
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
@@ -176,13 +177,16 @@ def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[
         recording = source()
         if not isinstance(recording, Recording):
             raise TypeError(f"expected a recording, got {received(recording)}")
-        final, table = opened_classifier(model, [recording])
+        with collected_statements() as new_lines:
+            final, table = opened_classifier(model, [recording])
         row |= _findings(model, recording)
         if isinstance(table, np.ndarray):  # the samples are not needed any more
             _release(recording)
             yield {}
-        decided, is_unknown = _decision(model, final, table)
+        with collected_statements() as inside:  # of a classifier with features of its own
+            decided, is_unknown = _decision(model, final, table)
         row |= decided
+        row["outside_training"] = row["outside_training"] or "; ".join([*new_lines, *inside])
         if is_unknown:
             row["outside_training"] = _reasons(model, recording, row["outside_training"])
     except Exception as error:  # any error is the result for this recording
@@ -259,8 +263,9 @@ def _findings(model: Any, recording: Recording) -> Row:
     found = measured_quality(search_estimator(model), recording)
     if found is None:
         return {}
-    outside = outside_training(model, [recording])[0]
-    return {"warnings": found[1].warnings, "outside_training": "; ".join(outside)}
+    (statements,) = training_statements(model, [recording]) or [[]]
+    outside = "; ".join(statement.text for statement in statements)
+    return {"warnings": found[1].warnings, "outside_training": outside}
 
 
 def measured_quality(model: Any, recording: Recording) -> tuple[OrderResampler, Quality] | None:

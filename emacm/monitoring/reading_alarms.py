@@ -58,7 +58,7 @@ class ReadingAlarms:
         Parameters
         ----------
         reading : Reading
-            The reading.
+            The reading; its alarms are statements on what is outside the training.
         error : str
             Why it has no features, or "".
 
@@ -68,6 +68,7 @@ class ReadingAlarms:
         """
         typicality = np.nan if reading.typicality is None else reading.typicality
         row = {"decision": reading.decision, "typicality": typicality, "error": error}
+        row["outside_training"] = list(reading.alarms)
         reasons = self._input.reasons(row)
         found = ["; ".join(reasons)] if reasons else []
         for name, chart in self._charts.items():

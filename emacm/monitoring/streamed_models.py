@@ -12,6 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.decisions.pipelines import search_estimator
+from emacm.orders.new_lines import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.signal_cache import SignalCache
@@ -99,7 +100,9 @@ class StreamedModel:
         self._transformers = steps[2:]
 
     def reading(self, start: float, time: float, powers: NDArray[np.floating]) -> Reading:
-        """Return what the model states of the spectra of an interval, without alarms.
+        """Return what the model states of the spectra of an interval.
+
+        The alarms are its new spectral lines, if it has a classifier.
 
         Parameters
         ----------
@@ -113,8 +116,9 @@ class StreamedModel:
         Reading
         """
         table: Any = self.psd.table_of([powers])
-        for transformer in self._transformers:
-            table = transformer.transform(table)
+        with collected_statements() as new_lines:
+            for transformer in self._transformers:
+                table = transformer.transform(table)
         features = np.asarray(table)[0]
         final = self.classifier
         if final is None:
@@ -126,7 +130,8 @@ class StreamedModel:
             with suppress(ValueError):  # the model has no typicality
                 typicality = float(final.typicality(table)[0])
         (decision,) = np.asarray(final.predict(table)).tolist()
-        return Reading(start, time, features, posterior, decision, risk, typicality)
+        alarms = tuple(new_lines)
+        return Reading(start, time, features, posterior, decision, risk, typicality, alarms)
 
     def feature_names(self) -> list[str]:
         """Return the names of the features."""

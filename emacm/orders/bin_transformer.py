@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,13 @@ from emacm.orders.columns import (
     OrderBlock,
     column_names,
     parse_order_columns,
+)
+from emacm.orders.new_lines import (
+    excess_limit,
+    largest_medians,
+    line_maxima,
+    state_new_lines,
+    warn_of_new_lines,
 )
 from emacm.orders.table_transformer import OrderTableTransformer
 
@@ -56,6 +63,12 @@ class BinTransformer(OrderTableTransformer):
         Edges of the bins [orders].
     operator_ : sparse array of shape (n_bins_of_all_channels, n_features_in_)
         The operator that is applied to each row.
+    line_maxima_ : ndarray of shape (n_features_in_,)
+        Largest value of each spectral line in the training; inf outside of the bins.
+    new_line_limit_ : float
+        Excess over it [dB] from which a line is stated to be new: at least 6, and exceeded by one
+        known recording in a hundred (`emacm.orders.new_lines`). inf with fewer than five
+        recordings or groups.
     n_features_in_ : int
         Number of columns seen in `fit`.
     feature_names_in_ : ndarray of str
@@ -65,6 +78,9 @@ class BinTransformer(OrderTableTransformer):
     -----
     The axis is read from columns named ``channel@order``, as returned by `OrderPSD`. The bins are
     named ``channel@low-high``, or ``channel@name``.
+
+    A new spectral line beside a strong one changes its bin by little. `transform` therefore
+    compares each spectral line with its maximum in the training, and warns of new ones.
 
     Examples
     --------
@@ -76,6 +92,9 @@ class BinTransformer(OrderTableTransformer):
        current@0-2  current@2-4
     0          4.0          1.0
     """
+
+    needs_groups = True
+    __metadata_request__fit: ClassVar = {"groups": True}  # where metadata routing is enabled
 
     def __init__(
         self,
@@ -92,14 +111,17 @@ class BinTransformer(OrderTableTransformer):
         self.stop_bands = stop_bands
         self.order_step = order_step
 
-    def fit(self, X: Any, y: Any = None) -> BinTransformer:
-        """Read the axis from the columns and set the bins.
+    def fit(self, X: Any, y: Any = None, groups: Any = None) -> BinTransformer:
+        """Read the axis from the columns, set the bins, and learn the maxima of spectral lines.
 
         Parameters
         ----------
         X : array-like of shape (n_recordings, n_columns)
             Power spectral densities [U²/order].
         y : ignored
+        groups : array-like of shape (n_recordings,), optional
+            Labels of recordings that were measured together (unit, run): they are left out together
+            to determine `new_line_limit_`. None: single recordings are left out.
 
         Returns
         -------
@@ -111,7 +133,7 @@ class BinTransformer(OrderTableTransformer):
         TypeError, ValueError
             If a parameter is invalid, or bins reach beyond the orders of the spectra.
         """
-        self._fit_table(X)
+        psd = self._fit_table(X)
         blocks = self._blocks(column_names(X))
         bins = named_bins(self.bin_size, self.max_order, self.edges, self.stop_bands)
         stops = check_stop_bands(self.stop_bands)
@@ -119,6 +141,10 @@ class BinTransformer(OrderTableTransformer):
         axes = tuple(block.orders.tobytes() for block in blocks)
         self.operator_ = _operator(axes, self.bins_, tuple(stops)).copy()
         self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
+        used = np.asarray(abs(self.operator_).sum(axis=0)).ravel() > 0
+        self.line_maxima_ = np.where(used, line_maxima(psd, blocks), np.inf)
+        self.new_line_limit_ = excess_limit(psd, self.line_maxima_, groups)
+        self._largest_medians = largest_medians(psd, self.line_maxima_, blocks)
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -138,8 +164,14 @@ class BinTransformer(OrderTableTransformer):
         ------
         ValueError
             If the columns are not those of `fit`.
+
+        Warns
+        -----
+        UserWarning
+            If spectral lines exceed their maximum in the training by more than `new_line_limit_`.
         """
         psd = self._read_table(X)
+        warn_of_new_lines(self._new_lines(psd), stacklevel=3)
         # Summed in float64 in any case. The type, as the dtype of an order table has metadata.
         with np.errstate(over="ignore"):
             powers = np.ascontiguousarray((self.operator_ @ psd.T).T, dtype=psd.dtype.type)
@@ -151,6 +183,14 @@ class BinTransformer(OrderTableTransformer):
                 f"of {powers.dtype}. State the channels in other units."
             )
         return BinPowers(powers, names.tolist())
+
+    def _new_lines(self, psd: NDArray[np.floating]) -> list[list[str]]:
+        """Return statements on new lines of each recording."""
+        maxima = getattr(self, "line_maxima_", None)  # models of earlier versions have none
+        if maxima is None or not (psd > maxima * 10 ** (self.new_line_limit_ / 10)).any():
+            return []
+        blocks = self._blocks(getattr(self, "feature_names_in_", None))
+        return state_new_lines(psd, maxima, self.new_line_limit_, self._largest_medians, blocks)
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""

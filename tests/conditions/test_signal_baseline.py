@@ -277,6 +277,8 @@ def test_only_the_fault_is_left_in_the_spectrum(fleet):
     assert np.all(psd.orders_[after[worn].argmax(axis=1)] == LINE)
 
 
+# Residuals of training recordings without noise are next to nothing, unlike those of others.
+@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_the_pipeline_cross_validates_and_searches(fleet):
     X, y = fleet
     scores = cross_validate(chain(), X, y, cv=2)["test_score"]

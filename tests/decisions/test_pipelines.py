@@ -8,12 +8,17 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, NewUnitClassifier
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    LeastRiskClassifier,
+    NewUnitClassifier,
+)
 from emacm.decisions.pipelines import (
     before_the_last_step,
     final_estimator,
     groups_are_units,
-    groups_parameter,
+    groups_options,
     search_estimator,
     weight_parameter,
 )
@@ -43,6 +48,25 @@ def test_the_input_of_the_last_step_is_transformed_by_all_others():
     np.testing.assert_allclose(table, (X - X.mean(axis=0)) / X.std(axis=0))
     assert final is final_estimator(model)
     np.testing.assert_array_equal(final.predict(table), model.predict(X))
+
+
+def test_groups_are_passed_to_all_steps_that_leave_them_out():
+    classifier = CostSensitiveGaussianBayes(temperature="groups")
+    bins = make_pipeline(BinTransformer(), StandardScaler())
+    both = {"pipeline__bintransformer", "costsensitivegaussianbayes"}
+    inside = LeastRiskClassifier(make_pipeline(bins, GaussianNB()))
+    for model, names in (
+        (classifier, {"groups"}),
+        (CostSensitiveGaussianBayes(), set()),
+        (make_pipeline(bins, classifier), both),
+        (GridSearchCV(make_pipeline(bins, GaussianNB()), {}), {"pipeline__bintransformer"}),
+        (inside, {"groups"}),
+        (make_pipeline(StandardScaler(), inside), {"leastriskclassifier"}),
+    ):
+        found = groups_options(model, ["a", "b"])
+        assert {name.removesuffix("__groups") for name in found} == names
+        assert all(groups == ["a", "b"] for groups in found.values())
+        assert groups_options(model, None) == {}
 
 
 def test_the_last_step_of_an_unfitted_search_is_that_of_its_estimator():
@@ -78,9 +102,9 @@ def test_groups_reach_a_classifier_that_leaves_them_out_under_the_name_of_its_st
     nested = make_pipeline(make_pipeline(StandardScaler(), model))
     search = GridSearchCV(in_pipeline(model), {})
     names = "groups", "costsensitivegaussianbayes__groups"
-    expected = [names[0], names[1], f"pipeline__{names[1]}", names[1]] if needed else [None] * 4
-    found = [groups_parameter(each) for each in (model, in_pipeline(model), nested, search)]
-    assert found == expected
+    expected = [names[0], names[1], f"pipeline__{names[1]}", names[1]]
+    for each, name in zip((model, in_pipeline(model), nested, search), expected, strict=True):
+        assert groups_options(each, ["a", "b"]) == ({name: ["a", "b"]} if needed else {})
     assert not any(groups_are_units(each) for each in (model, nested, search))
 
 
@@ -89,12 +113,12 @@ def test_units_are_the_groups_of_a_classifier_for_new_units_wherever_it_is():
     wrapped = LeastRiskClassifier(in_pipeline(model))
     for each in (model, in_pipeline(model), GridSearchCV(in_pipeline(model), {}), wrapped):
         assert groups_are_units(each)
-        assert groups_parameter(each) is None or groups_parameter(each).endswith("groups")
-    assert groups_parameter(model) == "groups"
-    assert groups_parameter(in_pipeline(model)) == "newunitclassifier__groups"
+        (name,) = groups_options(each, ["a", "b"])
+        assert name.endswith("groups")
+    assert list(groups_options(wrapped, ["a", "b"])) == ["groups"]
     for each in (GaussianNB(), in_pipeline(GaussianNB()), GridSearchCV(GaussianNB(), {}), object()):
         assert groups_are_units(each) is False
-        assert groups_parameter(each) is None
+        assert groups_options(each, ["a", "b"]) == {}
 
 
 def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():

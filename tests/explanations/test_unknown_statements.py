@@ -112,6 +112,7 @@ def test_a_cable_that_is_off_is_named(model):
     assert words.endswith("dB below training: cable or sensor?")
 
 
+@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_a_line_is_stated_with_its_bin_and_its_level_above_the_training_maximum(model):
     recording = run(50, lines=[("vibration", 9.4, 0.8)])
     (words,) = statements(model, recording)
@@ -140,6 +141,7 @@ def test_a_missing_range_of_orders_is_stated(model):
     assert words.endswith("dB below the training minimum")
 
 
+@pytest.mark.filterwarnings("ignore:recording [0-9]+. line at order")
 def test_deviations_are_exact_in_decibels_with_and_without_logarithm_and_scaling(model):
     recording = run(50, gain={"vibration": 2.0, "current": 2.0})
     plain = fitted(chain(classifier()))[0]

@@ -57,6 +57,7 @@ VARIANTS = {
     "with phase": {"phase": True},
     "relative to healthy": {"phase": True, "healthy": "normal"},
 }
+new_lines = pytest.mark.filterwarnings("ignore:recording 0. line at order")
 variants = pytest.mark.parametrize("options", VARIANTS.values(), ids=VARIANTS)
 
 
@@ -128,6 +129,7 @@ def another_machine(seed):
     return Recording({"current": current, "error": error}, FS, angle=angle, meta=meta)
 
 
+@new_lines
 @variants
 def test_another_machine_is_unknown(options):
     model = fitted(*campaign(8), **options)
@@ -136,6 +138,7 @@ def test_another_machine_is_unknown(options):
     assert model.set_params(costsensitivegaussianbayes__unknown=None).predict(new)[0] in STATES
 
 
+@new_lines
 def test_decisions_on_families_include_the_unknown_state():
     cost = family_costs(
         {"normal": ["normal"], "worn": ["worn1", "worn2"]}, other_decisions={"inspect": 0.3}
@@ -166,6 +169,7 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
     assert result.table.loc["by run", "false_alarm_rate"] == 0.0
 
 
+@new_lines
 def test_without_groups_single_recordings_are_left_out_with_a_warning():
     X, y = campaign(8, loads=(20,))
     with pytest.warns(UserWarning, match="near-duplicates and make the model over-confident"):

@@ -1,6 +1,7 @@
 """A model states what is unusual about a recording: speed, rate, level, length, defects."""
 
 import pickle
+import re
 import warnings
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.tree import DecisionTreeClassifier
 
 from emacm import (
     BinTransformer,
@@ -180,6 +182,66 @@ def test_the_range_is_that_of_the_training_recordings():
     assert known["level of vibration"] == pytest.approx((min(levels), max(levels)), rel=1e-12)
 
 
+# New spectral lines, in bins of one order beside the line of the current at order 7
+
+
+def with_new_line(seed, amplitude=1.0):
+    wave = np.sin(6.4 * np.cumsum(run(seed).velocity) / FS)
+    return run(seed, change=lambda s: s | {"current": s["current"] + amplitude * wave})
+
+
+NEW_LINE = r"line at order 6\.[25]5? of 'current', \d+ dB above the training maximum"
+
+
+def test_a_new_line_beside_a_strong_one_is_stated_by_all_kinds_of_models():
+    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(8)], ["healthy", "worn"] * 4
+    bins = make_pipeline(
+        OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(edges=[0, 6, 8, 12])
+    )
+    tree = DecisionTreeClassifier(random_state=0)
+    models = [
+        make_pipeline(bins, tree).fit(X, y),
+        GridSearchCV(make_pipeline(bins, tree), {}, cv=2).fit(X, y),
+        LeastRiskClassifier(make_pipeline(bins, tree)).fit(X, y),
+        ConditionRouter(make_pipeline(bins, tree), "load").fit(X, y),
+        make_pipeline(FeatureUnion([("bins", bins)]), tree).fit(X, y),
+    ]
+    for model in models:
+        assert re.fullmatch(NEW_LINE, about(with_new_line(9), model))
+        assert about(run(9), model) == ""
+        assert re.fullmatch(NEW_LINE, score(model, [with_new_line(9)])["outside_training"][0])
+        with pytest.warns(UserWarning, match="recording 1: " + NEW_LINE):
+            model.predict([run(10), with_new_line(9)])
+
+
+def test_beside_another_gain_no_lines_are_stated():
+    model, _ = fitted()
+    bad = with_new_line(9)
+    louder = Recording(
+        {"vibration": bad.signals["vibration"], "current": 10 * bad.signals["current"]},
+        FS,
+        velocity=bad.velocity,
+        meta=bad.meta,
+    )
+    for text in (about(louder, model), score(model, [louder])["outside_training"][0]):
+        assert text.startswith("channel 'current' 20 dB above training")
+        assert "line at" not in text
+
+
+def test_score_estimates_a_spectrum_once(monkeypatch):
+    model, _ = fitted()
+    counted = []
+    original = OrderPSD.transform
+    monkeypatch.setattr(OrderPSD, "transform", lambda *a: (counted.append(1), original(*a))[1])
+    score(model, [with_new_line(9), run(9)])
+    assert len(counted) == 2
+
+
+def test_a_recording_without_a_segment_is_stated_to_be_short():
+    model = fitted()[0]
+    assert about(run(9, n=N // 10), model).endswith("revolutions, in the training at least 29.92")
+
+
 # What decisions warn of
 
 
@@ -217,7 +279,7 @@ def test_a_decision_on_a_wrong_input_warns_once_and_names_the_recording(bad, tex
 def test_a_decision_does_not_warn_of_what_all_training_recordings_have():
     model, _ = fitted(change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
     clipped = run(9, change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
-    assert warned(clipped, model) == []
+    assert not any("recording 1" in text for text in warned(clipped, model))
     assert "is clipped at 9" in model[0].quality([clipped])["warnings"][0]
 
 

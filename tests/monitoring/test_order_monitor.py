@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
@@ -339,6 +340,25 @@ def test_an_interval_at_rest_gives_an_alarm_and_no_decision():
     assert reading.features is None
     assert reading.decision is None
     assert "holds a segment" in reading.alarms[0]
+
+
+def test_a_new_spectral_line_gives_an_alarm():
+    rng, t = np.random.default_rng(4), np.arange(8000) / 2000
+
+    def recording(amplitude=0.0):
+        wave = np.sin(4 * TURN * 10 * t) + amplitude * np.sin(4.6 * TURN * 10 * t)
+        return Recording({"force": wave + 0.1 * rng.normal(size=8000)}, 2000, velocity=TURN * 10)
+
+    X, y = [recording() for _ in range(12)], ["a", "b"] * 6
+    model = make_pipeline(
+        OrderResampler(THETA_S), OrderPSD(4), BinTransformer(2, max_order=12), GaussianNB()
+    )
+    model.fit(X, y)
+    for amplitude, expected in ((0.0, ""), (0.3, "line at order 4.5 of 'force', ")):
+        new = recording(amplitude)
+        (reading,) = readings_of(monitor_of(model, new), new, [2.0])
+        assert bool(reading.alarms) == bool(expected)
+        assert expected in "".join(reading.alarms)
 
 
 def test_charts_of_features_and_of_the_expected_cost_give_alarms():

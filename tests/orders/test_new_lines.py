@@ -1,0 +1,183 @@
+"""Facts about new spectral lines, which a bin beside a strong line hides."""
+
+import warnings
+
+import numpy as np
+import pytest
+import sklearn
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import make_pipeline
+from sklearn.tree import DecisionTreeClassifier
+
+from emacm import BinTransformer
+from emacm.orders.columns import OrderTable, order_columns
+from emacm.orders.new_lines import collected_statements
+
+ORDERS = np.arange(0, 12.01, 0.125)
+STRONG = 4.0
+
+
+def spectra(n, seed, *, spread=3.0, n_segments=20, n_channels=1):
+    """Draw spectra with a strong line, of units whose level differs [dB]."""
+    rng = np.random.default_rng(seed)
+    shape = np.tile(1 + 1000 * np.exp(-(((ORDERS - STRONG) / 0.1) ** 2)), n_channels)
+    level = 10 ** (rng.normal(0, spread, (n, 1)) / 10)
+    return level * shape * rng.gamma(n_segments, 1 / n_segments, (n, len(shape)))
+
+
+def table(psd):
+    channels = [f"c{k}" for k in range(psd.shape[1] // len(ORDERS))]
+    return OrderTable(psd, order_columns(channels, ORDERS))
+
+
+def column(order):
+    return int(np.argmin(np.abs(ORDERS - order)))
+
+
+def with_line(psd, order, decibels, above):
+    """Add a line at one order, of a level relative to the largest value there."""
+    changed = psd.copy()
+    changed[:, column(order)] += above[:, column(order)].max() * 10 ** (decibels / 10)
+    return changed
+
+
+def stated(bins, psd):
+    """Return what is stated of each recording."""
+    texts = []
+    for row in psd:
+        with collected_statements() as found:
+            bins.transform(table(row[np.newaxis]))
+        texts.append(found)
+    return texts
+
+
+@pytest.fixture(scope="module")
+def training():
+    return spectra(60, 1)
+
+
+@pytest.fixture(scope="module")
+def fitted(training):
+    return BinTransformer(1.0, max_order=12).fit(table(training))
+
+
+def test_a_new_line_in_the_bin_of_a_strong_line_is_stated_at_its_order(training, fitted):
+    known = spectra(20, 2)
+    new = with_line(known, 4.5, 12, training)
+    bins = [np.asarray(fitted.transform(table(psd))) for psd in (known, training)]
+    spread = np.log10(bins[1]).std(axis=0)
+    with pytest.warns(UserWarning, match=r"line at order 4.5 of 'c0', \d+ dB above the training"):
+        changed = np.asarray(fitted.transform(table(new)))
+    assert (np.abs(np.log10(changed / bins[0])) < 2 * spread).all()  # the bins hardly show it
+    assert all(any("order 4.5 " in text for text in texts) for texts in stated(fitted, new))
+    assert stated(fitted, known) == [[]] * len(known)
+
+
+def test_the_values_of_the_bins_do_not_depend_on_the_training(training, fitted):
+    psd = with_line(spectra(3, 2), 9.0, 30, training)
+    with pytest.warns(UserWarning, match="line at order 9 "):
+        found = np.asarray(fitted.transform(table(psd)))
+    own = BinTransformer(1.0, max_order=12).fit_transform(table(psd))
+    np.testing.assert_array_equal(found, np.asarray(own))
+
+
+@pytest.mark.parametrize("n_segments", [1, 4, 40])
+@pytest.mark.parametrize("n_units", [6, 12, 40])
+def test_at_most_two_per_cent_of_the_recordings_of_new_units_exceed_the_limit(n_units, n_segments):
+    rates = []
+    for seed in range(25):
+        psd = spectra(n_units, [seed, 0], n_segments=n_segments)
+        bins = BinTransformer(1.0, max_order=12).fit(table(psd))
+        new = spectra(40, [seed, 1], n_segments=n_segments)
+        rates.append(np.mean([bool(texts) for texts in stated(bins, new)]))
+    assert np.mean(rates) <= 0.02
+
+
+def test_recordings_of_one_unit_are_left_out_together():
+    units = spectra(8, 3)
+    rng = np.random.default_rng(0)
+    copies = np.repeat(units, 5, axis=0) * rng.gamma(5000, 1 / 5000, (40, units.shape[1]))
+    groups = [f"unit {k // 5}" for k in range(40)]
+    single = BinTransformer(max_order=12).fit(table(copies)).new_line_limit_
+    together = BinTransformer(max_order=12).fit(table(copies), groups=groups).new_line_limit_
+    of_units = BinTransformer(max_order=12).fit(table(units)).new_line_limit_
+    assert single == 6.0
+    assert together == pytest.approx(of_units, rel=0.1)
+    assert together > 10
+
+
+def test_fewer_than_five_groups_give_no_limit(training):
+    for psd, groups in ((training[:4], None), (training, np.arange(60) % 4)):
+        bins = BinTransformer(max_order=12).fit(table(psd), groups=groups)
+        assert np.isinf(bins.new_line_limit_)
+        assert stated(bins, 1e9 * training[:2]) == [[], []]
+
+
+def test_equal_training_recordings_have_the_least_limit():
+    psd = np.repeat(spectra(1, 0), 9, axis=0)
+    assert BinTransformer(max_order=12).fit(table(psd)).new_line_limit_ == 6.0
+
+
+def test_lines_in_stop_bands_and_above_the_last_bin_are_not_compared(training):
+    bins = BinTransformer(max_order=10, stop_bands=[(5.5, 6.5)]).fit(table(training))
+    known = spectra(1, 2)
+    for order, is_new in ((6.0, False), (11.0, False), (7.0, True)):
+        assert bool(stated(bins, with_line(known, order, 20, training))[0]) == is_new
+
+
+def test_a_channel_without_signal_in_the_training_is_not_compared():
+    psd = spectra(20, 5, n_channels=2)
+    psd[:, len(ORDERS) :] = 0
+    bins = BinTransformer(max_order=12).fit(table(psd))
+    assert stated(bins, spectra(1, 6, n_channels=2)) == [[]]
+    silent = BinTransformer(max_order=12).fit(table(np.zeros((20, len(ORDERS)))))
+    assert stated(silent, spectra(1, 6)) == [[]]
+
+
+def test_a_wide_range_is_one_statement_and_a_whole_spectrum_none(training, fitted):
+    known = spectra(1, 2)
+    wide, many = known.copy(), known.copy()
+    wide[:, column(6) : column(7) + 1] += 1e4
+    many[:, column(5) :: 8] += 1e5
+    assert stated(fitted, known * 1e4) == [[]]  # a gain
+    assert stated(fitted, with_line(known, 9.0, 20, training) * 30)[0][0].startswith(
+        "line at order"
+    )
+    assert stated(fitted, wide)[0][0].startswith("orders 6 to 7 of 'c0', up to ")
+    texts = stated(fitted, many)[0]
+    assert len(texts) == 6
+    assert texts[-1] == "and at 3 more orders"
+
+
+def test_a_warning_lists_five_recordings(training, fitted):
+    new = with_line(spectra(8, 2), 9.0, 20, training)
+    with pytest.warns(UserWarning, match="and 3 more recordings") as caught:
+        fitted.transform(table(new))
+    (warning,) = caught
+    lines = str(warning.message).split("\n")
+    assert lines[0].startswith("recording 0: line at order 9 of 'c0', ")
+    assert lines[-1] == "and 3 more recordings"
+    assert len(lines) == 6
+
+
+def test_one_group_for_each_recording_is_needed(training):
+    with pytest.raises(ValueError, match="one label for each of the 60 recordings, got 2"):
+        BinTransformer(max_order=12).fit(table(training), groups=["a", "b"])
+
+
+def test_a_model_of_an_earlier_version_states_nothing(training, fitted):
+    state = dict(vars(fitted))
+    old = BinTransformer()
+    vars(old).update({k: v for k, v in state.items() if k not in ("line_maxima_",)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        old.transform(table(training * 1e6))
+
+
+def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
+    groups, y = np.arange(60) % 10, np.arange(60) // 30
+    with sklearn.config_context(enable_metadata_routing=True):
+        pipe = make_pipeline(BinTransformer(max_order=12), DecisionTreeClassifier())
+        search = GridSearchCV(pipe, {}, cv=GroupKFold(2)).fit(table(training), y, groups=groups)
+    own = BinTransformer(max_order=12).fit(table(training), groups=groups).new_line_limit_
+    assert search.best_estimator_[0].new_line_limit_ == own
