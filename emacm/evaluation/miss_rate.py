@@ -14,7 +14,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -171,6 +171,8 @@ def miss_rate_limit(
     label_positions(states, truths, "y", "state of the model")
     cost = pd.DataFrame(final.cost_, index=decisions, columns=truths)
     rule = scoring_rule(label_array(truths), healthy=healthy, cost=cost)
+    unknown = truths[len(final.classes_) :]  # may be true here; deciding it is an inspection
+    rule = replace(rule, unknown=unknown[0] if unknown else None)
     scaled = _missed_costs(cost, rule)
     is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
     codes = np.unique(units.labels[is_faulty], return_inverse=True)[1]

@@ -67,8 +67,9 @@ class ScoringRule:
 
     @property
     def alarms(self) -> set[Any]:
-        """Decisions that are correct for some class that is not healthy."""
-        faults = [name for name, label in self.family_of.items() if label != self.healthy]
+        """Decisions that are correct for some class that is neither healthy nor unknown."""
+        others = (self.healthy, self.unknown)
+        faults = [name for name, label in self.family_of.items() if label not in others]
         return {decision for name in faults for decision in self.correct[name]}
 
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:

@@ -47,6 +47,15 @@ def test_measurements_are_no_classes(fit):
         fit(np.arange(8.0).reshape(4, 2), [0.5, 0.5, 1.5, 1.5])
 
 
+def test_two_recordings_are_enough_and_one_is_not():
+    model = CostSensitiveGaussianBayes().fit([[1.0], [3.0]], ["new", "new"])
+    assert model.covariances_.tolist() == [[[2.0]]]
+    with pytest.raises(ValueError, match="minimum of 2 is required"):
+        CostSensitiveGaussianBayes().fit([[1.0]], ["new"])
+    one = CostSensitiveGaussianBayes().partial_fit([[1.0]], ["new"], ["new", "worn"])
+    assert one.partial_fit([[3.0]], ["new"]).covariances_[0].tolist() == [[2.0]]
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [

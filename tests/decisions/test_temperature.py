@@ -107,3 +107,8 @@ def test_a_tail_keeps_the_order_of_classes_and_what_is_impossible():
     assert found[0, 3] == pytest.approx(-690 / 3)
     small = tempered(np.array([[0.0, -1e-3]]), 3.0, 4.0)
     np.testing.assert_allclose(small, [[0, -1e-3 / 3]], rtol=1e-4)
+
+
+def test_heavy_recordings_of_an_impossible_class_have_the_highest_temperature():
+    scores, codes = np.array([[0.0, -1e305]] * 2), np.array([1, 1])
+    assert fit_temperature(scores, codes, np.full(2, 1e10), np.full(2, 0.5)) == pytest.approx(1e6)

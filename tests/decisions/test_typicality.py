@@ -258,6 +258,11 @@ def test_typicality_is_that_of_separate_fits_and_plain_formulas(n_classes, n_fea
     assert_array_equal(typicality.feature_range, [X.min(axis=0), X.max(axis=0)])
 
 
+def test_rounding_far_from_the_origin_adds_no_direction():
+    X, codes, groups = draw(18, n_groups=4)
+    assert fit(X + 1e9, codes, groups).distances.basis.shape == (9, 2)
+
+
 def test_the_distance_to_one_class_has_the_slope_of_its_gradient():
     X, codes, groups = draw(17, n_groups=3, n_features=4)
     distances = fit(X, codes, groups).distances

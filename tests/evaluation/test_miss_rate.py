@@ -79,7 +79,7 @@ def test_the_factor_is_the_least_one():
         decided = CostSensitiveGaussianBayes(cost).fit(*three_states(90, 0)[:2]).predict(X)
         return np.mean(decided[y != "healthy"] == "healthy")
 
-    assert missed(limit.factor) <= allowed < missed(limit.factor * (1 - 1e-5))
+    assert missed(limit.factor) <= allowed < missed(limit.factor * (1 - 1.5e-6))
 
 
 def test_the_rates_of_the_given_cost_are_those_of_evaluate():
@@ -189,8 +189,9 @@ def test_the_unknown_state_takes_its_share_of_every_posterior():
     row = miss_rate_limit(model, X, y, units, 0.3, healthy="healthy").table.loc["given cost"]
     decided, well = model.predict(X), y == "healthy"
     assert row["missed_detection_rate"] == np.mean(decided[~well] == "healthy")
-    not_healthy = row["inspection_rate"] + row["false_alarm_rate"]
-    assert 0.1 < not_healthy == pytest.approx(np.mean(decided[well] != "healthy"))
+    assert row["false_alarm_rate"] == np.mean(np.isin(decided[well], ["worn", "dry"]))
+    inspected = np.mean(np.isin(decided[well], ["new", "inspect"]))
+    assert row["inspection_rate"] == inspected > np.mean(decided[well] == "inspect") > 0.1
 
 
 def test_families_and_conditions():

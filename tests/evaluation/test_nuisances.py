@@ -250,7 +250,7 @@ def judged_runs():
     """Return levels, labels and decisions: each of eight runs is a level and has two labels."""
     rng = np.random.default_rng(6)
     runs = np.repeat(np.arange(8), 5)
-    labels = np.where(np.arange(40) % 5 < 2, "worn", "new")
+    labels = np.where(np.arange(40) % 5 < 1, "worn", "new")  # one worn recording in each run
     held = pd.DataFrame({"scheme": "by run", "recording": rng.permutation(40)})
     held["correct"] = rng.random(40) < 0.6 + 0.04 * runs[held["recording"]]
     return runs, labels, held.assign(group=runs[held["recording"]])
@@ -282,7 +282,7 @@ def test_the_score_of_a_nuisance_alone_has_the_interval_of_its_groups():
     tests = [np.flatnonzero(units.labels == unit) for unit in range(4)]
     folds = [Fold(np.setdiff1d(np.arange(40), test), test) for test in tests[::-1]]
     scheme = Scheme("by unit", folds, units)
-    levels = (np.arange(40) % 5 < 2) ^ (np.arange(40) % 11 == 0)
+    levels = (np.arange(40) % 5 < 1) ^ (np.arange(40) % 11 == 0)
     table = nuisance_table([Nuisance("x", levels * 1)], scheme, labels, held, BOOTSTRAP)
     correct = np.arange(40) % 11 != 0
     ((low, high),) = group_intervals([correct], [labels == "worn"], units.labels, **BOOTSTRAP)
