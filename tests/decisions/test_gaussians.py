@@ -12,10 +12,13 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm.decisions.gaussians import (
     FLOOR,
+    cholesky_root,
     class_gaussians,
     factorise,
     fit_gaussians,
     is_singular,
+    shrunk_covariances,
+    solved_log_densities,
 )
 from emacm.decisions.moments import class_moments, moments_for
 from emacm.decisions.shrinkage import (
@@ -407,3 +410,83 @@ def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
     kept = 1 + (apart - 1) * (1 - 0.01 / 0.15**2)
     np.testing.assert_allclose(population_eigenvalues(3 * apart, 1000), 3 * kept)
     assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]
+
+
+@pytest.mark.parametrize("n_classes", [1, 3])
+@pytest.mark.parametrize("apart", [1.0, 1e5])
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_solved_densities_are_those_of_scipy_and_none_if_singular(n_classes, apart, diagonal):
+    rng = np.random.default_rng(18)
+    X, means = 1e3 + rng.normal(size=(5, 4)), 1e3 + apart * rng.normal(size=(n_classes, 4))
+    S = np.cov(rng.normal(size=(4, 30)) * np.array([[1.0], [10], [0.1], [1]]))[np.newaxis]
+    if diagonal:
+        S = rng.uniform(0.1, 3, size=(n_classes, 4))
+    before = X.copy(), means.copy()
+    found = solved_log_densities(X, means, S)
+    for k in range(n_classes):
+        covariance = np.diag(S[k]) if diagonal else S[0]
+        expected = multivariate_normal(means[k], covariance).logpdf(X)
+        np.testing.assert_allclose(found[:, k], expected, rtol=1e-8)
+    np.testing.assert_array_equal(X, before[0])
+    np.testing.assert_array_equal(means, before[1])
+    if diagonal:
+        S[-1, 2] = 0.0
+    else:
+        S[0, 2] = S[0, :, 2] = S[0, 1]
+        S[0, 2, 2] = S[0, 1, 1]
+    assert solved_log_densities(X, means, S) is None
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+@pytest.mark.parametrize("coefficient", [0.0, 0.2, 1.0])
+def test_no_eigenvalue_of_a_correlation_is_smaller_than_the_share_of_the_target(
+    diagonal, coefficient
+):
+    X, codes = draw(19, n_features=3)
+    X[:, 2] = X[:, 0] - X[:, 1]
+    X[codes == 1, 1] = 7.0
+    moments = class_moments(X * [1, 10, 0.1], codes, 3)
+    found, least = shrunk_covariances(moments, coefficient, diagonal=diagonal)
+    plain = fit_gaussians(moments).covariances
+    expected = [shrunk_covariance(S, coefficient) for S in plain]
+    if diagonal:
+        expected = [S.diagonal() for S in expected]
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    target = coefficient * np.trace(plain, axis1=1, axis2=2) / 3
+    variances = np.diagonal(plain, axis1=1, axis2=2)
+    share = target[:, np.newaxis] / ((1 - coefficient) * variances + target[:, np.newaxis] + 1e-300)
+    np.testing.assert_allclose(least, share.min(axis=1), atol=1e-12)
+    for S, bound in zip(found, least, strict=True):
+        if not diagonal and coefficient:
+            deviations = np.sqrt(S.diagonal())
+            assert np.linalg.eigvalsh(S / np.outer(deviations, deviations))[0] >= bound - 1e-12
+
+
+@pytest.mark.parametrize(("gap", "least", "singular"), [
+    (1e-15, 0.0, True), (1e-15, 3e-8, True), (1e-15, 4.1e-8, False), (1e-12, 0.0, False),
+])  # fmt: skip
+def test_a_large_enough_bound_replaces_the_estimate_of_the_condition(gap, least, singular):
+    S = np.eye(4)
+    S[1, 2] = S[2, 1] = 1 - gap
+    S *= np.outer([1, 1e5, 1e-5, 1], [1, 1e5, 1e-5, 1])
+    root = cholesky_root(S, least)
+    assert (root is None) == singular
+    if not singular:
+        np.testing.assert_allclose(root @ root.T, S, rtol=1e-12)
+        assert not np.triu(root, 1).any()
+
+
+def test_variances_of_zero_are_raised_or_have_no_density():
+    X, codes = draw(20)
+    X[codes == 1, 2] = 0.5
+    moments = class_moments(X, codes, 3, variances_only=True)
+    raw = fit_gaussians(moments, diagonal=True)
+    assert raw.singular.tolist() == [False, True, False]
+    assert not raw.factors[1].any()
+    assert raw.log_determinants[1] == 0
+    lifted = fit_gaussians(moments, diagonal=True, floor=0.25)
+    np.testing.assert_array_equal(lifted.covariances[[0, 2]], raw.covariances[[0, 2]])
+    expected = np.maximum(raw.covariances[1], 0.25)
+    np.testing.assert_array_equal(lifted.covariances[1], expected)
+    np.testing.assert_allclose(lifted.factors[1], 1 / np.sqrt(expected))
+    assert lifted.log_determinants[1] == pytest.approx(np.log(expected).sum())
