@@ -10,6 +10,7 @@ from emacm.decisions.metrics import (
     check_weights,
     correct_decisions,
     correct_families,
+    decision_costs,
     fraction_correct,
     label_of,
     positive_weights,
@@ -171,3 +172,10 @@ def test_weights_are_finite_and_some_is_positive():
     for bad in (-1e-9, np.inf):
         with pytest.raises(ValueError, match=f"got {bad} at recording 2"):
             check_weights([0, 1, bad], 3)
+
+
+def test_costs_of_decisions_are_floats():
+    found = decision_costs([1, 0], [0, 0], ([0, 1], [0, 1], [[0, 4], [6, 0]]))
+    assert (found.tolist(), found.dtype) == ([4.0, 0.0], np.float64)
+    empty = decision_costs([], [], ([0, 1], [0, 1], [[0, 4], [6, 0]]))
+    assert empty.shape == (0,)

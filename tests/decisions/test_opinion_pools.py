@@ -106,6 +106,14 @@ def test_posteriors_in_single_precision_are_combined_in_double_precision():
     single, own = [logs.astype(np.float32)] * 3, np.full((3, 2), 0.5, np.float32)
     pooled = pooled_log_posterior(single, own, np.array(HALF, np.float32))
     assert pooled.dtype == np.float64
+    third = np.array([0.3, 0.7], np.float32)
+    double = third.astype(np.float64)
+    for single, exact in (
+        ((own[:1], third), (own[:1], double)),
+        ((third[None], HALF), ([double], HALF)),
+    ):
+        found, expected = (pooled_log_posterior([logs[1:]], *each) for each in (single, exact))
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
     # 0 counts as the smallest positive number in double precision, in each of the members.
     assert pooled[0, 0] == pytest.approx(3 * np.log(np.finfo(float).tiny))
     assert np.exp(pooled[1]) == pytest.approx(np.array([1, 27]) / 28, rel=1e-6)

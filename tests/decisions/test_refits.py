@@ -19,7 +19,14 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.refits import Refits, as_rows, log_likelihoods, parameters_of_rows, parts_of
+from emacm.decisions.refits import (
+    DetectorTypicality,
+    Refits,
+    as_rows,
+    log_likelihoods,
+    parameters_of_rows,
+    parts_of,
+)
 from emacm.decisions.tails import student_tail
 from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.unknown import unknown_probability
@@ -279,3 +286,15 @@ def test_every_check_of_scikit_learn_passes():
         if "sample_weight_equivalence" not in str(check):
             with contextlib.suppress(SkipTest):
                 check(estimator)
+
+
+def test_typicality_of_scores_in_single_precision_is_double():
+    class Small(Level):
+        def score_samples(self, X):
+            return super().score_samples(X).astype(np.float32)
+
+    tail = student_tail(np.arange(10.0), np.ones(10))
+    detector, X = Small().fit(np.zeros((2, 1))), np.array([[0.1], [30.0]])
+    found = DetectorTypicality(detector, tail)(X)
+    expected = tail.survival(X[:, 0].astype(np.float32).astype(float))
+    assert (found.dtype, found.tolist()) == (np.float64, expected.tolist())

@@ -91,3 +91,22 @@ def test_a_recording_without_any_probability_is_not_decided():
 def test_text_is_no_probability():
     with pytest.raises(TypeError, match="posterior must be numeric"):
         least_risk([["a", "b"]], np.eye(2))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int64])
+def test_risks_and_costs_are_computed_in_double_precision(dtype):
+    posterior, cost = np.array([[0.1, 0.9]], np.float32), np.array([[0, 3], [7, 1]], dtype)
+    exact = posterior.astype(float), cost.astype(float)
+    for function in (conditional_risk, lambda _, cost: canonical_cost(cost)):
+        found = function(posterior, cost)
+        assert found.dtype == np.float64
+        np.testing.assert_array_equal(found, function(*exact))
+    assert canonical_cost(cost).tolist() == [[0, 2 / 7], [1, 0]]
+
+
+@pytest.mark.parametrize("gap", [0.5e-12, 2e-12])
+def test_risks_tie_within_a_fraction_of_the_least(gap):
+    for scale in (0.1, 1e-9):
+        posterior = [[0.5, scale * (1 + gap), scale]]
+        cost = [[0.0, 1, 0], [0, 0, 1], [1, 1, 1]]
+        assert least_risk(posterior, cost) == [0 if gap < 1e-12 else 1]

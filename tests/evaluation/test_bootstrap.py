@@ -192,3 +192,19 @@ def test_the_interval_of_an_absolute_sum_is_moved_to_it_and_is_never_negative():
 
 def test_the_largest_number_of_draws_is_allowed():
     check_bootstrap(0.5, 1_000_000)
+
+
+def test_defaults_are_2000_draws_of_seed_0_and_95_percent():
+    values, cells, groups = (
+        np.random.default_rng(2).random((1, 30)),
+        np.zeros((1, 30), int),
+        np.arange(30),
+    )
+    given = {"n_resamples": 2000, "random_state": 0}
+    (drawn,) = group_draws(values, cells, groups, **given)
+    assert group_draws(values, cells, groups)[0].tolist() == drawn.tolist()
+    stated = group_intervals(values, cells, groups, confidence=0.95, **given)
+    assert group_intervals(values, cells, groups).tolist() == stated.tolist()
+    assert stated.tolist() == [list(draw_interval(drawn, values.mean(), 30))]
+    (times,), (first,) = bootstrap.drawn_groups(3, 100, 0), bootstrap.drawn_groups(3, 100)
+    assert times.tolist() == first.tolist()

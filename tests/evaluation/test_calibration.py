@@ -132,3 +132,11 @@ def test_a_reliability_curve_by_hand():
     assert bins.tolist() == [0] * 5
     assert correct.tolist() == [0, 1, 0, 1, 1]
     assert (largest.dtype, correct.dtype, bins.dtype) == (float, float, np.intp)
+
+
+def test_scores_of_single_precision_are_double():
+    single = np.array([[0.1, 0.9], [0.7, 0.3]], np.float32)
+    for score in (log_losses, brier_scores):
+        found = score(single, [1, 1])
+        assert found.dtype == np.float64
+        assert found == pytest.approx(score(single.astype(float), [1, 1]), rel=1e-15)
