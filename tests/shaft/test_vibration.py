@@ -133,6 +133,16 @@ def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channe
         angle_from_vibration(signal, FS, speeds=(0.3 * top, 1.5 * top), orders=orders)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [6, 7])
+def test_a_multiple_of_the_frequency_of_a_motion_is_not_a_speed(unit):
+    # 14 Hz, 14 times that of the command; its lines are four bins of a frame apart.
+    recording = LaboratoryBench(unit=unit, duration=20.0, fs=FS, cutoff=4500.0).record(2)
+    top = np.abs(recording.velocity).max()
+    with pytest.raises(ValueError, match="no second of the signal"):
+        angle_from_vibration(recording.signals["accelerometer"], FS, speeds=(0.3 * top, 1.5 * top))
+
+
 def test_seconds_without_the_shaft_are_not_reliable():
     signal, velocity = machine(np.full(12 * FS, 26.3), snr=3, seed=8)
     signal[6 * FS :] = noise(9)[: 6 * FS]
