@@ -229,14 +229,21 @@ class LaboratoryBench:
         current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
         error, slope = resolver_error(turning, truth.actuator, self._imperfections)
         lvdt, accelerometer = (
-            getattr(truth.actuator, name) * drift(name, truth.times, self.run_spread)
+            drift(name, truth.times, self.run_spread)
             for name in ("lvdt_gain", "accelerometer_gain")
         )
+        lvdt *= truth.actuator.lvdt_gain
+        lvdt *= truth.position
+        lvdt += truth.actuator.lvdt_offset
+        accelerometer *= truth.actuator.accelerometer_gain
+        accelerometer *= truth.acceleration
+        slope += 1
+        slope *= truth.torques.velocity
         quantities = {
-            "lvdt": lvdt * truth.position + truth.actuator.lvdt_offset,
-            "velocity": (1 + slope) * truth.torques.velocity,  # computed from the resolver
+            "lvdt": lvdt,
+            "velocity": slope,  # computed from the resolver
             **{f"current_{x}": i for x, i in zip(self.phases, truth.currents, strict=True)},
-            "accelerometer": accelerometer * truth.acceleration,
+            "accelerometer": accelerometer,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
@@ -246,7 +253,8 @@ class LaboratoryBench:
         for name, values in quantities.items():
             sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
             mark = truth.actuator.mark + len(sensor)  # different phases in different cables
-            cable = cable_noise(sensor, turning, current, level, mark) + waves.volts(sensor)
+            cable = waves.volts(sensor)
+            cable += cable_noise(sensor, turning, current, level, mark)
             settled = measured(sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable)
             signals[name] = settled[kept]
         if self.commands:  # digital values: no sensor, no noise
@@ -293,8 +301,9 @@ class LaboratoryBench:
             row, unit, times, phase=phase, load_share=share, jam=faults.get("jam", 0.0)
         )
         place = motion.angle / unit.angle_per_inch
-        force = load_force(row, place, share)
-        force = force + load_error(len(times), self.fs, self._rng("load", condition, run))
+        load_command = load_force(row, place)
+        force = load_error(len(times), self.fs, self._rng("load", condition, run))
+        force += share * load_command
         passages = {
             name: ball_passage(name, motion.angle, self._rng(name, condition, run), mark=unit.mark)
             for name in faults
@@ -329,7 +338,7 @@ class LaboratoryBench:
             voltage,
             housing_acceleration(shaking, unit, self.fs),
             passages,
-            load_force(row, place),
+            load_command,
         )
         return truth, turning
 

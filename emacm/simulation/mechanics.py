@@ -13,6 +13,7 @@ from emacm.simulation.actuator import PEAK_SPEED, Actuator
 from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
 from emacm.simulation.drive import torque_limiter, voltage_free_speed
 from emacm.simulation.faults import FAULTS
+from emacm.simulation.waves import BLOCK
 
 _CONTROL_RATE = 2000.0  # Hz, assumed
 _HEADROOM = 0.99  # the command is limited to 99 % of the peak speed, because ripple adds to it
@@ -91,7 +92,10 @@ def bench_motion(
     angle, velocity, acceleration = _between_steps(
         np.array(velocities), (times - steps[0]) * _CONTROL_RATE
     )
-    return Motion(times, start + angle / _CONTROL_RATE, velocity, acceleration * _CONTROL_RATE)
+    angle /= _CONTROL_RATE
+    angle += start
+    acceleration *= _CONTROL_RATE
+    return Motion(times, angle, velocity, acceleration)
 
 
 def _between_steps(
@@ -104,19 +108,22 @@ def _between_steps(
     in steps; the angle is 0 at the first step.
     """
     # Pieces of the spline join halfway between the steps.
-    number = np.floor(places + 0.5).astype(np.intp)
-    x = places + 0.5 - number
     c = np.concatenate((velocities[:1], velocities))
     value, slope = (c[1:] + c[:-1]) / 2, np.diff(c)
     curve = np.diff(slope, append=slope[-1:]) / 2
     whole = value + slope / 2 + curve / 3
     turned = np.concatenate(([0.0], np.cumsum(whole)[:-1]))
-    value, slope, curve, turned = (a[number] for a in (value, slope, curve, turned))
-    return (
-        turned + x * (value + x * (slope / 2 + x * curve / 3)),
-        value + x * (slope + x * curve),
-        slope + 2 * x * curve,
-    )
+    angle, velocity, acceleration = (np.empty_like(places) for _ in range(3))
+    for start in range(0, len(places), BLOCK):
+        block = slice(start, start + BLOCK)
+        x = places[block] + 0.5
+        number = x.astype(np.intp)
+        x -= number
+        a, b, d = value[number], slope[number], curve[number]
+        angle[block] = turned[number] + x * (a + x * (b / 2 + x * d / 3))
+        velocity[block] = a + x * (b + x * d)
+        acceleration[block] = b + 2 * x * d
+    return angle, velocity, acceleration
 
 
 def _follow(

@@ -92,31 +92,42 @@ def shaft_torques(
     direction = np.tanh(motion.velocity / STICTION_SPEED)
     dry = faults.get("lubrication", 0.0)
     dry_friction = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
-    coulomb = dry_friction * drift("coulomb", motion.times, run_spread)
-    coulomb = coulomb + (1 / actuator.efficiency - 1) * np.abs(load)
-    coulomb = coulomb + jam_torque(motion.angle, actuator, faults.get("jam", 0.0))
-    viscous = actuator.viscous * drift("viscous", motion.times, run_spread)
-    friction = direction * coulomb + viscous * motion.velocity
-    mean = actuator.inertia * motion.acceleration + load + friction
-    # Where a jam stops the shaft, friction takes what exceeds the torque limit.
-    limited = np.clip(mean, -actuator.max_torque, actuator.max_torque)
-    friction += limited - mean
-    mean = limited
-    ripple = _ripple(motion.angle, mean, actuator, faults)
+    # Mostly in place: memory for new arrays takes longer than the arithmetic.
+    friction = drift("coulomb", motion.times, run_spread)
+    friction *= dry_friction
+    friction += (1 / actuator.efficiency - 1) * np.abs(load)
+    if jam := faults.get("jam", 0.0):
+        friction += jam_torque(motion.angle, actuator, jam)
+    friction *= direction
+    viscous = drift("viscous", motion.times, run_spread)
+    viscous *= actuator.viscous
+    viscous *= motion.velocity
+    friction += viscous
+    motor = actuator.inertia * motion.acceleration
+    motor += load
+    motor += friction
+    if max(motor.max(), -motor.min()) > actuator.max_torque:
+        # Where a jam stops the shaft, friction takes what exceeds the torque limit.
+        limited = np.clip(motor, -actuator.max_torque, actuator.max_torque)
+        friction += limited - motor
+        motor = limited
+    ripple = _ripple(motion.angle, motor, actuator, faults)
     braking = _braking(motion.angle, load, actuator, faults, passages, rng)
-    rated = actuator.torque_constant * RATED_CURRENT
-    braking += actuator.recirculation * (FREE_TORQUE + np.abs(load) / rated) * lines
-    ripple -= direction * braking
+    recirculating = np.abs(load)
+    recirculating /= actuator.torque_constant * RATED_CURRENT
+    recirculating += FREE_TORQUE
+    recirculating *= actuator.recirculation
+    recirculating *= lines
+    braking += recirculating
+    braking *= direction
+    ripple -= braking
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
-    return Torques(
-        mean + actuator.inertia * acceleration - ripple,
-        load,
-        friction,
-        ripple,
-        motion.angle + angle,
-        motion.velocity + velocity,
-        motion.acceleration + acceleration,
-    )
+    motor += actuator.inertia * acceleration
+    motor -= ripple
+    angle += motion.angle
+    velocity += motion.velocity
+    acceleration += motion.acceleration
+    return Torques(motor, load, friction, ripple, angle, velocity, acceleration)
 
 
 def phase_currents(
@@ -246,4 +257,6 @@ def _loop_response(
         for part in ([1.0], [1.0, 0.0])
     )
     # s² + 2 z w s + w² is the denominator, so the acceleration is what the loop leaves.
-    return angle, velocity, disturbed - below[1] * velocity - below[2] * angle
+    disturbed -= below[1] * velocity
+    disturbed -= below[2] * angle
+    return angle, velocity, disturbed

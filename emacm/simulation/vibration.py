@@ -62,24 +62,37 @@ def housing_force(
         Force [N].
     """
     waves = OrderWaves(torques.angle) if waves is None else waves
-    speed = np.abs(torques.velocity) / PEAK_SPEED
-    thrust = np.abs(torques.load) / (RATED_FORCE * actuator.torque_per_force)
-    pressed = np.sqrt(PRELOAD + thrust)
-    current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
+    speed = np.abs(torques.velocity)
+    speed /= PEAK_SPEED
+    pressed = np.abs(torques.load)
+    pressed /= RATED_FORCE * actuator.torque_per_force
+    pressed += PRELOAD
+    np.sqrt(pressed, out=pressed)
+    current = np.abs(torques.motor)
+    current /= actuator.torque_constant * RATED_CURRENT
     rolling = 1 + FAULTS["lubrication"].rolling_noise * faults.get("lubrication", 0.0)
     if cage := faults.get("cage", 0.0):
         rub = FAULTS["cage"].rolling_noise * cage
         rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * torques.angle + actuator.mark))
-    white = np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(speed))  # constant density
-    force = actuator.rolling_noise * speed * pressed * rolling * white
+    force = rng.standard_normal(len(speed))
+    force *= actuator.rolling_noise * np.sqrt(fs / NOISE_RATE)  # constant density
+    force *= rolling
+    force *= speed
+    force *= pressed
     force += actuator.waviness * pressed * lines
-    force += torques.velocity**2 * waves.sines((1, actuator.unbalance, 2 * actuator.mark))
-    force += current * waves.sines((2 * POLE_PAIRS, RADIAL, actuator.mark))
+    unbalance = waves.sines((1, actuator.unbalance, 2 * actuator.mark))
+    unbalance *= torques.velocity**2
+    force += unbalance
+    radial = waves.sines((2 * POLE_PAIRS, RADIAL, actuator.mark))
+    radial *= current
+    force += radial
     if eccentric := faults.get("eccentricity", 0.0):
         # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
         strength = FAULTS["eccentricity"].force * eccentric
         pull = waves.sines((1, strength, 2 * actuator.mark)) * (0.3 + current)
         force += pull * (1 + waves.sines((2 * POLE_PAIRS, 0.5, np.pi / 2)))
+    if not passages and not len(knocks):
+        return force
     impulses = np.zeros_like(speed)
     for name, passage in passages.items():
         at = passage.impacts
@@ -126,8 +139,6 @@ def housing_acceleration(
 
 def _contact_force(impulses: NDArray[np.floating], fs: float) -> NDArray[np.floating]:
     """Convert impulses [N s] to half-sines of force [N] of the duration of the contact."""
-    if not impulses.any():
-        return impulses
     n_contact = max(1, round(CONTACT * fs))
     shape = np.sin(np.pi * (np.arange(n_contact) + 0.5) / n_contact)
     return filters.lfilter(shape * (fs / shape.sum()), [1.0], impulses)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 PHASES = "abc"
-_BLOCK = 8192  # samples
+BLOCK = 8192  # samples that are computed together: their arrays stay in the cache
 
 
 def of_phases(
@@ -84,10 +84,10 @@ class OrderWaves:
     def __init__(self, angle: NDArray[np.floating]) -> None:
         self._turning = np.empty(len(angle), dtype=complex)
         # By the tangent of the half angle, which NumPy computes faster than sine and cosine.
-        for start in range(0, len(angle), _BLOCK):
-            tangent = np.tan(angle[start : start + _BLOCK] / 2)
+        for start in range(0, len(angle), BLOCK):
+            tangent = np.tan(angle[start : start + BLOCK] / 2)
             square = tangent * tangent
-            turning = self._turning[start : start + _BLOCK]
+            turning = self._turning[start : start + BLOCK]
             turning.real = (1 - square) / (1 + square)
             turning.imag = 2 * tangent / (1 + square)
 
@@ -109,17 +109,15 @@ class OrderWaves:
         ndarray of shape (n_times,)
         """
         total = np.zeros(len(self._turning))
-        terms = tuple(term for term in terms if term[1])
+        weights = [(order, size * np.exp(1j * phase)) for order, size, phase in terms if size]
         # Powers stay in the cache: full-length arrays would cost more than their products.
-        for start in range(0, len(total), _BLOCK):
-            block = slice(start, start + _BLOCK)
+        for start in range(0, len(total) if weights else 0, BLOCK):
+            block = slice(start, start + BLOCK)
             powers = {1: self._turning[block]}
-            parts = [
-                size * (np.cos(phase) * wave.imag + np.sin(phase) * wave.real)
-                for order, size, phase in terms
-                for wave in [_power(powers, order)]
-            ]
-            total[block] = sum(parts)
+            waves = [weight * _power(powers, order) for order, weight in weights]
+            for wave in waves[1:]:
+                waves[0] += wave
+            total[block] = waves[0].imag
         return total
 
 
