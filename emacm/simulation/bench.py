@@ -211,7 +211,7 @@ class LaboratoryBench:
         Returns
         -------
         Recording
-            Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or as `phases` says)
+            Channels "lvdt" [in], "velocity" [rad/s], "current_a" [A] (or those of `phases`)
             and "accelerometer" [g], in float32, which is sufficient for 16 bits; with `commands`
             also "position_command" [in], "load_command" [lbf] and the reading of the load cell,
             "load_cell" [lbf]. The shaft reference is the angle of the resolver at a tenth of the

@@ -113,7 +113,7 @@ def test_no_measured_speed_passes_4572_rpm(condition):
     assert np.abs(record(condition).signals["velocity"]).max() < PEAK_SPEED
 
 
-def test_the_resolver_and_the_velocity_channel_tell_the_same_motion():
+def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
     recording = record(4)
     velocity = recording.signals["velocity"].astype(float)
     turned = np.concatenate(([0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2))) / 48_000
@@ -234,9 +234,9 @@ def test_a_jam_takes_current_at_its_place():
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_severity_nought_is_healthy_to_the_last_bit(fault):
-    nought = record(4, faults=((fault, 0.0),), duration=0.2)
-    assert nought == record(4, duration=0.2)
+def test_severity_zero_is_healthy_to_the_last_bit(fault):
+    zero = record(4, faults=((fault, 0.0),), duration=0.2)
+    assert zero == record(4, duration=0.2)
 
 
 def test_vibration_grows_with_severity():

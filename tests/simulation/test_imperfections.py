@@ -36,10 +36,10 @@ def test_the_error_of_the_resolver_has_orders_1_2_and_12():
 
 def test_the_measured_angle_has_the_error_of_the_resolver():
     error, _ = resolver_error(TURNS, Actuator(), NOMINAL)
-    told = resolver_angle(TURNS, np.random.default_rng(1), error) - TURNS[::10]
+    error_read = resolver_angle(TURNS, np.random.default_rng(1), error) - TURNS[::10]
     for order, arcmin in ((1, 3.0), (2, 3.0), (12, 1.0)):
-        assert abs(line(told, order, TURNS[::10])) == pytest.approx(arcmin * ARCMIN, abs=8e-6)
-    assert abs(line(told, 5, TURNS[::10])) < 8e-6  # noise: 5e-5 over 2000 samples
+        assert abs(line(error_read, order, TURNS[::10])) == pytest.approx(arcmin * ARCMIN, abs=8e-6)
+    assert abs(line(error_read, 5, TURNS[::10])) < 8e-6  # noise: 5e-5 over 2000 samples
 
 
 def test_usual_units_have_errors_of_some_arcmin():

@@ -80,13 +80,13 @@ def test_it_is_not_heard_elsewhere(sensor):
 
 def test_the_resolver_tells_the_angle_within_a_fraction_of_a_milliradian():
     angle = 1.0 + 40 * np.sin(2 * np.pi * TIMES)
-    told = resolver_angle(angle, np.random.default_rng(0))
-    assert len(told) == len(angle) / 10
+    measured_angle = resolver_angle(angle, np.random.default_rng(0))
+    assert len(measured_angle) == len(angle) / 10
     # 1e-4 of unequal amplitudes, five standard deviations of noise.
-    assert np.abs(told - angle[::10]).max() < 1e-4 + 5 * 5e-5
+    assert np.abs(measured_angle - angle[::10]).max() < 1e-4 + 5 * 5e-5
 
 
 def test_the_resolver_starts_within_half_a_revolution():
-    told = resolver_angle(100 + TIMES, np.random.default_rng(0))
-    assert abs(told[0]) <= np.pi
-    assert told[-1] - told[0] == pytest.approx(2, abs=1e-3)
+    measured_angle = resolver_angle(100 + TIMES, np.random.default_rng(0))
+    assert abs(measured_angle[0]) <= np.pi
+    assert measured_angle[-1] - measured_angle[0] == pytest.approx(2, abs=1e-3)

@@ -315,11 +315,11 @@ def test_the_command_figures_show_command_and_feedback_of_position_and_load(chap
         position, load = chapter.figures[name].axes
         assert (position.get_ylabel(), load.get_ylabel()) == ("position [in]", "load [lbf]")
         for ax in (position, load):
-            told, asked = (line.get_ydata() for line in ax.get_lines())
+            feedback, command = (line.get_ydata() for line in ax.get_lines())
             assert [line.get_label() for line in ax.get_lines()] == ["feedback", "command"]
-            assert len(told) == len(asked) > 1000
-        asked = position.get_lines()[1].get_ydata()
-        assert np.ptp(asked) == pytest.approx(2 * 2.05, rel=1e-2)  # condition 3 of Table 4.3
+            assert len(feedback) == len(command) > 1000
+        command = position.get_lines()[1].get_ydata()
+        assert np.ptp(command) == pytest.approx(2 * 2.05, rel=1e-2)  # condition 3 of Table 4.3
         assert np.median(load.get_lines()[1].get_ydata()) == pytest.approx(660)
 
 
