@@ -75,7 +75,7 @@ def label_array(labels: Sequence[Any], classes: ArrayLike = ()) -> NDArray[Any]:
         return known[[place[label] for label in labels]]
     for kind in (str, int):
         if all(type(label) is kind for label in labels):
-            return np.array(labels, dtype=kind)
+            return np.array(labels)
     array = np.empty(len(labels), dtype=object)
     array[:] = labels
     return array

@@ -384,3 +384,14 @@ def test_groups_reach_an_estimator_that_needs_them_or_if_nothing_else_does(
     if passed and options:
         model = LeastRiskClassifier(in_steps, **options).fit(X, [0, 0, 1, 1, 0, 1], groups=groups)
         assert list(model.estimator_[-1].groups_) == groups
+
+
+def test_a_prior_of_zero_stays_impossible_at_any_temperature():
+    X, y = np.zeros((4, 1)), [0, 0, 1, 1]
+    model = LeastRiskClassifier(Single(), priors=[1.0, 0.0], temperature=3.0).fit(X, y)
+    assert model.predict_log_proba(X[:1]).tolist() == [[0.0, -np.inf]]
+
+
+def test_the_classes_are_not_optional():
+    with pytest.raises(ValueError, match="fit requires y to be passed, but the target y is None"):
+        LeastRiskClassifier(Single()).fit(np.zeros((4, 1)), None)

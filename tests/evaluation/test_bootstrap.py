@@ -120,6 +120,9 @@ def test_confidence_and_draws_are_checked():
         check_bootstrap(95, 1000)
     with pytest.raises(ValueError, match="n_resamples must be a whole number of at least 100"):
         check_bootstrap(0.95, 10)
+    for options in ({"confidence": 1.0}, {"n_resamples": 99}):
+        with pytest.raises(ValueError, match=f"{next(iter(options))} must be"):
+            interval([0.0, 1.0], [0, 1], **options)
     with pytest.raises(ValueError, match=r"n_resamples must be .* at most 1000000, got 1000000000"):
         check_bootstrap(0.95, 10**9)
 

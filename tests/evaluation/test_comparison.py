@@ -174,6 +174,8 @@ def test_costs_are_compared_only_if_they_are_equal():
     assert np.isnan(row[["expected_cost", "realised_cost", "predicted_cost"]]).all()
     assert not np.isnan(row["accuracy"])
     assert comparison.differences.loc["c", "expected_cost"] == 0
+    expected = [f"{name}{end}" for name in FIGURES for end in ("", "_low", "_high")]
+    assert comparison.differences.columns.tolist() == expected
 
 
 def test_priors_that_differ_prevent_a_comparison_of_costs():
