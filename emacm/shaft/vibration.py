@@ -130,11 +130,17 @@ def angle_from_vibration(
     The method is for speed changes of up to 1 % within a few seconds. On simulated machines with 3
     to 12 lines, at 0 and -10 dB, the median error was 0.01 % and every reliable second within 1 %;
     two thirds of the seconds were reliable at constant speed, half at a drift of 1 %. Faster ramps
-    are mostly refused, and so are seconds in which the shaft reverses or stands still, because they
-    have no single speed. A machine that reverses all the time has lines at all multiples of the
-    frequency of its motion, between the orders too; it is refused for that.
+    are mostly refused. A machine that reverses all the time has lines at all multiples of the
+    frequency of its motion, between the orders too; it is refused for that. A single reversal
+    between long strokes of the same speed is not noticed: the second around it may count as
+    reliable, though its mean speed is lower by the time of the reversal, such as 3 %.
 
-    In the CWRU recordings of a motor, 90 of 105 are reliable. All 83 of them whose harmonics, each
+    On the simulated bench, a phase current (``orders=[5, 6, 7, 30, 42]``, 6 pole pairs) with noise
+    at 0 dB gave 99 reliable of 640 seconds in strokes of 5 and 10 s at constant speeds of 35 to 320
+    rad/s, with a median error of the mean speed of 0.07 % at the lowest of these speeds and 0.005 %
+    and less at the others. The accelerometer has lines of its rolling elements only.
+
+    In the CWRU recordings of a motor, 89 of 105 are reliable. All 83 of them whose harmonics, each
     measured alone, have one common speed are within 0.02 % of it; the speeds stated with these
     recordings are nominal ones of the load and deviate from it by up to 0.7 %.
 
