@@ -538,3 +538,11 @@ def test_a_column_slips_that_is_not_boolean_is_refused():
 def test_extreme_values_give_an_error_and_no_infinite_order(make):
     with pytest.raises(ValueError, match="must be"):
         make()
+
+
+def test_orders_that_were_given_are_faults_of_their_own():
+    table = fault_orders({"belt": 5.0, "fan": 5.05}, harmonics=2)
+    bands = order_bands(table, slip=0.02, on_overlap="join")
+    assert list(bands) == ["belt", "fan", "2xbelt", "2xfan"]
+    near = fault_orders({"belt": 5.0}, harmonics=2)
+    assert list(order_bands(near, slip=0.4, on_overlap="join")) == ["belt/2xbelt"]

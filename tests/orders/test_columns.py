@@ -319,6 +319,15 @@ def test_a_band_without_width_is_a_name():
     assert block.names == ("2-3", "3-3")
 
 
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, OrderTable.copy])
+def test_a_copy_has_the_names_and_numbers_of_its_own(duplicate):
+    original = table()
+    copied = duplicate(original)
+    assert copied.columns == original.columns
+    assert not np.shares_memory(copied, original)
+    np.testing.assert_array_equal(copied, original)
+
+
 def test_names_must_be_those_of_fit():
     check_input_names(["a", "b"], ["a", "b"], 2)
     check_input_names(["a", "b"], None, None)

@@ -340,7 +340,9 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
     over_angle = OrderResampler(2 * np.pi / 32).fit_transform(
         [Recording({"b": np.ones(900)}, 300, velocity=np.full(900, 31.0))]
     )
-    assert OrderPSD(2).fit(over_angle).plan.n_per_segment == 64
+    fitted = OrderPSD(2).fit(over_angle)
+    assert fitted.plan.n_per_segment == 64
+    assert fitted.get_feature_names_out().dtype == object
     with pytest.raises(NotFittedError):
         OrderPSD(2).plan  # noqa: B018
     plan = segment_plan(32.0, n_per_segment=8, detrend=None)

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import sys
 
 import numpy as np
 import pandas as pd
@@ -115,3 +116,9 @@ def test_a_folder_without_metadata_is_an_error(tmp_path):
     pd.DataFrame({"recording_id": [1]}).to_parquet(tmp_path / "metadata.parquet")
     with pytest.raises(ValueError, match="lacks the columns"):
         open_bearing_dataset(tmp_path)
+
+
+def test_without_the_library_the_extra_is_named(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(ImportError, match=r"pip install 'emacm\[files\]'"):
+        open_bearing_dataset(folder)

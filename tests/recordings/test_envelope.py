@@ -626,3 +626,9 @@ def test_channels_that_are_computed_are_a_mapping_too():
     assert len(heard.signals) == len(knocking().channels)
     assert not heard.signals["sound"].flags.writeable
     assert heard.series["sound"] != 3
+
+
+def test_the_band_of_a_channel_that_a_recording_lacks_is_refused():
+    detector = EnvelopeDetector("kurtogram", channels=["sound"]).fit([knocking()])
+    with pytest.raises(ValueError, match="recording 0.*no channel 'sound'"):
+        detector.transform([knocking().select(["current"])])

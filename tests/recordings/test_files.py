@@ -524,6 +524,7 @@ def test_units_stay_in_names_that_would_be_equal_without_them():
     plain = FileColumns({"b [g]": np.zeros(2)}, {"b [g]": 3.0}, {}, {"n (rpm)": 5.0})
     assert (list(plain.columns), plain.rates, plain.numbers) == (["b"], {"b": 3}, {"n": 5})
     assert plain.units == {"b": "g", "n": "rpm"}
+    assert FileColumns({"b [g]": np.zeros(2)}, units={"b [g]": ""}).units == {"b": "g"}
     alike = FileColumns({"b [g]": np.zeros(2), "b [V]": np.ones(2)}, {"b [g]": 3.0})
     assert list(alike.columns) == ["b [g]", "b [V]"]
     assert (alike.rates, alike.units) == ({"b [g]": 3}, {})

@@ -299,3 +299,16 @@ def test_cloned_it_does_the_same():
     step = CepstralPrewhitening(channels=["sound"])
     run = [recording(coloured())]
     assert step.fit_transform(run) == clone(step).fit_transform(run)
+
+
+@pytest.mark.parametrize("fs", [1e-3, 1e3, 3e5])
+def test_segments_are_a_power_of_two_of_about_the_same_time_at_any_rate(fs):
+    series = WhitenedSeries(np.zeros(1 << 21), fs)
+    length = series._hop + series._fade
+    assert length & (length - 1) == 0
+    usual = WhitenedSeries(np.zeros(1 << 21), 4096.0)
+    seconds = (usual._hop + usual._fade) / 4096
+    if fs > 1:
+        assert 2**-0.5 <= length / (seconds * fs) <= 2**0.5
+    else:
+        assert 0 < length < 4096 * seconds

@@ -420,3 +420,13 @@ def test_of_two_pulses_the_stray_one_is_that_without_which_the_rest_is_even(shif
     stray = place + (shift > 0)
     other = stray + (-1 if shift > 0 else 1)
     assert _rougher_end(pulses, min(stray, other)) == stray
+
+
+def test_the_levels_of_a_raw_channel_are_passed_on():
+    wave = np.tile([0.0, 0, 4, 4, 0, 0, 2, 2, 0, 0], 9)
+    assert len(pulse_times(wave, 10.0, threshold=1.0)) == 18
+    assert len(pulse_times(wave, 10.0, threshold=3.0)) == 9
+    for options in ({"threshold": 3.0}, {"threshold": 3.0, "hysteresis": 0.5}):
+        times = pulse_times(wave, 10.0, **options)
+        expected = angle_from_pulses(times, 10.0, len(wave)).angle
+        np.testing.assert_array_equal(angle_from_tacho(wave, 10.0, **options).angle, expected)
