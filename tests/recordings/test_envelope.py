@@ -630,5 +630,5 @@ def test_channels_that_are_computed_are_a_mapping_too():
 
 def test_the_band_of_a_channel_that_a_recording_lacks_is_refused():
     detector = EnvelopeDetector("kurtogram", channels=["sound"]).fit([knocking()])
-    with pytest.raises(ValueError, match="recording 0.*no channel 'sound'"):
+    with pytest.raises(ValueError, match=r"recording 0.*no channel 'sound'"):
         detector.transform([knocking().select(["current"])])
