@@ -471,6 +471,7 @@ def test_joined_bands_are_disjoint_and_contain_every_order(values, slip):
             "min_width must be a number of",
         ),
         (lambda: order_bands({"a": 1.0}, slip=1.0), ValueError, "slip must be a number"),
+        (lambda: order_bands({"a": 1.0}, slip=-0.1), ValueError, "slip must be .*at least 0"),
         (lambda: order_bands({"a": 1.0}, on_overlap="no"), ValueError, "on_overlap must be one of"),
     ],
 )

@@ -14,6 +14,7 @@ from emacm import (
     kurtogram,
     spectral_kurtosis,
 )
+from emacm.recordings.kurtogram import Kurtogram
 from emacm.recordings.prewhitening import WhitenedSeries, prewhitened
 
 FS = 11_000.0
@@ -109,6 +110,14 @@ def test_a_short_signal_has_as_many_levels_as_it_allows(n_times, levels):
     assert len(found.widths) == levels
     with pytest.raises(ValueError, match="319 samples"):
         kurtogram(noise(319), FS)
+
+
+def test_the_band_is_that_of_the_largest_kurtosis_and_of_equal_ones_the_widest():
+    centres = (np.array([4.0, 6, 8]), np.array([2.0, 3, 4, 5]))
+    found = Kurtogram((4.0, 2.0), centres, (np.array([0, 1, 2.0]), np.array([0, 3.0, 1, 0])))
+    assert found.band == (2, 4)
+    found = Kurtogram((4.0, 2.0), centres, (np.array([0, 1, 3.0]), np.array([0, 3.0, 1, 0])))
+    assert found.band == (6, 10)
 
 
 def test_gain_changes_nothing():

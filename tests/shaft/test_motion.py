@@ -230,3 +230,7 @@ def test_the_travel_since_another_angle_is_shifted():
     back = StrokeTravel(angle, Stroke(3, 5, -1), monotonic=True, start_angle=7.0)
     np.testing.assert_array_equal(back, [1, 2])
     assert back.known == {"n_times": 2, "length": 2, "max_reversal": 0}
+
+
+def test_properties_of_a_path_are_documented():
+    assert "start to end" in ShaftPath.length.__doc__

@@ -469,11 +469,14 @@ def test_few_families_of_lines_may_lie_between_the_orders(n_families, clear, rat
     assert orders_stand_out(signal, 40.0, rate, orders, 2000, 1000) is clear
 
 
-@pytest.mark.parametrize(("amplitude", "clear"), [(0.08, True), (0.11, False)])
-def test_families_count_where_their_lines_stand_out_of_the_noise(amplitude, clear):
+@pytest.mark.parametrize(
+    ("own", "other", "clear"),
+    [(1, 0.08, True), (1, 0.11, False), (0.06, 0, True), (0.03, 0, False)],
+)
+def test_families_count_where_their_lines_stand_out_of_the_noise(own, other, clear):
     times, orders = np.arange(8000) / 2000, np.arange(1.0, 9)
     others = np.add.outer(orders, [0.2, 0.4, 0.7]).ravel()
-    signal = tones(40 * orders, times) + tones(40 * others, times, amplitude) + noise(8000)
+    signal = tones(40 * orders, times, own) + tones(40 * others, times, other) + noise(8000)
     assert orders_stand_out(signal, 40.0, 0.0, orders, 2000, 1000) is clear
 
 

@@ -199,6 +199,8 @@ def test_the_speed_of_a_real_motor_is_that_of_its_harmonics(bearings, name, rpm)
         ({"speeds": (0.0, 100.0)}, ValueError, "the lowest speed must be a number .*above 0"),
         ({"speeds": (100.0, 120.0, 140.0)}, TypeError, "speeds must be a pair"),
         ({"speeds": (100.0, np.pi * FS / 2)}, ValueError, "below pi/2 times the sampling rate"),
+        ({"speeds": (TURN * 16.9, TURN * 30)}, ValueError, "but 1.01 s are needed"),
+        ({"speeds": (TURN * 17, TURN * 30)}, ValueError, "no second of the signal shows"),
         ({"speeds": SPEEDS, "orders": "12"}, TypeError, "orders must be a list of numbers"),
         ({"speeds": SPEEDS, "orders": 3.0}, TypeError, "orders must be a list of numbers"),
         ({"speeds": SPEEDS, "orders": [2, 1.9]}, ValueError, "but 15.5 s are needed"),
