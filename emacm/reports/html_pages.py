@@ -9,7 +9,8 @@ from io import BytesIO
 
 from emacm.displays import _drawing
 from emacm.reports.facts import Facts
-from emacm.reports.pages import Page
+from emacm.reports.pages import Page, heading_of_warnings
+from emacm.reports.pdf_pages import print_scale
 from emacm.reports.pictures import HEIGHT, description, draw, n_panels
 
 _STYLE = """
@@ -33,12 +34,15 @@ figure{margin:.6rem 0}
 img{width:100%;height:auto}
 figcaption,.notes{font-size:.85rem;color:#444}
 @media (min-width:44rem){.both{display:grid;grid-template-columns:1fr 1fr;gap:0 2rem}}
-@media print{@page{size:A4;margin:11mm}body{font-size:8.5pt;line-height:1.25}
-article{max-width:none;padding:0;break-after:page}article:last-child{break-after:auto}
-h1{font-size:10pt}h2{font-size:9pt;margin:.7rem 0 .2rem;break-after:avoid}
-.decision strong{font-size:13pt}th,td{padding:.1rem .5rem .1rem 0}
-figure{margin:.3rem 0}img{max-height:78mm;width:auto;max-width:100%}
-.both{display:grid;grid-template-columns:1fr 1fr;gap:0 1.5rem}
+@media print{@page{size:A4;margin:11mm}
+article{font-size:calc(8.5pt*var(--scale,1));line-height:1.25;max-width:none;padding:0;
+break-after:page}article:last-child{break-after:auto}
+h1{font-size:1.18em}h2{font-size:1.06em;margin:.9em 0 .25em;break-after:avoid}
+p,ul{margin:.3em 0}ul{padding-left:2em}figcaption,.notes{font-size:.92em}
+.decision,.first{padding:.4em .8em;margin:.5em 0}
+.decision strong{font-size:1.53em}th,td{padding:.1em .5em .1em 0}.facts th{width:8em}
+figure{margin:.3em 0}img{max-height:calc(78mm*var(--scale,1));width:auto;max-width:100%}
+.both{display:grid;grid-template-columns:1fr 1fr;gap:0 1.5em}
 .decision,figure,.first{break-inside:avoid}.decision,.first{print-color-adjust:exact}}
 """.strip()
 
@@ -84,7 +88,8 @@ def index_of(entries: Sequence[tuple[Page, str]]) -> str:
 
 
 def _article(page: Page) -> str:
-    parts = ["<article>", f"<h1>{escape(page.name)}</h1>", _first(page), _decision(page)]
+    style = f' style="--scale:{print_scale(page):.2f}"'
+    parts = [f"<article{style}>", f"<h1>{escape(page.name)}</h1>", _first(page), _decision(page)]
     if page.statements:
         parts += ["<h2>What deviates from the training</h2>", _list(page.statements)]
     if page.rows:
@@ -113,15 +118,6 @@ def _first(page: Page) -> str:
         f'<div class="first{"" if page.doubtful else " mild"}" role="alert"><b>'
         f"{heading_of_warnings(page)}</b>{_list(page.first)}</div>"
     )
-
-
-def heading_of_warnings(page: Page) -> str:
-    """Return what precedes the warnings about a recording."""
-    if page.kind == "error":
-        return "The recording could not be decided on"
-    if page.doubtful:
-        return "Check the measurement first: the decision may be wrong"
-    return "Outside the range of the training"
 
 
 def _decision(page: Page) -> str:

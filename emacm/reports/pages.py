@@ -218,3 +218,12 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         f"Deviations are from the mean of the training recordings of {str(reference)!r}; those of "
         f"at least {LEAST:g} dB and {SIGMAS:g} standard deviations are listed."
     )
+
+
+def heading_of_warnings(page: Page) -> str:
+    """Return what precedes the warnings about a recording."""
+    if page.kind == "error":
+        return "The recording could not be decided on"
+    if page.doubtful:
+        return "Check the measurement first: the decision may be wrong"
+    return "Outside the range of the training"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from emacm.displays import _drawing
-from emacm.reports.html_pages import heading_of_warnings
-from emacm.reports.pages import Page
+from emacm.reports.pages import Page, heading_of_warnings
 from emacm.reports.pictures import bar_labels, description, draw, n_panels
 
 _WIDTH, _HEIGHT = 8.27, 11.69  # inches: A4
@@ -21,6 +20,9 @@ _LEADING = 1.35
 _PANEL = 1.85  # inches; height of a panel of the picture
 _LEGEND, _NAMES = 0.35, 0.6  # inches above the first panel, for legend and predicted lines
 _AXIS = 0.45  # inches below a panel, for its axis
+_PRINTED_PICTURE = 3.5  # inches, with its caption
+_PRINTED_MARGINS = 1.6  # inches, with those of the sections
+_PRINTED_TEXT = 1.25  # of the height of the text in a PDF page, as lists and tables are wider
 _SMALLEST = 0.5  # of the size of the text
 _COLOURS = {"healthy": "#009E73", "fault": "#D55E00", "error": "#000000"}
 _CAUTION, _ALARM = "#B27300", "#b00020"
@@ -59,14 +61,12 @@ def _figure(page: Page) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH, _HEIGHT))
-    lines, panels, scale = list(_lines(page)), n_panels(page), 1.0
+    lines, panels = list(_lines(page)), n_panels(page)
     above = (_LEGEND + (_NAMES if page.parts is not None else 0.0)) if panels else 0.0
     picture = panels * _PANEL + above
     room = _HEIGHT - 2 * _MARGIN - picture
-    while (placed := _wrapped(lines, scale)) and scale > _SMALLEST:
-        if sum(height for _, height in placed) <= room:
-            break
-        scale *= 0.96
+    scale = _fitting_scale(lines, lambda scale: room)
+    placed = _wrapped(lines, scale)
     top = _HEIGHT - _MARGIN
     for line, height in placed:
         if line.picture:
@@ -83,6 +83,26 @@ def _figure(page: Page) -> Any:
             }
             figure.text(*place, text, weight="bold" if line.bold else "normal", **look)
     return figure
+
+
+def print_scale(page: Page) -> float:
+    """Return the size of letters and picture with which a printed HTML page fits on one sheet.
+
+    Estimated by the height of the text in the PDF page.
+    """
+    picture = (_PRINTED_PICTURE if n_panels(page) else 0.0) + _PRINTED_MARGINS
+    lines = list(_lines(page))
+    return _fitting_scale(lines, lambda scale: (_HEIGHT - scale * picture) / _PRINTED_TEXT)
+
+
+def _fitting_scale(lines: Sequence[_Line], room: Callable[[float], float]) -> float:
+    """Return the size of letters with which lines fit into the room that is left [inches]."""
+    scale = 1.0
+    while scale > _SMALLEST:
+        if sum(height for _, height in _wrapped(lines, scale)) <= room(scale):
+            break
+        scale *= 0.96
+    return scale
 
 
 def _place_picture(figure: Any, page: Page, top: float, panels: int) -> None:

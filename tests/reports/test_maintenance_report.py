@@ -118,7 +118,7 @@ def test_an_html_file_has_one_section_for_each_recording(tmp_path):
     (file,) = maintenance_report(bins_model(), new, tmp_path / "all.html")
     html = file.read_text(encoding="utf-8")
     parsed(html)
-    assert html.count("<article>") == 2
+    assert html.count("<article ") == 2
 
 
 def test_a_saved_model_states_its_note_and_digest(tmp_path):
@@ -141,6 +141,17 @@ def test_features_with_long_names_and_many_warnings_fit_on_one_page(tmp_path):
     content = (tmp_path / "long.pdf").read_bytes()
     assert len(re.findall(rb"/Type /Page\b", content)) == 1
     parsed(html_of([page]))
+
+
+def test_a_long_page_is_printed_in_smaller_letters():
+    def scale(n_warnings):
+        words = [f"channel 'c{n}' is clipped at samples {n} to {n + 9}" for n in range(n_warnings)]
+        html = html_of([Page("a.mat", "worn", "fault", words, True)])
+        return float(re.search(r'<article style="--scale:([0-9.]+)">', html)[1])
+
+    scales = [scale(n) for n in (2, 30, 60, 90)]
+    assert scales[:2] == [1.0, 1.0]
+    assert scales[1] > scales[2] > scales[3] >= 0.48
 
 
 def test_dollar_signs_are_no_formulas(tmp_path):
@@ -199,8 +210,9 @@ def test_a_browser_shows_the_picture_and_a_phone_needs_no_scrolling(folder, tmp_
 
 @pytest.mark.slow
 def test_a_browser_prints_a_page_for_each_recording(tmp_path):
-    new = [recording("outer race", 99), recording("healthy", 97)]
+    long = recording("healthy", 97, meta={f"part {n}": 9 * "words " for n in range(12)})
+    new = [recording("outer race", 99), recording("healthy", 97), long]
     (file,) = maintenance_report(bins_model(), new, tmp_path / "all.html", parts=BEARING)
     printed = tmp_path / "all.pdf"
     run_browser(tmp_path / "profile", f"--print-to-pdf={printed}", f"file://{file}")
-    assert len(re.findall(rb"/Type /Page\b", printed.read_bytes())) == 2
+    assert len(re.findall(rb"/Type /Page\b", printed.read_bytes())) == 3
