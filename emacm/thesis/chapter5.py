@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pandas as pd
 
 from emacm.thesis.chapter4_spectra import SIGNALS
@@ -162,7 +163,8 @@ def _result(detection: pd.DataFrame) -> str:
     for fault in dict.fromkeys(detection.index.get_level_values("fault")):
         lowest = wide.loc[fault].min()
         names = [name for name in wide.columns if wide.loc[fault, name] == lowest]
-        known = f"{' and '.join(names)} ({lowest:g})" if lowest < 2 else "no signal"
+        listed = " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
+        known = f"{listed} ({lowest:g})" if np.isfinite(lowest) else "no signal"
         best.append(f"{fault}: {known}")
     return "First signal to detect each fault, and severity: " + "; ".join(best) + "."
 
