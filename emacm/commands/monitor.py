@@ -26,6 +26,11 @@ FAILED = 3  # exit status: rows were skipped
 _HEAD = 20  # lines from which header and separator are known
 _BLOCK = 0.1  # s of samples that are processed together
 _POLL = 0.1  # s between two looks at a file that does not grow
+_REPLACED = (
+    "was cut, removed or replaced by another file. Start the command again, with another file for "
+    "--state, to follow the new one."
+)
+_SAVE = 1.0  # s between two writings of the state, unless a reading was printed
 
 
 def run(options: argparse.Namespace) -> int:
@@ -51,13 +56,14 @@ class _Lines:
     def __init__(self, source: str, idle: float) -> None:
         self._source, self._idle = source, idle
         self.skip_to: int | None = None  # byte at which to go on
+        self.replaced = False  # whether the file was cut or another one took its place
 
     def __iter__(self) -> Iterator[bytes]:
         if self._source == "-":
             yield from sys.stdin.buffer
             return
         with open(self._source, "rb") as file:
-            part, since = b"", time.monotonic()
+            part, since, same = b"", time.monotonic(), os.fstat(file.fileno()).st_ino
             while True:
                 text = file.readline()
                 part += text
@@ -69,12 +75,23 @@ class _Lines:
                     if self.skip_to is not None:
                         file.seek(self.skip_to)
                         self.skip_to = None
-                elif not text and time.monotonic() - since >= self._idle:
+                    continue
+                if not text and self._replaced(file.tell(), same):
+                    self.replaced = True
                     break
-                elif not text:
+                if not text and time.monotonic() - since >= self._idle:
+                    break
+                if not text:
                     time.sleep(min(_POLL, self._idle))
-            if part:
+            if part and not self.replaced:
                 yield part
+
+    def _replaced(self, place: int, inode: int) -> bool:
+        try:
+            status = os.stat(self._source)
+        except FileNotFoundError:
+            return True
+        return status.st_ino != inode or status.st_size < place
 
 
 class _Stream:
@@ -85,12 +102,15 @@ class _Stream:
         self._last = b""  # row before, so that gaps between blocks are noticed
         self._resumed: float | None = None  # time at which the stream goes on after an error [s]
         self._n_failed = 0
+        self._n_printed = 0
+        self._saved = -np.inf  # when the state was written last [s]
 
     def follow(self, lines: _Lines) -> int:
         """Process all lines, and return the exit status."""
         source = iter(lines)
         head = [line for _, line in zip(range(_HEAD), source, strict=False)]
         rows = self._begin(head)
+        self._head = b"".join(head)
         place = self._restored()
         if place is not None:
             rows, self._offset = [], place
@@ -102,7 +122,12 @@ class _Stream:
                 rows = []
         if rows:
             self._process(rows)
+        self._save(at_once=True)
+        time_of_end = self._monitor.time
         self._print(self._monitor.flush())
+        if lines.replaced:
+            self._n_failed += 1
+            _write({"time": time_of_end, "error": f"{self._options.source} {_REPLACED}"})
         return FAILED if self._n_failed else 0
 
     def _begin(self, head: list[bytes]) -> list[bytes]:
@@ -131,7 +156,7 @@ class _Stream:
 
     def _process(self, rows: list[bytes]) -> None:
         """Print the readings that are complete with these rows, or why the rows are skipped."""
-        n_before = 1 if self._last else 0
+        n_before, n_printed = 1 if self._last else 0, self._n_printed
         try:
             arguments = self._arguments([self._last, *rows])
             if not np.allclose(list(arguments["fs"].values()), list(self._rates.values()), 1e-6):
@@ -145,11 +170,12 @@ class _Stream:
         except (TypeError, ValueError) as error:
             self._fail(str(error), len(rows) / max(self._rates.values()))
         self._offset += sum(map(len, rows))
-        self._save()
+        self._save(at_once=self._n_printed > n_printed)
 
     def _fail(self, error: str, duration: float) -> None:
         """State why rows are skipped; the reading up to them ends, and another one begins."""
         self._n_failed += 1
+        self._n_printed += 1
         self._last, time_of_error = b"", self._resumed
         if time_of_error is None:
             time_of_error = self._monitor.time
@@ -162,6 +188,7 @@ class _Stream:
 
     def _print(self, readings: list[Reading]) -> None:
         for reading in readings:
+            self._n_printed += 1
             _write(
                 {
                     "start": reading.start,
@@ -171,6 +198,7 @@ class _Stream:
                     "typicality": reading.typicality,
                     "posterior": {str(k): p for k, p in reading.posterior.items()},
                     "alarms": list(reading.alarms),
+                    "outside_training": list(reading.outside_training),
                 }
             )
 
@@ -179,22 +207,37 @@ class _Stream:
         file: Path | None = self._options.state
         if file is None or not file.exists():
             return None
-        state = unpacked(file.read_bytes())
-        self._monitor.restore(state["monitor"].tobytes())
-        self._last = state["last"].tobytes()
-        self._resumed = float(state["resumed"]) if "resumed" in state else None
-        return int(state["offset"])
+        try:
+            state = unpacked(file.read_bytes())
+            if "head" not in state:
+                raise ValueError("it is no state of this command.")
+            if state["head"].tobytes() != self._head[: len(state["head"])]:
+                raise ValueError(f"it was written for another file than {self._options.source}.")
+            if int(state["offset"]) > os.path.getsize(self._options.source):
+                raise ValueError(f"{self._options.source} is shorter than it was.")
+            self._monitor.restore(state["monitor"].tobytes())
+            self._last = state["last"].tobytes()
+            self._resumed = float(state["resumed"]) if "resumed" in state else None
+            return int(state["offset"])
+        except ValueError as error:
+            raise ValueError(
+                f"--state {file}: {error} Remove it or give another one to read the file from its "
+                f"beginning."
+            ) from error
 
-    def _save(self) -> None:
-        """Write the state, so that the file is complete at any time."""
+    def _save(self, *, at_once: bool) -> None:
+        """Write the state, so that the file is complete at any time.
+
+        After a reading it is written at once, so that none is printed twice.
+        """
         file: Path | None = self._options.state
-        if file is None:
+        if file is None or not (at_once or time.monotonic() - self._saved >= _SAVE):
             return
-        monitor = np.frombuffer(self._monitor.state(), np.uint8)
-        last = np.frombuffer(self._last, np.uint8)
+        self._saved = time.monotonic()
+        parts = {"monitor": self._monitor.state(), "last": self._last, "head": self._head}
+        state = {name: np.frombuffer(text, np.uint8) for name, text in parts.items()}
         part = file.with_name(f"{file.name}.part")
-        state = {"monitor": monitor, "last": last, "offset": self._offset}
-        part.write_bytes(packed(state | {"resumed": self._resumed}))
+        part.write_bytes(packed(state | {"offset": self._offset, "resumed": self._resumed}))
         os.replace(part, file)
 
 

@@ -39,6 +39,10 @@ class HeldRows:
         """The signals, valid until the next `append`."""
         return [HeldSeries(self.first, row) for row in self._held]
 
+    def since(self, first: int) -> NDArray[np.floating]:
+        """Return the samples from a number on, shape (n_rows, n_times)."""
+        return self._held[:, max(first - self.first, 0) :]
+
     def append(self, blocks: Sequence[NDArray[np.floating]]) -> None:
         """Add the next samples of each signal, equally many."""
         n_new = len(blocks[0])

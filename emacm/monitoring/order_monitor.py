@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emacm._checks import check_choice, check_number
-from emacm._version import __version__
 from emacm.monitoring.alarms import CUSUM, EWMA
 from emacm.monitoring.intervals import IntervalCutter, Samples
 from emacm.monitoring.packed_state import packed, unpacked
 from emacm.monitoring.reading_alarms import ReadingAlarms
 from emacm.monitoring.spectrum_stream import MOST_HELD, Settings, SpectrumStream
 from emacm.monitoring.stream_input import StreamInput
-from emacm.monitoring.stream_settings import compile_loops, stream_settings
+from emacm.monitoring.stream_settings import compile_loops, settings_text, stream_settings
 from emacm.monitoring.streamed_models import Reading, StreamedModel
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.channel_names import check_channel_names, chosen_channels
@@ -57,8 +55,8 @@ class OrderMonitor:
         Whether `angle` is wrapped at 2π. Its steps must then be less than π.
     alarms : mapping of str to EWMA or CUSUM, optional
         Fitted charts of single features (names as of ``model[:-1].get_feature_names_out()``) or of
-        "expected_cost". Unknown states, untypical readings and intervals without a segment are
-        alarms in any case (`InputAlarm`).
+        "expected_cost". Unknown states, untypical readings, intervals without a segment, and
+        levels and units far outside those of the training are alarms in any case (`InputAlarm`).
 
     Attributes
     ----------
@@ -238,6 +236,7 @@ class OrderMonitor:
         """
         state: dict[str, Any] = {
             "settings": self._settings_text(),
+            "model": self._model.digest(),
             "origin": self._origin,
             "alarms": self._alarms.state(),
             "input": self._input.state(),
@@ -263,7 +262,8 @@ class OrderMonitor:
         Raises
         ------
         ValueError
-            If the state cannot be read, or is that of another model or other options.
+            If the state cannot be read, or is that of another model or other options. Of a state
+            that is damaged inside, nothing is restored: the monitor then has no samples.
         """
         tree = unpacked(state)
         stated, own = str(tree.get("settings")), self._settings_text()
@@ -272,6 +272,21 @@ class OrderMonitor:
                 f"the state belongs to a monitor of other settings: {stated}; this one has {own}. "
                 f"Use the same model and options."
             )
+        if str(tree.get("model")) != self._model.digest():
+            raise ValueError(
+                "the state belongs to another model: its parameters or fitted values differ. Load "
+                "the model with which the state was written, or begin another recording without it."
+            )
+        try:
+            self._restore(tree)
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            self._reference, self._origin = None, 0.0
+            self._input.reset()
+            text = "nothing was restored. Go on without it, which begins another recording."
+            raise ValueError(f"the state is damaged ({error!r}); {text}") from error
+        return self
+
+    def _restore(self, tree: dict[str, Any]) -> None:
         self._origin = float(tree["origin"])
         self._input.restore(tree["input"])
         self._alarms.restore(tree["alarms"])
@@ -280,7 +295,6 @@ class OrderMonitor:
             self._begin()
             self._cutter.restore(tree["cutter"])
             self._stream.restore(tree["stream"])
-        return self
 
     def _received(self) -> list[int]:
         if self._reference is None:
@@ -324,12 +338,16 @@ class OrderMonitor:
     def _finish(self, end: float) -> Reading:
         """Return the reading of the interval that ends now."""
         start, error = self._origin + self._cutter.start, ""
-        reading = Reading(start, end, None, {}, None, {}, None)
+        reading, severe = Reading(start, end, None, {}, None, {}, None), []
         try:
             reading = self._model.reading(start, end, self._stream.finish())
+            statements = self._model.outside_training(self._stream.quality)
+            outside = tuple(s.text for s in statements) or reading.alarms  # new lines
+            reading = replace(reading, outside_training=outside)
+            severe = [statement.text for statement in statements if statement.severe]
         except ValueError as problem:  # such as an interval in which the shaft stands still
             error = " ".join(str(problem).split())
-        return replace(reading, alarms=self._alarms.update(reading, error))
+        return replace(reading, alarms=self._alarms.update(reading, error, severe))
 
     def _check_memory(self) -> None:
         n_held = max(self._stream.n_held, self._cutter.n_waiting)
@@ -371,23 +389,12 @@ class OrderMonitor:
 
     def _settings_text(self) -> str:
         """Return what must agree for a state to be restored."""
-        plan, resampler = self._model.psd.plan, self._model.resampler
         facts = {
-            "version": __version__,
             "fs": self._rates,
             "shaft_fs": self._shaft_fs,
             "max_speed": self._max_speed,
             "every": self._every,
             "unit": self._unit,
-            "channels": list(resampler.channels_),
-            "resampler": [
-                float(resampler.theta_s),
-                resampler.direction,
-                float(resampler.min_speed),
-                resampler.max_rest,
-                float(resampler.ratio),
-            ],
-            "segments": [plan.n_per_segment, plan.step, plan.n_orders, plan.by_direction],
             "alarms": self._alarms.names,
         }
-        return json.dumps(facts)
+        return settings_text(self._model, facts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
@@ -52,7 +52,9 @@ class ReadingAlarms:
         unknown = getattr(model.classifier, "unknown", None)
         self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
 
-    def update(self, reading: Reading, error: str) -> tuple[str, ...]:
+    def update(
+        self, reading: Reading, error: str, outside_training: Sequence[str] = ()
+    ) -> tuple[str, ...]:
         """Return the alarms of the next reading, in words.
 
         Parameters
@@ -61,6 +63,8 @@ class ReadingAlarms:
             The reading; its alarms are statements on what is outside the training.
         error : str
             Why it has no features, or "".
+        outside_training : sequence of str
+            What is far outside the range of the training.
 
         Returns
         -------
@@ -68,7 +72,7 @@ class ReadingAlarms:
         """
         typicality = np.nan if reading.typicality is None else reading.typicality
         row = {"decision": reading.decision, "typicality": typicality, "error": error}
-        row["outside_training"] = list(reading.alarms)
+        row["outside_training"] = [*outside_training, *reading.alarms]
         reasons = self._input.reasons(row)
         found = ["; ".join(reasons)] if reasons else []
         for name, chart in self._charts.items():

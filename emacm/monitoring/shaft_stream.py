@@ -14,6 +14,7 @@ from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import extend_strokes, longest_gap
 
 Samples = NDArray[np.floating]
+_MEASURED = ("largest_step", "farthest", "reversal", "lowest", "highest", "length")
 
 
 class GrowingStroke:
@@ -31,6 +32,10 @@ class GrowingStroke:
         Largest speed [rad/s], or largest angle between two samples [rad] where angles are measured.
     farthest, reversal : float
         Farthest angle travelled, and the largest angle by which the shaft turned back [rad].
+    lowest, highest : float
+        Range of its speed [rad/s].
+    length : float
+        Angle between its ends [rad], once it is complete.
     """
 
     def __init__(
@@ -41,9 +46,13 @@ class GrowingStroke:
         largest_step: float = 0.0,
         farthest: float = 0.0,
         reversal: float = 0.0,
+        lowest: float = np.inf,
+        highest: float = 0.0,
+        length: float = 0.0,
     ) -> None:
         self.stroke, self.start_angle, self.complete = stroke, start_angle, complete
         self.largest_step, self.farthest, self.reversal = largest_step, farthest, reversal
+        self.lowest, self.highest, self.length = lowest, highest, length
 
 
 class ShaftStream:
@@ -125,6 +134,7 @@ class ShaftStream:
         """Return the number of angles `theta_s` [rad] apart on a stroke so far."""
         stroke = growing.stroke
         travel = stroke.direction * (float(self.angle[stroke.stop - 1]) - growing.start_angle)
+        growing.length = travel
         return int(travel / theta_s + 1e-9) + 1 if travel > 0 else 0
 
     def fastest(self, growing: GrowingStroke) -> float:
@@ -184,9 +194,16 @@ class ShaftStream:
         if first == stroke.stop:
             return
         steps = self._velocity.series[0][first : stroke.stop]
+        ends = float(steps.min()), float(steps.max())
+        slowest, fastest = sorted(map(abs, ends))
+        if ends[0] <= 0 <= ends[1]:
+            slowest = float(np.abs(steps).min())
+        growing.lowest, growing.highest = (
+            min(growing.lowest, slowest),
+            max(growing.highest, fastest),
+        )
         if self.reference == "velocity" and self._min_speed == 0:  # the shaft never turns back
-            largest = max(float(steps.max()), -float(steps.min()))
-            growing.largest_step = max(growing.largest_step, largest)
+            growing.largest_step = max(growing.largest_step, fastest)
             return
         low = max(first - 1, stroke.start)
         travel = stroke.direction * (self.angle[low : stroke.stop] - growing.start_angle)
@@ -218,7 +235,7 @@ class ShaftStream:
                 Stroke(*map(int, s["stroke"])),
                 float(s["start_angle"]),
                 bool(s["complete"]),
-                *(float(s[name]) for name in ("largest_step", "farthest", "reversal")),
+                *(float(s[name]) for name in _MEASURED),
             )
             for s in state["strokes"]
         ]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from emacm.monitoring.held_series import HeldRows, HeldSeries
 from emacm.monitoring.shaft_stream import GrowingStroke, ShaftStream
+from emacm.monitoring.stream_quality import StreamQuality
 from emacm.orders.sections import SectionCutter
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.resampling.fine_grid import LEAST_REVERSAL
@@ -201,6 +202,8 @@ class SpectrumStream:
         Motion of the shaft.
     signals : list of HeldRows
         The channels, by sampling rate as in `Settings.groups`.
+    quality : StreamQuality
+        Speeds, revolutions and levels; complete after `finish`.
     n_held : int
         Most samples of a channel that were held when some were last processed.
     """
@@ -215,6 +218,8 @@ class SpectrumStream:
         self._sums = self._no_sums()
         self._longest = {kind: 0 for kind, _ in settings.kinds}
         self._fastest = max(settings.shaft_fs, *(fs for fs, _ in settings.groups))
+        self.quality = StreamQuality(settings.groups)
+        self._seen = [0] * len(settings.groups)  # samples of each group that were taken up by it
         self._due = _WAITING  # samples at the fastest rate, at which some are processed
         self.n_held = 0
 
@@ -270,6 +275,9 @@ class SpectrumStream:
         """
         shaft, settings = self.shaft, self._settings
         groups = range(len(settings.groups))
+        for k, held in enumerate(self.signals):
+            self.quality.add_samples(k, held.since(self._seen[k]))
+            self._seen[k] = held.length
         new = len(shaft.strokes) - len(self._streams)
         self._streams += [
             {k: StrokeStream(settings, settings.groups[k][0]) for k in groups} for _ in range(new)
@@ -277,6 +285,10 @@ class SpectrumStream:
         for growing, streams in zip(shaft.strokes, self._streams, strict=True):
             self._advance(growing, streams, ended=ended)
         done = [s.complete and not g for s, g in zip(shaft.strokes, self._streams, strict=True)]
+        for stroke, gone in zip(shaft.strokes, done, strict=True):
+            if gone and stroke.length > 0 and stroke.stroke.direction in _SIGNS[settings.direction]:
+                speeds = settings.ratio * stroke.lowest, settings.ratio * stroke.highest
+                self.quality.add_stroke(settings.ratio * stroke.length, *speeds)
         shaft.strokes = [s for s, gone in zip(shaft.strokes, done, strict=True) if not gone]
         self._streams = [s for s, gone in zip(self._streams, done, strict=True) if not gone]
         return self._forget()
@@ -339,6 +351,8 @@ class SpectrumStream:
             "streams": streams,
             "sums": sums,
             "longest": {str(k): n for k, n in self._longest.items()},
+            "quality": self.quality.state(),
+            "seen": self._seen,
             "due": self._due,
             "held": self.n_held,
         }
@@ -361,4 +375,6 @@ class SpectrumStream:
             for k, each in state["sums"].items()
         }
         self._longest = {int(k): int(n) for k, n in state["longest"].items()}
+        self.quality.restore(state["quality"])
+        self._seen = [int(n) for n in state["seen"]]
         self._due, self.n_held = int(state["due"]), int(state["held"])

@@ -112,7 +112,10 @@ class StreamInput:
             if tuple(signals) != self._channels:
                 check_channel_names(list(signals), self._channels, "the block")
             return [signals[name] for name in self._channels]
-        rows = list(signals) if isinstance(signals, list | tuple) else list(np.asarray(signals))
+        if not isinstance(signals, list | tuple):
+            signals = np.asarray(signals)
+            signals = [signals] if signals.ndim < 2 else signals  # which has too few rows
+        rows = list(signals)
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
+from emacm._version import __version__
 from emacm.monitoring.spectrum_stream import Settings, SpectrumStream
 from emacm.monitoring.streamed_models import StreamedModel
 from emacm.resampling.inputs import check_angle_step
@@ -55,6 +58,24 @@ def stream_settings(
         max_speed,
         model.psd.plan,
     )
+
+
+def settings_text(model: StreamedModel, facts: Mapping[str, Any]) -> str:
+    """Return settings of a stream as text: facts, and those of resampling and of segments."""
+    plan, resampler = model.psd.plan, model.resampler
+    own = {
+        "version": __version__,
+        "channels": list(resampler.channels_),
+        "resampler": [
+            float(resampler.theta_s),
+            resampler.direction,
+            float(resampler.min_speed),
+            resampler.max_rest,
+            float(resampler.ratio),
+        ],
+        "segments": [plan.n_per_segment, plan.step, plan.n_orders, plan.by_direction],
+    }
+    return json.dumps({**facts, **own})
 
 
 def compile_loops(model: StreamedModel, settings: Settings) -> None:

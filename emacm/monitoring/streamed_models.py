@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from numbers import Number
 from typing import Any
 
 import numpy as np
@@ -12,11 +14,15 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from emacm.decisions.pipelines import search_estimator
+from emacm.monitoring.stream_quality import StreamQuality
 from emacm.orders.new_lines import collected_statements
 from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.digests import content_digest
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.training_range import Statement, outside_range
 
+_NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result
 _CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
 
 
@@ -40,6 +46,10 @@ class Reading:
         Typicality of the features, if the classifier states it.
     alarms : tuple of str
         Alarms, in words; empty if there is none.
+    outside_training : tuple of str
+        What of the interval is outside the range of the training recordings, in sentences, as
+        `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
+        rates, and levels (of an eighth of the samples of long intervals).
     """
 
     start: float
@@ -50,6 +60,7 @@ class Reading:
     risk: dict[Any, float]
     typicality: float | None
     alarms: tuple[str, ...] = ()
+    outside_training: tuple[str, ...] = ()
 
     @property
     def expected_cost(self) -> float | None:
@@ -133,6 +144,17 @@ class StreamedModel:
         alarms = tuple(new_lines)
         return Reading(start, time, features, posterior, decision, risk, typicality, alarms)
 
+    def outside_training(self, quality: StreamQuality) -> list[Statement]:
+        """State what of an interval is outside the range of the training recordings."""
+        resampler = self.resampler
+        return outside_range(quality.quality(resampler.channels_), resampler.training_range_, {})
+
+    def digest(self) -> str:
+        """Return the digest of the parameters and the fitted values of all steps."""
+        arrays: list[NDArray[Any]] = []
+        steps = [self.resampler, self.psd, *self._transformers, self.classifier]
+        return content_digest(repr([_facts(step, arrays) for step in steps]), arrays)
+
     def feature_names(self) -> list[str]:
         """Return the names of the features."""
         names = self.psd.get_feature_names_out()
@@ -176,3 +198,22 @@ def _refusal(step: Any, wanted: str, place: str) -> str:
 
 def _labelled(labels: Any, values: Any) -> dict[Any, float]:
     return dict(zip(np.asarray(labels).tolist(), map(float, values), strict=True))
+
+
+def _facts(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Return what a value consists of, equal for equal values; arrays are put into the list."""
+    if isinstance(value, bool | str | None):
+        return value
+    if isinstance(value, Number):
+        return complex(value)  # type: ignore[call-overload]
+    if isinstance(value, Mapping):
+        return sorted((repr(_facts(k, arrays)), _facts(v, arrays)) for k, v in value.items())
+    if isinstance(value, list | tuple) or getattr(value, "dtype", None) == np.dtype(object):
+        return [_facts(item, arrays) for item in value]
+    if isinstance(value, np.ndarray):
+        arrays.append(np.atleast_1d(value))
+        return len(arrays)
+    if hasattr(value, "__dict__") and not isinstance(value, type) and not callable(value):
+        public = {n: v for n, v in vars(value).items() if n[0] != "_" and n not in _NO_RESULT}
+        return type(value).__name__, _facts(public, arrays)
+    return getattr(value, "__qualname__", type(value).__name__)

@@ -158,3 +158,58 @@ def test_invalid_arguments_have_status_2(here, capsys, arguments, message):
     arguments = [a for a in arguments if a != "-"]
     assert run("--idle", "0", *arguments, source=source) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("change", ["cut", "removed", "replaced"])
+def test_a_rotated_file_is_reported_with_its_time_and_remedy(here, capsys, monkeypatch, change):
+    path = here / "rotated.csv"
+    path.write_text("vib,speed\n" + "".join(rows_of(True, 20)))
+
+    def rotate(seconds):  # instead of waiting for more
+        if change == "cut":
+            path.write_text("vib,speed\n" + "".join(rows_of(True, 21, 30)))
+        else:
+            path.rename(here / "rotated.csv.1")
+        if change == "replaced":
+            path.write_text("vib,speed\n" + "".join(rows_of(True, 21)))
+
+    monkeypatch.setattr(command.time, "sleep", rotate)
+    assert run("--idle", "30", source="rotated.csv") == 3
+    reading, error = printed(capsys)
+    assert (reading["decision"], reading["time"]) == ("worn", 6.0)
+    assert error["time"] == 6.0
+    assert "was cut, removed or replaced" in error["error"]
+    assert "Start the command again" in error["error"]
+
+
+def test_a_state_that_is_damaged_or_of_another_file_is_refused(here, capsys):
+    state = here / "other.state"
+    run("--idle", "0", "--state", str(state))
+    content = state.read_bytes()
+    (here / "another.csv").write_text("vib,speed\n" + "".join(rows_of(True, 21)))
+    short = (here / "stream.csv").read_text().splitlines(keepends=True)[:500]
+    (here / "short.csv").write_text("".join(short))
+    capsys.readouterr()
+    cases = [
+        ("stream.csv", content[:-50], "is no state of this command"),
+        ("stream.csv", content[:3000], "cannot be read"),
+        ("stream.csv", b"", "cannot be read"),
+        ("another.csv", content, "written for another file than another.csv"),
+        ("short.csv", content, "short.csv is shorter than it was"),
+    ]
+    for source, written, message in cases:
+        state.write_bytes(written)
+        assert run("--idle", "0", "--state", str(state), source=source) == 2
+        error = " ".join(capsys.readouterr().err.split())
+        assert message in error
+        assert "Remove it or give another one" in error
+
+
+def test_the_state_is_written_after_each_reading_and_not_with_each_block(here, capsys, monkeypatch):
+    written = []
+    replace = command.os.replace
+    monkeypatch.setattr(command.os, "replace", lambda *names: written.append(replace(*names)))
+    monkeypatch.setattr(command, "_SAVE", 1e9)
+    run("--idle", "0", "--every", "1.5", "--unit", "s", "--state", "seldom.state")
+    assert len(printed(capsys)) == 4
+    assert len(written) == 1 + 4 + 1  # the first block, the readings, the end

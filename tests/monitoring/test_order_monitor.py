@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -25,9 +26,11 @@ from emacm import (
     Recording,
     RecordingStatistics,
     SignalCache,
+    outside_training,
 )
 from emacm._kernels import kernels, using
 from emacm.monitoring import CUSUM, EWMA
+from emacm.monitoring.packed_state import packed, unpacked
 from emacm.shaft.angle import angle_from_velocity
 
 TURN = 2 * np.pi
@@ -482,6 +485,92 @@ def test_what_is_no_state_of_this_monitor_is_refused(fitted):
         monitor.restore(state[:-40])
     with pytest.raises(ValueError, match="belongs to a monitor of other settings"):
         monitor_of(model, recording, every=3).restore(state)
+
+
+def test_a_state_of_another_model_is_refused(fitted):
+    model, recording = fitted
+    monitor = monitor_of(model, recording)
+    monitor.push(block(), velocity=np.full(100, 20.0))
+    state = monitor.state()
+    same = pickle.loads(pickle.dumps(model))
+    assert monitor_of(same, recording).restore(state).time == pytest.approx(0.05)
+    same.set_params(costsensitivegaussianbayes__cost={("new", "worn"): 8})
+    refitted = model_of(recorded("ramp", RATES["one rate"], "velocity", seed=1))
+    for changed in (refitted, same):
+        with pytest.raises(ValueError, match=r"belongs to another model.* Load the model with"):
+            monitor_of(changed, recording).restore(state)
+
+
+def test_a_damaged_state_restores_nothing(fitted):
+    model, recording = fitted
+    monitor = monitor_of(model, recording)
+    monitor.push(block(), velocity=np.full(100, 20.0))
+    tree = unpacked(monitor.state())
+    del tree["stream"]["shaft"]
+    with pytest.raises(ValueError, match=r"state is damaged .*begins another recording"):
+        monitor.restore(packed(tree))
+    assert monitor.flush() == []
+    first = readings_of(monitor, recording, [2.0])
+    again = readings_of(monitor_of(model, recording), recording, [2.0])
+    np.testing.assert_array_equal(first[0].features, again[0].features)
+
+
+@pytest.mark.parametrize("signals", [None, 3.0, np.zeros(100)])
+def test_what_is_no_block_of_signals_is_refused(fitted, signals):
+    model, recording = fitted
+    with pytest.raises(ValueError, match="signals must map channels to samples"):
+        monitor_of(model, recording).push(signals, velocity=np.full(100, 20.0))
+
+
+def test_hostile_blocks_leave_the_stream_as_it_was(fitted):
+    model, recording = fitted
+    monitor = monitor_of(model, recording, every=4.0)
+    bad = [
+        ({"force": np.zeros(3), "axial": np.full(3, np.inf)}, np.zeros(3), None),
+        ({"force": np.zeros((3, 1)), "axial": np.zeros(3)}, np.zeros(3), None),
+        ({"force": ["a"], "axial": np.zeros(1)}, np.zeros(1), None),
+        ({"force": np.zeros(3)}, np.zeros(3), None),
+        (np.zeros((2, 3)), np.full(3, 1e9), None),
+        (np.zeros((2, 3)), np.zeros(3), -5.0),
+        (np.zeros((2, 3)), np.zeros(3), np.nan),
+        (np.zeros((2, 3)), "fast", None),
+    ]
+    readings = []
+    for signals, shaft in blocks(recording, np.arange(0, 6, 0.17)):
+        readings += monitor.push(signals, **shaft)
+        for rows, velocity, time in bad:
+            with pytest.raises((TypeError, ValueError)):
+                monitor.push(rows, velocity=velocity, time=time)
+        assert monitor.push({"force": [], "axial": []}, velocity=[]) == []
+    plain = monitor_of(model, recording, every=4.0)
+    expected = readings_of(plain, recording, [3.0])
+    for found, reading in zip(readings, expected[:-1], strict=True):
+        np.testing.assert_array_equal(found.features, reading.features)
+
+
+def test_a_reading_states_what_is_outside_the_training(fitted):
+    model, recording = fitted
+    loud = {name: 30 * samples for name, samples in recording.signals.items()}
+    loud["axial"] = recording.signals["axial"]
+    for signals in (loud, recording.signals):
+        changed = Recording(signals, recording.fs, velocity=recording.velocity).cut(0, 4)
+        expected = outside_training(model, [changed])[0]
+        (reading,) = readings_of(monitor_of(model, recording), changed, [0.3, 2.0])
+        assert list(reading.outside_training) == expected
+        alarmed = any("dB above training" in alarm for alarm in reading.alarms)
+        assert alarmed == (signals is loud)
+        assert any("revolutions" in sentence for sentence in expected)
+
+
+def test_speeds_of_all_strokes_are_compared_with_the_training():
+    recording = recorded("resting", RATES["mixed"], "angle")
+    model = model_of(recording, steps=chain(min_speed=0.35))
+    fast = Recording(
+        recording.signals, recording.fs, angle=1.25 * recording.angle, shaft_fs=recording.shaft_fs
+    )
+    (reading,) = readings_of(monitor_of(model, fast), fast, np.arange(0, 6, 0.4))
+    assert list(reading.outside_training) == outside_training(model, [fast])[0]
+    assert "highest speed" in reading.outside_training[0]
 
 
 @pytest.mark.parametrize(
