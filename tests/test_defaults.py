@@ -122,7 +122,7 @@ DEFAULTS = {
     "trendability": {"ranks": False},
     "TrendDisplay": {"time_label": "time"},
     "TrendDisplay.from_estimator": {"time_label": "time"},
-    "Reading": {"alarms": ()},
+    "Reading": {"alarms": (), "outside_training": ()},
     "vibration_velocity": {"unit": "m/s2", "band": (10.0, 1000.0)},
     "FeatureDensityDisplay": {
         "shares": (0.5, 0.9),

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from emacm.resampling.quality import Quality
 
-_WHOLE = 1 << 15  # samples of a channel of which all count for its level
-_EVERY, _BLOCK = 8192, 1024  # afterwards: samples that count, in each stretch of so many
+_WHOLE = 1 << 14  # samples of a channel of which all count for its level
+_BLOCK = 8192  # of them are summed at a time; more would be by several threads of BLAS
+_SHOWN = 1024  # samples that count of any number of later ones that come together
 
 Array = NDArray[np.floating]
 
@@ -36,17 +37,15 @@ class StreamQuality:
     def add_samples(self, group: int, rows: Array) -> None:
         """Take up the next samples of a group, shape (n_channels, n_times)."""
         n_times = rows.shape[1]
-        if self._seen[group] < _WHOLE:
-            parts = [(rows, 1.0)] if n_times else []
-        else:
-            starts = range(0, n_times, _EVERY)
-            shown = [(rows[:, k : k + _BLOCK], min(_EVERY, n_times - k)) for k in starts]
-            parts = [(part, stretch / part.shape[1]) for part, stretch in shown]
+        whole = self._seen[group] < _WHOLE
         self._seen[group] += n_times
-        for part, weight in parts:
-            squares = np.einsum("ij,ij->i", part, part)
-            n_shown = np.full(len(part), float(part.shape[1]))
-            self._sums[group] += weight * np.stack([n_shown, part.sum(axis=1), squares])
+        if not whole and n_times:
+            rows = rows[:, -_SHOWN:]
+        for start in range(0, rows.shape[1], _BLOCK):
+            part = rows[:, start : start + _BLOCK]
+            weight = n_times / rows.shape[1]
+            sums = [(len(row), float(np.add.reduce(row)), float(row.dot(row))) for row in part]
+            self._sums[group] += weight * np.array(sums).T
 
     def add_stroke(self, turned: float, lowest: float, highest: float) -> None:
         """Take up a stroke: angle [rad] and speeds [rad/s] of the shaft of interest."""
