@@ -17,7 +17,8 @@ above the training maximum or more, and `BinTransformer` warns of all of them (i
 Lines below that maximum remain hidden: with the learned amplitude, they are 7 to 17 dB below it in
 the current at orders 4, 5, 7 and 8, and 2 to 56 dB below it at orders 5.5 to 6.5. Crosstalk of the
 current to the accelerometer is recognised by its lines too, drop-outs of half the time by the
-interruptions that `OrderResampler` warns of.
+interruptions that `OrderResampler` warns of. Of 1,200 good recordings of new units, in ten fleets
+with 30 training units each, 2.0 % had a line above the limit: all recordings of six of 300 units.
 
 The constants of typicality and the tail of posteriors were chosen by leaving runs out within runs 1
 to 4 and on simulated machines; runs 5 to 7 were evaluated nine times meanwhile, for earlier
