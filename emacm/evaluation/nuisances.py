@@ -234,10 +234,11 @@ def _within(
 
 
 def _mean_of_present_cells(sums: Array, counts: Array) -> Array:
-    """Return the mean of the cells that are not empty; a draw misses some of many cells."""
+    """Return the mean of the cells that are not empty, as draws miss some; NaN if all are."""
     present = counts > 0
     means = np.where(present, sums / np.where(present, counts, 1), 0.0)
-    return means.sum(axis=-1) / np.maximum(present.sum(axis=-1), 1)
+    n_present = present.sum(axis=-1)
+    return means.sum(axis=-1) / np.where(n_present > 0, n_present, np.nan)
 
 
 def nuisance_caveats(table: pd.DataFrame, n_recordings: int) -> list[str]:

@@ -223,6 +223,14 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
     }
 
 
+def test_a_square_frame_without_the_unknown_decision_is_given_it():
+    cost = pd.DataFrame(np.arange(16.0).reshape(4, 4), list("abcd"), [*CLASSES, "new"])
+    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    assert decisions.tolist() == [*"abcd", "new"]
+    np.testing.assert_array_equal(table[:4], cost)
+    assert table[4].tolist() == [1, 1, 1, 0]
+
+
 def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state():
     cost = pd.DataFrame(
         [[0, 2, 3], [5, 0.5, 0.2], [1, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES

@@ -276,6 +276,15 @@ def test_draws_that_miss_levels_give_the_mean_of_the_present_ones():
         assert (row["chance"], row["held_out"]) == (0.5, "")
 
 
+def test_draws_without_any_level_of_two_labels_are_unknown():
+    runs, labels, held = judged_runs()
+    held["correct"] = True
+    labels = np.where(runs < 2, labels, "new")  # two of eight runs have two labels
+    row = nuisance_table([Nuisance("run", runs)], None, labels, held, BOOTSTRAP).iloc[0]
+    assert (row["recordings"], row["within"]) == (10, 1)
+    assert (row["within_low"], row["within_high"]) == (1, 1)
+
+
 def test_the_score_of_a_nuisance_alone_has_the_interval_of_its_groups():
     runs, labels, held = judged_runs()
     units = Grouping("unit", runs // 2)
