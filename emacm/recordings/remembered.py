@@ -29,7 +29,7 @@ class Remembered:
 
     __slots__ = ("_arrays", "_mapped", "_opened", "_values")
 
-    def __init__(self, arrays: Sequence[NDArray[Any]], *, just_opened: bool = False) -> None:
+    def __init__(self, arrays: Sequence[NDArray[Any]], *, just_opened: bool) -> None:
         self._arrays = arrays
         self._mapped = [array for array in arrays if is_mapped(array)]
         self._opened = self._stamps() if just_opened else None

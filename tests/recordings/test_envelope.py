@@ -28,6 +28,7 @@ from emacm.recordings.envelope import (
     analytic_filter,
     envelope,
     filter_length,
+    warn_of_long_filter,
 )
 from emacm.recordings.envelope_detector import envelope_recording
 from emacm.simulation.bench import LaboratoryBench
@@ -632,3 +633,20 @@ def test_the_band_of_a_channel_that_a_recording_lacks_is_refused():
     detector = EnvelopeDetector("kurtogram", channels=["sound"]).fit([knocking()])
     with pytest.raises(ValueError, match=r"recording 0.*no channel 'sound'"):
         detector.transform([knocking().select(["current"])])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "remedy"),
+    [
+        (95.0, 4095.0, "near to 0 .* 5.26 times .* Raise its lower edge to 500 Hz"),
+        (105.0, 4105.0, None),
+        (19_905.0, 23_905.0, "near to half the sampling rate .* 5.26 times .* edge to 23500 Hz"),
+        (19_895.0, 23_895.0, None),
+    ],
+)
+def test_a_filter_of_five_times_the_usual_length_is_warned_of(low, high, remedy):
+    if remedy:
+        with pytest.warns(UserWarning, match=remedy):
+            warn_of_long_filter(low, high, 48_000.0)
+    else:
+        warn_of_long_filter(low, high, 48_000.0)
