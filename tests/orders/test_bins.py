@@ -69,6 +69,12 @@ def test_a_bin_wider_than_the_range_is_the_range():
     assert bin_edges(10, 3) == [(0, 3)]
 
 
+def test_there_are_ten_thousand_bins_at_most():
+    assert len(bin_edges(1, 10_000)) == 10_000
+    with pytest.raises(ValueError, match=r"bin_size = 1 would make 1e\+04 bins up to order 10001"):
+        bin_edges(1, 10_001)
+
+
 @given(st.floats(0.01, 100), st.floats(0.01, 100))
 def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
     edges = bin_edges(bin_size, max_order)
