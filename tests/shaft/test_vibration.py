@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from emacm import OrderPSD, OrderResampler, Recording, angle_from_vibration
 from emacm.shaft.vibration import Confidence, VibrationAngle
-from emacm.simulation import LaboratoryBench
+from emacm.simulation import Condition, LaboratoryBench
 
 TURN = 2 * np.pi
 FS = 12_000
@@ -131,6 +131,25 @@ def test_a_shaft_that_reverses_all_the_time_is_refused(condition, orders, channe
     signal = recording.signals[channel]
     with pytest.raises(ValueError, match="no second of the signal"):
         angle_from_vibration(signal, FS, speeds=(0.3 * top, 1.5 * top), orders=orders)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", range(3))
+def test_a_phase_current_gives_the_speed_of_long_strokes_of_the_bench(unit, monkeypatch):
+    # 80 in at 4 in/s, much longer than the rod, at 160 rad/s; then back at the same speed.
+    stroke = Condition("triangle", 0.0, 20.0, 0.05, 0.0, 278.0)
+    monkeypatch.setattr("emacm.simulation.bench.CONDITIONS", {2: stroke})
+    recording = LaboratoryBench(unit=unit, duration=20.0, fs=FS, cutoff=4500.0).record(2)
+    current = recording.signals["current_a"].astype(float)
+    noisy = current + 10**-0.5 * current.std() * np.random.default_rng(unit).normal(size=20 * FS)
+    found = angle_from_vibration(noisy, FS, speeds=(80, 240), orders=[5, 6, 7, 30, 42])
+    n_shaft = len(recording.velocity) // 20
+    speeds = np.abs(recording.velocity[: 20 * n_shaft]).reshape(20, n_shaft)
+    steady = speeds.min(axis=1) > 0.9 * speeds.max()  # seconds without a reversal
+    reliable = found.confidence.reliable & steady
+    assert reliable.sum() >= 3
+    velocity = found.velocity.reshape(20, FS).mean(axis=1)
+    np.testing.assert_allclose(velocity[reliable], speeds.mean(axis=1)[reliable], rtol=2e-3)
 
 
 @pytest.mark.slow
