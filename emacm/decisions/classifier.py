@@ -69,8 +69,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         `emacm.decisions.truths` for costs that `cost` does not state. None: there is none.
     temperature : None, float or "groups", default=None
         Densities are raised to the power of 1 / temperature before they are multiplied by the
-        priors. "groups": the value of least log loss for groups that are left out, with a heavier
-        tail if that has less, see `emacm.decisions.temperature.tempered`. None: 1.
+        priors. "groups": the value of least log loss for groups that are left out. None: 1.
 
     Attributes
     ----------
@@ -287,7 +286,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             log_priors = np.log(priors)
         joint = self._gaussians.log_densities(X)
         if self.temperature is not None:
-            joint = self._tempered(joint)
+            joint /= self.temperature_
         joint += log_priors
         undefined = np.isneginf(joint.max(axis=1))
         if self.unknown is not None:
@@ -328,17 +327,10 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         Returns
         -------
         gradient : ndarray of shape (n_recordings, n_classes, n_features)
-            -S_k^-1 (z - m_k) / T, per unit of each feature; with a heavy tail, less of its
-            difference to that of the class of largest density.
+            -S_k^-1 (z - m_k) / T, per unit of each feature.
         """
         X = self._checked_features(X)
-        gradients = self._gaussians.log_density_gradients(X) / self.temperature_
-        if np.isinf(self._tail):
-            return gradients
-        logs = self._gaussians.log_densities(X)
-        lag = (logs.max(axis=1, keepdims=True) - logs) / (self._tail * self.temperature_)
-        largest = gradients[np.arange(len(X)), logs.argmax(axis=1)][:, np.newaxis]
-        return largest + (gradients - largest) / (1 + lag[:, :, np.newaxis])
+        return self._gaussians.log_density_gradients(X) / self.temperature_
 
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)

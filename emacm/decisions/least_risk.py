@@ -238,7 +238,7 @@ class LeastRiskClassifier(
         if self.temperature is None:
             return pooled_log_posterior([logs], [self.estimator_priors_], self.priors_)
         with np.errstate(divide="ignore"):
-            joint = self._tempered(log_likelihoods(logs, self.estimator_priors_))
+            joint = log_likelihoods(logs, self.estimator_priors_) / self.temperature_
             return log_softmax(joint + np.log(self.priors_), axis=1)
 
     def estimator_log_posterior(self, X: Any) -> Array:

@@ -14,7 +14,7 @@ from emacm.decisions.fit_checks import has_unknown
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import Remaining, Training
 from emacm.decisions.moments import ClassMoments
-from emacm.decisions.temperature import fit_temperature_and_tail, tempered
+from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.truths import truth_priors
 from emacm.decisions.typicality import fit_typicality
 from emacm.decisions.unknown import unknown_probability
@@ -33,13 +33,10 @@ class LeftOutCalibration(NamedTuple):
         A function of features. None before anything was left out.
     temperature : float or None
         Temperature of least log loss; None if it was not requested.
-    tail : float
-        Tail that belongs to it, see `emacm.decisions.temperature.tempered`.
     """
 
     typicality: Callable[[Any], Array] | None
     temperature: float | None
-    tail: float = np.inf
 
 
 class LeftOutMixin:
@@ -71,13 +68,6 @@ class LeftOutMixin:
         if isinstance(self.temperature, str):
             return self._calibrated("temperature")
         return 1.0 if self.temperature is None else float(self.temperature)
-
-    @property
-    def _tail(self) -> float:
-        return self._calibration.tail if isinstance(self.temperature, str) else np.inf
-
-    def _tempered(self, log_densities: Array) -> Array:
-        return tempered(log_densities, self.temperature_, self._tail)
 
     @property
     def distances_(self) -> Any:
@@ -194,10 +184,10 @@ def calibrate(
     if not temperature:
         return LeftOutCalibration(distances, None)
     log_densities = remaining.log_densities(covariance, shrinkage)
-    return LeftOutCalibration(distances, *_temperature(training, log_densities))
+    return LeftOutCalibration(distances, _temperature(training, log_densities))
 
 
-def _temperature(training: Training, log_densities: Array) -> tuple[float, float]:
+def _temperature(training: Training, log_densities: Array) -> float:
     judged = np.isfinite(log_densities[np.arange(len(training.X)), training.codes])
     if not judged.any():
         raise ValueError(
@@ -207,5 +197,4 @@ def _temperature(training: Training, log_densities: Array) -> tuple[float, float
         )
     codes, weight = training.codes[judged], training.weight[judged]
     counts = np.bincount(training.codes, training.weight, training.n_classes)
-    priors = counts / counts.sum()
-    return fit_temperature_and_tail(log_densities[judged], codes, weight, priors)
+    return fit_temperature(log_densities[judged], codes, weight, counts / counts.sum())

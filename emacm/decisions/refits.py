@@ -13,7 +13,7 @@ from sklearn.utils.validation import has_fit_parameter
 
 from emacm.decisions.left_out_calibration import LeftOutCalibration
 from emacm.decisions.tails import StudentTail, student_tail
-from emacm.decisions.temperature import fit_temperature_and_tail
+from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.typicality import LEAST
 from emacm.recordings.meta import chosen_rows
 
@@ -107,17 +107,14 @@ class Refits:
                 "no class has recordings in two groups, so that no recording can be judged by "
                 "others of its class. Give groups= with at least two groups in one class."
             )
-        weight, typicality = self.weight[judged], None
+        weight, typicality, best = self.weight[judged], None, None
         if detector is not None:
             tail = student_tail(scores[judged], weight)
             typicality = DetectorTypicality(self._detector(detector, np.flatnonzero(counted)), tail)
         if temperature:
             counts = np.bincount(self.codes, self.weight, n_classes)
-            best = fit_temperature_and_tail(
-                logs[judged], self.codes[judged], weight, counts / counts.sum()
-            )
-            return LeftOutCalibration(typicality, *best)
-        return LeftOutCalibration(typicality, None)
+            best = fit_temperature(logs[judged], self.codes[judged], weight, counts / counts.sum())
+        return LeftOutCalibration(typicality, best)
 
     def _detector(self, detector: Any, rows: NDArray[np.intp]) -> Any:
         """Fit the detector to some recordings, with their weights if it accepts weights."""

@@ -122,7 +122,7 @@ def test_each_group_is_judged_once_by_detectors_and_classifiers_of_the_others(we
 
     Level.seen.clear()
     refits = Refits(X, codes, groups, weight, log_likelihoods)
-    typicality, temperature, _ = refits.calibrate(Level(), temperature=True)
+    typicality, temperature = refits.calibrate(Level(), temperature=True)
     counted, scores, logs = weight > 0, np.full(12, np.nan), np.full((12, 3), -np.inf)
     expected_asked, expected_seen = [], []
     for group in (1, 4, 7):

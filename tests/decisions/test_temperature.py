@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_array_equal
 from scipy.optimize import minimize_scalar
 from scipy.special import log_softmax
 
-from emacm.decisions.temperature import fit_temperature, fit_temperature_and_tail, tempered
+from emacm.decisions.temperature import fit_temperature
 
 
 def draw(seed, confidence=1.0, n_recordings=300, n_classes=3):
@@ -78,35 +77,6 @@ def test_perfect_separation_and_pure_contradiction_end_at_the_limits():
 def test_one_class_or_no_recording_has_no_temperature():
     assert fit_temperature(np.zeros((3, 1)), np.zeros(3, int), np.ones(3), np.ones(1)) == 1
     assert fit_temperature(np.zeros((0, 2)), np.zeros(0, int), np.ones(0), np.full(2, 0.5)) == 1
-
-
-def test_posteriors_of_student_densities_have_a_tail_and_those_of_gaussian_ones_have_none():
-    rng = np.random.default_rng(5)
-    codes, one = rng.integers(0, 2, 4000), (np.ones(4000), np.full(2, 0.5))
-    places = np.array([-3.0, 3.0])
-    for noise, expected in ((rng.normal(size=4000), np.inf), (rng.standard_t(3, 4000), 4.0)):
-        z = places[codes] + noise
-        logs = -((z[:, np.newaxis] - places) ** 2) / 2
-        temperature, tail = fit_temperature_and_tail(logs, codes, *one)
-        assert tail == expected
-        if np.isinf(tail):
-            assert temperature == fit_temperature(logs, codes, *one)
-        else:
-            posterior = log_softmax(tempered(logs, temperature, tail), axis=1)
-            plain = log_loss(fit_temperature(logs, codes, *one), logs, codes, *one)
-            assert -posterior[np.arange(4000), codes].mean() < 0.9 * plain
-            rates = np.exp(posterior.max(axis=1)).mean(), (posterior.argmax(axis=1) == codes).mean()
-            assert rates[0] == pytest.approx(rates[1], abs=0.01)
-
-
-def test_a_tail_keeps_the_order_of_classes_and_what_is_impossible():
-    logs = np.array([[-700.0, -1e4, -np.inf, -690.0], [-np.inf] * 4])
-    found = tempered(logs, 3.0, 4.0)
-    assert_array_equal(np.argsort(found[0]), np.argsort(logs[0]))
-    assert_array_equal(np.isneginf(found), np.isneginf(logs))
-    assert found[0, 3] == pytest.approx(-690 / 3)
-    small = tempered(np.array([[0.0, -1e-3]]), 3.0, 4.0)
-    np.testing.assert_allclose(small, [[0, -1e-3 / 3]], rtol=1e-4)
 
 
 def test_heavy_recordings_of_an_impossible_class_have_the_highest_temperature():
