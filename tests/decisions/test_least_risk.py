@@ -10,6 +10,7 @@ from scipy.special import log_softmax
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import RandomForestClassifier
+from sklearn.exceptions import NotFittedError
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -395,3 +396,9 @@ def test_a_prior_of_zero_stays_impossible_at_any_temperature():
 def test_the_classes_are_not_optional():
     with pytest.raises(ValueError, match="fit requires y to be passed, but the target y is None"):
         LeastRiskClassifier(Single()).fit(np.zeros((4, 1)), None)
+
+
+@pytest.mark.parametrize("method", ["predict", "predict_proba", "predict_log_proba", "typicality"])
+def test_before_fit_nothing_is_computed(method):
+    with pytest.raises(NotFittedError):
+        getattr(LeastRiskClassifier(Single()), method)(np.zeros((1, 1)))
