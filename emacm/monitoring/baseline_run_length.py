@@ -5,13 +5,16 @@ References
 .. [1] A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application, Cambridge
    University Press, 1997, section 8.2: block resampling of the residuals of an autoregression
    ("post-blackening").
-.. [2] W. A. Jensen et al., Effects of parameter estimation on control chart properties: a
+.. [2] P. Hall and M. A. Martin, On bootstrap resampling and iteration, Biometrika 75(4), 661-671,
+   1988: the bias of an estimate is estimated by estimating again from simulated data.
+.. [3] W. A. Jensen et al., Effects of parameter estimation on control chart properties: a
    literature review, J. Quality Technology 38(4), 349-364, 2006.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +29,7 @@ _N_BASELINES = 500
 _STEPS = (500, 4000)  # simulated readings after each baseline: least and most
 _FEWEST_ALARMS = 25  # with fewer, the run length is stated as a lower limit
 _LARGEST_CORRELATION = 0.98
+_REACH = 1.5  # standard deviations of the correlation, at which the alarm rate is simulated again
 _SETTLING = 50  # steps until the autoregression has forgotten its start
 
 
@@ -104,8 +108,15 @@ def stated_run_length(
 
     Notes
     -----
-    The logarithm of the run length is about nine times as sensitive as the standard deviation is:
-    from 100 readings, eight of ten statements are within a factor of 1.7 of the truth.
+    The alarm rate is convex in the correlation, so that errors of the estimated correlation make it
+    too high on average. This bias is estimated from the correlations of the simulated baselines and
+    removed [2]_. Over many baselines, the number of false alarms then holds within some 10 %,
+    simulated from 50 normal readings on and for correlations up to 0.8.
+
+    A single statement is less certain, as the logarithm of the run length is about nine times as
+    sensitive as the standard deviation is. Of uncorrelated readings, eight of ten statements are
+    between half the truth and four times the truth from 50 readings, and between half of it and
+    three times it from 100; with a correlation of 0.4 they are within a factor of 2 and 1.6.
     """
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
     process = _Process(baseline, groups, rng)
@@ -113,20 +124,47 @@ def stated_run_length(
     size = (correlation, n_readings, n_groups)
     if n_readings < FEWEST_READINGS or 1 < n_groups < FEWEST_GROUPS:
         return RunLength(nominal, nominal, "nominal", *size)
-    mean, scale = process.estimated_baselines()
-    process.start_group()
     n_steps = int(np.clip(2 * nominal, *_STEPS))
+    seed = int(rng.integers(1 << 60))
+
+    def alarms(shift: Array | float) -> tuple[int, Array]:
+        """Return false alarms, and the correlations of baselines, for shifted correlations."""
+        moved = process.with_correlations(np.tanh(own + shift), np.random.default_rng(seed))
+        return _simulated(moved, advance, exceeds, n_steps)
+
+    own = np.arctanh(process.correlations)
+    n_alarms, estimated = alarms(0.0)
+    n_simulated = n_steps * len(estimated)
+    if n_alarms < _FEWEST_ALARMS:
+        most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
+        return RunLength(nominal, n_simulated / most, "at least", *size)
+    errors = np.arctanh(estimated) - own
+    spread = errors.std(axis=0)
+    counts = [alarms(-_REACH * spread)[0], n_alarms, alarms(_REACH * spread)[0]]
+    # The logarithm of the rate is a parabola through the three.
+    logs = np.log(np.maximum(counts, 1)) - np.log(n_alarms)
+    parabola = np.polyfit([-_REACH, 0.0, _REACH], logs, 2)
+    scaled = np.clip(np.divide(errors, spread, out=np.zeros_like(errors), where=spread > 0), -3, 3)
+    bias = float(np.mean(np.exp(np.polyval(parabola, scaled))))
+    return RunLength(nominal, bias * n_simulated / n_alarms, "bootstrap", *size)
+
+
+def _simulated(
+    process: _Process,
+    advance: Callable[[Array, Array], Array],
+    exceeds: Callable[[Array], NDArray[np.bool_]],
+    n_steps: int,
+) -> tuple[int, Array]:
+    """Return the false alarms after simulated baselines, and the correlations of these."""
+    mean, scale, estimated = process.estimated_baselines()
+    process.start_group()
     statistic, n_alarms = np.zeros_like(mean), 0
     for _ in range(n_steps):
         statistic = advance(statistic, (process.next_readings() - mean) / scale)
         alarmed = exceeds(statistic).any(axis=1)
         n_alarms += int(np.count_nonzero(alarmed))
         statistic[alarmed] = 0
-    n_simulated = n_steps * len(mean)
-    if n_alarms < _FEWEST_ALARMS:
-        most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
-        return RunLength(nominal, n_simulated / most, "at least", *size)
-    return RunLength(nominal, n_simulated / n_alarms, "bootstrap", *size)
+    return n_alarms, estimated
 
 
 class _Process:
@@ -155,19 +193,38 @@ class _Process:
         self._block = max(1, round(len(baseline) ** 0.25) - 1)
         self._left = 0
 
-    def estimated_baselines(self) -> tuple[Array, Array]:
-        """Return mean and standard deviation of simulated baselines, (n_baselines, n_columns)."""
+    def with_correlations(self, correlations: Array, rng: np.random.Generator) -> _Process:
+        """Return a process with the same residuals and other correlations."""
+        other = copy(self)
+        other.correlations, other._rng, other._left = correlations, rng, 0
+        return other
+
+    def estimated_baselines(self) -> tuple[Array, Array, Array]:
+        """Return mean, standard deviation and correlation of simulated baselines.
+
+        Each of shape (n_baselines, n_columns).
+        """
         shape = (_N_BASELINES, self._offsets.shape[1])
-        total, squares = np.zeros(shape), np.zeros(shape)
+        total, squares, power, products = np.zeros((4, *shape))
         for length in self._lengths:
             self.start_group()
-            for _ in range(length):
-                readings = self.next_readings()
-                total += readings
-                squares += readings**2
+            first = last = self.next_readings() - self._offset
+            sums = np.array(
+                [first, first**2, np.zeros(shape)]
+            )  # of x, x**2, x times the one before
+            for _ in range(length - 1):
+                deviation = self.next_readings() - self._offset
+                sums += [deviation, deviation**2, deviation * last]
+                last = deviation
+            centre = sums[0] / length
+            power += sums[1] - length * centre**2
+            products += sums[2] - centre * (2 * sums[0] - first - last) + (length - 1) * centre**2
+            total += sums[0] + length * self._offset
+            squares += sums[1] + 2 * self._offset * sums[0] + length * self._offset**2
         n_readings = self._lengths.sum()
         mean = total / n_readings
-        return mean, np.sqrt(np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1))
+        variance = np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1)
+        return mean, np.sqrt(variance), _corrected(products, power, self._lengths.mean())
 
     def start_group(self) -> None:
         """Draw the offset of a new group, and let the autoregression settle."""
@@ -192,6 +249,10 @@ def _correlations(centred: Array, follows: NDArray[np.intp], length: float) -> A
     """Return the correlation of successive readings, corrected for the bias of short series."""
     power = np.sum(centred**2, axis=0)
     products = np.sum(centred[follows] * centred[follows - 1], axis=0)
+    return _corrected(products, power, length)
+
+
+def _corrected(products: Array, power: Array, length: float) -> Array:
     raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
     # M. G. Kendall, Biometrika 41, 403-404, 1954: the bias is -(1 + 3 rho) / n.
     return np.clip(raw + (1 + 3 * raw) / length, -_LARGEST_CORRELATION, _LARGEST_CORRELATION)

@@ -10,6 +10,7 @@ from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm.monitoring import CUSUM, EWMA
+from emacm.monitoring.baseline_run_length import _Process
 from emacm.monitoring.run_lengths import cusum_run_length, ewma_run_length
 
 CHECKS = parametrize_with_checks([EWMA(), CUSUM()])
@@ -88,7 +89,10 @@ def readings_per_alarm(n_readings, correlation, weight, limit, rng, n_machines=3
     return future.size / n_alarms
 
 
-@pytest.mark.parametrize(("n_readings", "correlation"), [(200, 0.0), (100, 0.5), (200, 0.17)])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("n_readings", "correlation"), [(50, 0.0), (200, 0.0), (100, 0.5), (200, 0.17)]
+)
 def test_the_stated_run_length_includes_size_and_correlation_of_the_baseline(
     n_readings, correlation
 ):
@@ -101,6 +105,20 @@ def test_the_stated_run_length_includes_size_and_correlation_of_the_baseline(
     # One statement varies with its baseline; over baselines, the number of false alarms holds.
     assert 1 / np.mean(1 / np.array(stated)) == pytest.approx(truth, rel=0.1)
     assert truth < 0.8 * 500  # nominal
+
+
+def test_baselines_of_autoregressions_are_simulated_with_their_correlation():
+    rng = np.random.default_rng(3)
+    groups = np.repeat(np.arange(4), 30)
+    series = correlated((4, 30), 0.6, rng).reshape(120, 1) + 3.0 * groups[:, np.newaxis]
+    process = _Process(series, groups, rng)
+    own = process.correlations[0]
+    for shift in (0.0, -0.2):
+        moved = process.with_correlations(process.correlations + shift, np.random.default_rng(1))
+        mean, scale, found = moved.estimated_baselines()
+        assert found.shape == mean.shape == scale.shape == (500, 1)
+        assert found.mean() == pytest.approx(own + shift, abs=0.03)  # residuals have their own
+        assert found.std() == pytest.approx(np.sqrt((1 - own**2) / 120), rel=0.3)
 
 
 def test_differences_between_units_shorten_the_stated_run_length():
