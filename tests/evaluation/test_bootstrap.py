@@ -53,9 +53,9 @@ def test_copies_counted_as_single_recordings_narrow_the_interval():
 def test_the_interval_of_many_recordings_is_given_by_percentiles():
     values = np.random.default_rng(5).normal(size=400)
     reach = np.sqrt(400 / 399) * t.ppf(0.975, 399)
-    means = values[np.random.default_rng(1).integers(0, 400, (5000, 400))].mean(axis=1)
+    means = values[np.random.default_rng(1).integers(0, 400, (20_000, 400))].mean(axis=1)
     theirs = np.quantile(means, norm.cdf([-reach, reach]))
-    assert np.allclose(interval(values, np.arange(400), n_resamples=5000), theirs, atol=0.008)
+    assert np.allclose(interval(values, np.arange(400), n_resamples=20_000), theirs, atol=0.004)
 
 
 @pytest.mark.parametrize("n_groups", [3, 5, 8, 20])
