@@ -119,6 +119,7 @@ class Report:
 
     Examples
     --------
+    >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = Report(Path(folder))
     ...     report.add(Chapter(2, "Spectra", ["The power of a sine is one half."]))
