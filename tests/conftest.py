@@ -25,6 +25,7 @@ settings.register_profile("explore", deadline=None, derandomize=False, print_blo
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 ROOT = Path(__file__).parents[1]
+collect_ignore = ["typed_example.py"]  # a program: it would run when examples are looked for
 
 
 @pytest.fixture(autouse=True)

@@ -123,9 +123,8 @@ class Report:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = Report(Path(folder))
     ...     report.add(Chapter(2, "Spectra", ["The power of a sine is one half."]))
-    ...     report.finish()
-    ...     print(*sorted(path.name for path in Path(folder).iterdir()))
-    figures report.html summary.json tables
+    ...     report.finish(), sorted(path.name for path in Path(folder).iterdir())
+    (None, ['figures', 'report.html', 'summary.json', 'tables'])
     """
 
     def __init__(self, folder: Path, *, quick: bool = False) -> None:

@@ -567,6 +567,7 @@ def test_what_worker_processes_estimate_is_found_by_all(calls, tmp_path):
     assert not calls
 
 
+@pytest.mark.slow
 def test_inner_workers_keep_what_they_estimate(calls, tmp_path):
     X = over_angle(*(run(seed) for seed in range(4)))
     with parallel_config("loky"):
@@ -591,6 +592,7 @@ def keep_and_find(folder, seed):
     return wrong
 
 
+@pytest.mark.slow
 def test_processes_may_write_read_and_delete_at_the_same_time(tmp_path):
     with parallel_config("loky"):
         wrong = Parallel(n_jobs=3)(delayed(keep_and_find)(tmp_path, seed) for seed in range(3))

@@ -169,6 +169,7 @@ def digests_in_another_process(pickled, folder):
     return found.stdout.decode().splitlines()
 
 
+@pytest.mark.slow
 def test_a_relative_path_is_found_by_a_process_in_another_folder(npz, monkeypatch):
     (npz.parent / "elsewhere").mkdir()
     monkeypatch.chdir(npz.parents[1])
@@ -180,6 +181,7 @@ def test_a_relative_path_is_found_by_a_process_in_another_folder(npz, monkeypatc
     assert digests == [in_memory().digest] * 2
 
 
+@pytest.mark.slow
 def test_another_process_finds_out_that_a_file_was_replaced(npz):
     pickled = pickle.dumps([open_recording(npz, LAYOUT)])
     os.utime(npz, ns=(1, os.stat(npz).st_mtime_ns + 1))

@@ -523,6 +523,7 @@ def test_an_interrupted_run_leaves_nothing_behind(tmp_path, capsys, stand_in):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are ended otherwise there")
+@pytest.mark.slow
 def test_a_process_that_is_told_to_end_leaves_nothing_behind(tmp_path):
     command = [sys.executable, "-m", "emacm", "reproduce", "--chapter", "3", "--jobs", "1"]
     environment = os.environ | {"MPLBACKEND": "Agg"}
