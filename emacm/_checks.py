@@ -78,6 +78,15 @@ def check_table(values: Any) -> None:
         raise TypeError(f"X must be numeric, got {values.dtype} values.")
 
 
+@contextmanager
+def within_float64() -> Iterator[None]:
+    """Raise a ValueError in place of the OverflowError of an integer in X beyond float64."""
+    try:
+        yield
+    except OverflowError as error:
+        raise ValueError("X has an integer beyond the range of float64.") from error
+
+
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
     for start in range(0, len(array), _BLOCK):

@@ -59,10 +59,10 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     n_jobs : int, optional
         Number of threads of the search.
     """
-    print("24 simulated actuators: 8 healthy, 8 with a spall of the ball screw and 8 of the")
     print(
-        "bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s with varying, reversing speed."
+        "24 simulated actuators: 8 healthy, 8 with a spall of the ball screw and 8 of the bearing's"
     )
+    print("inner ring (severity 0.1 to 0.5); 4 runs of 6 s with varying, reversing speed.")
     recordings, states, units = simulate_fleet(8, 4, severity=_SEVERITY, seed=1)
     classes = np.unique(states)
     pipeline = make_pipeline(
@@ -304,7 +304,9 @@ def _search(
         cached = clone(pipeline).set_params(orderpsd__memory=folder)
         search = GridSearchCV(
             cached, grid, cv=split, scoring=scorer, n_jobs=n_jobs, error_score="raise"
-        ).fit(recordings, labels, groups=units, costsensitivegaussianbayes__groups=units)
+        )
+        left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
+        search.fit(recordings, labels, groups=units, **left_out)
     best = search.best_params_
     print(
         f"\nGridSearchCV, split by unit, best of {len(search.cv_results_['params'])} settings: "

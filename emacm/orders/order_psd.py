@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_finite_table, check_signal, check_table
+from emacm._checks import (
+    check_choice,
+    check_finite_table,
+    check_signal,
+    check_table,
+    within_float64,
+)
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan
@@ -259,15 +265,16 @@ class OrderPSD(WelchEstimator):
         refuse_single(X)
         self._refuse_direction()
         check_table(X)
-        table = validate_data(
-            self,
-            X,
-            reset=reset,
-            dtype=[np.float64, np.float32],
-            # After fit, a wrong number of columns is the better message.
-            ensure_min_features=2 if reset else 1,
-            ensure_all_finite=False,
-        )
+        with within_float64():
+            table = validate_data(
+                self,
+                X,
+                reset=reset,
+                dtype=[np.float64, np.float32],
+                # After fit, a wrong number of columns is the better message.
+                ensure_min_features=2 if reset else 1,
+                ensure_all_finite=False,
+            )
         check_finite_table(table, "row")
         return table
 

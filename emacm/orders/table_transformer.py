@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from sklearn.base import TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from emacm._checks import check_finite_table, check_table, check_unique_columns
+from emacm._checks import (
+    check_finite_table,
+    check_table,
+    check_unique_columns,
+    within_float64,
+)
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import (
     check_input_names,
@@ -60,13 +65,14 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         """Check the spectra passed to `fit`, and store the names of their columns."""
         names = self._checked_names(X)
         options = {"dtype": np.float64, "ensure_min_features": 2, "ensure_all_finite": False}
-        if names is not None and _names_orders(names):
-            psd = check_array(X, **options)
-            # validate_data would not see the names of every container.
-            self.n_features_in_ = psd.shape[1]
-            self.feature_names_in_ = np.array(names, dtype=object)
-        else:
-            psd = validate_data(self, X, **options)
+        with within_float64():
+            if names is not None and _names_orders(names):
+                psd = check_array(X, **options)
+                # validate_data would not see the names of every container.
+                self.n_features_in_ = psd.shape[1]
+                self.feature_names_in_ = np.array(names, dtype=object)
+            else:
+                psd = validate_data(self, X, **options)
         check_finite_table(psd, "recording", names)
         return psd
 
@@ -75,10 +81,11 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         check_is_fitted(self)
         names = self._checked_names(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
-        if self._same_axis(names):
-            psd = check_array(X, **options)
-        else:
-            psd = validate_data(self, X, reset=False, **options)
+        with within_float64():
+            if self._same_axis(names):
+                psd = check_array(X, **options)
+            else:
+                psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
         return psd
 

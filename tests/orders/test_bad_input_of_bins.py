@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
 from bad_input import Case, T, V, check_it_ends, check_refused, each, spectra
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import sparse
 
@@ -303,6 +303,8 @@ except ValueError as error:
 
 @FUZZ
 @given(ANYTHING)
+@example(10**400)
+@example([[10**400, 1]])
 def test_bins_of_anything_are_made_or_refused(X):
     assert not np.isnan(survive(lambda: BinTransformer(max_order=8).fit_transform(X))).any()
 
