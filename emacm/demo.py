@@ -59,10 +59,8 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     n_jobs : int, optional
         Number of threads of the search.
     """
-    print(
-        "24 simulated actuators: 8 healthy, 8 with a spall of the ball screw and 8 of the bearing's"
-    )
-    print("inner ring (severity 0.1 to 0.5); 4 runs of 6 s with varying, reversing speed.")
+    print("24 simulated actuators: 8 healthy, 8 with a spalled ball screw, 8 with a spall of the")
+    print("bearing's inner ring (severity 0.1 to 0.5); 4 runs of 6 s, speed varies and reverses.")
     recordings, states, units = simulate_fleet(8, 4, severity=_SEVERITY, seed=1)
     classes = np.unique(states)
     pipeline = make_pipeline(
