@@ -277,7 +277,9 @@ def _rank_of(powers: Array, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp]
     place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
     place = (place - np.float32(logs[0])) * np.float32((_TABLE - 1) / (logs[-1] - logs[0]))
     places = np.clip(place, 0, _TABLE - 1).astype(np.intp)
-    return places, np.exp(np.interp(np.exp(logs), knots, np.log(ranks)))
+    levels = np.exp(logs)
+    levels[-1] = max(knots[-1], 2e-9)  # not below it by rounding, as many knots may be equal
+    return places, np.exp(np.interp(levels, knots, np.log(ranks)))
 
 
 def _scores_by_rank(

@@ -13,7 +13,7 @@ from emacm._checks import check_choice, check_count, check_number, check_signal
 
 Angle = NDArray[np.float64]
 
-_REACH = 3  # intervals on either side that tell how long an interval should be
+_REACH = 3  # intervals on either side from which the length of an interval is estimated
 _MOST_PARTS = 10  # a gap of more intervals is a standstill or a lost sensor, not a lost pulse
 
 

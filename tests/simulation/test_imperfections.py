@@ -142,7 +142,7 @@ def test_the_gain_of_the_lvdt_drifts_within_a_recording(spread, per_second):
     reading = bench.record(5).signals["lvdt"].astype(float)
     # The filters delay the reading: the speed is the third column.
     columns = np.stack([place, times * place, speed, np.ones_like(times)], axis=1)
-    gain, change, *_ = np.linalg.lstsq(columns, reading)[0]
+    gain, change, *_ = np.linalg.lstsq(columns, reading, rcond=None)[0]
     assert change / gain == pytest.approx(per_second, abs=1e-6)
 
 
