@@ -144,7 +144,9 @@ class BinTransformer(OrderTableTransformer):
         used = np.asarray(abs(self.operator_).sum(axis=0)).ravel() > 0
         self.line_maxima_ = np.where(used, line_maxima(psd, blocks), np.inf)
         self.new_line_limit_ = excess_limit(psd, self.line_maxima_, groups)
-        self._largest_medians = largest_medians(psd, self.line_maxima_, blocks)
+        self._largest_medians = np.full(len(blocks), np.nan)
+        if self.new_line_limit_ < np.inf:
+            self._largest_medians = largest_medians(psd, self.line_maxima_, blocks)
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -187,7 +189,9 @@ class BinTransformer(OrderTableTransformer):
     def _new_lines(self, psd: NDArray[np.floating]) -> list[list[str]]:
         """Return statements on new lines of each recording."""
         maxima = getattr(self, "line_maxima_", None)  # models of earlier versions have none
-        if maxima is None or not (psd > maxima * 10 ** (self.new_line_limit_ / 10)).any():
+        if maxima is None or np.isinf(self.new_line_limit_):
+            return []
+        if not (psd > maxima * 10 ** (self.new_line_limit_ / 10)).any():
             return []
         blocks = self._blocks(getattr(self, "feature_names_in_", None))
         return state_new_lines(psd, maxima, self.new_line_limit_, self._largest_medians, blocks)
