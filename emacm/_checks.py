@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pandas import DataFrame
+from pandas import DataFrame, Series, factorize
 
 _LONGEST = 60  # letters of a value in a message
 _BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
@@ -215,3 +215,25 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
     if array.dtype.kind == "O" and array.ndim:
         return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"
+
+
+def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
+    """Return the number of the group of each recording, in the order of their first appearance."""
+    if getattr(groups, "ndim", 1) != 1:
+        raise ValueError(
+            f"groups must be one-dimensional, with one label for each of the {n_recordings} "
+            f"recordings, got shape {groups.shape}. Pass one column, such as the unit."
+        )
+    labels = Series(groups)
+    if len(labels) != n_recordings:
+        raise ValueError(
+            f"groups must have one label for each of the {n_recordings} recordings, got "
+            f"{len(labels)}."
+        )
+    codes, _ = factorize(labels)
+    if (codes < 0).any():
+        raise ValueError(
+            f"groups must have a label for every recording; that of recording "
+            f"{int(np.argmax(codes < 0))} is missing."
+        )
+    return codes

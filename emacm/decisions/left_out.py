@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from emacm._checks import group_codes
 from emacm.decisions.gaussians import (
     FLOOR,
     GaussianClasses,
@@ -123,18 +123,7 @@ def group_numbers(groups: ArrayLike | None, X: Array, codes: NDArray[np.intp]) -
     if groups is None:
         table = np.column_stack([codes, X])
         return np.unique(table, axis=0, return_inverse=True)[1].ravel() % MAX_PARTS
-    labels = pd.Series(groups)
-    if len(labels) != len(X):
-        raise ValueError(
-            f"groups must have one label for each of the {len(X)} recordings, got {len(labels)}."
-        )
-    numbers, _ = pd.factorize(labels)
-    if (numbers < 0).any():
-        raise ValueError(
-            f"groups must have a label for every recording; that of recording "
-            f"{int(np.argmax(numbers < 0))} is missing."
-        )
-    return numbers
+    return group_codes(groups, len(X))
 
 
 class Remaining:

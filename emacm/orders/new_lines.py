@@ -14,9 +14,9 @@ from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
+from emacm._checks import group_codes
 from emacm.orders.columns import OrderBlock
 
 Array = NDArray[np.float64]
@@ -214,12 +214,7 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
 
 def _maxima_of_groups(psd: NDArray[np.floating], groups: Any) -> NDArray[np.floating]:
     """Return the largest value of each group in each column, shape (n_groups, n_columns)."""
-    labels = pd.Series(groups)
-    if len(labels) != len(psd):
-        raise ValueError(
-            f"groups must have one label for each of the {len(psd)} recordings, got {len(labels)}."
-        )
-    codes, _ = pd.factorize(labels, use_na_sentinel=False)
+    codes = group_codes(groups, len(psd))
     order = np.argsort(codes, kind="stable")
     return np.maximum.reduceat(psd[order], np.unique(codes[order], return_index=True)[1], axis=0)
 

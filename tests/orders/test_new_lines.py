@@ -163,6 +163,10 @@ def test_a_warning_lists_five_recordings(training, fitted):
 def test_one_group_for_each_recording_is_needed(training):
     with pytest.raises(ValueError, match="one label for each of the 60 recordings, got 2"):
         BinTransformer(max_order=12).fit(table(training), groups=["a", "b"])
+    with pytest.raises(ValueError, match=r"one-dimensional.*shape \(60, 2\). Pass one column"):
+        BinTransformer(max_order=12).fit(table(training), groups=np.zeros((60, 2)))
+    with pytest.raises(ValueError, match="that of recording 3 is missing"):
+        BinTransformer(max_order=12).fit(table(training), groups=["a"] * 3 + [None] + ["b"] * 56)
 
 
 def test_a_model_of_an_earlier_version_states_nothing(training, fitted):
