@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_number
+from emacm._checks import check_finite_table, check_number
 from emacm._saved import SavedEstimator
 from emacm.monitoring.baseline_run_length import RunLength, stated_run_length
 from emacm.monitoring.run_lengths import (
@@ -18,6 +18,7 @@ from emacm.monitoring.run_lengths import (
     ewma_run_length,
     limit_for,
 )
+from emacm.recordings.digests import content_digest
 from emacm.recordings.meta import read_grouping
 
 Array = NDArray[np.float64]
@@ -105,7 +106,7 @@ class _Chart(SavedEstimator):
             If a parameter or X is invalid, or a column is constant.
         """
         limit = self._limit()
-        X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
+        X = self._table(X, ensure_min_samples=2)
         numbers = _group_numbers(groups, X)
         order = np.argsort(numbers, kind="stable")
         self.mean_ = X.mean(axis=0)
@@ -150,7 +151,7 @@ class _Chart(SavedEstimator):
         """
         check_is_fitted(self)
         rows: Any = [X] if np.ndim(X) == 1 else X
-        X = validate_data(self, rows, dtype=np.float64, reset=False)
+        X = self._table(rows, reset=False)
         standardised = (X - self.mean_) / self.scale_
         statistics, statistic = np.empty_like(X), self.statistic_
         for index, row in enumerate(standardised):
@@ -172,7 +173,7 @@ class _Chart(SavedEstimator):
         return self
 
     def state(self) -> dict[str, Any]:
-        """Return what `restore` needs to continue: statistic and number of readings.
+        """Return what `restore` needs to continue: chart, statistic and number of readings.
 
         Returns
         -------
@@ -180,7 +181,11 @@ class _Chart(SavedEstimator):
             Numbers and lists, which JSON can hold.
         """
         check_is_fitted(self)
-        return {"statistic": self.statistic_.tolist(), "n_updates": self.n_updates_}
+        return {
+            "chart": self._identity(),
+            "statistic": self.statistic_.tolist(),
+            "n_updates": self.n_updates_,
+        }
 
     def restore(self, state: Mapping[str, Any]) -> Self:
         """Continue from a state.
@@ -198,17 +203,34 @@ class _Chart(SavedEstimator):
         Raises
         ------
         ValueError
-            If the state has another number of columns.
+            If it is no such state, or that of a chart with another limit or baseline.
         """
         check_is_fitted(self)
-        statistic = np.asarray(state["statistic"], dtype=np.float64)
-        if statistic.shape != self.mean_.shape:
+        try:
+            chart, found = str(state["chart"]), np.asarray(state["statistic"], dtype=np.float64)
+            n_updates = int(state["n_updates"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"state must be what state() returned, got {state!r}.") from error
+        own = self._identity()
+        if chart != own or found.shape != self.mean_.shape or not np.isfinite(found).all():
             raise ValueError(
-                f"the state has {statistic.size} columns, and the chart was fitted on "
-                f"{self.mean_.size}. Restore the state of a chart with the same columns."
+                f"the state is damaged or that of another chart: it has {found.size} statistics "
+                f"{found.tolist()} of {chart}; this one is {own}. Restore the state of a chart "
+                f"with the same limit and baseline, or begin without a state."
             )
-        self.statistic_, self.n_updates_ = statistic, int(state["n_updates"])
+        self.statistic_, self.n_updates_ = found, n_updates
         return self
+
+    def _identity(self) -> str:
+        """Return what must agree for a state to be continued."""
+        baseline = content_digest("baseline", [self.mean_, self.scale_])[:12]
+        return f"{self!r} with limit {self.limit_:.12g} and baseline {baseline}"
+
+    def _table(self, X: Any, **options: Any) -> Array:
+        X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, **options)
+        names = getattr(self, "feature_names_in_", range(X.shape[1]))
+        check_finite_table(X, "reading", list(names))
+        return X
 
     def _limit(self) -> float:
         """Return the limit: given, or from the average run length."""

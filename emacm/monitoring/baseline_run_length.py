@@ -122,7 +122,8 @@ def stated_run_length(
     process = _Process(baseline, groups, rng)
     correlation = float(process.correlations.max())
     size = (correlation, n_readings, n_groups)
-    if n_readings < FEWEST_READINGS or 1 < n_groups < FEWEST_GROUPS:
+    # Successive readings of a group state the correlation; each group has one reading without.
+    if n_readings - n_groups < FEWEST_READINGS - 1 or 1 < n_groups < FEWEST_GROUPS:
         return RunLength(nominal, nominal, "nominal", *size)
     n_steps = int(np.clip(2 * nominal, *_STEPS))
     seed = int(rng.integers(1 << 60))
@@ -224,7 +225,9 @@ class _Process:
         n_readings = self._lengths.sum()
         mean = total / n_readings
         variance = np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1)
-        return mean, np.sqrt(variance), _corrected(products, power, self._lengths.mean())
+        # A baseline without variation gives no alarms, as in the chart.
+        scale = np.sqrt(np.where(variance > 0, variance, np.inf))
+        return mean, scale, _corrected(products, power, self._lengths.mean())
 
     def start_group(self) -> None:
         """Draw the offset of a new group, and let the autoregression settle."""

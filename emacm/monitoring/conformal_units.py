@@ -42,6 +42,11 @@ def check_coverage(coverage: float, n_units: int) -> None:
     1 / (n + 1); beyond that, intervals say nothing about the data.
     """
     needed = units_needed(coverage)
+    if not n_units:
+        raise ValueError(
+            f"no unit failed; intervals of {coverage:.0%} coverage take {needed} that did. Add "
+            f"units that were followed until they failed."
+        )
     if n_units < needed:
         raise ValueError(
             f"{n_units} units that failed cannot support intervals of {coverage:.0%} coverage; it "

@@ -181,8 +181,14 @@ class WienerProcess:
         mean = float(np.mean(drifts))
         spread = float(np.var(drifts, ddof=1)) if len(drifts) > 1 else 0.0
         variance = max(spread - float(np.mean(noise)), 1e-4 * mean**2, 1e-300)
-        weights = 1 / (variance + noise)
-        return cls(threshold, float(np.average(drifts, weights=weights)), variance, diffusion)
+        drift = float(np.average(drifts, weights=1 / (variance + noise)))
+        if drift <= 0:
+            raise ValueError(
+                f"the health index does not increase with damage: its mean drift is {drift:.3g} "
+                f"per unit of time over {len(drifts)} units. Turn its sign if low values are "
+                f"damage, set another onset, or use model='weibull'."
+            )
+        return cls(threshold, drift, variance, diffusion)
 
     def posterior(self, elapsed: Array, climbed: Array) -> tuple[Array, Array]:
         """Return mean and variance of the drift of a unit after what it has climbed."""

@@ -395,6 +395,6 @@ class OrderMonitor:
             "max_speed": self._max_speed,
             "every": self._every,
             "unit": self._unit,
-            "alarms": self._alarms.names,
+            "alarms": self._alarms.charts,
         }
         return settings_text(self._model, facts)

@@ -27,18 +27,18 @@ class ReadingAlarms:
 
     Attributes
     ----------
-    names : list of str
-        The names of the charts.
+    charts : dict of str to str
+        By their name, what must agree for their state to be continued.
 
     Raises
     ------
     TypeError, ValueError
-        If a name is unknown, or a chart is not fitted.
+        If a name is unknown, or a chart is not fitted on one column.
     """
 
     def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
         self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
-        self.names = list(self._charts)
+        self.charts: dict[str, str] = {}
         self._features = model.feature_names() if charts else []
         for name, chart in self._charts.items():
             if name not in (_COST, *self._features):
@@ -49,6 +49,12 @@ class ReadingAlarms:
                 )
             if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
                 raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
+            if chart.n_features_in_ != 1:
+                raise ValueError(
+                    f"alarms[{name!r}] must be fitted on one column, {name!r}, got a chart of "
+                    f"{chart.n_features_in_} columns."
+                )
+            self.charts[name] = chart.state()["chart"]
         unknown = getattr(model.classifier, "unknown", None)
         self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
 
@@ -78,6 +84,9 @@ class ReadingAlarms:
         for name, chart in self._charts.items():
             value = self._value(reading, name)
             if value is None:
+                continue
+            if not np.isfinite(value):  # such as the logarithm of a channel without power
+                found.append(f"{type(chart).__name__} of {name}: the value is {value}")
                 continue
             statistic, alarm = chart.update(np.array([[value]]))
             if alarm.any():

@@ -10,17 +10,23 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_choice, check_count, check_number, check_real_array
+from emacm._checks import (
+    check_choice,
+    check_count,
+    check_finite_table,
+    check_number,
+    check_real_array,
+)
 from emacm._saved import SavedEstimator
-from emacm.monitoring.conformal_units import check_coverage
+from emacm.monitoring.conformal_units import check_coverage, units_needed
 from emacm.monitoring.life_calibration import (
     BEFORE_ONSET,
     DAMAGE,
     MODELS,
-    SAME_AGE,
     LifeCalibration,
     LifeModels,
 )
+from emacm.monitoring.life_statements import FitRange, statement
 from emacm.monitoring.maintenance import MaintenanceCosts, expected_costs
 from emacm.monitoring.unit_histories import (
     History,
@@ -152,9 +158,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             the same life, or the number of units that failed does not support the coverage.
         """
         self._check_parameters()
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        options: Any = {"dtype": np.float64, "ensure_all_finite": False}
+        X, y = validate_data(self, X, y, y_numeric=True, ensure_min_samples=2, **options)
         y = np.asarray(y, dtype=np.float64)
-        _check_ages(X)
+        self._check_values(X)
         if (y < 0).any():
             row = int(np.argmax(y < 0))
             raise ValueError(f"y must not be negative, got {y[row]:g} in row {row}.")
@@ -172,6 +179,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             return LifeModels.fit(chosen, lives[units], failed[units], self.model, self.threshold)
 
         self.models_ = fitted(np.arange(len(histories)))
+        self._range = FitRange.of(histories, lives)
         self._calibration = LifeCalibration(histories, lives, failed, fitted)
         return self
 
@@ -262,8 +270,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             known; "damage"), "median", "lower" and "upper" (which may be infinite), "n_units"
             (units on which the interval is calibrated), "calibration" ("same age": on units of the
             same age or time since the onset; "earlier age": too few units reached it, so that the
-            interval is as wide as at the latest one that enough units reached) and "statement", a
-            sentence.
+            interval is as wide as at the latest one that enough units reached) and "statement", in
+            words, also of an age or an index outside the range of the fit.
 
         Raises
         ------
@@ -278,9 +286,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         columns: dict[str, list[Any]] = {
             name: [None] * n_rows for name in ("age", "stage", "n_units", "calibration")
         }
-        levels = np.full((n_rows, 3), 0.5)
+        levels, outside = np.full((n_rows, 3), 0.5), [""] * n_rows
         for unit in units:
             for number, row in enumerate(unit.rows):
+                outside[row] = self._range.outside(unit.ages[number], unit.columns[number])
                 damaged = number >= unit.onset
                 stage = DAMAGE if damaged else BEFORE_ONSET
                 time = unit.ages[number] - (unit.ages[unit.onset] if damaged else 0)
@@ -293,7 +302,11 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         table.insert(2, "median", lives[:, 0])
         table.insert(3, "lower", lives[:, 1])
         table.insert(4, "upper", lives[:, 2])
-        table["statement"] = [_statement(row, coverage) for row in table.to_dict("records")]
+        indexed = self.n_features_in_ > 1
+        table["statement"] = [
+            statement(row, coverage, indexed=indexed, outside=text)
+            for row, text in zip(table.to_dict("records"), outside, strict=True)
+        ]
         return table
 
     def decide(
@@ -331,53 +344,44 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         for name in ("onset", "threshold"):
             if getattr(self, name) is not None:
                 check_number(getattr(self, name), name)
+        onset, limit = self.onset, self.threshold
+        if self.model == "wiener" and onset is not None and limit is not None and limit <= onset:
+            raise ValueError(
+                f"threshold, at which units fail, must be above onset={onset!r}, at which damage "
+                f"begins, got {limit!r}."
+            )
 
     def _check_damaged(self, histories: list[History], failed: NDArray[np.bool_]) -> None:
         if not self.n_features_in_ > 1:
             return
         damaged = [unit.onset < len(unit.ages) for unit in histories]
         n_damaged = int(np.count_nonzero(failed & np.array(damaged)))
-        try:
-            check_coverage(self.coverage, n_damaged)
-        except ValueError as error:
+        needed = units_needed(self.coverage)
+        if n_damaged < needed:
             raise ValueError(
                 f"{self.n_failed_} units failed, but only {n_damaged} of them have readings after "
-                f"the onset of damage (onset={self.onset!r}). Set another onset. {error}"
-            ) from error
+                f"the onset of damage (onset={self.onset!r}); intervals of {self.coverage:.0%} "
+                f"coverage take {needed}. Set another onset, or add units."
+            )
 
     def _followed(self, X: Any, groups: Any) -> tuple[list[History], int]:
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        _check_ages(X)
+        X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, reset=False)
+        self._check_values(X)
         return read_histories(X, groups, self.onset, self.consecutive), len(X)
+
+    def _check_values(self, X: Array) -> None:
+        names = getattr(self, "feature_names_in_", range(X.shape[1]))
+        check_finite_table(X, "reading", list(names))
+        if (X[:, 0] < 0).any():
+            row = int(np.argmax(X[:, 0] < 0))
+            raise ValueError(
+                f"Negative values in data passed to X: the first column is the age, got "
+                f"{X[row, 0]:g} in row {row}."
+            )
 
     def _quantiles(self, units: list[History], levels: Array) -> Array:
         found = np.empty(levels.shape)
         for unit in units:
             found[unit.rows] = self.models_.quantiles(unit, levels[unit.rows])
         return found
-
-
-def _check_ages(X: Array) -> None:
-    if (X[:, 0] < 0).any():
-        row = int(np.argmax(X[:, 0] < 0))
-        raise ValueError(
-            f"Negative values in data passed to X: the first column is the age, got {X[row, 0]:g} "
-            f"in row {row}."
-        )
-
-
-def _statement(row: dict[str, Any], coverage: float) -> str:
-    """Say what an interval is based on."""
-    if row["stage"] == BEFORE_ONSET:
-        basis = "No damage yet: this is the life of the population at this age."
-        when = "of this age"
-    else:
-        basis = "Damage is present: this follows from the health index of the unit."
-        when = "as long after the onset"
-    if not np.isfinite(row["upper"]):
-        return f"{basis} The units do not support an upper limit with {coverage:.0%} coverage."
-    units = f"{row['n_units']} units"
-    if row["calibration"] != SAME_AGE:
-        return f"{basis} {coverage:.0%} interval as of {units} earlier: too few {when}."
-    return f"{basis} {coverage:.0%} interval from {units} {when}."

@@ -212,9 +212,36 @@ def test_invalid_readings_are_named():
     with pytest.raises(ValueError, match="no variation in any of 2 columns"):
         EWMA().fit(np.ones((9, 2)))
     chart = EWMA().fit(pd.DataFrame({"rms": [1.0, 2.0, 4.0], "crest": [3.0, 2.0, 4.0]}))
-    with pytest.raises(ValueError, match="NaN"):
-        chart.update(pd.DataFrame({"rms": [np.nan], "crest": [1.0]}))
     with pytest.raises(ValueError, match="3 features"):
         EWMA().fit(np.eye(2)).update([[1.0, 2.0, 3.0]])
-    with pytest.raises(ValueError, match="the state has 1 columns, and the chart was fitted on 2"):
-        chart.restore({"statistic": [0.0], "n_updates": 3})
+    with pytest.raises(ValueError, match=r"got NaN in reading 0, column 'rms'. Leave it out"):
+        chart.update(pd.DataFrame({"rms": [np.nan], "crest": [1.0]}))
+
+
+def test_the_state_of_another_chart_or_a_damaged_one_is_refused():
+    baseline = np.random.default_rng(4).standard_normal((60, 1))
+    chart = CUSUM().fit(baseline)
+    state = chart.state()
+    for other in (EWMA().fit(baseline), CUSUM(arl=200).fit(baseline), CUSUM().fit(9 * baseline)):
+        with pytest.raises(ValueError, match=r"or that of another chart.* begin without a state"):
+            other.restore(state)
+    for change in ({"statistic": [np.nan]}, {"statistic": [0.0, 1.0]}):
+        with pytest.raises(ValueError, match="the state is damaged"):
+            chart.restore(state | change)
+    for nothing in ({}, None, state | {"n_updates": "many"}):
+        with pytest.raises(ValueError, match=r"must be what state.. returned"):
+            chart.restore(nothing)
+    assert chart.restore(state).state() == state
+
+
+def test_groups_of_single_readings_state_no_correlation():
+    baseline = np.random.default_rng(4).standard_normal((100, 1))
+    found = CUSUM().fit(baseline, groups=np.arange(100)).run_length_
+    assert found.kind == "nominal"
+    assert "100 readings in 100 groups is too small" in str(found)
+
+
+def test_simulated_baselines_without_variation_give_no_alarms():
+    baseline = np.append(np.full(99, 5.0), 6.0)[:, np.newaxis]  # one reading differs
+    found = EWMA().fit(baseline).run_length_
+    assert np.isfinite(found.stated)

@@ -394,6 +394,37 @@ def test_charts_of_features_and_of_the_expected_cost_give_alarms():
 # Errors
 
 
+def test_a_feature_that_is_not_finite_gives_an_alarm_and_does_not_end_the_stream():
+    recording = recorded("ramp", RATES["one rate"], "velocity")
+    silent = FunctionTransformer(
+        lambda table: np.log10(np.maximum(table, 1e-300) * (table > 0)),
+        feature_names_out="one-to-one",
+    )
+    with np.errstate(divide="ignore"):
+        model = make_pipeline(*chain(), silent).fit([recording])
+        name = str(model.get_feature_names_out()[0])
+        chart = EWMA().fit(np.random.default_rng(0).normal(size=(20, 1)))
+        monitor = monitor_of(model, recording, alarms={name: chart}, every=1.0, unit="s")
+        dead = {channel: np.zeros(4000) for channel in recording.channels}
+        readings = monitor.push(dead, velocity=np.full(4000, 60.0))
+    assert [reading.time for reading in readings] == [1.0, 2.0]
+    for reading in readings:
+        assert reading.alarms[-1] == f"EWMA of {name}: the value is -inf"
+
+
+def test_charts_of_several_columns_and_states_of_other_charts_are_refused():
+    recording = recorded("ramp", RATES["one rate"], "velocity")
+    model = model_of(recording)
+    baseline = np.random.default_rng(0).normal(size=(60, 2))
+    with pytest.raises(ValueError, match=r"must be fitted on one column, .* chart of 2 columns"):
+        monitor_of(model, recording, alarms={"expected_cost": EWMA().fit(baseline)})
+    charts = [EWMA().fit(baseline[:, :1]), EWMA().fit(baseline[:, 1:])]
+    first, second = (monitor_of(model, recording, alarms={"expected_cost": c}) for c in charts)
+    assert first.restore(first.state()) is first
+    with pytest.raises(ValueError, match="belongs to a monitor of other settings"):
+        second.restore(first.state())
+
+
 @pytest.fixture(scope="module")
 def fitted():
     recording = recorded("ramp", RATES["one rate"], "velocity")

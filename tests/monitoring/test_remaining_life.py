@@ -265,6 +265,53 @@ def test_an_onset_that_is_rarely_reached_is_refused():
         model("weibull", onset=99.0).fit(X, y, groups=groups)
 
 
+def test_units_of_which_none_failed_are_refused():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match=r"no unit failed; .* take 9 that did"):
+        model("weibull").fit(X, y, groups=groups, censored=np.ones(len(X), bool))
+
+
+def test_an_index_that_decreases_with_damage_is_refused_by_the_wiener_process():
+    X, y, groups, _ = followed(range(12))
+    falling = np.column_stack([X[:, 0], -X[:, 1]])
+    with pytest.raises(ValueError, match=r"does not increase .* Turn its sign"):
+        RemainingLife("wiener", threshold=40.0).fit(falling, y, groups=groups)
+    with pytest.raises(ValueError, match=r"its mean drift is 0 per unit of time over 12 units"):
+        RemainingLife("wiener", threshold=1.0).fit(X * [1, 0], y, groups=groups)
+
+
+def test_a_threshold_below_the_onset_is_refused():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match=r"threshold, .* must be above onset=-35.0, .* got -39"):
+        model("wiener", threshold=-39.0).fit(X, y, groups=groups)
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_a_reading_that_is_not_finite_is_named(value):
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(pd.DataFrame(X, columns=["age", "level"]), y, groups=groups)
+    with pytest.raises(ValueError, match=r"in reading 1, column 'level'. Leave it out"):
+        fitted.predict(pd.DataFrame({"age": [3.0, 4.0], "level": [-40.0, value]}))
+
+
+def test_what_is_outside_the_fit_is_stated():
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    longest = (X[:, 0] + y).max()
+    table = fitted.predict_interval([[90.0, -20.0], [3600 * 90.0, -20.0], [90.0, 7.5]])
+    inside, old, high = table["statement"]
+    assert "fit" not in inside
+    assert f"The age 324000 is above the longest life of the fit, {longest:g}." in old
+    assert "The health index 7.5 is outside that of the fit, -40 to -" in high
+    assert high.endswith("Check the units of measurement.")
+
+
+def test_without_a_health_index_the_life_of_the_population_is_stated_as_such():
+    X, y, groups, _ = followed(range(12))
+    fitted = RemainingLife().fit(X[:, :1], y, groups=groups)
+    assert fitted.predict_interval([[30.0]])["statement"][0].startswith("No health index: this is")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
