@@ -1,8 +1,8 @@
 """The inner loops, in two implementations: numba's where it is installed, NumPy's otherwise.
 
 `numpy` is the reference; `numba` gives the same results in fewer passes over memory. Both have
-three modules: `motion`, `resampling` and `spectra`. The environment variable ``EMACM_KERNELS``
-("numpy" or "numba") selects one of them.
+four modules: `motion`, `resampling` and `spectra`, and `control` of the simulated bench. The
+environment variable ``EMACM_KERNELS`` ("numpy" or "numba") selects one of them.
 """
 
 from __future__ import annotations

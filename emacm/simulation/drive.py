@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import copysign, sqrt
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,44 +60,29 @@ def voltage_free_speed(actuator: Actuator, current: float) -> float:
     return max(left, 0.0) / per_speed  # voltages added as if in phase: a lower bound
 
 
-def torque_limiter(actuator: Actuator) -> Callable[[float, float], float]:
-    """Return a function that limits a torque by the current and the voltage of the drive.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Constants.
-
-    Returns
-    -------
-    callable
-        From motor torque [N m] and shaft speed [rad/s] to the torque within the limits: the
-        nearest for which `phase_voltage` is at most 95 % of `VOLTAGE_LIMIT`.
+def drive_limits(
+    actuator: Actuator,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Return the limits of current and voltage, as `limited_torque` of the kernels reads them.
 
     Examples
     --------
-    >>> within_limits = torque_limiter(Actuator())
-    >>> [round(within_limits(30.0, speed) / Actuator().torque_constant, 1) for speed in (0, 460)]
+    >>> from emacm._kernels import kernels
+    >>> limit, limits = kernels().limited_torque, drive_limits(Actuator())
+    >>> [round(limit(30.0, speed, limits) / limits[0], 1) for speed in (0.0, 460.0)]  # A
     [40.0, 10.9]
     """
-    constant, most = actuator.torque_constant, actuator.max_torque
-    emf_constant, resistance = actuator.emf_constant, actuator.winding_resistance
-    inductance = POLE_PAIRS * actuator.winding_inductance
-    allowed = VOLTAGE_RESERVE * VOLTAGE_LIMIT
-
-    def within_limits(torque: float, velocity: float) -> float:
-        torque = min(max(torque, -most), most)
-        emf, reactance = emf_constant * abs(velocity), inductance * abs(velocity)
-        if (resistance + reactance) * abs(torque) <= constant * (allowed - emf):
-            return torque  # even if the voltages were in phase
-        impedance = resistance**2 + reactance**2
-        inner = (emf * resistance) ** 2 + impedance * (allowed**2 - emf**2)
-        root = sqrt(max(inner, 0.0))
-        side = copysign(constant / impedance, velocity)
-        ends = side * (-emf * resistance + root), side * (-emf * resistance - root)
-        return min(max(torque, min(ends)), max(ends))
-
-    return within_limits
+    quarter = actuator.max_current / 4
+    return (
+        actuator.torque_constant,
+        actuator.emf_constant,
+        actuator.winding_resistance,
+        POLE_PAIRS * actuator.winding_inductance,
+        VOLTAGE_RESERVE * VOLTAGE_LIMIT,
+        actuator.max_torque,
+        voltage_free_speed(actuator, quarter),
+        actuator.max_torque / 4,
+    )
 
 
 def carrier_ripple(

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from math import copysign, exp
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
 
+from emacm._kernels import kernels
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
 from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
-from emacm.simulation.drive import torque_limiter, voltage_free_speed
+from emacm.simulation.drive import drive_limits
 from emacm.simulation.faults import FAULTS
 from emacm.simulation.waves import BLOCK
 
@@ -89,9 +89,7 @@ def bench_motion(
     steps = np.arange(-n_before, n_after) / _CONTROL_RATE
     targets = position_command(condition, steps, phase) * actuator.angle_per_inch
     start, velocities = _follow(targets, condition, actuator, load_share, jam)
-    angle, velocity, acceleration = _between_steps(
-        np.array(velocities), (times - steps[0]) * _CONTROL_RATE
-    )
+    angle, velocity, acceleration = _between_steps(velocities, (times - steps[0]) * _CONTROL_RATE)
     angle /= _CONTROL_RATE
     angle += start
     acceleration *= _CONTROL_RATE
@@ -132,46 +130,31 @@ def _follow(
     actuator: Actuator,
     load_share: float,
     jam: float,
-) -> tuple[float, list[float]]:
-    """Return the first angle and the velocity at each control step.
-
-    The loop is nonlinear and therefore computed step by step, with Python floats: 1 us per step.
-    """
-    dt, inertia, limit = 1 / _CONTROL_RATE, actuator.inertia, _HEADROOM * PEAK_SPEED
-    nearer = min(1.0, 2 * np.pi * actuator.velocity_bandwidth * dt)
-    gain, max_torque = actuator.position_gain, actuator.max_torque
-    coulomb, viscous = actuator.coulomb, actuator.viscous
-    within_limits = torque_limiter(actuator)
-    part, slow = max_torque / 4, voltage_free_speed(actuator, actuator.max_current / 4)
+) -> tuple[float, NDArray[np.floating]]:
+    """Return the first angle and the velocity at each control step."""
     resists = [
         float(load_force(condition, place, load_share)) * POUND * actuator.torque_per_force
         for place in (np.array(0.0), np.array(1.0))
     ]
-    at_0, per_rad = resists[0], (resists[1] - resists[0]) / actuator.angle_per_inch
-    lost, jammed = 1 / actuator.efficiency - 1, jam * _JAM.friction * actuator.max_torque
-    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (_JAM.place, _JAM.width))
-    angle, velocity, velocities = float(targets[0]), 0.0, []
-    first = angle
-    for target in targets.tolist():
-        velocities.append(velocity)
-        wanted = gain * (target - angle)
-        if not -limit <= wanted <= limit:
-            wanted = copysign(limit, wanted)
-        change = nearer * (wanted - velocity)
-        load, speed = at_0 + per_rad * angle, abs(velocity)
-        friction = coulomb + viscous * speed + lost * abs(load)
-        if jammed:
-            friction += jammed * exp(-(((angle - jam_angle) / jam_width) ** 2))
-        torque = inertia * change / dt + load + copysign(friction, velocity)
-        if speed > slow or not -part <= torque <= part:  # else within all limits
-            limited = within_limits(torque, velocity)
-            if limited != torque:  # the limited torque drives; friction can only brake
-                driven = velocity + (limited - load) * dt / inertia
-                left = copysign(max(abs(driven) - friction * dt / inertia, 0.0), driven)
-                change = min(max(left, -limit), limit) - velocity
-        angle += dt * (velocity + change / 2)
-        velocity += change
-    return first, velocities
+    velocities = kernels().follow(
+        targets,
+        1 / _CONTROL_RATE,
+        (
+            actuator.position_gain,
+            min(1.0, 2 * np.pi * actuator.velocity_bandwidth / _CONTROL_RATE),
+            _HEADROOM * PEAK_SPEED,
+            actuator.inertia,
+        ),
+        (resists[0], (resists[1] - resists[0]) / actuator.angle_per_inch),
+        (actuator.coulomb, actuator.viscous, 1 / actuator.efficiency - 1),
+        (
+            jam * _JAM.friction * actuator.max_torque,
+            _JAM.place * actuator.angle_per_inch,
+            _JAM.width * actuator.angle_per_inch,
+        ),
+        drive_limits(actuator),
+    )
+    return float(targets[0]), velocities
 
 
 def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> NDArray[np.floating]:

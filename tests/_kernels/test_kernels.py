@@ -147,11 +147,25 @@ def test_straight_lines_are_interpolate_linear_as_by_numpy_interp(rng):
 # Which of them are used
 
 
+@pytest.mark.parametrize("jammed", [0.0, 18.0])
+def test_the_control_loop_agrees_to_the_last_bit_at_its_limits_too(compiled, jammed):
+    targets = 90 * np.sin(2 * np.pi * 2 * np.arange(4000) / 2000)
+    drive = (0.67, 0.45, 0.25, 9e-3, 170.0, 27.0, 300.0, 7.0)
+    constants = (40.0, 0.3, 470.0, 1e-3), (4.0, 0.1), (0.3, 1e-3, 0.1), (jammed, 60.0, 9.0), drive
+    one, other = (m.follow(targets, 5e-4, *constants) for m in (compiled, _kernels_numpy))
+    np.testing.assert_array_equal(one, other)
+    assert np.abs(one).max() > 300  # where the voltage limits the torque
+    torques = np.linspace(-40, 40, 81)
+    limited = [_kernels_numpy.limited_torque(torque, 340.0, drive) for torque in torques]
+    assert limited != torques.tolist()
+    assert limited == [compiled.limited_torque(torque, 340.0, drive) for torque in torques]
+
+
 def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in module.__all__ if callable(getattr(module, name))}
 
-    assert len(offered(compiled)) == 10
+    assert len(offered(compiled)) == 12
     assert offered(compiled) == offered(_kernels_numpy)
     assert compiled.__all__ == _kernels_numpy.__all__
 

@@ -3,6 +3,7 @@
 Each function has a twin in `emacm._kernels.numba`, with the same arguments and results.
 """
 
+from emacm._kernels.numpy.control import follow, limited_torque
 from emacm._kernels.numpy.motion import integrate, set_checkpoints
 from emacm._kernels.numpy.resampling import (
     BLOCK,
@@ -20,9 +21,11 @@ __all__ = [
     "READ_BLOCK",
     "SEGMENT_BYTES",
     "decimate",
+    "follow",
     "integrate",
     "interpolate_linear",
     "interpolation_weights",
+    "limited_torque",
     "powers",
     "segment_powers",
     "set_checkpoints",
