@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from emacm.simulation.conditions import INCH, POUND, Condition, load_force, posi
 from emacm.simulation.drive import drive_limits
 from emacm.simulation.faults import FAULTS
 from emacm.simulation.waves import BLOCK
+
+Coefficients = tuple[float, float, float]
 
 _CONTROL_RATE = 2000.0  # Hz, assumed
 _HEADROOM = 0.99  # the command is limited to 99 % of the peak speed, because ripple adds to it
@@ -244,3 +247,38 @@ def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
         return np.ones_like(force)
     last = np.searchsorted(certain, np.arange(len(force)), side="right") - 1
     return np.sign(force[certain[np.maximum(last, 0)]])
+
+
+def responses(
+    systems: Sequence[tuple[Coefficients, Coefficients]], signal: NDArray[np.floating], fs: float
+) -> NDArray[np.floating]:
+    """Return the responses of up to three linear systems of second order, at rest at the start.
+
+    Parameters
+    ----------
+    systems : sequence of (above, below)
+        Coefficients of s², s and 1 in the numerator and the denominator of each.
+    signal : ndarray of shape (n_times,)
+        Their input.
+    fs : float
+        Sampling rate [Hz]; the bilinear transform maps s to z.
+
+    Returns
+    -------
+    ndarray of shape (n_systems, n_times)
+
+    Examples
+    --------
+    >>> omega = 2 * np.pi * 5
+    >>> step = responses([((0, 0, omega**2), (1, 2 * omega, omega**2))], np.ones(1000), 1000.0)
+    >>> step[:, [0, 20, -1]].round(3)
+    array([[0.   , 0.137, 1.   ]])
+    """
+    double = 2 * fs
+    digital = [
+        [(q * double + p) * double + r, 2 * (r - q * double**2), (q * double - p) * double + r]
+        for system in systems
+        for q, p, r in system
+    ]
+    b, a = np.array(digital[::2]), np.array(digital[1::2])
+    return kernels().resonate(b / a[:, :1], a / a[:, :1], signal)

@@ -20,7 +20,7 @@ from emacm.simulation.constants import (
 )
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
 from emacm.simulation.imperfections import drift
-from emacm.simulation.mechanics import Motion, jam_torque
+from emacm.simulation.mechanics import Motion, jam_torque, responses
 from emacm.simulation.waves import PHASES, OrderWaves, of_phases
 
 
@@ -111,8 +111,9 @@ def shaft_torques(
         limited = np.clip(motor, -actuator.max_torque, actuator.max_torque)
         friction += limited - motor
         motor = limited
-    ripple = _ripple(motion.angle, motor, actuator, faults)
-    braking = _braking(motion.angle, load, actuator, faults, passages, rng)
+    waves = OrderWaves(motion.angle)
+    ripple = _ripple(waves, motor, actuator, faults)
+    braking = _braking(motion.angle, waves, load, actuator, faults, passages, rng)
     recirculating = np.abs(load)
     recirculating /= actuator.torque_constant * RATED_CURRENT
     recirculating += FREE_TORQUE
@@ -189,14 +190,13 @@ def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
 
 
 def _ripple(
-    angle: NDArray[np.floating],
+    waves: OrderWaves,
     mean: NDArray[np.floating],
     actuator: Actuator,
     faults: Mapping[str, float],
 ) -> NDArray[np.floating]:
     """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
     eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
-    waves = OrderWaves(angle)
     ripple = waves.sines(
         (1, actuator.ripple, actuator.mark),
         (COGGING_ORDER, actuator.cogging, actuator.mark),
@@ -211,6 +211,7 @@ def _ripple(
 
 def _braking(
     angle: NDArray[np.floating],
+    waves: OrderWaves,
     load: NDArray[np.floating],
     actuator: Actuator,
     faults: Mapping[str, float],
@@ -227,7 +228,7 @@ def _braking(
         braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):
         fault = FAULTS["lubrication"]
-        braking += dry * fault.torque * np.sin(angle + 3 * actuator.mark)
+        braking += waves.sines((1, dry * fault.torque, 3 * actuator.mark))
         braking += dry * fault.friction_noise * actuator.coulomb * _noise_over_travel(angle, rng)
     return braking
 
@@ -249,13 +250,10 @@ def _loop_response(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
-    below = [1.0, 2 * DAMPING * corner, corner**2]
-    fs = 1 / (times[1] - times[0])
+    below = (1.0, 2 * DAMPING * corner, corner**2)
     disturbed = ripple / actuator.inertia
-    angle, velocity = (
-        filters.lfilter(*filters.bilinear(part, below, fs=fs), disturbed)
-        for part in ([1.0], [1.0, 0.0])
-    )
+    systems = [((0.0, 0.0, 1.0), below), ((0.0, 1.0, 0.0), below)]
+    angle, velocity = responses(systems, disturbed, 1 / (times[1] - times[0]))
     # s² + 2 z w s + w² is the denominator, so the acceleration is what the loop leaves.
     disturbed -= below[1] * velocity
     disturbed -= below[2] * angle

@@ -11,6 +11,7 @@ from scipy import signal as filters
 from emacm.simulation.actuator import PEAK_SPEED, RATED_CURRENT, RATED_FORCE, Actuator
 from emacm.simulation.constants import CONTACT, MODES, NOISE_RATE, PRELOAD, RADIAL
 from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
+from emacm.simulation.mechanics import responses
 from emacm.simulation.motor import Torques
 from emacm.simulation.waves import OrderWaves
 
@@ -124,17 +125,18 @@ def housing_acceleration(
     ndarray of shape (n_times,)
         Acceleration [g].
     """
-    acceleration = np.zeros_like(force)
+    modes = []
     for ratio, share in MODES:
         if actuator.resonance * ratio > _HIGHEST * fs:
             continue
         omega = 2 * np.pi * actuator.resonance * ratio
         # Prewarping: the bilinear transform shifts frequencies.
         omega = 2 * fs * np.tan(omega / (2 * fs))
-        below = [1.0, 2 * actuator.damping * omega, omega**2]
-        b, a = filters.bilinear([share / actuator.housing_mass / GRAVITY, 0, 0], below, fs=fs)
-        acceleration += filters.lfilter(b, a, force)
-    return acceleration
+        above = (share / actuator.housing_mass / GRAVITY, 0.0, 0.0)
+        modes.append((above, (1.0, 2 * actuator.damping * omega, omega**2)))
+    if not modes:
+        return np.zeros_like(force)
+    return responses(modes, force, fs).sum(axis=0)
 
 
 def _contact_force(impulses: NDArray[np.floating], fs: float) -> NDArray[np.floating]:

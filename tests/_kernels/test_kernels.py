@@ -161,11 +161,20 @@ def test_the_control_loop_agrees_to_the_last_bit_at_its_limits_too(compiled, jam
     assert limited == [compiled.limited_torque(torque, 340.0, drive) for torque in torques]
 
 
+@pytest.mark.parametrize("n_filters", [1, 2, 3])
+def test_resonances_agree_to_the_last_bit(compiled, rng, n_filters):
+    signal, b = rng.standard_normal(3000), rng.standard_normal((n_filters, 3))
+    a = np.array([[1.0, -1.9, 0.95], [1.0, 0.3, 0.2], [1.0, -1.2, 0.6]])[:n_filters]
+    one, other = (module.resonate(b, a, signal) for module in (compiled, _kernels_numpy))
+    assert one.shape == (n_filters, 3000)
+    np.testing.assert_array_equal(one, other)
+
+
 def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in module.__all__ if callable(getattr(module, name))}
 
-    assert len(offered(compiled)) == 12
+    assert len(offered(compiled)) == 13
     assert offered(compiled) == offered(_kernels_numpy)
     assert compiled.__all__ == _kernels_numpy.__all__
 

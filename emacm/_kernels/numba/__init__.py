@@ -4,7 +4,7 @@ The loops release Python's lock where they take time, so threads process recordi
 They have no branch and no variable offset inside, so that the compiler can vectorise them.
 """
 
-from emacm._kernels.numba.control import follow, limited_torque
+from emacm._kernels.numba.control import follow, limited_torque, resonate
 from emacm._kernels.numba.motion import integrate, set_checkpoints
 from emacm._kernels.numba.resampling import (
     BLOCK,
@@ -28,6 +28,7 @@ __all__ = [
     "interpolation_weights",
     "limited_torque",
     "powers",
+    "resonate",
     "segment_powers",
     "set_checkpoints",
     "spread",

@@ -3,7 +3,7 @@
 Each function has a twin in `emacm._kernels.numba`, with the same arguments and results.
 """
 
-from emacm._kernels.numpy.control import follow, limited_torque
+from emacm._kernels.numpy.control import follow, limited_torque, resonate
 from emacm._kernels.numpy.motion import integrate, set_checkpoints
 from emacm._kernels.numpy.resampling import (
     BLOCK,
@@ -27,6 +27,7 @@ __all__ = [
     "interpolation_weights",
     "limited_torque",
     "powers",
+    "resonate",
     "segment_powers",
     "set_checkpoints",
     "spread",

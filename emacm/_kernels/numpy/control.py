@@ -1,7 +1,7 @@
-"""The control loop of the simulated bench, with Python floats: about 1 us per step.
+"""Control loop and resonances of the simulated bench.
 
-The loop is nonlinear and therefore computed step by step. `emacm._kernels.numba` compiles the
-functions of this module.
+The control loop is nonlinear and therefore computed step by step, here with Python floats: about
+1 us per step. `emacm._kernels.numba` compiles the same functions.
 """
 
 from __future__ import annotations
@@ -12,19 +12,21 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
+Array = NDArray[np.floating]
 Limits = tuple[float, ...]
 
 
 def follow(
-    targets: NDArray[np.floating],
+    targets: Array,
     dt: float,
     control: tuple[float, float, float, float],
     load: tuple[float, float],
     friction: tuple[float, float, float],
     jam: tuple[float, float, float],
     drive: Limits,
-) -> NDArray[np.floating]:
+) -> Array:
     """Return the velocity of a shaft that follows an angle, at each control step.
 
     Parameters
@@ -122,3 +124,20 @@ def limited_torque(torque: float, velocity: float, drive: Limits) -> float:
     side = copysign(constant / impedance, velocity)
     one, other = side * (-emf * resistance + root), side * (-emf * resistance - root)
     return min(max(torque, min(one, other)), max(one, other))
+
+
+def resonate(b: Array, a: Array, signal: Array) -> Array:
+    """Filter a signal by up to three filters of second order, each by itself.
+
+    Parameters
+    ----------
+    b, a : ndarray of shape (n_filters, 3)
+        Numerators and denominators, as for `scipy.signal.lfilter`; the first of `a` is 1.
+    signal : ndarray of shape (n_times,)
+        Signal; the filters start at rest.
+
+    Returns
+    -------
+    ndarray of shape (n_filters, n_times)
+    """
+    return np.stack([lfilter(one, other, signal) for one, other in zip(b, a, strict=True)])
