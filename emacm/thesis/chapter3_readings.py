@@ -175,34 +175,33 @@ def _runs(
 
 
 def _bins(reading: Reading, recordings: Sequence[Recording]) -> NDArray[np.floating]:
-    chain = thesis_pipeline(reading)
-    if reading.angle == "printed" or reading.zeros:
-        rows = np.array([_resampled(recording, reading) for recording in recordings])
-        chain = Pipeline(chain.steps[1:]).set_params(orderpsd__theta_s=THETA_S)
-        return np.asarray(chain.fit_transform(rows))
-    if reading.angle in ("rectangle", "late"):
-        recordings = [
-            Recording({"current": r.signals["current"]}, FS, angle=_angle(r, reading.angle))
-            for r in recordings
-        ]
-    return np.asarray(chain.fit_transform(list(recordings)))
+    resampler, *others = thesis_pipeline(reading).steps
+    rows = _over_angle(reading, resampler[1], recordings)
+    chain = Pipeline(others).set_params(orderpsd__theta_s=resampler[1].theta_s)
+    return np.asarray(chain.fit_transform(rows))
 
 
-def _angle(recording: Recording, rule: str) -> NDArray[np.floating]:
-    """Return the shaft angle by the rectangle rule, or by the trapezoidal rule and too late."""
-    if rule == "rectangle":
-        return rectangle_angle(recording.velocity, FS)
-    return angle_from_velocity(recording.velocity, FS) - _DELAY * recording.velocity / FS
+def _over_angle(
+    reading: Reading, resampler: OrderResampler, recordings: Sequence[Recording]
+) -> NDArray[np.floating]:
+    """Return the currents over the shaft angle, shape (n_recordings, n_angles).
 
-
-def _resampled(recording: Recording, reading: Reading) -> NDArray[np.floating]:
-    """Return the current at 2^14 angles: resampled as printed, or with zeros after its end."""
-    signal, angle = recording.signals["current"], angle_from_velocity(recording.velocity, FS)
+    Runs differ only in their noise, not in their motion, so they are resampled together.
+    """
+    velocity = recordings[0].velocity
+    currents = {str(n): recording.signals["current"] for n, recording in enumerate(recordings)}
+    angle = angle_from_velocity(velocity, FS)
     if reading.angle == "printed":
-        return printed_resampling(signal, angle, THETA_S)[:N_ANGLES]
-    resampler = thesis_pipeline(reading)[0]
-    (stroke,) = resampler.fit_transform([recording])[0].strokes
-    return np.pad(stroke.signals[0], (0, N_ANGLES - stroke.n_angles))
+        rows = [printed_resampling(current, angle, THETA_S) for current in currents.values()]
+        return np.array(rows)[:, :N_ANGLES]
+    together = Recording(currents, FS, velocity=velocity)
+    if reading.angle == "rectangle":
+        together = Recording(currents, FS, angle=rectangle_angle(velocity, FS))
+    if reading.angle == "late":
+        together = Recording(currents, FS, angle=angle - _DELAY * velocity / FS)
+    (stroke,) = resampler.fit_transform([together])[0].strokes
+    n_zeros = N_ANGLES - stroke.n_angles if reading.zeros else 0
+    return np.pad(stroke.signals, ((0, 0), (0, n_zeros)))
 
 
 def _classifier() -> Pipeline:
