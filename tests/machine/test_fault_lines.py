@@ -232,3 +232,60 @@ def test_the_shape_of_the_background_is_found_beside_strong_lines():
     psd[:, ::60] *= 1_000
     found = measure.background_shapes(psd).reshape(2, 200)
     assert np.median(found, axis=1) == pytest.approx([3, 25], rel=0.1)
+
+
+@pytest.mark.parametrize("reach", [0.02, 0.018])
+@pytest.mark.parametrize("place", range(-6, 7))
+def test_the_slip_is_searched_in_steps_of_one_line_of_the_highest_harmonic(reach, place):
+    # A line shows one line of the axis beside it, too; of equal levels the smallest slip is taken.
+    psd = np.ones((1, len(ORDERS)))
+    psd[0, 200 + place] = 100.0
+    series = [FaultSeries("wear", (3.0, 8.0), True)]
+    level, slip, (heights,) = LineLevels(ORDERS, series, reach, 0.5).measure(psd)
+    nearest = np.sign(place) * max(abs(place) - 1, 0)
+    found = abs(nearest) <= 4
+    assert level == pytest.approx(10 if found else 0)
+    assert slip == pytest.approx(nearest * reach / 4 if found else 0)
+    np.testing.assert_allclose(heights, [[0, 20 if found else 0]], atol=1e-9)
+
+
+@pytest.mark.parametrize(("third", "level"), [(10.015, 20 / 3), (10.025, 0)])
+def test_a_line_within_half_a_step_of_a_whole_order_is_predicted_there(third, level):
+    fault = FaultSeries("wear", (third / 3, 2 * third / 3, third), True)
+    measure = LineLevels(ORDERS, [fault], 0.02, 0.5, without_shaft=True)
+    assert measure.measure(spectrum([10])[np.newaxis])[0] == pytest.approx(level, abs=1e-9)
+
+
+@pytest.mark.parametrize(("distance", "level"), [(0.0599, 20), (0.0601, 0)])
+def test_a_fault_within_one_and_a_half_steps_of_the_shaft_is_not_separated(distance, level):
+    fault = FaultSeries("wear", tuple((5 + distance) * k for k in (1, 2, 3)), True)
+    measure = LineLevels(ORDERS, [fault], 0.02, 0.5, without_shaft=True)
+    assert measure.measure(spectrum([5, 10, 15])[np.newaxis])[0] == pytest.approx(level, abs=1e-9)
+
+
+def test_order_0_is_no_harmonic_of_the_shaft():
+    measure = LineLevels(ORDERS, [FaultSeries("cage", (0.08,), True)], 0.0, 0.5, without_shaft=True)
+    assert measure.measure(spectrum([0.04])[np.newaxis])[0] == pytest.approx(20)
+
+
+@pytest.mark.parametrize(
+    ("make", "accepted", "refused"),
+    [
+        (lambda n: fault_series({"screw": 0.1}, n), 100, 101),
+        (lambda n: FaultLines({"screw": 3.0}, slip=n).fit(table(spectrum([]))), 0.1999, 0.2),
+        (lambda n: FaultLines({"screw": 3.0}, background=n).fit(table(spectrum([]))), 0.08, 0.0),
+    ],
+)
+def test_limits_of_the_options(make, accepted, refused):
+    make(accepted)
+    with pytest.raises(ValueError, match=f"got {refused}"):
+        make(refused)
+
+
+def test_levels_of_float32_spectra_are_of_double_precision():
+    psd = np.random.default_rng(2).gamma(3.0, size=(3, len(ORDERS)))
+    lines = FaultLines(BEARING).fit(table(psd[0]))
+    single = table(psd.astype(np.float32))
+    found = lines.transform(single)
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, lines.transform(single.astype(np.float64)))
