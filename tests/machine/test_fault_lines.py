@@ -289,3 +289,23 @@ def test_levels_of_float32_spectra_are_of_double_precision():
     found = lines.transform(single)
     assert found.dtype == np.float64
     np.testing.assert_array_equal(found, lines.transform(single.astype(np.float64)))
+
+
+def test_the_least_p_value_is_one_in_2001_and_is_the_same_in_every_run():
+    def measure():
+        return LineLevels(ORDERS[:60], [FaultSeries("wear", (1.0,), False)], 0.0, 0.5)
+
+    psd = np.random.default_rng(0).standard_gamma(4.0, (1, 60))
+    excess, p = measure().compare(psd, np.array([[100.0]]))
+    assert p == pytest.approx(1 / 2001, rel=1e-12)
+    assert measure().compare(psd, np.array([[100.0]]))[0] == excess
+
+
+def test_shapes_of_the_background_are_found_from_a_half_to_two_thousand():
+    measure = LineLevels(ORDERS, [FaultSeries("wear", (4.0,), False)], 0.0, 0.5)
+    rng = np.random.default_rng(0)
+    psd = np.stack([np.ones(501), *(rng.standard_gamma(k, 501) for k in (0.1, 3.0, 40.0))])
+    smooth, rough, *others = measure.background_shapes(psd)
+    assert (smooth, rough) == pytest.approx((2000, 0.5), rel=1e-12)
+    steps = np.log(np.divide(others, 0.5)) / np.log(4000) * 119  # a grid of 120, 7 % apart
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)

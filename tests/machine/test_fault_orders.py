@@ -547,3 +547,45 @@ def test_orders_that_were_given_are_faults_of_their_own():
     assert list(bands) == ["belt", "fan", "2xbelt", "2xfan"]
     near = fault_orders({"belt": 5.0}, harmonics=2)
     assert list(order_bands(near, slip=0.4, on_overlap="join")) == ["belt/2xbelt"]
+
+
+def test_sidebands_belong_to_the_fault_of_their_line():
+    table = fault_orders(Bearing(9, 7.94, 39.04), sidebands=1).loc[["BPFI-shaft", "BPFI", "BPFO"]]
+    bands = order_bands(table, slip=0.12, on_overlap="join")
+    assert list(bands) == ["BPFO", "BPFI-shaft/BPFI"]
+    low, high = table["order"]["BPFI-shaft"], table["order"]["BPFI"]
+    assert bands["BPFI-shaft/BPFI"] == pytest.approx((0.88 * low, 1.12 * high))
+    named = table.drop(columns=["part", "kind"])  # no more is known than the names
+    assert list(order_bands(named, slip=0.12, on_overlap="join")) == ["BPFO", "BPFI-shaft", "BPFI"]
+
+
+def test_a_narrow_band_within_a_wide_one_is_joined_with_it():
+    table = pd.DataFrame(
+        {"order": [5.0, 5.1], "slips": [True, False], "part": "screw", "kind": "nut"},
+        index=["race", "step"],
+    )
+    bands = order_bands(table, slip=0.05, min_width=0.04, on_overlap="join")
+    assert bands == {"race/step": (4.75, 5.25)}
+
+
+def test_limits_of_orders():
+    table = fault_orders({"belt": 0.4, "fan": 0.5}, harmonics=2, max_order=0.8)
+    assert table.index.tolist() == ["belt", "2xbelt", "fan"]
+    assert fault_orders({"belt": 1e9})["order"].tolist() == [1e9]
+    for order in (0.0, -0.5, 1.1e9):
+        with pytest.raises(
+            ValueError, match=r"the order of 'belt' .* of orders, above 0 .* 1e\+09"
+        ):
+            order_bands({"belt": order})
+    with pytest.raises(ValueError, match="it has no column 'order'"):
+        order_bands(pd.DataFrame({"place": [1.0]}))
+
+
+def test_a_hundred_thousand_lines_are_the_most():
+    assert len(fault_orders({"screw": 0.4}, harmonics=100_000)) == 100_000
+    with pytest.raises(ValueError, match=r"more than 100000 lines \('screw' alone: 100001\)"):
+        fault_orders({"screw": 0.4}, harmonics=100_001)
+    with pytest.raises(ValueError, match=r"sidebands=30 .* \('mesh' alone: 121000\)"):
+        fault_orders(Gear(20, 50), harmonics=1000, sidebands=30)
+    with pytest.raises(ValueError, match=r"\('BSF' alone: 201000\)"):  # two strikes in a turn
+        fault_orders(Bearing(9, 7.94, 39.04), harmonics=500, sidebands=100)
