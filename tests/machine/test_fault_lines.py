@@ -99,6 +99,8 @@ def test_cloned_it_measures_the_same():
         ({"harmonics": 5}, ["'BPFI'", "order 27.6", "0 to 20", "max_order"]),
         ({"harmonics": 0}, ["harmonics", "0"]),
         ({"slip": 0.5}, ["slip", "0.5"]),
+        ({"slip": -0.01}, ["slip", "at least 0", "-0.01"]),
+        ({"background": -1}, ["background must be a number of orders, above 0", "-1"]),
         ({"background": 0.05}, ["background", "0.04 orders", "revolutions"]),
         ({"channels": ["sound"]}, ["'sound'", "vibration"]),
         ({"parts": []}, ["at least one part"]),

@@ -262,3 +262,32 @@ def test_a_part_cannot_be_changed_and_has_a_tuple_of_lines(part):
     assert isinstance(part.lines(), tuple)
     assert part == replace(part)
     assert hash(part) == hash(replace(part))
+
+
+def test_a_fault_of_the_sun_or_ring_is_modulated_by_its_own_rotation():
+    def sidebands(fixed):
+        lines = PlanetaryGear(28, 100, 4, fixed=fixed, ratio=0.5).lines()
+        return {line.name: line.sidebands for line in lines if "fault" in line.name}
+
+    star, epicyclic = sidebands("carrier"), sidebands("ring")
+    assert star["sun fault"] == (("sun", 0.5),)
+    assert star["ring fault"] == (("ring", pytest.approx(0.14)),)
+    assert star["planet fault"] == ()
+    assert epicyclic["sun fault"] == (("sun", 0.5),)
+    assert epicyclic["ring fault"] == ()
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 2e-5, 1e6])
+@pytest.mark.parametrize("fixed", ["ring", "carrier"])
+def test_lines_of_a_stage_scale_with_a_ratio_however_small(fixed, ratio):
+    names = {"fixed": fixed, "ratio": 1.0}
+    one = orders(PlanetaryGear(21, 99, 3, **names), sidebands=1)
+    scaled = orders(PlanetaryGear(21, 99, 3, **names | {"ratio": ratio}), sidebands=1)
+    assert scaled == pytest.approx({name: ratio * order for name, order in one.items()}, rel=1e-9)
+
+
+def test_a_line_at_the_supply_has_no_difference_of_order_0():
+    found = orders({"belt": 6.0, "fan": 2.0}, Motor(6), signal="current")
+    assert found["supply+belt"] == 12
+    assert "supply-belt" not in found
+    assert found["supply-fan"] == 4

@@ -1,0 +1,153 @@
+"""Limits of recordings and files, tested on both sides of each."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm import Layout, Recording, open_recording
+from emacm.recordings.csv_files import text_table
+from emacm.recordings.file_columns import FileColumns
+from emacm.recordings.inputs import described
+from emacm.recordings.readers import settled
+from emacm.recordings.sample_times import rate_of_times
+
+ZEROS = np.zeros(40)
+
+
+def angled(angle):
+    return Recording({"b": np.zeros(len(angle))}, 100, angle=angle)
+
+
+def of_ten(first):
+    """An angle of ten samples, nearly all of whose range is one step."""
+    return angled([*np.zeros(first), *np.full(10 - first, 9.0)])
+
+
+def steps_of(step, total):
+    return angled([*np.zeros(6), *np.linspace(step, total, 7)])
+
+
+def indexed(off):
+    """Samples of a clock, one of which is off by some sampling intervals."""
+    times = np.arange(40) * 0.01
+    times[17] += off * 0.01
+    index = pd.Timestamp("2026-05-01") + pd.to_timedelta(times, unit="s")
+    return Recording(pd.DataFrame({"b": ZEROS}, index=index), 100, velocity=3.0)
+
+
+def lasting(n_shaft, rate):
+    return Recording({"b": ZEROS}, 100, velocity=np.ones(n_shaft), shaft_fs=rate)
+
+
+def cut(start, stop):
+    """Ten seconds at 12 and 50 Hz."""
+    signals = {"slow": np.arange(120.0), "fast": np.arange(500.0)}
+    run = Recording(signals, {"slow": 12, "fast": 50}, velocity=3.0, shaft_fs=50)
+    return run.cut(start, stop)
+
+
+def jittering(off, place=30):
+    times = np.arange(100) / 500
+    times[place] += off / 500
+    return rate_of_times(times, "t")
+
+
+def late(off):
+    return rate_of_times(np.r_[np.arange(50), np.arange(50, 100) + off] / 500, "t")
+
+
+@pytest.mark.parametrize(
+    ("make", "accepted", "refused", "words"),
+    [
+        (lambda x: angled([0.0, x]), 1e15, 1.1e15, r"got values up to 1.1e\+15, which no"),
+        (
+            lambda x: Recording({"b": [1, 2]}, 9, velocity=[x, 0]),
+            1e9,
+            1.1e9,
+            r"got 1.1e\+09 at sample 0",
+        ),
+        (lambda n: angled([0, *[9.0] * n]), 8, 9, r"angle jumps by 9 after sample 0, .*\(9\)"),
+        (lambda x: steps_of(x, 20.0), 10.0, 10.1, r"jumps by 10.1 after sample 5, .*\(20\)"),
+        (indexed, 0.59, 0.61, "sample 17 is at 0.1761 s, expected was 0.17 s"),
+        (indexed, -0.59, -0.61, "sample 17 is at 0.1639 s, expected was 0.17 s"),
+        (
+            lambda n: lasting(n, 100),
+            41,
+            42,
+            "channel 'b' lasts 0.4 s and the shaft's velocity 0.42 s",
+        ),
+        (
+            lambda n: lasting(n, 100),
+            39,
+            38,
+            "the shaft's velocity lasts 0.38 s and channel 'b' 0.4 s",
+        ),
+        (
+            lambda n: lasting(n, 25),
+            11,
+            12,
+            "channel 'b' lasts 0.4 s and the shaft's velocity 0.48 s",
+        ),
+        (lambda n: lasting(n, 25), 9, 8, "the shaft's velocity lasts 0.32 s and channel 'b' 0.4 s"),
+        (lambda x: cut(0, 10 * (1 + x)), 0.9e-9, 1.1e-9, "within the recording of 10 s"),
+        (lambda x: cut(9 + x, None), 10 / 12, 10.01 / 12, "10 s there are 1 samples of .*'slow'"),
+        (lambda x: cut(x, 1 / 6), 0, 1e-3, "there are 1 samples of channel 'slow' .12 Hz."),
+        (jittering, 0.1, 0.12, "jitter: sample 30 is at 0.06024 s, .* at 500 Hz would be 0.06 s"),
+        (jittering, -0.1, -0.12, "jitter: sample 30 is at 0.05976 s"),
+        (late, 0.05, 0.52, r"gap of 0.00304 s after sample 49 \(0.098 s\), 1 in all; usual are 0"),
+        (late, 0.05, 0.48, "has jitter: sample"),
+        (
+            lambda n: settled(FileColumns({f"x{i}": ZEROS for i in range(n)})),
+            10_000,
+            10_001,
+            "it has 10001 columns; at most 10000 are read",
+        ),
+        (
+            lambda n: text_table(["1" + ",2" * (n - 1)] * 2),
+            10_000,
+            10_001,
+            "its rows have 10001 values; at most 10000 are read",
+        ),
+    ],
+)
+def test_what_is_beyond_a_limit_is_refused(make, accepted, refused, words):
+    make(accepted)
+    with pytest.raises(ValueError, match=words):
+        make(refused)
+
+
+def test_a_step_of_less_than_half_a_turn_is_no_jump():
+    assert np.ptp(steps_of(3.0, 5.0).angle) == 5  # 3 of 5 rad
+
+
+@pytest.mark.parametrize(("off", "first"), [(0.9e-6, 24), (1.1e-6, 25)])
+def test_a_part_begins_at_a_sample_that_rounding_missed(off, first):
+    assert cut(2 + off / 12, None).signals["slow"][0] == first
+
+
+@pytest.mark.parametrize(("off", "last"), [(0.9e-6, 174), (1.1e-6, 175)])
+def test_a_part_ends_before_a_sample_that_rounding_missed(off, last):
+    assert cut(0, 3.5 + off / 50).signals["fast"][-1] == last
+
+
+def test_the_header_stands_in_the_first_200_lines(tmp_path):
+    layout = Layout(fs=10, velocity=3)
+    for n_lines, names in ((198, ("b", "c")), (199, None)):
+        lines = [f"# key {i} = {i}" for i in range(n_lines)] + ["b,c", *["1,2"] * 9]
+        (tmp_path / f"{n_lines}.csv").write_text("\n".join(lines))
+        recording = open_recording(tmp_path / f"{n_lines}.csv", layout)
+        if names:
+            assert recording.channels == names
+        else:
+            with pytest.raises(ValueError, match="has no rows of numbers; it begins with 'key 0"):
+                assert recording.channels
+
+
+def test_a_message_lists_20_columns_and_200_characters_of_meta(tmp_path):
+    for n_columns, ending in ((20, r"'c19'\]; it|'c19'\]\. W"), (21, r"'c19'\] and 1 more")):
+        content = FileColumns({f"c{k}": ZEROS for k in range(n_columns)})
+        with pytest.raises(ValueError, match=ending):
+            content.find("z")
+    for length, ending in ((196, "')"), (197, " ...)")):
+        run = Recording({"b": [1, 2]}, 1, velocity=1.0, meta={"k": "x" * length})
+        assert described(run, 3) == "recording 3 (k='" + "x" * length + ending
