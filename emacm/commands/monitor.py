@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from emacm._checks import located
 from emacm.models.model_files import load_model
 from emacm.monitoring.order_monitor import OrderMonitor
 from emacm.monitoring.packed_state import packed, unpacked
@@ -109,7 +110,9 @@ class _Stream:
         """Process all lines, and return the exit status."""
         source = iter(lines)
         head = [line for _, line in zip(range(_HEAD), source, strict=False)]
-        rows = self._begin(head)
+        name = "the standard input" if self._options.source == "-" else self._options.source
+        with located(name):
+            rows = self._begin(head)
         self._head = b"".join(head)
         place = self._restored()
         if place is not None:
@@ -157,6 +160,10 @@ class _Stream:
     def _process(self, rows: list[bytes]) -> None:
         """Print the readings that are complete with these rows, or why the rows are skipped."""
         n_before, n_printed = 1 if self._last else 0, self._n_printed
+        self._offset += sum(map(len, rows))
+        rows = [row for row in rows if row.strip()]
+        if not rows:
+            return
         try:
             arguments = self._arguments([self._last, *rows])
             if not np.allclose(list(arguments["fs"].values()), list(self._rates.values()), 1e-6):
@@ -169,7 +176,6 @@ class _Stream:
             self._last, self._resumed = rows[-1], None
         except (TypeError, ValueError) as error:
             self._fail(str(error), len(rows) / max(self._rates.values()))
-        self._offset += sum(map(len, rows))
         self._save(at_once=self._n_printed > n_printed)
 
     def _fail(self, error: str, duration: float) -> None:
@@ -184,7 +190,8 @@ class _Stream:
             self._print(self._monitor.flush())
         except ValueError:
             self._monitor.reset()
-        _write({"time": time_of_error, "error": " ".join(error.split())})
+        skipped = f"The samples from {time_of_error:.9g} s to {self._resumed:.9g} s are skipped."
+        _write({"time": time_of_error, "error": f"{' '.join(error.split())} {skipped}"})
 
     def _print(self, readings: list[Reading]) -> None:
         for reading in readings:

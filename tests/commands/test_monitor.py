@@ -140,10 +140,29 @@ def test_invalid_rows_are_reported_with_their_time_and_skipped(here, capsys):
     errors = [line for line in lines if "error" in line]
     assert ["above max_speed = 100" in line["error"] for line in errors] == [True, False]
     assert "at 2.345" in errors[0]["error"]
+    assert errors[0]["error"].endswith("The samples from 2.3 s to 2.4 s are skipped.")
     readings = [line for line in lines if "decision" in line]
     assert [line["decision"] for line in readings] == ["worn"] * 3
     intervals = [(line["start"], line["time"]) for line in readings]
     np.testing.assert_allclose(intervals, [(0, 2.3), (2.4, 4.2), (4.3, 6.0)])
+
+
+def test_blank_lines_are_no_rows(here, capsys):
+    rows = rows_of(True, 20)
+    rows[2000:2000] = ["\n"] * 150
+    rows[5000:5000] = ["  \n", "\r\n"]
+    (here / "blank.csv").write_text("vib,speed\n" + "".join(rows))
+    readings = []
+    for source in ("blank.csv", "stream.csv"):
+        assert run("--idle", "0", "--every", "20", source=source) == 0
+        readings.append(printed(capsys))
+    assert readings[0] == readings[1]
+
+
+def test_a_stream_without_rows_is_named(here, capsys):
+    (here / "empty.csv").write_text("vib,speed\n")
+    assert run("--idle", "0", source="empty.csv") == 2
+    assert "empty.csv: it has no rows of numbers" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
