@@ -235,7 +235,8 @@ class _Stream:
     def _save(self, *, at_once: bool) -> None:
         """Write the state, so that the file is complete at any time.
 
-        After a reading it is written at once, so that none is printed twice.
+        After readings it is written at once: if the process is killed at any point, none is lost,
+        and only readings of the last block may be printed twice.
         """
         file: Path | None = self._options.state
         if file is None or not (at_once or time.monotonic() - self._saved >= _SAVE):
