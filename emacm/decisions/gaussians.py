@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _BLOCK = 4096  # recordings at a time, so that large tables take no more memory
 
-_REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
+REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
 _FAR = 1e6  # squared distance of means above which expanded squares lose digits
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
@@ -349,11 +349,11 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     # The largest eigenvalue of a correlation matrix is at most the number of features.
-    if least > _REGULAR * len(root):
+    if least > REGULAR * len(root):
         return root
     deviations = np.sqrt(variances)[:, np.newaxis]
     inverse_condition, _ = dpocon((root / deviations).T, float(len(root)), uplo="U")
-    if inverse_condition <= _REGULAR:
+    if inverse_condition <= REGULAR:
         eigenvalues = np.linalg.eigvalsh(covariance / deviations / deviations[:, 0])
         rounding = 10 * len(covariance) * np.finfo(np.float64).eps
         if eigenvalues[0] <= rounding * eigenvalues[-1]:

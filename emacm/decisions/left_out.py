@@ -7,6 +7,7 @@ recordings minus those of the group: neither features nor moments are computed a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,75 +18,42 @@ from emacm._checks import group_codes
 from emacm.decisions.gaussians import (
     FLOOR,
     GaussianClasses,
+    cholesky_root,
     fit_gaussians,
     shrunk_covariances,
     solved_log_densities,
 )
-from emacm.decisions.moments import ClassMoments, class_moments, diagonals
-from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
+from emacm.decisions.left_out_moments import KEPT, RemainingMoments, Training
+from emacm.decisions.left_out_products import ClassProducts
+from emacm.decisions.moments import ClassMoments
 
 Array = NDArray[np.float64]
 
 MAX_PARTS = 64  # parts of the recordings that are left out in turn, if no groups are given
-_BLOCK = 256  # recordings at a time, whose deviations stay in the cache
-_CANCELLED = 1e-7  # remaining fraction of a scatter below which a difference is too inaccurate
-
-
-@dataclass(frozen=True)
-class Training:
-    """Recordings to which densities are fitted, all of positive weight.
-
-    Attributes
-    ----------
-    X : ndarray of shape (n_recordings, n_features)
-        Features.
-    codes, groups : ndarray of int, shape (n_recordings,)
-        Number of the class, and of the group, of each recording.
-    weight : ndarray of shape (n_recordings,)
-        Number of times each recording is counted.
-    n_classes : int
-        Number of classes.
-    """
-
-    X: Array
-    codes: NDArray[np.intp]
-    groups: NDArray[np.intp]
-    weight: Array
-    n_classes: int
-
-    def take(self, rows: NDArray[Any]) -> Training:
-        """Return some of the recordings."""
-        of_rows = self.X[rows], self.codes[rows], self.groups[rows], self.weight[rows]
-        return Training(*of_rows, self.n_classes)
-
-    def moments(self, *, pooled: bool, variances_only: bool = False) -> ClassMoments:
-        """Return the moments of the classes, see `class_moments`."""
-        return class_moments(
-            self.X,
-            self.codes,
-            self.n_classes,
-            sample_weight=self.weight,
-            pooled=pooled,
-            variances_only=variances_only,
-        )
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Densities without one group.
+    """Classes with one covariance, without one group.
 
     Attributes
     ----------
     rows : ndarray of int, shape (n_group,)
         Recordings of the group.
-    gaussians : GaussianClasses
-        Fitted to all other recordings.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class, of all other recordings.
+    variances : ndarray of shape (n_features,)
+        Diagonal of the covariance within the classes, of all other recordings.
+    root : ndarray of shape (n_features, n_features)
+        Lower triangular L with L L' = the covariance.
     seen : ndarray of bool, shape (n_classes,)
         Classes of which enough other recordings remain.
     """
 
     rows: NDArray[np.intp]
-    gaussians: GaussianClasses
+    means: Array
+    variances: Array
+    root: Array
     seen: NDArray[np.bool_]
 
 
@@ -141,40 +109,44 @@ class Remaining:
 
     def __init__(self, training: Training, moments: ClassMoments):
         self._training, self._moments = training, moments
-        self._values = training.X - moments.means[training.codes]
-        self._groups = np.unique(training.groups)
-        self._without: dict[int, ClassMoments] = {}
-        self._scatter = moments.scatter
-        if not moments.pooled:
-            scaled = self._values * np.sqrt(training.weight)[:, np.newaxis]
-            self._scatter = (scaled.T @ scaled)[np.newaxis]
+        self._left = RemainingMoments(training, moments)
+        self._rows = self._left.rows
 
     def all_gaussians(self, shrinkage: Any) -> GaussianClasses:
         """Return densities with one covariance for all classes, of all recordings."""
-        moments = ClassMoments(self._moments.counts, self._moments.means, self._scatter, True)
-        return self._gaussians(moments, None, shrinkage)
+        moments = self._left.without(None)
+        floor = FLOOR * moments.feature_variances.max()
+        return fit_gaussians(moments, *self._left.target(moments, None, shrinkage), floor=floor)
 
-    def left_out_gaussians(self, shrinkage: Any) -> list[LeftOut]:
-        """Return densities with one covariance for all classes, without each group in turn.
+    def left_out_gaussians(self, shrinkage: Any) -> Iterator[LeftOut]:
+        """Yield classes with one covariance for all of them, without each group in turn.
 
         Parameters
         ----------
         shrinkage : None, float or str
             As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
 
-        Returns
-        -------
-        list of LeftOut
+        Yields
+        ------
+        LeftOut
             One for each group whose removal leaves enough recordings for a covariance.
         """
-        found = []
-        for group in self._groups:
-            moments = self._without[group] = self.without(group)
+        groups = list(self._rows)
+        if shrinkage == "auto":
+            for start in range(0, len(groups), KEPT):
+                self._left.find_fourths(groups[start : start + KEPT])
+        for group, rows in self._rows.items():
+            moments = self._left.without(group)
             seen = (moments.counts > 0) & (moments.divisors > 0)
-            if seen.any():
-                rows = np.flatnonzero(self._training.groups == group)
-                found.append(LeftOut(rows, self._gaussians(moments, group, shrinkage), seen))
-        return found
+            if not seen.any():
+                continue
+            target = self._left.target(moments, group, shrinkage)
+            covariances, least = shrunk_covariances(moments, *target)
+            variances = np.diagonal(covariances[0])
+            root = cholesky_root(covariances[0], least[0])
+            if root is None:
+                root = _floored_root(covariances[0], FLOOR * moments.feature_variances.max())
+            yield LeftOut(rows, moments.means, variances, root, seen)
 
     def log_densities(self, covariance: str, shrinkage: Any) -> Array:
         """Return the log densities of each recording without its group.
@@ -189,108 +161,90 @@ class Remaining:
         ndarray of shape (n_recordings, n_classes)
             -inf for classes of which too few other recordings remain.
         """
-        training, diagonal = self._training, covariance == "diag"
+        training, kind = self._training, (covariance, shrinkage)
         found = np.full((len(training.X), training.n_classes), -np.inf)
-        products = covariance == "full" or shrinkage in ("oas", "auto")  # of two features
-        parts = [(np.arange(training.n_classes), self)]
-        if covariance != "tied" and products:
-            parts = [
-                (np.array([code]), _of_class(training, code)) for code in range(training.n_classes)
-            ]
-        members = [np.flatnonzero(training.groups == group) for group in self._groups]
-        for columns, part in parts:  # one class after the other: a single matrix stays in the cache
-            for group, rows in zip(self._groups, members, strict=True):
-                moments = part.without(group, variances_only=diagonal and not products)
-                seen = (moments.counts > 0) & (moments.divisors > 0)
-                if not seen.any():
-                    continue
-                target = part._target(moments, group, shrinkage)
-                shrunk, least = shrunk_covariances(moments, *target, diagonal=diagonal)
-                shrunk, X = shrunk if moments.pooled else shrunk[seen], training.X[rows]
-                logs = solved_log_densities(X, moments.means[seen], shrunk, least)
-                if logs is None:  # singular
-                    floor = FLOOR * self.without(group).feature_variances.max()
-                    lifted = fit_gaussians(moments, *target, diagonal=diagonal, floor=floor)
-                    logs = lifted.log_densities(X)[:, seen]
-                found[rows[:, np.newaxis], columns[seen]] = logs
+        coefficients: Array | list[None] = [None] * len(self._rows)
+        if covariance == "full" or (covariance == "diag" and shrinkage in ("oas", "auto")):
+            coefficients = np.zeros((len(self._rows), training.n_classes))
+            for code in range(training.n_classes):  # a single matrix stays in the cache
+                self._judge_class(found, coefficients, code, kind)
+            if kind != ("diag", "oas"):
+                return found
+        for group, target in zip(self._rows, coefficients, strict=True):
+            self._judge(found, np.arange(training.n_classes), self, group, kind, target)
         return found
 
-    def without(self, group: int, *, variances_only: bool = False) -> ClassMoments:
-        """Return the moments of all recordings but those of a group.
+    def _judge_class(self, found: Array, coefficients: Array, code: int, kind: Any) -> None:
+        """Find log densities, or coefficients of shrinkage, of a class with its own covariance."""
+        training, part, alike = self._training, None, None
+        own = np.flatnonzero(training.codes == code)
+        if kind[1] != "auto" and len(own) <= training.X.shape[1]:
+            values = self._left.deviations(own)
+            alike = ClassProducts(values, training.weight[own], training.groups[own])
+        if alike and kind[0] == "full":
+            away = training.X - self._moments.means[code]
+            crossed, norms = away @ values.T, np.einsum("rf,rf->r", away, away)
+        for place, (group, rows) in enumerate(self._rows.items()):
+            if alike and kind[0] == "full":
+                floor = 0.0 if kind[1] else self._floor(group)
+                logs = alike.log_densities(group, kind[1], floor, crossed[rows], norms[rows])
+                if logs is not None:
+                    found[rows, code] = logs
+                    continue
+            elif alike:
+                coefficient = alike.oas_coefficient(group)
+                if coefficient is not None:
+                    coefficients[place, code] = coefficient
+                    continue
+            part = part or _of_class(training, code)
+            if kind == ("diag", "oas"):
+                moments = part._left.without(group)
+                coefficients[place, code] = part._left.target(moments, group, "oas")[0]
+            else:
+                self._judge(found, np.array([code]), part, group, kind)
 
-        Without rows r of a class, of weights w, the mean moves by ``-sum(w r) / n``, where n counts
-        the remaining recordings, and the scatter loses ``sum(w r r') + sum(w r) sum(w r)' / n``.
-
-        Parameters
-        ----------
-        group : int
-            Number of the group.
-        variances_only : bool, default=False
-            The variances of each class, instead of one scatter matrix for all classes.
-        """
-        if group in self._without and not variances_only:
-            return self._without[group]
-        training = self._training
-        rows = np.flatnonzero(training.groups == group)
-        values, weight = self._values[rows], training.weight[rows, np.newaxis]
-        member = (training.codes[rows] == np.arange(training.n_classes)[:, np.newaxis]) * 1.0
-        before = self._moments.counts
-        counts = before - member @ weight[:, 0]
-        counts[counts <= 1e-9 * before] = 0.0
-        seen = (counts > 0)[:, np.newaxis]
-        sums = member @ (weight * values)
-        roots = np.sqrt(counts)[:, np.newaxis]
-        moved = np.divide(sums, roots, out=np.zeros_like(sums), where=seen)
-        if variances_only:
-            total = diagonals(self._moments.scatter)
-            scatter = total - member @ (weight * values**2) - moved**2
+    def _judge(
+        self,
+        found: Array,
+        columns: NDArray[np.intp],
+        part: Remaining,
+        group: int,
+        kind: tuple[str, Any],
+        coefficients: Array | None = None,
+    ) -> None:
+        """Find the log densities of a group under some classes, whose recordings are a part."""
+        (covariance, shrinkage), rows = kind, self._rows[group]
+        variances_only = covariance == "diag" and part is self
+        which = {"pooled": not variances_only, "variances_only": variances_only}
+        moments = part._left.without(group, **which)
+        seen = (moments.counts > 0) & (moments.divisors > 0)
+        if not seen.any():
+            return
+        target: tuple[ArrayLike, ...]
+        if coefficients is not None:
+            target = (coefficients,)
         else:
-            lost = np.vstack([np.sqrt(weight) * values, moved])
-            total, scatter = diagonals(self._scatter), self._scatter - lost.T @ lost
-        moved = np.divide(moved, roots, out=moved, where=seen)
-        means = np.where(seen, self._moments.means - moved, 0.0)
-        moments = ClassMoments(counts, means, scatter, not variances_only)
-        left = diagonals(scatter) < _CANCELLED * total
-        if left[moments.group_counts > 0].any():  # rounding errors dominate the difference
-            others = training.take(training.groups != group)
-            moments = others.moments(pooled=not variances_only, variances_only=variances_only)
-        return moments
+            target = part._left.target(moments, group, shrinkage)
+        diagonal = covariance == "diag"
+        shrunk, least = shrunk_covariances(moments, *target, diagonal=diagonal)
+        shrunk, X = shrunk if moments.pooled else shrunk[seen], self._training.X[rows]
+        logs = solved_log_densities(X, moments.means[seen], shrunk, least)
+        if logs is None:  # singular
+            lifted = fit_gaussians(moments, *target, diagonal=diagonal, floor=self._floor(group))
+            logs = lifted.log_densities(X)[:, seen]
+        found[rows[:, np.newaxis], columns[seen]] = logs
 
-    def _gaussians(
-        self, moments: ClassMoments, group: int | None, shrinkage: Any
-    ) -> GaussianClasses:
-        floor = FLOOR * moments.feature_variances.max()
-        return fit_gaussians(moments, *self._target(moments, group, shrinkage), floor=floor)
+    def _floor(self, group: int) -> float:
+        moments = self._left.without(group, variances_only=True)
+        return FLOOR * float(moments.feature_variances.max())
 
-    def _target(
-        self, moments: ClassMoments, group: int | None, shrinkage: Any
-    ) -> tuple[ArrayLike, ...]:
-        """Return the arguments of `shrink` for all recordings but those of a group.
 
-        For "auto" as `ledoit_wolf_coefficients`, from moments and the norms of the deviations.
-        """
-        count, scatter = float(moments.group_counts[0]), moments.scatter[0]
-        if shrinkage == "oas":
-            return (oas_coefficient(scatter, count),)
-        if shrinkage != "auto":
-            return (float(shrinkage or 0.0),)
-        variances = np.diagonal(scatter) / count
-        variances = np.where(variances > 0, variances, 1.0)
-        weight = np.where(self._training.groups == group, 0.0, self._training.weight)
-        fourth = float(weight @ self._norms(moments.means, 1 / variances) ** 2)
-        scaled = scatter / np.sqrt(variances)
-        scaled /= np.sqrt(variances)[:, np.newaxis]
-        return ledoit_wolf_coefficient(scaled, count, fourth), variances
-
-    def _norms(self, means: Array, inverse: Array) -> Array:
-        """Return squared norms of the standardised deviations from moved means."""
-        codes, moved = self._training.codes, means - self._moments.means
-        norms = np.empty(len(codes))
-        for start in range(0, len(codes), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            deviations = self._values[part] - np.take(moved, codes[part], axis=0)
-            norms[part] = np.square(deviations, out=deviations) @ inverse
-        return norms
+def _floored_root(covariance: Array, floor: float) -> Array:
+    """Return the lower triangular root of a covariance whose eigenvalues are raised to a floor."""
+    eigenvalues, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(eigenvalues, floor))
+    triangular: Array = np.linalg.qr(root.T)[1].T
+    return triangular
 
 
 def _of_class(training: Training, code: int) -> Remaining:

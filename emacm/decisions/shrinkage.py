@@ -10,15 +10,18 @@ from emacm.decisions.moments import diagonals
 Array = NDArray[np.float64]
 
 
-def oas_coefficient(scatter: ArrayLike, count: float) -> float:
+def oas_coefficient(scatter: ArrayLike, count: float, n_features: int | None = None) -> float:
     """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
 
     Parameters
     ----------
     scatter : array-like of shape (n_features, n_features)
         Scatter or covariance, in any scale.
+        Or inner products of the deviations of recordings, which have the same trace and norm.
     count : float
         Number of recordings.
+    n_features : int, default=None
+        Number of features, if inner products are given.
 
     Returns
     -------
@@ -37,12 +40,12 @@ def oas_coefficient(scatter: ArrayLike, count: float) -> float:
     0.636364
     """
     S = np.asarray(scatter, dtype=np.float64)
-    n_features = len(S)
+    n_features = n_features or len(S)
     largest = np.abs(S).max()
     if n_features == 1 or largest == 0:
         return 0.0
     S = S / largest  # squares neither overflow nor underflow
-    mean_square, squared_mean = np.mean(S**2), (np.trace(S) / n_features) ** 2
+    mean_square, squared_mean = np.sum(S**2) / n_features**2, (np.trace(S) / n_features) ** 2
     excess = (count + 1) * (mean_square - squared_mean / n_features)
     return float(min((mean_square + squared_mean) / excess, 1.0)) if excess > 0 else 1.0
 
@@ -120,8 +123,8 @@ def ledoit_wolf_coefficient(scatter: Array, count: float, fourth: float) -> floa
     >>> round(ledoit_wolf_coefficient(X.T @ X, 4, np.sum(np.sum(X**2, axis=1) ** 2)), 6)
     0.944444
     """
-    second = scatter / count
-    n_features, trace, square = len(second), np.trace(second), np.sum(second**2)
+    n_features, trace = len(scatter), np.trace(scatter) / count
+    square = np.vdot(scatter, scatter) / count**2
     distance = (square - trace**2 / n_features) / n_features
     error = (fourth / count - square) / (n_features * count)
     error = min(error, distance)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
 _RANGE = 1e-6, 1e6  # of the exponents that are tried
+_PRECISION = 1e-12  # of the logarithm of the temperature
 _IMPOSSIBLE = -1e300  # replaces -inf, whose product with a probability of 0 is not defined
 
 
@@ -55,17 +55,29 @@ def fit_temperature(
     true = np.take_along_axis(scores, codes[:, np.newaxis], axis=1)[:, 0]
     scores = np.ascontiguousarray(scores.T)  # sums over few classes are slow along rows
 
-    def slope(log_exponent: float) -> float:
-        """Return the derivative of the log loss by the exponent 1 / T."""
+    def slopes(log_exponent: float) -> tuple[float, float]:
+        """Return the derivative of the log loss by the exponent 1 / T, and its slope."""
         joint = np.exp(np.exp(log_exponent) * scores)
         joint *= priors[:, np.newaxis]
-        with np.errstate(over="ignore"):
-            mean = np.einsum("kr,kr->r", joint, scores) / joint.sum(axis=0)
-            return float(weight @ (mean - true))
+        joint /= joint.sum(axis=0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean = np.einsum("kr,kr->r", joint, scores)
+            joint *= scores
+            spread = np.einsum("kr,kr->r", joint, scores) - mean**2
+            return float(weight @ (mean - true)), float(weight @ spread) * np.exp(log_exponent)
 
     low, high = np.log(_RANGE)
-    if slope(low) >= 0:
+    at, (value, rise) = 0.0, slopes(0.0)
+    if value >= 0 and slopes(low)[0] >= 0:
         return float(np.exp(-low))
-    if slope(high) <= 0:
+    if value <= 0 and slopes(high)[0] <= 0:
         return float(np.exp(-high))
-    return float(np.exp(-brentq(slope, low, high, xtol=1e-12)))
+    while True:  # Newton's method, or a bisection where it leaves the bounds
+        low, high = (low, at) if value > 0 else (at, high)
+        following = at - value / rise if np.isfinite(rise) and rise > 0 else np.inf
+        if not low < following < high:
+            following = (low + high) / 2
+        if abs(following - at) <= _PRECISION:
+            return float(np.exp(-following))
+        at = following
+        value, rise = slopes(at)

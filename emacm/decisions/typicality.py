@@ -11,11 +11,12 @@ trained on.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dtrmm, dtrsm
 
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import LeftOut, Training
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 LEAST = np.finfo(np.float64).tiny  # typicality is positive, however far a recording is
 _RESOLUTION = 1e-3  # squared distance, in standard deviations, below which all are equally near
 _FARTHEST = np.finfo(np.float64).max / 4  # replaces squared distances that overflow
+_INDEPENDENT = 1e-3  # relative length above which a direction need not be looked for
 _BLOCK = 256  # recordings at a time, whose intermediate results stay in the cache
 # Slope and offset of each distance, in units of its mean excess, chosen by leaving runs out
 # within runs 1 to 4 of a real actuator (benchmarks/unknown.py): a deviation outside the
@@ -55,7 +57,7 @@ class ClassDistances:
     means : ndarray of shape (n_classes, n_features)
         Mean of each class.
     factor : ndarray of shape (n_features, n_features)
-        P with P P' = inverse of the covariance within the classes.
+        Upper triangular P with P P' = inverse of the covariance within the classes.
     deviations : ndarray of shape (n_features,)
         Standard deviation of each feature within the classes, moderated.
     seen : ndarray of bool, shape (n_classes,)
@@ -91,25 +93,13 @@ class ClassDistances:
         means = self.means[self.seen]
         centre = means.mean(axis=0)
         with np.errstate(over="ignore", invalid="ignore"):
-            white = (X - centre) @ self.factor
-            inner, corners = white @ self.basis, (means - centre) @ self.factor @ self.basis
-            squares = np.einsum("rd,rd->r", inner, inner)
-            distances = squares[:, np.newaxis] - 2 * inner @ corners.T + np.sum(corners**2, axis=1)
-            outside = np.einsum("rf,rf->r", white, white) - squares
-            # fmin replaces NaN, the difference of two overflows.
-            distances = np.maximum(np.fmin(distances, _FARTHEST), 0.0)
-            outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
-            deviations = X - np.take(means, distances.argmin(axis=1), axis=0)
-            deviations /= self.deviations
-            largest = np.maximum(deviations.max(axis=1), -deviations.min(axis=1))
-            largest = np.fmin(largest**2, _FARTHEST)
+            # The transposes are not copied.
+            white = dtrmm(1.0, self.factor.T, (X - centre).T, lower=1, overwrite_b=1).T
+            corners = (means - centre) @ self.factor @ self.basis
+            parts = _log_squares(X, white, self.basis, corners, means, self.deviations)
         inside = np.full((len(X), len(self.means)), np.inf)
-        inside[:, self.seen] = distances
-        return (
-            np.log(inside + _RESOLUTION),
-            np.log(outside + _RESOLUTION),
-            np.log(largest + _RESOLUTION),
-        )
+        inside[:, self.seen] = parts[0]
+        return inside, *parts[1:]
 
     def nearest(self, X: Array) -> NDArray[np.intp]:
         """Return the number of the class that is nearest inside the discriminant space."""
@@ -175,7 +165,7 @@ class Typicality:
 
 
 def fit_typicality(
-    training: Training, gaussians: GaussianClasses, left_out: Sequence[LeftOut]
+    training: Training, gaussians: GaussianClasses, left_out: Iterable[LeftOut]
 ) -> Typicality:
     """Calibrate the distances to the classes on left-out groups.
 
@@ -185,8 +175,8 @@ def fit_typicality(
         The recordings.
     gaussians : GaussianClasses
         Fitted to all recordings, with one covariance for all classes.
-    left_out : sequence of LeftOut
-        The same without each group.
+    left_out : iterable of LeftOut
+        The classes without each group.
 
     Returns
     -------
@@ -197,17 +187,22 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    numbers = np.unique(training.groups * training.n_classes + training.codes)
-    pairs = np.column_stack([numbers % training.n_classes, numbers // training.n_classes])
-    present = np.bincount(training.codes, minlength=training.n_classes) > 0
-    distances = _class_distances(gaussians, present, _degrees(pairs))
+    n_classes, groups = training.n_classes, training.groups
+    measured = np.zeros((n_classes, groups.max() + 1), bool)  # classes in groups
+    measured[training.codes, groups] = True
+    n_groups = measured.sum(axis=1)
+    degrees = n_groups.sum() - np.count_nonzero(n_groups)  # of the variance between groups
+    distances = _class_distances(gaussians, n_groups > 0, degrees)
     inside = np.full((len(training.X), training.n_classes), np.inf)
     others, judged = np.empty((2, len(training.X))), np.zeros(len(training.X), dtype=bool)
-    for rows, fitted, seen in ((part.rows, part.gaussians, part.seen) for part in left_out):
-        degrees = _degrees(pairs[pairs[:, 1] != training.groups[rows[0]]])
-        parts = _class_distances(fitted, seen, degrees).log_squares(training.X[rows])
-        inside[rows], others[0, rows], others[1, rows] = parts
-        judged[rows] = seen[training.codes[rows]]
+    for part in left_out:
+        rows = part.rows
+        elsewhere = n_groups - measured[:, groups[rows[0]]]
+        degrees = elsewhere.sum() - np.count_nonzero(elsewhere)
+        parts = _left_out_log_squares(part, training.X[rows], degrees)
+        inside[rows[:, np.newaxis], np.flatnonzero(part.seen)] = parts[0]
+        others[0, rows], others[1, rows] = parts[1:]
+        judged[rows] = part.seen[training.codes[rows]]
     if not judged.any():
         raise ValueError(
             "no class has recordings in two groups, so that no recording can be judged by others "
@@ -228,18 +223,61 @@ def fit_typicality(
     return Typicality(distances, levels, peaks, used, combined, feature_range)
 
 
-def _degrees(pairs: NDArray[np.intp]) -> int:
-    """Return the degrees of freedom of the variance between groups within classes.
-
-    Of the pairs (class, group) that have recordings.
-    """
-    return len(pairs) - len(np.unique(pairs[:, 0]))
-
-
 def _class_distances(
     gaussians: GaussianClasses, seen: NDArray[np.bool_], degrees: int
 ) -> ClassDistances:
-    """Return the distances to the classes of Gaussian densities with one covariance.
+    """Return the distances to the classes of Gaussian densities with one covariance."""
+    factor, means = gaussians.factors[0], gaussians.means
+    if gaussians.singular[0]:  # then it is not triangular
+        factor = np.linalg.qr(factor[::-1].T)[1].T[::-1, ::-1]
+    variances = np.diagonal(gaussians.covariances[0])
+    deviations = _moderated_deviations(variances, means[seen], degrees)
+    basis = _discriminant_basis((means[seen] - means[seen].mean(axis=0)) @ factor)
+    return ClassDistances(means, factor, deviations, seen, basis)
+
+
+def _left_out_log_squares(part: LeftOut, X: Array, degrees: int) -> tuple[Array, Array, Array]:
+    """Return the log distances of `ClassDistances` for one group; inside to the classes seen."""
+    means = part.means[part.seen]
+    stacked = np.concatenate([X, means])
+    stacked -= means.mean(axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        white = dtrsm(1.0, part.root.T, stacked.T, trans_a=1, overwrite_b=1).T
+        white, centred = white[: len(X)], white[len(X) :]
+        basis = _discriminant_basis(centred)
+        deviations = _moderated_deviations(part.variances, means, degrees)
+        return _log_squares(X, white, basis, centred @ basis, means, deviations)
+
+
+def _log_squares(
+    X: Array, white: Array, basis: Array, corners: Array, means: Array, deviations: Array
+) -> tuple[Array, Array, Array]:
+    """Return the log distances inside, outside, and of the largest deviation.
+
+    Of recordings in their own units and after whitening, to classes whose means are given in their
+    own units and, as corners, in the discriminant space.
+    """
+    inner = white @ basis
+    squares = np.einsum("rd,rd->r", inner, inner)
+    distances = squares[:, np.newaxis] - 2 * inner @ corners.T + np.sum(corners**2, axis=1)
+    outside = np.einsum("rf,rf->r", white, white) - squares
+    # fmin replaces NaN, the difference of two overflows.
+    distances = np.maximum(np.fmin(distances, _FARTHEST), 0.0)
+    outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
+    away = np.take(means, distances.argmin(axis=1), axis=0)
+    np.subtract(X, away, out=away)
+    away /= deviations
+    largest = np.maximum(away.max(axis=1), -away.min(axis=1))
+    largest = np.fmin(largest**2, _FARTHEST)
+    return (
+        np.log(distances + _RESOLUTION),
+        np.log(outside + _RESOLUTION),
+        np.log(largest + _RESOLUTION),
+    )
+
+
+def _moderated_deviations(variances: Array, means: Array, degrees: int) -> Array:
+    """Return standard deviations of the features within classes.
 
     From few groups some features have by chance a variance that is far too small, and the largest
     deviation of a feature is then that of such a feature. Variances are therefore moderated [1]_:
@@ -250,17 +288,22 @@ def _class_distances(
     .. [1] Smyth, Linear models and empirical Bayes methods for assessing differential expression,
        Statistical Applications in Genetics and Molecular Biology 3 (2004), section 3.
     """
-    factor, means = gaussians.factors[0], gaussians.means
-    variances = np.diagonal(gaussians.covariances[0])
-    total = variances + means[seen].var(axis=0)
+    total = variances + means.var(axis=0)
     expected = np.mean(variances / total) * total
     moderated = degrees * variances + _N_MODERATING * expected
-    deviations = np.sqrt(moderated / (degrees + _N_MODERATING))
-    centred = means[seen] - means[seen].mean(axis=0)
-    _, sizes, directions = np.linalg.svd(centred @ factor, full_matrices=False)
+    return np.sqrt(moderated / (degrees + _N_MODERATING))
+
+
+def _discriminant_basis(centred: Array) -> Array:
+    """Return an orthonormal basis of the span of whitened class means, whose sum is 0."""
+    if 1 < len(centred) <= centred.shape[1]:
+        basis, triangle = np.linalg.qr(centred[:-1].T)
+        sizes = np.abs(np.diagonal(triangle))
+        if sizes.min() > _INDEPENDENT * np.sqrt(np.sum(centred**2)):
+            return np.asarray(basis)
+    _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
     n_directions = np.count_nonzero(sizes > 1e-9 * sizes[0])
-    basis = directions[: min(n_directions, len(centred) - 1)].T
-    return ClassDistances(means, factor, deviations, seen, basis)
+    return directions[: min(n_directions, len(centred) - 1)].T
 
 
 def _class_levels(
@@ -270,13 +313,15 @@ def _class_levels(
 
     A class that was measured in g groups has the weight g, against one group of all classes.
     """
-    overall = np.average(own, axis=1, weights=weight)
-    levels = np.repeat(overall[:, np.newaxis], n_classes, axis=1)
-    for k in np.unique(codes):
-        chosen = codes == k
-        n_groups = len(np.unique(groups[chosen]))
-        mean = np.average(own[:, chosen], axis=1, weights=weight[chosen])
-        levels[:, k] += n_groups / (n_groups + 1) * (mean - overall)
+    judged = np.zeros((n_classes, groups.max() + 1), bool)
+    judged[codes, groups] = True
+    n_groups = judged.sum(axis=1)
+    totals = np.maximum(np.bincount(codes, weight, n_classes), np.finfo(np.float64).tiny)
+    levels = np.empty((len(own), n_classes))
+    for values, level in zip(own, levels, strict=True):
+        overall = weight @ values / weight.sum()
+        means = np.bincount(codes, weight * (values - overall), n_classes) / totals
+        level[:] = overall + n_groups / (n_groups + 1) * means
     return levels
 
 

@@ -73,19 +73,39 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
         assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-7)
 
 
+@pytest.mark.parametrize("covariance", ["full", "diag"])
+@pytest.mark.parametrize("shrinkage", [None, 1e-5, 0.02, 0.3, "oas"])
+@pytest.mark.parametrize("outlier", [1.0, 1e7])
+def test_so_do_those_of_classes_with_fewer_recordings_than_features(covariance, shrinkage, outlier):
+    training = draw(8, n_recordings=50, n_features=20, n_classes=3, n_groups=4)
+    training.X[0] *= outlier
+    training.X[:] /= training.X.std(axis=0)
+    training.groups[training.codes == 2] %= 2  # not in all groups
+    weight = np.random.default_rng(1).integers(1, 4, 50)
+    weighted = Training(training.X, training.codes, training.groups, weight.astype(float), 3)
+    found = remaining(weighted, covariance, shrinkage).log_densities(covariance, shrinkage)
+    for group in range(4):
+        rows = training.groups == group
+        others = training.take(np.repeat(np.arange(50), np.where(rows, 0, weight)))
+        expected = fitted_anew(others, covariance, shrinkage or 0.0)
+        assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-6)
+
+
 @pytest.mark.parametrize("shrinkage", [0.3, "oas", "auto"])
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
 def test_common_covariances_follow_from_moments_of_any_kind(covariance, shrinkage):
     training = draw(2)
-    found = remaining(training, covariance).left_out_gaussians(shrinkage)
+    found = list(remaining(training, covariance).left_out_gaussians(shrinkage))
     assert len(found) == 5
     for part in found:
         others = np.setdiff1d(np.arange(len(training.X)), part.rows)
         assert len(np.unique(training.groups[part.rows])) == 1
         assert not np.isin(training.groups[part.rows[0]], training.groups[others])
         expected = fitted_anew(training.take(others), "tied", shrinkage)
-        assert_allclose(part.gaussians.means, expected.means, rtol=1e-9, atol=1e-9)
-        assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-8)
+        assert_allclose(part.means, expected.means, rtol=1e-9, atol=1e-9)
+        assert_allclose(part.root @ part.root.T, expected.covariances[0], rtol=1e-8)
+        assert_allclose(part.variances, expected.covariances[0].diagonal(), rtol=1e-8)
+        assert_array_equal(np.triu(part.root, 1), 0)
         assert part.seen.all()
 
 
@@ -104,7 +124,7 @@ def test_a_group_with_outliers_leaves_accurate_moments():
     for part in remaining(training).left_out_gaussians("auto"):
         others = np.setdiff1d(np.arange(len(training.X)), part.rows)
         expected = fitted_anew(training.take(others), "tied", "auto")
-        assert_allclose(part.gaussians.covariances, expected.covariances, rtol=1e-6)
+        assert_allclose(part.root @ part.root.T, expected.covariances[0], rtol=1e-6)
 
 
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
