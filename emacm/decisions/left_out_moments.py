@@ -215,5 +215,5 @@ class RemainingMoments:
 
 def _positive_variances(moments: ClassMoments) -> Array:
     """Return the variances by which Ledoit-Wolf standardises; 1 for a constant feature."""
-    variances = diagonals(moments.scatter)[0] / float(moments.group_counts[0])
+    variances = diagonals(moments.scatter)[0] / (float(moments.group_counts[0]) or 1.0)
     return np.where(variances > 0, variances, 1.0)
