@@ -344,9 +344,9 @@ def learned_amplitudes(X: Array, states: NDArray[Any], pipeline: Any) -> dict[st
 def speed() -> str:
     """Return the time of fit and predict with an unknown state, relative to without.
 
-    Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (18 ms)
-    do not: fits of "full" with "auto" take 4.6 times as long, "diag" with "auto" 4.9, "tied"
-    without "auto" 7, "full" with "oas" 9, "diag" with "oas" 11, "diag" 13 times.
+    Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (10 ms)
+    do not: fits of "full" take 4 to 5.5 times as long (with a number or "oas" up to 7 on a busy
+    machine), "tied" without "auto" 6, "diag" with "oas" 6 and without shrinkage 8 times.
     """
     rng = np.random.default_rng(0)
     codes, groups = np.arange(1300) % 13, rng.integers(0, 7, 1300)

@@ -23,7 +23,7 @@ from emacm.decisions.gaussians import (
     shrunk_covariances,
     solved_log_densities,
 )
-from emacm.decisions.left_out_moments import KEPT, RemainingMoments, Training
+from emacm.decisions.left_out_moments import AT_ONCE, RemainingMoments, Training
 from emacm.decisions.left_out_products import ClassProducts
 from emacm.decisions.moments import ClassMoments
 
@@ -131,10 +131,10 @@ class Remaining:
         LeftOut
             One for each group whose removal leaves enough recordings for a covariance.
         """
-        groups = list(self._rows)
+        groups = [None, *self._rows]
         if shrinkage == "auto":
-            for start in range(0, len(groups), KEPT):
-                self._left.find_fourths(groups[start : start + KEPT])
+            for start in range(0, len(groups), AT_ONCE):
+                self._left.find_fourths(groups[start : start + AT_ONCE])
         for group, rows in self._rows.items():
             moments = self._left.without(group)
             seen = (moments.counts > 0) & (moments.divisors > 0)

@@ -19,7 +19,7 @@ from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
 
 Array = NDArray[np.float64]
 
-KEPT = 16  # groups whose scatter matrices are kept
+AT_ONCE = 16  # groups for which matrices are stacked
 _FAR = 1e4  # squared shift of means per feature, in variances, above which squares lose digits
 
 
@@ -88,8 +88,6 @@ class RemainingMoments:
         # Of each class in each group: sum of weights, of deviations and of their squares.
         self._weights = np.zeros((len(groups), n_classes))
         self._sums, self._squares = np.empty((2, len(groups), n_classes, n_features))
-        n_kept = min(len(groups), KEPT) if n_classes > 1 else 0
-        self._scatters = np.empty((n_kept, n_features, n_features))
         self._scatter = moments.scatter
         if not moments.pooled:
             self._scatter = np.zeros((1, n_features, n_features))
@@ -100,12 +98,8 @@ class RemainingMoments:
             member.sum(axis=1, out=self._weights[place])
             np.matmul(member, values, out=self._sums[place])
             np.matmul(member, values**2, out=self._squares[place])
-            if place < n_kept or not moments.pooled:
-                values *= np.sqrt(weight)[:, np.newaxis]
-                out = self._scatters[place] if place < n_kept else None
-                scatter = np.matmul(values.T, values, out=out)
-                if not moments.pooled:
-                    self._scatter += scatter
+            if not moments.pooled:
+                self._scatter += self._scatter_of(values, weight)
 
     def deviations(self, rows: NDArray[np.intp]) -> Array:
         """Return the deviations of recordings from the means of their classes."""
@@ -113,14 +107,10 @@ class RemainingMoments:
         deviations -= np.take(self._moments.means, self.training.codes[rows], axis=0)
         return deviations
 
-    def _scatter_of(self, group: int) -> Array:
-        if self._place[group] < len(self._scatters):
-            scatter: Array = self._scatters[self._place[group]]
-        else:
-            rows = self.rows[group]
-            values = self.deviations(rows)
-            values *= np.sqrt(self.training.weight[rows, np.newaxis])
-            scatter = values.T @ values
+    @staticmethod
+    def _scatter_of(values: Array, weight: Array) -> Array:
+        values *= np.sqrt(weight)[:, np.newaxis]
+        scatter: Array = values.T @ values
         return scatter
 
     def without(
@@ -154,8 +144,10 @@ class RemainingMoments:
             lost = self._squares[place] + moved**2
             scatter = total - (lost.sum(axis=0) if pooled else lost)
         else:
-            scatter = total - self._scatter_of(group)
-            scatter -= moved.T @ moved
+            rows = self.rows[group]
+            lost = self._scatter_of(self.deviations(rows), self.training.weight[rows])
+            lost += moved.T @ moved
+            scatter = np.subtract(total, lost, out=lost[np.newaxis])
         moments = ClassMoments(counts, means, scatter, pooled)
         left = diagonals(scatter) < CANCELLED * diagonals(total)
         if left[moments.group_counts > 0].any():  # rounding errors dominate the difference
