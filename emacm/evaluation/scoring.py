@@ -30,7 +30,7 @@ class ScoringRule:
     Attributes
     ----------
     classes : list
-        The possible true classes, those of a family together.
+        The possible true classes: those of a given family together, in the order of the families.
     correct : dict
         {class: correct decisions}, see `emacm.decisions.metrics.correct_decisions`.
     healthy : object
@@ -220,7 +220,11 @@ def scoring_rule(
         correct = correct_decisions(known, names, matrix[is_known, : len(names)])
     else:
         correct = {name: (name,) for name in names}
-    order = [name for name in correct if name in names] if families is not None else names
+    order = names
+    if families is not None:
+        listed = list(dict.fromkeys(decisions[0] for decisions in correct.values()))
+        order = [name for name in correct if name in names]
+        order.sort(key=lambda name: listed.index(correct[name][0]))
     family_of = {name: correct[name][0] for name in order}
     stated = {
         "healthy": _healthy_label(healthy, family_of, names),

@@ -214,6 +214,8 @@ def test_other_priors_follow_from_bayes_rule():
     own = model.estimator_.predict_proba(LATER)
     frequencies = np.array([9, 20, 14]) / 43
     np.testing.assert_allclose(model.estimator_priors_, frequencies)
+    for each in (model, clone(model).set_params(priors=None).fit(X, Y)):
+        assert (each.unknown_prior_, each.truths_.tolist()) == (0, ["dry", "new", "spall"])
     expected = own * [0.2, 0.7, 0.1] / frequencies
     expected /= expected.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)

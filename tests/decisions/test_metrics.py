@@ -164,6 +164,12 @@ def test_classes_of_a_metric_follow_from_the_cost_and_the_labels():
     assert expected_cost([2, 10], [10, 10], cost=[[0, 4], [6, 0]], labels=[10, 2]) == 2.0
 
 
+@pytest.mark.parametrize("key", ["healthy", "ab", 3, ("a", "b", "c")])
+def test_the_cost_of_a_metric_is_one_of_pairs(key):
+    with pytest.raises(TypeError, match=r"must be tuples \(decision, true class\), got"):
+        expected_cost(["a", "b"], ["b", "b"], cost={key: 2})
+
+
 def test_weights_are_finite_and_some_is_positive():
     np.testing.assert_array_equal(check_weights([0, 2, 0.5], 3), [0, 2, 0.5])
     assert check_weights(np.array([1, 2], np.int8), 2).dtype == np.float64

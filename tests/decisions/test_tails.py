@@ -19,6 +19,14 @@ def test_up_to_the_threshold_survival_is_counted():
     assert_allclose(tail.survival(np.array([0.0, 1.0, 3.5, 7.0])), [1, 1, 4 / 6, 3 / 6])
 
 
+def test_without_an_expected_excess_20_peaks_of_a_normal_distribution_are_expected():
+    values, weight = np.array([9.0, 1.0, 4.0, 3.0, 7.0]), np.array([1.0, 2.0, 3.0, 3.0, 1.0])
+    deviation = np.sqrt(weight @ (values - 3.9) ** 2 / 10)  # 3.9: the mean
+    peaks = student_tail(values, weight).peaks
+    assert (peaks.threshold, peaks.n_peaks) == (4.0, 2.0)
+    assert peaks.mean_excess == pytest.approx((5 + 3 + 20 * 0.7 * deviation) / 22)
+
+
 def test_the_tail_of_normal_values_is_found():
     rng = np.random.default_rng(0)
     tail = student_tail(3 + 2.0 * rng.normal(size=20_000), np.ones(20_000))

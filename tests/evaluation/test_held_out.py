@@ -1,5 +1,7 @@
 """Facts about the folds, what a classifier is given in each, and what is kept of its results."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -277,6 +279,27 @@ def test_groups_are_left_out_together_only_if_there_are_more_than_folds(n_splits
         left_out = np.unique(UNITS.labels[fold.test])
         assert fold.left_out == "unit " + ", ".join(map(str, left_out))
         assert not set(left_out) & set(UNITS.labels[fold.train])
+
+
+def test_groups_that_each_have_another_label_cannot_be_left_out():
+    y, rigs = np.arange(12)[::-1], Grouping("rig", np.arange(12) + 3)
+    for n_splits in (None, 12, 5):
+        scheme = group_scheme(y, y.tolist(), rigs, UNITS, n_splits=n_splits, seed=0)
+        assert scheme.impossible == (
+            "In 12 of 12 folds a label is absent from training: without rig 3, training has no 11."
+        )
+        assert (scheme.name, len(scheme.folds), scheme.resampled) == ("by rig", 12, UNITS)
+
+
+@pytest.mark.parametrize(
+    ("n_groups", "listed"),
+    [(6, r"rig \d, \d, \d"), (8, r"rig \d, \d, \d, \d"), (10, r"rig \d, \d, \d, \d and 1 more")],
+)
+def test_up_to_four_groups_left_out_are_listed(n_groups, listed):
+    rigs, y = Grouping("rig", np.repeat(np.arange(n_groups), 2)), np.tile([7, 4], n_groups)
+    scheme = group_scheme(y, y.tolist(), rigs, rigs, n_splits=2, seed=0)
+    for fold in scheme.folds:
+        assert re.fullmatch(listed, fold.left_out)
 
 
 @pytest.mark.parametrize(

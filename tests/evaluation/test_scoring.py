@@ -125,6 +125,16 @@ def test_families_are_given_or_follow_from_the_cost():
     assert scoring_rule(STATES).healthy is None
 
 
+def test_classes_of_one_family_are_together_whatever_the_order_in_which_they_are_given():
+    family_of = {"worn 1": "worn", "new": "ok", "dry": "worn"}
+    rule = scoring_rule(STATES, families=family_of, cost={("ok", "worn"): 7})
+    assert rule.classes == ["worn 1", "dry", "new"]
+    assert list(rule.family_of) == rule.classes
+    assert rule.labels == ["worn", "ok"]
+    assert rule.costs[1] == STATES.tolist()
+    assert rule.judge(["dry", "new"], ["ok", "worn"])["cost"].tolist() == [7, 1]
+
+
 @pytest.mark.parametrize(("healthy", "label"), [("new", "ok"), ("ok", "ok"), (None, None)])
 def test_the_healthy_class_stands_for_its_family(healthy, label):
     families = {"ok": ["new"], "worn": ["dry", "worn 1"]}
