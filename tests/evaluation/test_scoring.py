@@ -133,6 +133,11 @@ def test_classes_of_one_family_are_together_whatever_the_order_in_which_they_are
     assert rule.labels == ["worn", "ok"]
     assert rule.costs[1] == STATES.tolist()
     assert rule.judge(["dry", "new"], ["ok", "worn"])["cost"].tolist() == [7, 1]
+    alone = {"worn": ["worn"], "new": ["new"]}
+    of_classes = {("new", "worn"): 7, ("worn", "new"): 2}
+    decisions, truths, matrix = scoring_rule(CLASSES[1:], families=alone, cost=of_classes).costs
+    assert decisions == truths == ["new", "worn"]
+    assert matrix.tolist() == [[0, 7], [2, 0]]
 
 
 @pytest.mark.parametrize(("healthy", "label"), [("new", "ok"), ("ok", "ok"), (None, None)])
