@@ -323,7 +323,8 @@ def test_a_posterior_that_is_nan_is_refused():
 def test_numbers_and_names_of_features_are_the_estimators():
     table = pd.DataFrame(X, columns=["a", "b", "c"])
     model = LeastRiskClassifier(GaussianNB())
-    assert not hasattr(model, "n_features_in_")
+    with pytest.raises(AttributeError, match="LeastRiskClassifier has no n_features_in_ before it"):
+        model.n_features_in_  # noqa: B018
     model.fit(table, Y)
     assert model.n_features_in_ == 3
     assert model.feature_names_in_.tolist() == ["a", "b", "c"]
@@ -393,6 +394,13 @@ def test_a_prior_of_zero_stays_impossible_at_any_temperature():
     X, y = np.zeros((4, 1)), [0, 0, 1, 1]
     model = LeastRiskClassifier(Single(), priors=[1.0, 0.0], temperature=3.0).fit(X, y)
     assert model.predict_log_proba(X[:1]).tolist() == [[0.0, -np.inf]]
+
+
+def test_what_no_group_was_left_out_for_is_refused_with_the_remedy():
+    model = LeastRiskClassifier(GaussianNB()).fit(X, Y, sample_weight=np.ones(len(Y)))
+    for found in (model.typicality, lambda X: model.set_params(temperature="groups").predict(X)):
+        with pytest.raises(ValueError, match="is found by leaving groups out, .* fit with groups="):
+            found(LATER)
 
 
 def test_the_classes_are_not_optional():

@@ -440,6 +440,8 @@ def test_without_groups_there_are_no_units():
             ValueError, match=r"it was fitted without groups. Call fit with groups="
         ):
             call()
+    for name in ("unit_offset_", "n_unit_recordings_", "between_covariance_", "within_covariance_"):
+        assert not hasattr(NewUnitClassifier(), name)
 
 
 def test_levels_are_those_of_the_best_linear_unbiased_prediction():

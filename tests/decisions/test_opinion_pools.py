@@ -126,6 +126,12 @@ def test_a_class_of_prior_zero_stays_impossible_even_if_members_gave_it_one():
     np.testing.assert_array_equal(pooled_log_posterior([certain], [[0, 1]], [0, 1]), certain)
 
 
+def test_a_member_that_is_certain_of_an_impossible_class_leaves_the_prior_of_the_others():
+    certain = np.array([[-1e20, 0.0, -1e20]])
+    pooled = pooled_log_posterior([certain, certain], [[0.2, 0.6, 0.2]] * 2, [0.3, 0, 0.7])
+    np.testing.assert_allclose(np.exp(pooled), [[0.3, 0, 0.7]], rtol=1e-14)
+
+
 def test_a_member_that_cannot_know_a_class_is_refused():
     message = "class number 0 has the prior 0.5, but 0 within member number 1"
     logs = np.log([[0.5, 0.5]])

@@ -414,6 +414,8 @@ def test_what_was_not_left_out_cannot_be_asked_for():
     with pytest.raises(ValueError, match="temperature is found by leaving groups out"):
         plain.predict(X)
     assert (plain.set_params(temperature=None).fit(X, y, groups=units).typicality(X) > 0).all()
+    with pytest.raises(ValueError, match="temperature is found by leaving groups out"):
+        plain.set_params(temperature="groups").predict(X)
 
 
 def test_partial_fit_discards_an_earlier_calibration():
