@@ -406,6 +406,12 @@ def test_fleets_that_reveal_no_variance_between_units(units, states, message):
         NewUnitClassifier().fit(X, list(states), groups=units)
 
 
+def test_units_of_one_class_each_reveal_no_variance_between_units():
+    X, codes = np.random.default_rng(0).normal(size=(6, 2)), np.array([0, 0, 1, 1, 2, 2])
+    with pytest.raises(ValueError, match="no class was recorded on two units, so that units and"):
+        unit_scatter(X, codes, codes[::-1])
+
+
 def test_invalid_input(model):
     X, y, _ = fleet()
     with pytest.raises(ValueError, match="'worn' at position 0, which is not a known class"):

@@ -1,6 +1,7 @@
 """Evaluations of several sensors are compared by paired differences."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -176,6 +177,23 @@ def test_costs_are_compared_only_if_they_are_equal():
     assert comparison.differences.loc["c", "expected_cost"] == 0
     expected = [f"{name}{end}" for name in FIGURES for end in ("", "_low", "_high")]
     assert comparison.differences.columns.tolist() == expected
+
+
+def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():
+    X, y, runs = sensors()
+    options = {"runs": runs, "n_splits": 20, "n_resamples": 100}
+    some = evaluate(GaussianNB(), X["current"], y, n_resamples=100)
+    every = evaluate(GaussianNB(), X["current"], y, units=runs // 2, **options)
+    assert compare([every, every]).scheme == "by run"
+    for pair in ([some, every], [every, some], [some, some]):
+        assert compare(pair).scheme == "random split"
+    only = replace(every, confusions={"by unit": every.confusions["by unit"]})
+    assert compare([only, every]).scheme == "by unit"
+    assert compare([only, every]).differences["accuracy"].tolist() == [0.0]
+    with pytest.raises(
+        ValueError, match=r"a scheme in common .*'1': \['random split'\], '2': \['by"
+    ):
+        compare([some, only])
 
 
 def test_priors_that_differ_prevent_a_comparison_of_costs():

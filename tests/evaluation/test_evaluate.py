@@ -322,8 +322,9 @@ def test_a_label_of_one_unit_gives_a_warning_and_the_split_by_unit_is_not_scored
         f"{state}-{run % 2}" if state != "spalled" else "S"
         for state, run in zip(y, runs, strict=True)
     ]
-    with pytest.warns(UserWarning, match="confounded: 'spalled' only in 'S'"):
+    with pytest.warns(UserWarning, match="confounded: 'spalled' only in 'S'") as caught:
         found = evaluate(GaussianNB(), X, y, runs=runs, units=units)
+    assert [warning.filename for warning in caught] == [__file__]
     assert found.caveats[0].startswith("Label and unit are confounded")
     assert found.caveats[1].startswith("Each unit has one label")
     assert found.caveats[2] == (

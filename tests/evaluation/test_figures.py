@@ -147,16 +147,18 @@ BOOTSTRAP = {"confidence": 0.9, "n_resamples": 300, "random_state": 2}
 
 
 def test_each_bin_of_a_reliability_curve_has_the_interval_of_its_own_recordings():
-    of_a = np.array([0.95, 0.95, 0.91, 0.3, 0.3, 0.97, 0.95, 0.25, 0.3, 0.3])
-    truths = pd.Series(list("bbabbbaaaa"))
-    groups = np.array([1, 1, 2, 3, 4, 5, 6, 7, 1, 2])
+    of_a = np.array([0.95, 0.95, 0.91, 0.3, 0.3, 0.97, 0.95, 0.25, 0.3, 0.3, *[0.55, 0.45] * 7])
+    truths = pd.Series(list("baabbbaaaa" + "aabaaaabbaaaba"))
+    groups = np.array([1, 1, 2, 3, 4, 5, 6, 7, 1, 2, *np.arange(14) // 2 + 1])
     probabilities = np.column_stack([1 - of_a, of_a])
     curve = reliability_curve(probabilities, truths, ["b", "a"], groups, **BOOTSTRAP)
-    assert curve["from"].tolist() == [0.7, 0.9]
-    assert curve["count"].tolist() == [5, 5]
-    assert curve["groups"].tolist() == [5, 4]
-    assert curve["frequency"].tolist() == [0.4, 0.4]
-    for row, chosen in ((0, of_a < 0.5), (1, of_a > 0.5)):
+    assert curve["from"].tolist() == [0.5, 0.7, 0.9]
+    assert curve["count"].tolist() == [14, 5, 5]
+    assert curve["groups"].tolist() == [7, 5, 4]
+    assert curve["frequency"].tolist() == [5 / 14, 0.4, 0.6]
+    assert not curve[["low", "high"]].duplicated().any()
+    middle = abs(of_a - 0.5) < 0.1
+    for row, chosen in enumerate((middle, ~middle & (of_a < 0.5), ~middle & (of_a > 0.5))):
         correct = (of_a > 0.5) == (truths == "a")
         ((low, high),) = group_intervals([correct], [np.where(chosen, 0, -1)], groups, **BOOTSTRAP)
         assert (curve["low"][row], curve["high"][row]) == (low, high)

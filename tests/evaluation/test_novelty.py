@@ -68,6 +68,8 @@ def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_a
 
 
 def test_the_area_under_the_curve_is_that_of_scikit_learn(found):
+    assert found.novelty_predictions.index.tolist() == list(range(160))  # both families
+    assert found.predictions.index.tolist() == list(range(160))  # both schemes
     for family, part in found.novelty_predictions.groupby("left_out"):
         expected = roc_auc_score(part["is_unknown"], -part["typicality"])
         row = found.novelty.loc[family]
