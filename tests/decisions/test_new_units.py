@@ -308,6 +308,8 @@ def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
     assert probability_threshold(left_out, even, 1.0, 0.5) == pytest.approx(0.25)
     assert probability_threshold(left_out, even, 1.0, 0.6) == pytest.approx(0.2)
     assert probability_threshold(left_out, even, 1.0, 0.9) == pytest.approx(0.1)
+    nine = LeftOutDensities(*(part[units > 0] for part in left_out))
+    assert probability_threshold(nine, even, 1.0, 0.9) == pytest.approx(0.05)
     with pytest.raises(ValueError, match=r"10 units cannot .* at least 19; .* at most 0.909"):
         probability_threshold(left_out, even, 1.0, 0.95)
 

@@ -601,10 +601,12 @@ def test_an_unknown_decision_is_refused():
         )
 
 
-@pytest.mark.parametrize("key", ["ab", ("a",), ("a", "b", "c")])
-def test_a_cost_whose_keys_are_not_pairs_is_refused(key):
-    with pytest.raises((TypeError, ValueError), match=re.escape(repr(key))):
-        echoed(["a", "a", "b", "b"], ["a", "b", "b", "b"], n_splits=2, cost={key: 5})
+@pytest.mark.parametrize("families", [None, {"a": "A", "b": "B"}])
+@pytest.mark.parametrize("key", ["ab", 3, ("a",), ("a", "b", "c")])
+def test_a_cost_whose_keys_are_not_pairs_is_refused(key, families):
+    options = {"n_splits": 2, "cost": {key: 5}, "families": families}
+    with pytest.raises((TypeError, ValueError), match=re.escape(f"class), got {key!r}")):
+        echoed(["a", "a", "b", "b"], ["a", "b", "b", "b"], **options)
 
 
 def test_several_costs_that_differ_are_refused():

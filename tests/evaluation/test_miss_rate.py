@@ -281,3 +281,13 @@ def test_what_no_cost_can_attain():
 def test_too_few_units_are_refused_with_the_rate_that_they_prove(n_units, message):
     with pytest.raises(ValueError, match=message):
         check_units(n_units, 0.1, 0.95)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.1, 0.3, 0.5])
+@pytest.mark.parametrize("n_units", [1, 2, 3, 5, 7, 11, 13, 17])
+def test_as_many_units_as_needed_are_enough_whatever_the_rounding(n_units, rate):
+    confidence = 1 - (1 - rate) ** n_units
+    check_units(n_units, rate, confidence)
+    assert largest_missed(n_units, rate, confidence - 1e-12, exact=True) == 0
+    with pytest.raises(ValueError, match=f"It takes {n_units} units"):
+        check_units(n_units - 1, rate, confidence)
