@@ -853,6 +853,7 @@ def test_the_scorer_refuses_a_class_it_was_not_trained_on():
 def test_the_warning_of_a_singular_covariance_names_the_line_that_asked():
     X, y = singular("full")
     model = CostSensitiveGaussianBayes().partial_fit(X, y, classes=sorted(set(y)))
-    with pytest.warns(UserWarning, match="is singular") as caught:
-        model.predict_log_proba(X)
-    assert caught[0].filename == __file__
+    for call in (lambda: model.predict_log_proba(X), lambda: clone(model).fit(X, y)):
+        with pytest.warns(UserWarning, match="is singular") as caught:
+            call()
+        assert [warning.filename for warning in caught] == [__file__]

@@ -13,8 +13,10 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.left_out import Remaining, Training
 from emacm.decisions.metrics import neg_expected_cost
+from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.truths import truth_cost_table, truth_labels, truth_priors
@@ -388,9 +390,14 @@ def test_it_survives_a_dump_and_load(tmp_path):
 
 def test_without_groups_a_warning_names_the_remedy():
     X, y, _ = draw(11)
-    with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:
-        CostSensitiveGaussianBayes(unknown="unknown").fit(X, y)
-    assert caught[0].filename == __file__
+    for model in (
+        CostSensitiveGaussianBayes(unknown="unknown"),
+        LeastRiskClassifier(CostSensitiveGaussianBayes(), temperature="groups"),
+        NewUnitClassifier(),
+    ):
+        with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:
+            model.fit(X, y)
+        assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_partial_fit_states_why_it_is_not_available():
