@@ -188,6 +188,11 @@ def test_conditioning_is_that_of_the_joint_gaussian():
     part = multivariate_normal(mean[:9], joint[:9, :9]).logpdf(later[:3].ravel())
     density = known._gaussians.log_densities(later[3:])[0, places[3]]
     assert density == pytest.approx(whole - part, rel=1e-9)
+    with_offset = np.hstack([(D * prior[:, -1, place]) @ D.T for place in places[:3]])
+    gain = with_offset @ np.linalg.inv(joint[:9, :9])
+    np.testing.assert_allclose(known.unit_offset_, gain @ (later[:3].ravel() - mean[:9]))
+    remaining = fitted.between_covariance_ - gain @ with_offset.T
+    np.testing.assert_allclose(known.between_covariance_, remaining, rtol=1e-7)
 
 
 def test_recordings_of_a_unit_may_come_one_at_a_time(model):

@@ -310,6 +310,7 @@ def test_up_to_four_groups_left_out_are_listed(n_groups, listed):
         (([0], []), "fold 0: test must contain the positions of at least one recording"),
         (([True, False], [1]), "mask of length 8; got bool of shape"),
         (([-1], [1]), "train must contain positions 0 to 7, got -1 to -1"),
+        (([5, -1], [1]), "train must contain positions 0 to 7, got -1 to 5"),
         (([0], [3, 8]), "test must contain positions 0 to 7, got 3 to 8"),
         (([0, 4, 4], [1]), "train has recording 4 more than once"),
         (([0, 3, 4], [5, 4]), "fold 0 has recording 4 in train and in test"),
