@@ -182,6 +182,8 @@ def test_a_class_without_recordings_cannot_be_given_a_prior_later():
     assert model.priors_[3] == 0
     with pytest.raises(ValueError, match=r"class \['worn'\] has had no recordings"):
         model.set_params(priors="uniform").predict(LATER)
+    with pytest.raises(ValueError, match="estimator has the prior 0 of class 'spall'"):
+        model.fit(X, Y)
 
 
 # Any classifier

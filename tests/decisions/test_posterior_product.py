@@ -558,7 +558,11 @@ def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
         ),
         ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
         ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
-        ({"estimators": [("cost", GaussianNB())]}, ValueError, "none of the parameters"),
+        (
+            {"estimators": [("cost", GaussianNB())]},
+            ValueError,
+            r"none of the parameters \['cost', 'estimators', 'priors'\]; got \['cost'\]",
+        ),
         ({"estimators": [("a", "drop")]}, TypeError, "member 'a': .* a classifier, got 'drop'"),
         ({"estimators": [("a", RidgeClassifier())]}, TypeError, "'a': Ridge.*no predict_proba"),
         ({"priors": [1.0]}, ValueError, "each of the 4 classes"),

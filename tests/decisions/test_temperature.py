@@ -79,6 +79,11 @@ def test_one_class_or_no_recording_has_no_temperature():
     assert fit_temperature(np.zeros((0, 2)), np.zeros(0, int), np.ones(0), np.full(2, 0.5)) == 1
 
 
+def test_densities_that_tell_nothing_have_the_highest_temperature():
+    scores, codes = np.repeat([[3.0], [-1.0]], 2, axis=1), np.array([0, 1])
+    assert fit_temperature(scores, codes, np.ones(2), np.full(2, 0.5)) == pytest.approx(1e6)
+
+
 def test_heavy_recordings_of_an_impossible_class_have_the_highest_temperature():
     scores, codes = np.array([[0.0, -1e305]] * 2), np.array([1, 1])
     assert fit_temperature(scores, codes, np.full(2, 1e10), np.full(2, 0.5)) == pytest.approx(1e6)
