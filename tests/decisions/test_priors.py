@@ -64,9 +64,13 @@ def test_members_have_equal_priors_but_for_rounding():
     first = np.array([0.2, 0.3, 0.5])
     others = {"b": first + [9e-7, 0, -9e-7], "c": first}
     check_equal_priors({"a": first} | others, CLASSES)
-    with pytest.raises(ValueError, match=r"'a' has \[0.333333, 0.333333, .*'b' has \[0.2, 0.3, 0.5\]"):
+    with pytest.raises(
+        ValueError, match=r"'a' has \[0.333333, 0.333333, .*'b' has \[0.2, 0.3, 0.5\]"
+    ):
         check_equal_priors({"a": np.full(3, 1 / 3), "b": first}, CLASSES)
-    with pytest.raises(ValueError, match=r"'a' has \[0.2, 0.3, .*'b' has \[0.333333, 0.333333, 0.33"):
+    with pytest.raises(
+        ValueError, match=r"'a' has \[0.2, 0.3, .*'b' has \[0.333333, 0.333333, 0.33"
+    ):
         check_equal_priors({"a": first, "b": np.full(3, 1 / 3)}, CLASSES)
     for step in ([0, 2e-6, -1e-7], [0, 1e-7, -2e-6]):
         with pytest.raises(ValueError, match=r"'a' has \[0.2, 0.3, 0.5\], 'd' has \[0.2, 0\.3"):

@@ -73,8 +73,12 @@ def test_invalid_probabilities_are_refused(function):
         function([[np.nan, 0.5]], [0])
     with pytest.raises(ValueError, match=r"got shapes \(1, 2\) and \(2,\)"):
         function([[0.5, 0.5]], [0, 1])
-    with pytest.raises(ValueError, match=r"truths must be indices of the 2 classes, .*got 2 to 2"):
-        function([[0.5, 0.5]], [2])
+    with pytest.raises(
+        ValueError, match=r"truths must be indices of the 2 classes, .*got 0 to 2\."
+    ):
+        function([[0.5, 0.5]] * 3, [1, 0, 2])
+    with pytest.raises(ValueError, match=r"truths must be indices .*got -1 to 1\."):
+        function([[0.5, 0.5]] * 3, [1, -1, 0])
 
 
 def test_the_number_of_bins_is_checked():
