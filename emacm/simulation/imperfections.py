@@ -143,8 +143,8 @@ def healthy_lines(
     -------
     HealthyLines
     """
-    samples = np.arange(len(angle))
-    fine = _every(len(angle), max(1, int(fs / _LINE_RATE)))
+    step = max(1, int(fs / _LINE_RATE))
+    fine = _every(len(angle), step)
     turned = angle[fine]
     force, torque = np.zeros_like(turned), np.zeros_like(turned)
     coarse = _every(len(turned), _WALK_STEPS)
@@ -161,6 +161,9 @@ def healthy_lines(
         wave = waves[part].sines((harmonic, share, 0.0))
         force += of_force * wave
         torque += of_torque * wave
+    if step == 1:
+        return HealthyLines(force, torque)
+    samples = np.arange(len(angle))
     return HealthyLines(*(np.interp(samples, fine, wave) for wave in (force, torque)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -215,9 +215,11 @@ def run_campaign(
     frame = recordings.frame
     frame["health"] = np.where(frame["label"] == "healthy", "healthy", "degraded")
     frame["training"] = frame["run"] <= n_runs // 2
+    # Commands are recorded for the pictures of the runs that are kept.
+    others = laboratory_recordings([replace(b, commands=False) for b in benches], n_runs=n_runs)
     tasks = (
-        delayed(_spectra)(recordings[i : i + 1], readings, keep and run == 1)
-        for i, run in enumerate(frame["run"].tolist())
+        delayed(_spectra)((recordings if kept_run else others)[i : i + 1], readings, kept_run)
+        for i, kept_run in enumerate((keep & (frame["run"] == 1)).tolist())
     )
     rows: list[dict[str, dict[str, pd.DataFrame]]] = []
     kept: dict[int, Recording] = {}

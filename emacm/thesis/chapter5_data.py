@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
+from sklearn.pipeline import make_pipeline
 
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
 from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
 from emacm.thesis.chapter4_spectra import MIN_SPEED, SIGNALS
@@ -187,7 +189,11 @@ def compute_features(
 def _features_of(
     runs: Sequence[tuple[str, LaboratoryBench, int]],
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    resampler = OrderResampler(np.pi / 64, channels=list(SIGNALS), min_speed=MIN_SPEED)
+    # In the order in which the pairs name the channels, so that all spectra share the signals.
+    channels = list(dict.fromkeys(name for pair in PAIRS for name in pair))
+    resampler = make_pipeline(
+        OrderResampler(np.pi / 64, channels=channels, min_speed=MIN_SPEED), SignalCache()
+    )
     # A jam may leave strokes shorter than a segment.
     psd = OrderPSD(_REVOLUTIONS, max_order=MAX_ORDER, short="pad").set_output(transform="pandas")
     bins = BinTransformer(1.0, max_order=MAX_ORDER).set_output(transform="pandas")

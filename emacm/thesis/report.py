@@ -184,8 +184,14 @@ class Report:
         from matplotlib import pyplot
 
         path = self._free_path("figures", chapter, name, "png")
-        chapter.figures[name].savefig(path, dpi=_DPI, metadata={"Software": None})
-        pyplot.close(chapter.figures[name])
+        figure = chapter.figures[name]
+        figure.set_dpi(_DPI)
+        if engine := figure.get_layout_engine():
+            # Only once: to save a figure with a layout engine is to draw it twice.
+            engine.execute(figure)
+            figure.set_layout_engine("none")
+        figure.savefig(path, dpi=_DPI, metadata={"Software": None})
+        pyplot.close(figure)
         image = b64encode(path.read_bytes()).decode("ascii")
         caption = escape(chapter.captions.get(name, ""))
         return _FIGURE.substitute(image=image, name=escape(name), caption=caption)
