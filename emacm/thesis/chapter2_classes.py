@@ -151,7 +151,7 @@ def _draw_components(chapter: Chapter, fit: PCA) -> None:
 # Section 2.2.1: 1000 of each of two classes
 
 
-def _separation() -> float:
+def separation() -> float:
     """Return the distance of two classes of unit variance with the error rate of Fig. 2.13."""
     return float(2 * stats.norm.isf(sum(_PRINTED_ERRORS["0-1"]) / 2000))
 
@@ -159,7 +159,7 @@ def _separation() -> float:
 def _two_classes(seed: int) -> tuple[NDArray[np.floating], NDArray[np.str_]]:
     rng = np.random.default_rng([22, seed])
     points = rng.standard_normal((2000, 2))
-    points[1000:] += _separation() / np.sqrt(2)
+    points[1000:] += separation() / np.sqrt(2)
     return points, np.repeat(["w1", "w2"], 1000)
 
 
@@ -192,7 +192,7 @@ def compare_decisions(chapter: Chapter, n_draws: int) -> None:
         )
     chapter.remarks.append(
         "The parameters of Figs. 2.12 to 2.14 are not published. Two Gaussian classes of equal "
-        f"covariance have one parameter, the distance of their means: {_separation():.2f} standard "
+        f"covariance have one parameter, the distance of their means: {separation():.2f} standard "
         "deviations were chosen to give the 12 and 11 errors of Fig. 2.13, which are therefore "
         "not a finding. The errors of Fig. 2.14, 2 and 36, need no further assumption."
     )

@@ -61,7 +61,9 @@ def _shares_of_one(study: Study) -> pd.DataFrame:
         training = model.signal.rows(model.conditions, training=True)
         first = pd.Series(model.pipeline[0].transform(model.signal.bins[training])[:, 0])
         condition = model.signal.frame["condition"][training].to_numpy()
-        between = first.groupby(condition).transform("mean").var(ddof=0) / first.var(ddof=0)
+        between = np.nan  # a classifier of one condition has no difference between conditions
+        if model.scheme == "single":
+            between = first.groupby(condition).transform("mean").var(ddof=0) / first.var(ddof=0)
         rows.append(
             {
                 "signal": SIGNALS[model.signal.channel],
@@ -99,14 +101,23 @@ def lines_table(study: Study, n_lines: int = 8) -> pd.DataFrame:
 
 
 def readings_table(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the outcomes under several readings of the text."""
-    tables = [outcome_shares(study.decisions, ["scheme", "channel"]) for study in studies]
+    """Return the outcomes of one pair of units under several readings of the text, as text.
+
+    Returns
+    -------
+    DataFrame
+        One row per reading and classifier: "meaning", and for each signal the shares of correct
+        decisions, false alarms and missed detections [%].
+    """
+    rows = []
+    for study in studies:
+        shares = outcome_shares(study.decisions, ["scheme", "channel"])
+        texts = shares.apply(lambda row: " / ".join(f"{value:.0f}" for value in row), axis=1)
+        wide = texts.unstack("channel")[list(SIGNALS)].rename(columns=SIGNALS)
+        wide.insert(0, "meaning", READINGS[study.reading].note)
+        rows.append(wide)
     names = [study.reading for study in studies]
-    table = pd.concat(tables, keys=names, names=["reading"])
-    table = table.rename(index=SIGNALS, level="channel").reset_index()
-    table = table.rename(columns={"scheme": "classifier", "channel": "signal"})
-    table.insert(1, "meaning", [READINGS[reading].note for reading in table["reading"]])
-    return table
+    return pd.concat(rows, keys=names, names=["reading", "classifier"]).rename_axis(columns=None)
 
 
 def outcomes_table(decisions: pd.DataFrame) -> pd.DataFrame:

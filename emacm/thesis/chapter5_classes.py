@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,16 @@ from emacm.thesis.chapter4_spectra import SIGNALS
 from emacm.thesis.chapter5_data import Features
 
 LOWEST = 0.4  # severity: what is not detected cannot be isolated
+INSPECTIONS = (0.5, 0.2, 0.1)  # costs of an inspection, relative to a wrong decision; assumed
 _NOVELTY_SIGNALS = ("current_a", "accelerometer")
+AREA, FLAGGED = "area under the ROC curve", "unknown, flagged [%]"
+_CHANCE = 0.5
+_RATES = {
+    "balanced_accuracy": "balanced accuracy [%]",
+    "false_alarm_rate": "false alarms [%]",
+    "inspection_rate": "inspections of healthy [%]",
+    "missed_detection_rate": "missed detections [%]",
+}
 
 
 def labelled_rows(features: Features) -> Features:
@@ -64,13 +73,35 @@ def fusion_table(rows: Features) -> pd.DataFrame:
             joint,
         ),
         "fusion of features: all auto spectra": (classifier(), joint),
-        "cross spectra (OrderCrossSpectrum)": (classifier(), rows.cross),
+        "cross spectra: coherence and frequency response": (classifier(), rows.cross),
         "auto and cross spectra": (classifier(), pd.concat([joint, rows.cross], axis=1)),
     }
     found = {
         name: _by_unit(model, table, rows.frame) for name, (model, table) in candidates.items()
     }
-    return pd.DataFrame(found).T.rename_axis("features")
+    table = pd.DataFrame(found).T.rename_axis("features")
+    return table.drop(columns=_RATES["inspection_rate"])  # which no decision asks for
+
+
+def inspection_table(rows: Features) -> pd.DataFrame:
+    """Fuse the features of all signals, with the further decision to inspect a unit.
+
+    Parameters
+    ----------
+    rows : Features
+        Result of `labelled_rows`.
+
+    Returns
+    -------
+    DataFrame
+        One row per cost of an inspection: balanced accuracy, false alarm rate, share of healthy
+        recordings that are inspected, and missed detection rate [%], as in `fusion_table`.
+    """
+    labels, found = pd.unique(rows.frame["label"]), {}
+    for cost in INSPECTIONS:
+        model = classifier(cost={("inspect", label): cost for label in labels})
+        found[f"{cost:g}"] = _by_unit(model, rows.joint(), rows.frame)
+    return pd.DataFrame(found).T.rename_axis("cost of an inspection")
 
 
 def _of_columns(columns: list[str]) -> Pipeline:
@@ -88,15 +119,10 @@ def _by_unit(model: Any, table: pd.DataFrame, frame: pd.DataFrame) -> dict[str, 
         unknown_families=False,
     )
     row = result.table.loc["by unit"]
-    names = {
-        "balanced_accuracy": "balanced accuracy [%]",
-        "false_alarm_rate": "false alarms [%]",
-        "missed_detection_rate": "missed detections [%]",
-    }
     return {
         words: f"{100 * row[name]:.0f} ({100 * row[f'{name}_low']:.0f} to "
         f"{100 * row[f'{name}_high']:.0f})"
-        for name, words in names.items()
+        for name, words in _RATES.items()
     }
 
 
@@ -137,9 +163,9 @@ def unknown_table(rows: Features) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per fault left out: area under the ROC curve of the typicality, shares of the
-        known and of the unknown recordings with a typicality of at most 0.01, and of unknown ones
-        decided to be healthy [%].
+        One row per fault left out: area under the ROC curve of the typicality and its 95 %
+        interval over units, shares of the known and of the unknown recordings with a typicality of
+        at most 0.01, and of unknown ones decided to be healthy [%].
     """
     table = pd.concat([rows.spectra[name] for name in _NOVELTY_SIGNALS], axis=1)
     result = evaluate(
@@ -155,9 +181,35 @@ def unknown_table(rows: Features) -> pd.DataFrame:
     novelty = result.novelty.rename_axis("fault left out")
     return pd.DataFrame(
         {
-            "area under the ROC curve": novelty["auroc"].round(2),
+            AREA: novelty["auroc"].round(2),
+            "low": novelty["auroc_low"].round(2),
+            "high": novelty["auroc_high"].round(2),
             "known, flagged [%]": (100 * novelty["known_flagged"]).round(),
-            "unknown, flagged [%]": (100 * novelty["unknown_flagged"]).round(),
+            FLAGGED: (100 * novelty["unknown_flagged"]).round(),
             "unknown, decided healthy [%]": (100 * novelty["unknown_called_healthy"]).round(),
         }
     )
+
+
+def unknown_remark(table: pd.DataFrame) -> str:
+    """Name the faults of an `unknown_table` that are not recognised.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({AREA: [0.43, 0.97], "low": [0.3, 0.9], FLAGGED: [0.0, 8.0]})
+    >>> unknown_remark(table.set_axis(["cage", "ball"])).split(":")[0]
+    'Not recognised as unknown are cage (0.43)'
+    """
+    chance = table[~(table["low"] > _CHANCE)]
+    never = table.index[table[FLAGGED] == 0]
+    missed = _listed(f"{name} ({area:.2f})" for name, area in chance[AREA].items())
+    return (
+        f"Not recognised as unknown are {missed}: with them left out of training, the 95 % "
+        "interval of the area under the ROC curve of the typicality contains 0.5, that of chance, "
+        "or lies below it. At a typicality of at most 0.01, no recording is flagged of "
+        f"{_listed(never)}. What is not recognised is decided to be healthy or another fault."
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"

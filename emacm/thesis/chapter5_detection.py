@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import stats
 
 from emacm.simulation.faults import FAULTS
 from emacm.thesis.chapter4_spectra import SIGNALS
@@ -75,6 +76,76 @@ def false_alarms(tested: pd.DataFrame) -> pd.DataFrame:
     rates = {name: 100 * healthy[name].mean() for name in (*SIGNALS, ALL)}
     table = pd.DataFrame({"false alarms [%]": rates, "recordings": len(healthy)})
     return table.rename(index=SIGNALS).rename_axis("signal")
+
+
+def threshold_table(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+    """Return the threshold of each signal beside that of as many independent normal bins.
+
+    Returns
+    -------
+    DataFrame
+        One row per signal: number of bins, threshold [standard deviations], and the value that
+        the largest magnitude of so many independent standard normal bins exceeds in 1 % of the
+        cases.
+    """
+    rows = {}
+    for name, detector in found.items():
+        n_bins = len(detector.mean)
+        alone = 1 - (1 - FALSE_ALARMS) ** (1 / n_bins)
+        rows[SIGNALS.get(name, name)] = (n_bins, detector.threshold, stats.norm.isf(alone / 2))
+    columns = ["bins", "threshold", "of independent normal bins"]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    return table.rename_axis("signal")
+
+
+def relative_detection(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+    """Detect by all signals, each deviation relative to the threshold of its own signal.
+
+    A check of `detectors`, in which one threshold applies to the bins of all signals.
+
+    Returns
+    -------
+    DataFrame
+        As from `severity_of_detection`, with one column, `ALL`.
+    """
+    scores = np.max(
+        [found[name].deviation(features.spectra[name]) / found[name].threshold for name in SIGNALS],
+        axis=0,
+    )
+    role = features.frame["role"].to_numpy()
+    limit = np.quantile(scores[role == "calibration"], 1 - FALSE_ALARMS, method="higher")
+    flagged = features.frame.assign(**{ALL: scores > limit})
+    return severity_of_detection(flagged[role == "tested"])
+
+
+def later_faults(detection: pd.DataFrame, joint: pd.Series | None = None) -> tuple[list[str], int]:
+    """Compare all signals with the best single signal of each fault.
+
+    Parameters
+    ----------
+    detection : DataFrame
+        Result of `detection_table`.
+    joint : Series, optional
+        Severity by fault from which all signals detect it. Default: that of `detection`.
+
+    Returns
+    -------
+    later : list of str
+        Faults that all signals detect from a higher severity on than the best single signal.
+    n_earlier : int
+        Number of those detected from a lower one on.
+
+    Examples
+    --------
+    >>> index = pd.MultiIndex.from_product([["ball", "jam"], ["LVDT", ALL]])
+    >>> later_faults(pd.DataFrame({"severity": [0.2, 0.4, np.inf, 0.7]}, index=index))
+    (['ball'], 1)
+    """
+    wide = detection["severity"].unstack()
+    best = wide.drop(columns=ALL).min(axis=1)
+    joint = wide[ALL] if joint is None else joint.loc[best.index]
+    known = [name for name in FAULTS if name in best.index]
+    return [name for name in known if joint[name] > best[name]], int(np.sum(joint < best))
 
 
 def severity_of_detection(tested: pd.DataFrame) -> pd.DataFrame:

@@ -14,7 +14,8 @@ from emacm.thesis.chapter3 import reproduce_chapter3
 from emacm.thesis.chapter4 import reproduce_chapter4
 from emacm.thesis.chapter5 import reproduce_chapter5
 from emacm.thesis.findings import Chapter, Finding
-from emacm.thesis.report import REPORT, Report, counted, whole_folder
+from emacm.thesis.report import Report, counted
+from emacm.thesis.report_folder import REPORT, whole_folder
 
 CHAPTERS: dict[int, Callable[..., Chapter]] = {
     2: reproduce_chapter2,

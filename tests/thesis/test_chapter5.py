@@ -141,7 +141,7 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     assert detection.loc["phase imbalance", "LVDT"].startswith("–")
     assert float(detection.loc["phase imbalance", "Current"].split()[0]) <= 1
     assert float(detection.loc["jam", "Current"].split()[0]) <= 1
-    assert len(chapter.tables) == 6
+    assert len(chapter.tables) == 8
     assert set(chapter.figures) == set(chapter.captions) == {"Severity of detection"}
     (finding,) = chapter.findings
     assert (finding.kind, finding.published, finding.draws) == ("random", 1.0, QUICK.n_tested)

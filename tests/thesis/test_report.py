@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 from emacm.__main__ import main
 from emacm.thesis import reproduction
 from emacm.thesis.findings import Chapter, Finding, agreement_frame, findings_frame
-from emacm.thesis.report import Report, check_target, counted, flat_table, whole_folder
+from emacm.thesis.report import Report, counted, flat_table
+from emacm.thesis.report_folder import check_target, whole_folder
 
 FIELDS = [
     "where", "kind", "published", "ours", "low", "high", "draws", "probability_of_a_miss",
