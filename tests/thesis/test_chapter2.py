@@ -107,3 +107,8 @@ def test_figure_2_7_peaks_at_order_6_and_figure_2_6_nowhere(chapter):
     assert orders.get_xdata()[orders.get_ydata().argmax()] == pytest.approx(6, abs=0.12)
     assert hertz.max() < 0.1 * hertz.sum()
     assert orders.get_ydata().max() > 0.3 * orders.get_ydata().sum()
+
+
+def test_the_result_is_stated_first_and_inputs_with_their_sources(chapter):
+    assert chapter.opening.startswith("Result: 29 of 31 figures are found again; not Fig. 2.6, ")
+    assert chapter.inputs["source"].str.contains("assumed|chosen by the result|Eq").all()

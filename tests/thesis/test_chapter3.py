@@ -115,6 +115,13 @@ def test_every_reading_stands_beside_the_published(chapter):
     assert table.loc["components that explain 90 %", "published"] == ""
 
 
+def test_the_result_is_stated_first_and_inputs_with_their_sources(chapter):
+    assert chapter.opening.startswith("Result, medians of 3 draws: 120 of 120 training runs are ")
+    assert "(published 119)" in chapter.opening
+    assert "chosen by the result" in chapter.inputs.loc["noise", "source"]
+    assert (chapter.inputs["source"] != "").all()
+
+
 def test_every_figure_is_drawn_and_says_what_it_shows(chapter):
     names = {f"Fig. 3.{n}" for n in range(1, 11)} | {"Hertz against orders"}
     assert set(chapter.figures) == names

@@ -277,6 +277,26 @@ def test_condition_3_requires_more_than_the_peak_speed(chapter):
     )
     # 4526 of 6685 rev/min, and the time to reverse at the current limit.
     assert 55 < table.loc[3, "stroke reached [%]"] < 62
+    (stated,) = (text for text in chapter.remarks if text.startswith("Condition "))
+    assert stated.startswith("Condition 3 requires 6685 rev/min with the assumed lead")
+
+
+def test_the_readings_stand_side_by_side_with_their_meaning(chapter):
+    (name,) = (name for name in chapter.tables if name.startswith("readings"))
+    table = chapter.tables[name]
+    assert table.columns.tolist() == ["meaning", *SIGNALS.values()]
+    assert set(table.index) == {
+        (r, s) for r in ("thesis", "50 orders") for s in ("per condition", "single")
+    }
+    for shares in table["Current"].str.split(" / "):
+        assert sum(map(float, shares)) == pytest.approx(100, abs=1)
+
+
+def test_only_a_classifier_of_all_conditions_has_a_part_between_conditions(chapter):
+    table = chapter.tables["orders that determine the decisions"].reset_index()
+    between = table.set_index("conditions")["feature 1 between conditions [%]"]
+    assert between.drop("all").isna().all()
+    assert between["all"].between(0, 100).all()
 
 
 def test_every_kind_of_picture_is_drawn_of_one_condition_and_has_a_caption(chapter):

@@ -7,7 +7,14 @@ import pytest
 from emacm.simulation.faults import FAULTS
 from emacm.thesis import reproduce_chapter5
 from emacm.thesis.chapter4_spectra import SIGNALS
-from emacm.thesis.chapter5_classes import labelled_rows, units_table
+from emacm.thesis.chapter5_classes import (
+    AREA,
+    FLAGGED,
+    inspection_table,
+    labelled_rows,
+    units_table,
+    unknown_remark,
+)
 from emacm.thesis.chapter5_data import FULL, QUICK, Features, planned_runs, severity_of_run
 from emacm.thesis.chapter5_detection import (
     ALL,
@@ -16,7 +23,10 @@ from emacm.thesis.chapter5_detection import (
     detectors,
     false_alarms,
     flagged_recordings,
+    later_faults,
+    relative_detection,
     severity_of_detection,
+    threshold_table,
 )
 from emacm.thesis.chapter5_life import _at, life_table
 from emacm.thesis.chapter5_trend import trend_table
@@ -78,6 +88,48 @@ def test_healthy_recordings_of_further_units_raise_about_as_many_false_alarms():
         rates += table["false alarms [%]"].tolist()
     # A rate has a standard deviation of 0.45: of its threshold (800) and of 1200 recordings.
     assert np.mean(rates) == pytest.approx(1.0, abs=0.4)
+
+
+def test_thresholds_of_normal_bins_are_those_of_independent_normal_bins():
+    features = made(n_training=2000, n_calibration=4000)
+    table = threshold_table(features, detectors(features))
+    assert table["bins"].tolist() == [12, 12, 12, 12, 48]
+    normal = table["of independent normal bins"]
+    assert normal["LVDT"] == pytest.approx(3.34, abs=0.01)  # 1 - 0.99^(1/12) on both sides
+    assert normal[ALL] > normal["LVDT"]
+    assert table["threshold"].to_numpy() == pytest.approx(normal.to_numpy(), abs=0.15)
+
+
+def test_all_signals_are_late_where_one_signal_sets_the_threshold_of_another():
+    # Healthy units deviate five times as far in the LVDT as its training units do.
+    features = made(n_training=400, n_calibration=400, n_tested=30)
+    wide = (features.frame["role"] != "training").to_numpy()
+    features.spectra["lvdt"].loc[wide] *= 5
+    found = detectors(features)
+    detection = detection_table(severity_of_detection(flagged_recordings(features, found)))
+    assert later_faults(detection) == (["screw"], 0)
+    relative = detection_table(relative_detection(features, found))["severity"]
+    assert later_faults(detection, relative.xs(ALL, level="signal")) == ([], 0)
+
+
+def test_fewer_false_alarms_are_paid_for_by_inspections():
+    table = inspection_table(labelled_rows(made(severities=(0.1, 0.4, 0.7, 1.0))))
+    assert table.index.tolist() == ["0.5", "0.2", "0.1"]
+    rates = table.map(lambda text: float(text.split()[0]))
+    # Of two classes, the posterior of the better one is at least one half.
+    assert rates.loc["0.5", "inspections of healthy [%]"] == 0
+    assert rates["inspections of healthy [%]"].is_monotonic_increasing
+    assert rates["false alarms [%]"].is_monotonic_decreasing
+
+
+def test_a_fault_is_recognised_only_if_its_interval_lies_above_chance():
+    table = pd.DataFrame(
+        {AREA: [0.7, 0.8, 0.4], "low": [0.45, 0.6, 0.3], FLAGGED: [0.0, 0.0, 5.0]},
+        index=["ball", "jam", "cage"],
+    )
+    text = unknown_remark(table)
+    assert text.startswith("Not recognised as unknown are ball (0.70), cage (0.40): ")
+    assert "no recording is flagged of ball, jam." in text
 
 
 def test_a_gap_in_the_detections_counts_from_its_end():
@@ -143,6 +195,9 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     assert float(detection.loc["jam", "Current"].split()[0]) <= 1
     assert len(chapter.tables) == 8
     assert set(chapter.figures) == set(chapter.captions) == {"Severity of detection"}
+    caption = chapter.captions["Severity of detection"]
+    assert "from a higher severity on than the best single signal" in caption
+    assert any(text.startswith("Not recognised as unknown are ") for text in chapter.remarks)
     (finding,) = chapter.findings
     assert (finding.kind, finding.published, finding.draws) == ("random", 1.0, QUICK.n_tested)
     assert any("recordings" in line for line in lines)
