@@ -117,6 +117,7 @@ def simulated_coverage(model: str, ends: str, n_trials: int, seed: int) -> list[
             "before onset": found["stage"] == "before onset",
             "damage": found["stage"] == "damage",
             "earlier age": found["calibration"] == "earlier age",
+            "finite": np.isfinite(found["upper"].astype(float)),
         }.items():
             row[f"{name}: units"] = int(part.sum())
             row[name] = float(found["inside"][part].mean()) if part.any() else None

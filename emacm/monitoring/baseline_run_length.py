@@ -110,13 +110,26 @@ def stated_run_length(
     -----
     The alarm rate is convex in the correlation, so that errors of the estimated correlation make it
     too high on average. This bias is estimated from the correlations of the simulated baselines and
-    removed [2]_. Over many baselines, the number of false alarms then holds within some 10 %,
-    simulated from 50 normal readings on and for correlations up to 0.8.
+    removed [2]_.
+
+    What is stated is an average over baselines: all readings of many machines, each with its own
+    baseline of this size, divided by all their false alarms. It was compared with a simulation of
+    20,000 machines, for baselines of 50, 100, 200 and 500 normal readings with correlations of 0,
+    0.2, 0.5 and 0.8 (EWMA 0.2 with limit 2.962, CUSUM 0.5 with limit 5). The mean of the stated
+    alarm rates deviates by -4 to +5 % in all 32 cases, with standard errors of 1 to 3 %.
 
     A single statement is less certain, as the logarithm of the run length is about nine times as
-    sensitive as the standard deviation is. Of uncorrelated readings, eight of ten statements are
-    between half the truth and four times the truth from 50 readings, and between half of it and
-    three times it from 100; with a correlation of 0.4 they are within a factor of 2 and 1.6.
+    sensitive as the standard deviation is. Eight of ten statements are, over the true run length,
+    of EWMA and CUSUM:
+
+    ========  =================  =================  =================
+    readings  correlation 0      0.2                0.5
+    ========  =================  =================  =================
+    50        0.5-5.4, 0.5-7.9   0.6-3.2, 0.5-3.7   0.7-2.1, 0.7-2.2
+    100       0.6-3.3, 0.5-4.1   0.6-1.9, 0.6-2.7   0.8-1.6, 0.7-1.6
+    200       0.6-3.0, 0.6-3.2   0.7-1.5, 0.7-1.8   0.8-1.3, 0.8-1.3
+    500       0.6-1.9, 0.7-2.0   0.8-1.6, 0.7-1.7   0.9-1.2, 0.9-1.2
+    ========  =================  =================  =================
     """
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
     process = _Process(baseline, groups, rng)

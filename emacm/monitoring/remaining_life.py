@@ -86,9 +86,15 @@ class RemainingLife(RegressorMixin, SavedEstimator):
     Further columns are used by "weibull" only. `groups` names the unit of each row: a prediction
     uses the readings of its unit up to its age, and those of no other unit. Without `groups`, each
     row is another unit. Calibration by unit holds for units of the same kind as those of the fit.
-    What is neglected, and was measured on 30 simulated units, changes the coverage of 90 % by 0 to
-    3 %: that the fit left out some of them, and the interpolation between their scores. Censored
-    units make intervals wider.
+    That the fit left out some of its units, and the interpolation between scores, are neglected.
+
+    Coverage of 90 % intervals by unit at ages 50 to 250 h, of 1,000 simulated units predicted from
+    fleets of 30 each (``benchmarks/remaining_life.py --trials 1000 --seed 2027``): 90 to 92 % for
+    both models, within binomial limits. If a fifth of the units are censored at ages that do not
+    depend on their life, 89 to 92 %: limits that they do not support are infinite. Censoring must
+    not depend on the life; of units withdrawn at a part of it, 90 to 91 % were covered. Not
+    calibrated are readings with "earlier age". At 250 h, where 4 of 10 readings were such, 88 %
+    of the units before their onset were covered, and 84 % with censored units.
 
     Examples
     --------
