@@ -11,6 +11,7 @@ from scipy import fft, ndimage
 from scipy.interpolate import PchipInterpolator
 
 from emacm.shaft.speed_evidence import Whitened
+from emacm.shaft.steady_seconds import steady_seconds
 
 Array = NDArray[np.floating]
 
@@ -21,7 +22,6 @@ _CLEAR = 4.0  # power of a line over that between the orders, to be used for its
 _APART, _AGREED = 0.1, 5e-5
 _LEVERAGE = 3.0  # orders between two lines whose spacing gives the speed
 _FURTHEST = 5e-3  # largest correction that sidebands give, as a fraction of the speed
-_LASTING = 0.3  # share of the power of lines that is left where the speed is right
 
 
 class Course(NamedTuple):
@@ -67,9 +67,9 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
     -------
     speed : ndarray of shape (n_times,)
         Speed at each sample of the whitened signal [Hz].
-    lasting : ndarray of bool, shape (n_seconds,)
-        Seconds in which the lines keep their power once demodulated, as they do only if the speed
-        is right.
+    steady : ndarray of bool, shape (n_seconds,)
+        Seconds in which the lines keep their level and phase once demodulated, as they do only if
+        the speed is right and the shaft neither reverses nor rests.
     """
     white = course.white
     n_times = len(white.signal)
@@ -84,11 +84,12 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
         trusted = np.interp(centres, course.times, course.trusted.astype(float)) > 0
         speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
     turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
-    centres, _, power = _phase_speeds(analytic, turns, orders, hop, white.fs)
-    second = np.clip(centres.astype(np.intp), 0, len(course.reliable) - 1)
-    clear = np.ones(len(course.reliable), bool)
-    np.logical_and.at(clear, second, power > _LASTING * np.median(power))
-    return speed, clear
+    *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs)
+    if shift:
+        analytic = analytic * np.exp(-2j * np.pi * shift * times)
+    lines = _demodulated(analytic, turns, agreed)
+    gap = float(np.diff(orders, prepend=0.0).min())
+    return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs)
 
 
 def _along(times: Array, course: Course) -> Array:
@@ -106,10 +107,10 @@ def _along(times: Array, course: Course) -> Array:
 
 def _phase_speeds(
     analytic: NDArray[np.complex128], turns: Array, orders: Array, hop: int, fs: float
-) -> tuple[Array, Array, Array]:
-    """Return times [s], corrections of the speed [Hz] from the phases of clear orders, and power.
+) -> tuple[Array, Array, tuple[Array, float]]:
+    """Return times [s], corrections of the speed [Hz] from the phases of clear orders, and these.
 
-    The power is that of the clear lines, each relative to its mean.
+    The orders are those that agree on one speed, with their common distance from the lines [Hz].
     """
     n_blocks = max(3, len(turns) // hop)
     starts = np.linspace(0, len(turns), n_blocks + 1).astype(np.intp)[:-1]
@@ -137,7 +138,7 @@ def _phase_speeds(
         # Beyond ten times the noise, a line says no more than others: it may not be the order's.
         weights.append(np.minimum(np.abs(step) / between, 10 * _CLEAR))
     if not clear:
-        return middle, np.zeros(len(middle)), np.zeros(len(middle))
+        return middle, np.zeros(len(middle)), (np.zeros(0), 0.0)
     lines, found = np.array(steps), np.array(clear)
     moved = np.angle(lines.sum(axis=1)) / (2 * np.pi * apart.mean())
     duration = len(turns) / fs
@@ -146,7 +147,7 @@ def _phase_speeds(
     weight = np.array(weights) * (agreed * found**2)[:, np.newaxis]
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
     smooth = ndimage.uniform_filter1d(change, min(3, len(change)), mode="nearest")
-    return middle, smooth, np.asarray(np.abs(lines[agreed]).sum(axis=0))
+    return middle, smooth, (found[agreed], shift)
 
 
 def _demodulated(

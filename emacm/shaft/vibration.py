@@ -188,8 +188,8 @@ def angle_from_vibration(
     if not best.reliable.any():
         raise ValueError(best.refusal)
     lines = np.arange(1.0, _HIGHEST_ORDER + 1) if chosen is None else chosen
-    speed, clear = refined_speed(best, lines)
-    reliable = best.reliable & clear
+    speed, steady = refined_speed(best, lines)
+    reliable = best.reliable & steady
     if not reliable.any():
         raise ValueError(best.refusal)
     times = np.arange(len(samples)) / fs
