@@ -19,9 +19,10 @@ _BLOCKS = 0.1, 0.2, 0.4, 0.8  # s, at least; rounded up to whole periods of the 
 _SHORT = 0.21  # s; in longer blocks, a reversal of a tenth of a second may hide
 _FEW = 2.5  # lines, of equal weight: by chance, so many do not keep their phases
 _WEIGHT = 4.0  # largest weight of a line, in medians of all
-# Difference of two blocks, 0 to 2, where 1 is expected of independent phases: its median, from
-# which noise alone may explain a change, and the largest of a steady second.
-_NOISE, _CHANGE = 0.2, 0.5
+# Change between two blocks, 0 to 2, where 1 is expected of independent phases: its median, from
+# which noise alone may explain a change, and the largest change of a steady second, which is the
+# first number, and the second one times the median, at most the third.
+_NOISE, _CHANGE = 0.2, (0.2, 3.0, 0.6)
 
 
 def steady_seconds(
@@ -34,7 +35,7 @@ def steady_seconds(
     """Tell in which seconds the lines of a shaft keep their level and phase.
 
     The shortest blocks decide in which the lines stand out from the noise. If they do in none, the
-    longest ones decide.
+    longest ones decide. Blocks overlap by half, so that one of them lies within a short rest.
 
     Parameters
     ----------
@@ -63,12 +64,13 @@ def steady_seconds(
     """
     sums = [np.concatenate([[0], np.cumsum(line)]) for line in lines]
     steady = np.zeros(len(reliable), bool)
-    if not sums:
+    if not (sums and reliable.any()):
         return steady
     speed = (turns[-1] - turns[0]) / (len(turns) / fs)
     for shortest in _BLOCKS:
         length = np.ceil(shortest * speed * gap) / gap
-        starts = turns[0] + np.arange(int((turns[-1] - turns[0]) / length)) * length
+        n_halves = int((turns[-1] - turns[0]) / (length / 2))
+        starts = turns[0] + np.arange(n_halves - 1) * (length / 2)
         starts = np.append(starts, turns[-1] - length)  # a last block that ends with the signal
         first = np.searchsorted(turns, starts)
         last = np.maximum(np.searchsorted(turns, starts + length), first + 1)
@@ -77,10 +79,11 @@ def steady_seconds(
         weights = np.minimum(levels, _WEIGHT * np.median(levels))
         weights /= max(weights.sum(), 1e-300)
         few = weights @ weights > 1 / _FEW
-        if len(starts) < 3 or (few and length / speed > _SHORT):
+        if n_halves < 4 or (few and length / speed > _SHORT):
             continue
         changes, known = _largest_changes(blocks, weights, first / fs, last / fs, reliable)
-        steady = changes < _CHANGE
+        least, factor, most = _CHANGE
+        steady = changes < min(least + factor * known, most)
         if known < _NOISE:
             break
     return steady
@@ -95,7 +98,7 @@ def _largest_changes(
 ) -> tuple[Array, float]:
     """Return the largest change between blocks in each second, and the median of all changes."""
     largest, usual = np.zeros(len(reliable)), []
-    for lag in (1, 2):
+    for lag in (2, 3, 4):  # half blocks
         one, other = blocks[:, :-lag], blocks[:, lag:]
         power = np.abs(one) ** 2 + np.abs(other) ** 2
         change = weights @ (np.abs(other - one) ** 2 / np.maximum(power, 1e-300))
