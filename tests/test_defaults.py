@@ -132,7 +132,7 @@ DEFAULTS = {
     "Gear": {"ratio": 1.0, "name": ""},
     "GearIndicators": {
         "shaft_orders": 2,
-        "by_direction": True,
+        "by_direction": "auto",
         "min_speed": 0.0,
         "min_revolutions": 0.0,
     },
@@ -256,7 +256,7 @@ DEFAULTS = {
         "min_speed": 0.0,
         "min_revolutions": 0.0,
     },
-    "SynchronousAverage": {"by_direction": True, "min_speed": 0.0, "min_revolutions": 0.0},
+    "SynchronousAverage": {"by_direction": "auto", "min_speed": 0.0, "min_revolutions": 0.0},
     "TypicalityDisplay": {"healthy": "healthy"},
     "UnknownRocDisplay": {"threshold": 0.01},
     "actuator_recipe": {

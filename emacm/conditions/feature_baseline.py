@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_finite_table, check_real_array
+from emacm._checks import check_finite_table, check_real_array, located
 from emacm._saved import SavedEstimator
 from emacm.conditions.healthy import find_healthy, known_conditions
 from emacm.conditions.rates import are_recordings, check_rates, common_rates
@@ -209,6 +209,8 @@ class FeatureBaseline(  # type: ignore[call-arg]
         healthy_rows = [X[i] for i in np.flatnonzero(found.mask)] if are_recordings(X) else []
         self._rates = common_rates([*healthy_rows, *found.further])
         check_rates(X, self._rates)
+        with located("baseline_recordings"):
+            check_rates(found.further, self._rates)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y)
         healthy = _values(table)[found.mask]

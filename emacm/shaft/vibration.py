@@ -124,25 +124,32 @@ def angle_from_vibration(
     Viterbi algorithm. It is compared with all other speeds, in particular its multiples and
     fractions [2]_: a second is reliable only if its log likelihood ratio to *every* other speed is
     at least 4 (10 in the shorter frames), the speed is not at an end of `speeds`, and the lines
-    keep their power once they are demodulated. The phases of the clear orders that agree on one
-    speed refine it; beside the sidebands of a bearing frequency, their spacing is the speed.
+    keep their level and phase in all parts of it, once they are demodulated. The phases of the
+    clear orders that agree on one speed refine it; beside the sidebands of a bearing frequency,
+    their spacing is the speed.
 
     The method is for speed changes of up to 1 % within a few seconds. On simulated machines with 3
     to 12 lines, at 0 and -10 dB, the median error was 0.01 % and every reliable second within 1 %;
     two thirds of the seconds were reliable at constant speed, half at a drift of 1 %. Faster ramps
     are mostly refused. A machine that reverses all the time has lines at all multiples of the
-    frequency of its motion, between the orders too; it is refused for that. A single reversal
-    between long strokes of the same speed is not noticed: the second around it may count as
-    reliable, though its mean speed is lower by the time of the reversal, such as 3 %.
+    frequency of its motion, between the orders too; it is refused for that. A single reversal or
+    rest between long strokes makes the lines vanish for a moment, and gives each of them another
+    phase. The second in which it lies is not reliable, nor is a second whose edge is near; where
+    there are only one or two lines, a very short reversal may be missed, since their phases may
+    agree by chance.
 
     On the simulated bench, a phase current (``orders=[5, 6, 7, 30, 42]``, 6 pole pairs) with noise
-    at 0 dB gave 99 reliable of 640 seconds in strokes of 5 and 10 s at constant speeds of 35 to 320
-    rad/s, with a median error of the mean speed of 0.07 % at the lowest of these speeds and 0.005 %
-    and less at the others. The accelerometer has lines of its rolling elements only.
+    at 0 dB, 100 units that were not used for any choice, speeds of 40 to 320 rad/s, in strokes of
+    1.5 to 10 s at constant speed and in sines: 306 of 307 reliable seconds were right with `speeds`
+    from 0.86 to 1.12 times the true speed, 231 of 232 with 0.5 to 1.5 times, with a median error of
+    0.003 % (right: mean speed within 1 %, no reversal in the second). These are 4 to 5 % of the
+    seconds of constant speed: a current has one clear line, or three at a high load. The
+    accelerometer has lines of its rolling elements only. Of 4568 reliable seconds of other simulated machines with 2 to 12 lines, at -10
+    to 5 dB, with reversals and rests of 0.02 to 2 s, 4565 were right.
 
-    In the CWRU recordings of a motor, 89 of 105 are reliable. All 83 of them whose harmonics, each
-    measured alone, have one common speed are within 0.02 % of it; the speeds stated with these
-    recordings are nominal ones of the load and deviate from it by up to 0.7 %.
+    In the CWRU recordings of a motor, 89 of 105 are reliable, four of them in part. All 83 of them
+    whose harmonics, each measured alone, have one common speed are within 0.02 % of it; the speeds
+    stated with these recordings are nominal ones of the load and deviate from it by up to 0.7 %.
 
     Without `orders`, the first orders are assumed to have lines: for a shaft with lines at even
     orders only, twice the true speed is found, unless `speeds` excludes that. Two orders at least

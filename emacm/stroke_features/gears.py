@@ -72,9 +72,9 @@ class SynchronousAverage(_RevolutionFeatures):
     ----------
     channels : sequence of str, optional
         Channels, in this order. Default: those of the first recording.
-    by_direction : bool
+    by_direction : bool or "auto"
         Average forward and reverse strokes separately, as columns ``channel+:…`` and
-        ``channel-:…``.
+        ``channel-:…``. "auto": if a recording of `fit` has strokes of both directions.
     min_speed : float
         As in `OrderResampler`, where it is set.
     min_revolutions : float
@@ -109,7 +109,7 @@ class SynchronousAverage(_RevolutionFeatures):
     >>> angle = np.linspace(0, 40.5 * 2 * np.pi, 50_000)
     >>> run = Recording({"case": np.cos(2 * angle)}, 10_000, angle=angle)
     >>> over_angle = OrderResampler(2 * np.pi / 8).fit_transform([run])
-    >>> average = SynchronousAverage(by_direction=False).fit_transform(over_angle)
+    >>> average = SynchronousAverage().fit_transform(over_angle)
     >>> average.round(2)[0, :5].tolist()
     [1.0, 0.0, -1.0, 0.0, 1.0]
     """
@@ -118,7 +118,7 @@ class SynchronousAverage(_RevolutionFeatures):
         self,
         *,
         channels: Sequence[str] | None = None,
-        by_direction: bool = True,
+        by_direction: bool | str = "auto",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,
@@ -153,9 +153,10 @@ class GearIndicators(_RevolutionFeatures):
         Number of harmonics of the shaft that are removed with the regular meshing components.
     channels : sequence of str, optional
         Channels, in this order. Default: those of the first recording.
-    by_direction : bool
+    by_direction : bool or "auto"
         Compute forward and reverse strokes separately, as columns ``channel+:…`` and
-        ``channel-:…``: teeth have two flanks.
+        ``channel-:…``: teeth have two flanks. "auto": if a recording of `fit` has strokes of both
+        directions.
     min_speed : float
         As in `OrderResampler`, where it is set.
     min_revolutions : float
@@ -202,7 +203,7 @@ class GearIndicators(_RevolutionFeatures):
     >>> noise = 0.1 * np.random.default_rng(0).normal(size=60_000)
     >>> run = Recording({"case": np.cos(13 * angle) + noise}, 10_000, angle=angle)
     >>> over_angle = OrderResampler(2 * np.pi / 128).fit_transform([run])
-    >>> gear = GearIndicators(13, by_direction=False).set_output(transform="pandas")
+    >>> gear = GearIndicators(13).set_output(transform="pandas")
     >>> float(gear.fit_transform(over_angle)["case:FM0"].round(1)[0])
     2.0
     """
@@ -213,7 +214,7 @@ class GearIndicators(_RevolutionFeatures):
         *,
         shaft_orders: int = 2,
         channels: Sequence[str] | None = None,
-        by_direction: bool = True,
+        by_direction: bool | str = "auto",
         min_speed: float = 0.0,
         min_revolutions: float = 0.0,
         n_jobs: int | None = None,

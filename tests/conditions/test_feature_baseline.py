@@ -208,6 +208,9 @@ def test_a_baseline_of_another_sampling_rate_is_refused():
     fitted = baseline.set_params(baseline_recordings=further).fit(slow)
     with pytest.raises(ValueError, match=r"recording 1 .* is sampled at 9000 Hz"):
         fitted.transform([slow[0], run(9_000, load=1)])
+    mixed = baseline.set_params(healthy=lambda recording: True)  # beside others in X
+    with pytest.raises(ValueError, match=r"baseline_recordings: recording 0 .* at 48000 Hz, but"):
+        mixed.set_params(baseline_recordings=[run(48_000, load=1)]).fit(slow)
 
 
 def test_a_baseline_of_one_condition_is_reported_since_it_changes_no_gaussian_decision():

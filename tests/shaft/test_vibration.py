@@ -155,7 +155,11 @@ def test_a_phase_current_gives_the_speed_of_long_strokes_of_the_bench(unit, monk
 
 @pytest.mark.parametrize(
     ("seed", "rest"),
-    [(0, 0.05), (1, 0.2), *(pytest.param(*c, marks=pytest.mark.slow) for c in [(2, 0.1), (3, 0.6)])],
+    [
+        (0, 0.05),
+        (1, 0.2),
+        *(pytest.param(*x, marks=pytest.mark.slow) for x in [(2, 0.1), (3, 0.6)]),
+    ],
 )
 def test_a_second_with_a_reversal_is_not_reliable(seed, rest):
     # Six lines at 0 dB; the shaft reverses once, between long strokes of the same speed.
