@@ -445,7 +445,7 @@ def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
     np.testing.assert_allclose(model.predict_proba(far).sum(axis=1), 1, rtol=1e-12)
     assert set(model.predict(far)) <= set(model.decisions_)
     with pytest.raises(ValueError, match=r"at most 1e\+150.*1e\+160 at recording 1, feature 2"):
-        model.predict_proba([[0.0, 0.0, 0.0], [0.0, 0.0, 1e160]])
+        model.predict_proba([[0.0, -1e150, 1e150], [0.0, 0.0, 1e160]])
 
 
 @pytest.mark.slow

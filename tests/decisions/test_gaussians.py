@@ -412,6 +412,15 @@ def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
     assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]
 
 
+@pytest.mark.parametrize("largest", [2.2, 9.0])
+def test_an_eigenvalue_beyond_the_range_of_noise_is_that_which_its_origin_causes(largest):
+    ratio, level = 5 / 80, (4 + largest) / 5  # the limit is (1 + 0.25)^2 = 1.56 levels
+    found = population_eigenvalues([1.0, largest, 1.0, 1.0, 1.0], 80)
+    origin = found[1] / level
+    assert level * origin * (1 + ratio / (origin - 1)) == pytest.approx(largest)
+    np.testing.assert_allclose(found[[0, 2, 3, 4]], (4 + largest - found[1]) / 4)
+
+
 @pytest.mark.parametrize("n_classes", [1, 3])
 @pytest.mark.parametrize("apart", [1.0, 1e5])
 @pytest.mark.parametrize("diagonal", [False, True])

@@ -13,6 +13,7 @@ from emacm.decisions.left_out import (
     Training,
     group_numbers,
 )
+from emacm.decisions.left_out_moments import RemainingMoments
 from emacm.decisions.moments import moments_for
 from emacm.decisions.shrinkage import (
     ledoit_wolf_coefficient,
@@ -75,9 +76,11 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
 
 @pytest.mark.parametrize("covariance", ["full", "diag"])
 @pytest.mark.parametrize("shrinkage", [None, 1e-5, 0.02, 0.3, "oas"])
-@pytest.mark.parametrize("outlier", [1.0, 1e7])
-def test_so_do_those_of_classes_with_fewer_recordings_than_features(covariance, shrinkage, outlier):
-    training = draw(8, n_recordings=50, n_features=20, n_classes=3, n_groups=4)
+@pytest.mark.parametrize(("outlier", "n_features"), [(1.0, 20), (1e7, 20), (1.0, 60)])
+def test_so_do_those_of_classes_with_fewer_recordings_than_features(
+    covariance, shrinkage, outlier, n_features
+):
+    training = draw(8, n_recordings=50, n_features=n_features, n_classes=3, n_groups=4)
     training.X[0] *= outlier
     training.X[:] /= training.X.std(axis=0)
     training.groups[training.codes == 2] %= 2  # not in all groups
@@ -116,6 +119,30 @@ def test_every_recording_is_left_out_once(seed, n_groups):
     found = remaining(training).left_out_gaussians(0.1)
     rows = np.concatenate([part.rows for part in found])
     assert_array_equal(np.sort(rows), np.arange(30))
+
+
+@pytest.mark.parametrize(
+    ("covariance", "pooled", "only"),
+    [(kind, True, only) for kind in ("full", "tied", "diag") for only in (False, True)]
+    + [(kind, False, True) for kind in ("full", "diag")],
+)
+def test_moments_without_a_group_are_those_of_the_others_and_0_for_an_absent_class(
+    covariance, pooled, only
+):
+    training = draw(4)
+    training.groups[training.codes == 1] = 7
+    training.groups[training.codes != 1] %= 3
+    of = training.X, training.codes, training.n_classes, training.weight
+    left = RemainingMoments(training, moments_for(covariance, 0.0, *of))
+    for group in (7, 0):
+        expected = training.take(training.groups != group).moments(
+            pooled=pooled, variances_only=only
+        )
+        found = left.without(group, pooled=pooled, variances_only=only)
+        assert found.pooled == pooled
+        for name in ("counts", "means", "scatter"):
+            assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-8, atol=1e-9)
+    assert_array_equal(left.without(7, pooled=pooled, variances_only=only).means[1], 0)
 
 
 def test_a_group_with_outliers_leaves_accurate_moments():

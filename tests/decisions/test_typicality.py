@@ -263,6 +263,15 @@ def test_rounding_far_from_the_origin_adds_no_direction():
     assert fit(X + 1e9, codes, groups).distances.basis.shape == (9, 2)
 
 
+def test_classes_on_a_line_span_one_direction():
+    X, codes, groups = draw(18, n_groups=4)
+    means = np.array([X[codes == code].mean(axis=0) for code in range(3)])
+    on_a_line = X - means[codes] + np.multiply.outer(codes, np.linspace(-2, 5, 9))
+    basis = fit(on_a_line, codes, groups).distances.basis
+    assert basis.shape == (9, 1)
+    assert basis.T @ basis == pytest.approx(1)
+
+
 def test_the_distance_to_one_class_has_the_slope_of_its_gradient():
     X, codes, groups = draw(17, n_groups=3, n_features=4)
     distances = fit(X, codes, groups).distances

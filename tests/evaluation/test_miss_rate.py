@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binom, binomtest
+from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -113,6 +114,25 @@ def test_one_recording_of_each_unit_is_tested_by_the_exact_binomial():
             for k in (missed, missed + 1)
         ]
         assert upper[0] <= rate < upper[1]  # Clopper and Pearson
+
+
+class Undecided(ClassifierMixin, BaseEstimator):
+    """Gives both classes the same probability."""
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)
+        return self
+
+    def predict_proba(self, X):
+        return np.full((len(X), 2), 0.5)
+
+
+def test_a_tie_that_is_decided_healthy_is_missed():
+    X, y, units = fleet(80, 1, 0)
+    model = LeastRiskClassifier(Undecided(), priors="uniform").fit(X, y)
+    limit = miss_rate_limit(model, X, y, units, rate=0.2, healthy="healthy")
+    assert limit.table["missed_by_unit"].tolist() == [pytest.approx(1), 0]
+    assert 1 < limit.factor < 1.00001
 
 
 @pytest.mark.parametrize(("n_runs", "most_missed"), [(1, 5), (2, 4.5)])

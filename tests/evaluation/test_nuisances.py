@@ -177,6 +177,13 @@ def test_columns_of_a_table_tuples_and_functions_name_nuisances():
     assert [each.name for each in found] == ["day, bench", "bench"]
     assert found[0].levels.tolist() == [0, 1, 2]
 
+    def shift(recording):
+        return recording.meta["hour"] // 8
+
+    made = recordings([50] * 4, hour=[9, 23, 17, 10])
+    (by_function,) = read_nuisances([shift], made)
+    assert (by_function.name, by_function.levels.tolist()) == ("shift", [0, 1, 1, 0])
+
 
 @pytest.mark.parametrize(
     ("nuisances", "words"),
