@@ -153,6 +153,12 @@ def text_table(head: Sequence[str]) -> TextTable:
     rows, n_blank = _without_blank_columns([_row(n, line, separator) for n, line in filled])
     comma = separator in (";", "\t", "|") or any(map(_QUOTED.search, head))
     names, units, start = _header(rows, comma=comma)
+    first = next(row for row in rows if row.number >= start)
+    if any(first.fields[len(names) :]):  # of which pandas would leave out what has no name
+        raise RefusedFileError(
+            f"line {first.number + 1} has {len(first.fields)} values, but there are {len(names)} "
+            f"columns. Correct the line, or leave the file out."
+        )
     data = [line for line in head[start:] if comma]
     decimal = "," if any(re.search(r"\d,\d", line) for line in data) else "."
     return TextTable(names, units, separator, decimal, start, list(head[:start]), n_blank)
@@ -253,6 +259,11 @@ def _first_of_data(rows: Sequence[_Row], numeric: Sequence[list[bool]], width: i
 def _check_no_other_header(above: Sequence[_Row], width: int) -> None:
     """Refuse a header that has more or fewer names than the rows have values."""
     texts = [row.fields for row in above if not row.is_comment]
+    if texts and len(texts[-1]) == width:
+        raise RefusedFileError(
+            f"its header {texts[-1]} has no name for a column. Name each column in the line above "
+            f"the numbers."
+        )
     if texts:
         raise RefusedFileError(
             f"its header has {len(texts[-1])} names {texts[-1]}, but its rows have {width} values. "

@@ -122,3 +122,59 @@ def test_without_the_library_the_extra_is_named(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     with pytest.raises(ImportError, match=r"pip install 'emacm\[files\]'"):
         open_bearing_dataset(folder)
+
+
+def in_one_group(folder, facts, signals):
+    """Write signals one below the other in a single row group, and their metadata."""
+    from pyarrow import parquet
+
+    (folder / "signals").mkdir()
+    table = pyarrow.table({"signal": pyarrow.array(signals, pyarrow.list_(pyarrow.float64()))})
+    parquet.write_table(table, folder / "signals" / "part.parquet")
+    places = {"signal_file": "part.parquet", "signal_row_group": 0}
+    rows = [{**fact, **places, "signal_row": row} for row, fact in enumerate(facts)]
+    pd.DataFrame(rows).to_parquet(folder / "metadata.parquet")
+    return folder
+
+
+def test_signals_of_one_row_group_and_names_of_earlier_versions(tmp_path):
+    signals = [RNG.normal(size=n).tolist() for n in (30, 48, 41)]
+    facts = [
+        {"recording_id": "b", "channel": "z", "fs": 10, "unit": "g", "place": "left"},
+        {"recording_id": "b", "channel": "a", "fs": 16, "unit": "counts", "place": None},
+        {"recording_id": "a", "channel": "z", "fs": 10, "unit": "m/s²", "place": "right"},
+    ]
+    old = {"condition": "worn", "severity": 3, "rpm": 90}
+    folder = in_one_group(tmp_path, [fact | old for fact in facts], signals)
+    first, second = open_bearing_dataset(folder)
+    assert [run.channels for run in (first, second)] == [("z", "a"), ("z",)]
+    assert dict(first.units) == {"z": "g"}
+    assert dict(second.units) == {"z": "m/s²"}
+    for run, name, values in zip((first, first, second), "zaz", signals, strict=True):
+        assert run.signals[name].tolist() == values
+    known = {"fault_type": "worn", "fault_severity": 3, "speed_rpm": 90}
+    assert first.meta == {"recording_id": "b", **known}  # its channels are at different places
+    assert second.meta == {"recording_id": "a", "place": "right", **known}
+    np.testing.assert_allclose(second.velocity, 3 * np.pi)
+    chosen = open_bearing_dataset(folder, where={"fault_severity": {3, 4}, "recording_id": "a"})
+    assert chosen == [second]
+
+
+@pytest.mark.parametrize("unit", [None, "unknown", "counts", "normalized"])
+def test_without_unit_and_speed_nothing_is_assumed_of_them(tmp_path, unit):
+    fact = {"recording_id": 7, "channel": "b", "fs": 10, "unit": unit}
+    folder = in_one_group(tmp_path, [fact], [[1.0, 2.0, 3.0]])
+    (run,) = open_bearing_dataset(folder, Layout(velocity=3.0))
+    assert (dict(run.units), run.fs["b"], run.signals["b"].tolist()) == ({}, 10, [1, 2, 3])
+    (unknown,) = open_bearing_dataset(folder)
+    with pytest.raises(ValueError, match="has no column 'speed_rpm'"):
+        assert unknown.duration
+
+
+def test_a_missing_sample_is_an_error_with_its_number(tmp_path):
+    fact = {"recording_id": "r", "channel": "b", "fs": 10, "speed_rpm": 60}
+    folder = in_one_group(tmp_path, [fact, fact | {"recording_id": "s"}], [[1.0, 2], [1.0, None]])
+    good, gap = open_bearing_dataset(folder)
+    assert good.signals["b"].tolist() == [1, 2]
+    with pytest.raises(ValueError, match="channel 'b' must be finite, got nan at sample 1"):
+        assert gap.duration

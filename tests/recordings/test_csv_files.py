@@ -127,3 +127,57 @@ def test_blank_cells_within_a_recording_are_an_error(tmp_path):
     text = "b,n\n1.5,900\n,\n4,907\n"
     with pytest.raises(ValueError, match="nan at sample 1"):
         assert opened(tmp_path, text, Layout(fs=2, channels=["b"], velocity=3)).duration
+
+
+NAMES = Layout(fs=2, velocity=3)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "Expected 2 fields in line 3, saw 3"),
+        ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
+        ("\nb,c\ng,A\n1,2,5\n3,4\n6,7\n", "line 4 has 3 values, but there are 2 columns"),
+        ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] has no name for a column. Name each"),
+        ("b,c,d\n1,,3\n4,,6\n", "column 'c' is empty: it has no value at all"),
+        ("a,b,c,d\nt,b\n0,1,9\n1,2,9\n", r"its header has 2 names \['t', 'b'\], .* have 3 values"),
+    ],
+)
+def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message):
+        assert opened(tmp_path, text, NAMES).duration
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("# x, y, z\n1,2\n3,4\n", {"x0": [1, 3], "x1": [2, 4]}),  # wider than the rows
+        ("# x, y, z\n1,2\n", None),  # a single row
+        ("# 1, 2\nb,c\n3,4\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # numbers in a comment
+        ("b,c,\n3,4,\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # a blank column of one row only
+    ],
+)
+def test_comments_and_blank_columns_are_no_data(tmp_path, text, columns):
+    recording = opened(tmp_path, text, NAMES)
+    if columns is None:
+        with pytest.raises(ValueError, match="channel 'x0' must hold at least 2 samples"):
+            assert recording.channels
+    else:
+        assert {name: values.tolist() for name, values in recording.signals.items()} == columns
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_a_first_row_with_texts_has_a_number_at_one_end(tmp_path, number):
+    rows = [["b", "c", "d"], ["u", "v", "w"], ["x", "y", "z"]]
+    for k in (1, 2):
+        rows[k][number] = str(k)
+    text = "\n".join(map(",".join, rows))
+    name = "bcd"[number]
+    assert opened(tmp_path, text, Layout(fs=2, velocity=3, channels=[name])).signals[
+        name
+    ].tolist() == [1, 2]
+
+
+def test_a_number_in_the_preamble_does_not_replace_a_column(tmp_path):
+    recording = opened(tmp_path, "n: 60\nfs: 2\n" + "b;n [1/min]\n1;900\n2;903\n3;906\n")
+    np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903, 906])

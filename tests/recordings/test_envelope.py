@@ -604,6 +604,7 @@ def test_the_edges_that_a_warning_recommends_do_not_warn():
         ([(1500, 2500), (2500, 1500)], ValueError, "band 1 of band must run from a lower"),
         ("wide", ValueError, "band must be one of 'full', 'kurtogram'"),
         ([], TypeError, r"must be a pair \(low, high\)"),
+        ([(1500, 2500), 3000], TypeError, r"edges of band must be a number.*got \(1500, 2500\)"),
     ],
 )
 def test_lists_of_bands_that_are_none_are_refused(band, error, match):
@@ -639,9 +640,12 @@ def test_the_band_of_a_channel_that_a_recording_lacks_is_refused():
     ("low", "high", "remedy"),
     [
         (95.0, 4095.0, "near to 0 .* 5.26 times .* Raise its lower edge to 500 Hz"),
+        (100.0, 4100.0, None),  # five times
         (105.0, 4105.0, None),
         (19_905.0, 23_905.0, "near to half the sampling rate .* 5.26 times .* edge to 23500 Hz"),
         (19_895.0, 23_895.0, None),
+        (100.0, 23_875.0, "near to 0 .* Raise its lower edge"),  # and to the other end
+        (150.0, 23_900.0, "near to half the sampling rate .* Lower its upper edge"),
     ],
 )
 def test_a_filter_of_five_times_the_usual_length_is_warned_of(low, high, remedy):

@@ -174,8 +174,12 @@ def test_a_shaft_of_its_own_rate(tmp_path):
 @pytest.mark.parametrize(
     ("layout", "columns", "message"),
     [
-        (Layout(fs=9), {"rpm": ANGLE}, r"no shaft reference; 'rpm' looks like one\. Set velocity="),
-        (Layout(fs=9), {"c": ANGLE}, "no shaft reference. Set velocity="),
+        (
+            Layout(fs=9),
+            {"rpm": ANGLE},
+            r"; 'rpm' looks like one\. Set velocity='rpm' .* units={'rpm': ",
+        ),
+        (Layout(fs=9), {"c": ANGLE}, r"no shaft reference\. Set velocity='speed' .*={'speed': "),
         (Layout(fs=9, velocity=3), {"rpm": ANGLE}, r"column 'rpm' is named like .*channels=\['b'"),
         (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"no column 'n'; its columns are \['b', 'c'\]"),

@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm import Layout, Recording, open_recording
+from emacm import Layout, Recording, kurtogram, open_recording, spectral_kurtosis
 from emacm.recordings.csv_files import text_table
+from emacm.recordings.envelope import envelope
 from emacm.recordings.file_columns import FileColumns
 from emacm.recordings.inputs import described
+from emacm.recordings.prewhitening import prewhitened
 from emacm.recordings.readers import settled
 from emacm.recordings.sample_times import rate_of_times
 
@@ -151,3 +153,38 @@ def test_a_message_lists_20_columns_and_200_characters_of_meta(tmp_path):
     for length, ending in ((196, "')"), (197, " ...)")):
         run = Recording({"b": [1, 2]}, 1, velocity=1.0, meta={"k": "x" * length})
         assert described(run, 3) == "recording 3 (k='" + "x" * length + ending
+
+
+@pytest.mark.parametrize("fs", [0, -0.5])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda fs: envelope(np.ones(500), fs, (100, 200)),
+        lambda fs: kurtogram(np.ones(500), fs),
+        lambda fs: spectral_kurtosis(np.ones(500), fs),
+        lambda fs: prewhitened(np.ones(500), fs),
+        lambda fs: Layout(fs=fs),
+        lambda fs: Recording({"b": [1, 2]}, fs, velocity=3),
+        lambda fs: Recording({"b": [1, 2]}, {"b": fs}, velocity=3),
+        lambda fs: Recording({"b": [1, 2]}, 1, velocity=[3, 3], shaft_fs=fs),
+        lambda fs: Recording({"b": [1, 2]}, 1, velocity=3, shaft_fs=fs),
+        lambda fs: Layout(fs={"b": fs}),
+    ],
+)
+def test_a_rate_is_above_0(make, fs):
+    with pytest.raises(ValueError, match=f"fs.* must be a number of Hz, above 0, got {fs}"):
+        make(fs)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "message"),
+    [
+        (-0.5, None, "start must be a number of s, at least 0, got -0.5"),
+        (0, 0, "stop must be a number of s, above 0, got 0"),
+        (0, -0.5, "stop must be a number of s, above 0, got -0.5"),
+        (2, 2, "in this order and within the recording of 10 s, got 2 and 2"),
+    ],
+)
+def test_times_of_a_part_are_in_order(start, stop, message):
+    with pytest.raises(ValueError, match=message):
+        cut(start, stop)

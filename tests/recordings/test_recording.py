@@ -764,6 +764,7 @@ def test_a_time_index_that_agrees_with_the_rate_is_accepted():
         (clock(fs=99.0), r"sample \d+ .*mean rate of the index: 99 Hz.*Correct fs"),
         (clock()[::-1], r"sample 1 is at -0.01 s"),
         (clock().insert(7, pd.NaT).delete(399), "missing times"),
+        (clock(1).repeat(400), r"sample 1 is at 0 s, .* \(mean rate of the index: inf Hz\)"),
     ],
 )
 def test_a_time_index_that_contradicts_the_rate_is_refused(times, words):
@@ -784,7 +785,9 @@ def test_the_time_index_of_the_shaft_is_checked_with_its_own_rate():
     assert Recording(frame, 100, velocity=slow, shaft_fs=10).shaft_fs == 10
     late = slow.set_axis(slow.index + pd.Timedelta("5s"))
     with pytest.raises(
-        ValueError, match=r"velocity and channel 'torque' have different indices: .*12"
+        ValueError,
+        match=r"velocity and channel 'torque' have different indices: velocity starts at "
+        r"2024-05-01 12:00:05, channel 'torque' at 2024-05-01 12:00:00\. ",
     ):
         Recording(frame, 100, velocity=late, shaft_fs=10)
     gap = slow.set_axis(clock(41, fs=10.0).delete(9))
@@ -914,3 +917,15 @@ def test_a_recording_equals_itself_whatever_its_meta():
 )
 def test_contents_are_compared_with_their_types_and_order(one, other, same):
     assert same_content(one, other) is same
+
+
+def test_a_time_index_of_two_samples_is_compared_with_the_rate():
+    with pytest.raises(ValueError, match=r"sample 1 is at 1 s, expected was 0.01 s .*: 1 Hz"):
+        Recording(table(clock(2, fs=1.0)), 100, velocity=3.0)
+    assert Recording(table(clock(2)), 100, velocity=3.0).duration == 0.02
+
+
+@pytest.mark.parametrize(("n_times", "n_shaft"), [(14, 2), (20, 2), (26, 3)])
+def test_a_constant_speed_has_two_samples_or_more(n_times, n_shaft):
+    run = Recording({"b": np.zeros(n_times)}, 100, velocity=-3.0, shaft_fs=10)
+    assert run.velocity.tolist() == [-3.0] * n_shaft

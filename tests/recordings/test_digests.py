@@ -1,0 +1,102 @@
+"""Digests depend on each sample and on where it is stored, and follow what is written to a file."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from emacm.recordings import digests
+from emacm.recordings.digests import content_digest, digest_of_file, file_stamps
+
+
+def settled(path, seconds=3600):
+    """Let a file have been written some time ago."""
+    os.utime(path, (time.time() - seconds,) * 2)
+    return path
+
+
+@pytest.mark.parametrize("n_times", [1, 7, digests._BLOCK, digests._BLOCK + 1, 2 * digests._BLOCK])
+def test_each_sample_counts(n_times):
+    samples = np.zeros(n_times, np.float32)
+    found = {content_digest("", [samples])}
+    places = {0, n_times // 2, min(n_times, digests._BLOCK) - 1, n_times - 1}
+    for place in places:
+        changed = samples.copy()
+        changed[place] = 1
+        found.add(content_digest("", [changed]))
+    assert len(found) == 1 + len(places)
+
+
+def test_facts_types_and_shapes_count():
+    zeros = np.zeros(6)
+    kinds = [
+        ("", [zeros]),
+        ("b", [zeros]),
+        ("", [zeros.astype(">f8")]),
+        ("", [zeros.reshape(2, 3)]),
+        ("", [zeros.reshape(3, 2)]),
+        ("", [zeros, zeros]),
+        ("", [zeros[:3], zeros[3:]]),
+    ]
+    assert len({content_digest(*kind) for kind in kinds}) == len(kinds)
+
+
+def test_parts_of_one_mapped_file_have_digests_of_their_own(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(300.0))
+    settled(tmp_path / "a.npy")
+    whole = np.load(tmp_path / "a.npy", mmap_mode="r")
+    parts = [whole[:100], whole[100:200], whole[::3], whole[200:299]]
+    found = [content_digest("", [part], remember_files=True) for part in parts]
+    assert found == [content_digest("", [np.array(part)]) for part in parts]
+    offsets = [stamps[0][1] for stamps in map(file_stamps, ([part] for part in parts))]
+    assert np.diff(offsets).tolist() == [800, -800, 1600]
+
+
+def test_a_digest_is_remembered_until_a_file_is_written(tmp_path, monkeypatch):
+    path = tmp_path / "a.npy"
+    np.save(path, np.arange(50.0))
+    mapped = np.load(settled(path), mmap_mode="r")
+    reads, read = [], digests._read
+
+    def counted(array):
+        reads.append(len(array))
+        return read(array)
+
+    monkeypatch.setattr(digests, "_read", counted)
+    first = content_digest("", [mapped], remember_files=True)
+    assert content_digest("", [mapped], remember_files=True) == first
+    assert reads == [50]
+    assert content_digest("", [mapped]) == first  # without remembering, it is read
+    assert reads == [50, 50]
+
+    def written_to(array):
+        digest = counted(array)
+        np.save(path, np.arange(50.0) + 1)
+        settled(path, 1800)
+        return digest
+
+    settled(path, 2700)
+    monkeypatch.setattr(digests, "_read", written_to)
+    content_digest("", [mapped], remember_files=True)
+    monkeypatch.setattr(digests, "_read", counted)
+    settled(path, 2700)
+    content_digest("", [mapped], remember_files=True)
+    assert reads == [50] * 4  # what was written to meanwhile is read again
+
+
+@pytest.mark.parametrize(("age", "known"), [(1.5, False), (2.6, True)])
+def test_what_was_written_in_the_last_two_seconds_has_no_stamp(tmp_path, age, known):
+    np.save(tmp_path / "a.npy", np.arange(5.0))
+    mapped = np.load(settled(tmp_path / "a.npy", age), mmap_mode="r")
+    assert (file_stamps([np.zeros(3), mapped]) is not None) is known
+    assert file_stamps([np.zeros(3)]) == ()
+    os.unlink(tmp_path / "a.npy")
+    assert file_stamps([mapped]) is None
+
+
+def test_the_digest_of_a_file_is_that_of_its_bytes(tmp_path):
+    path = tmp_path / "a.bin"
+    for content in (b"one", b"two"):
+        path.write_bytes(content)
+        assert digest_of_file(path) == digests.sha256(content).hexdigest()
