@@ -311,3 +311,29 @@ def test_shapes_of_the_background_are_found_from_a_half_to_two_thousand():
     assert (smooth, rough) == pytest.approx((2000, 0.5), rel=1e-12)
     steps = np.log(np.divide(others, 0.5)) / np.log(4000) * 119  # a grid of 120, 7 % apart
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+
+
+def test_levels_slips_and_lines_have_a_row_for_each_spectrum():
+    series = [FaultSeries("wear", (4.0, 8.0), True), FaultSeries("belt", (3.0,), False)]
+    psd = np.stack([spectrum([3]), spectrum([4, 8]), spectrum([4.08, 8.16, 3], 1000)])
+    levels, slips, (wear, belt) = LineLevels(ORDERS, series, 0.03, 0.5).measure(psd)
+    np.testing.assert_allclose(levels, [[0, 20], [20, 0], [30, 30]], atol=1e-9)
+    np.testing.assert_allclose(slips, [[0, 0], [0, 0], [0.015, 0]], atol=1e-9)
+    np.testing.assert_allclose(wear, [[0, 0], [20, 20], [30, 30]], atol=1e-9)
+    np.testing.assert_allclose(belt, [[20], [0], [30]], atol=1e-9)
+
+
+@pytest.mark.parametrize(("side", "found"), [(19.96, True), (20.0, False), (20.04, False)])
+def test_sidebands_at_the_end_of_the_spectrum_are_not_taken(side, found):
+    fault = FaultSeries("wear", (11.0,), True, "", (("cage", side - 11.0),))
+    measure = LineLevels(ORDERS, [fault], 0.02, 0.5)
+    psd = spectrum([11, side] if found else [11])[np.newaxis]
+    places = measure.sidebands(psd, fault, 0.0)
+    lower = 0.0  # at 22 - side, where there is no line
+    assert places == pytest.approx({"cage": (20 + lower) / 2 if found else lower}, abs=1e-9)
+
+
+def test_the_spread_of_heights_is_their_interquartile_range():
+    rows = np.stack([np.arange(101.0), 3 * np.arange(101.0)[::-1] ** 2])
+    found = machine_lines._spread(rows)
+    assert found.tolist() == [50, 3 * (75**2 - 25**2)]

@@ -151,6 +151,9 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
             "speed must be a number of rad/s, at least 78.5398 and below 157.08",
         ),
         (lambda: InductionMotor.from_speed(2, speed=160.0, mains=50), "below 157.08, got 160"),
+        (lambda: InductionMotor.from_speed(0, speed=1.0, mains=50), "pole_pairs must be a whole"),
+        (lambda: InductionMotor.from_speed(2, speed=1.0, mains=0), "mains .* of Hz, above 0"),
+        (lambda: InductionMotor.from_speed(2, speed=-1.0, mains=-1), "mains .* of Hz, above 0"),
         (
             lambda: fault_orders(Gear(9, 20), signal="current"),
             "exactly one Motor or InductionMotor among the parts",
@@ -291,3 +294,9 @@ def test_a_line_at_the_supply_has_no_difference_of_order_0():
     assert found["supply+belt"] == 12
     assert "supply-belt" not in found
     assert found["supply-fan"] == 4
+
+
+def test_a_motor_may_be_fed_at_less_than_one_hertz():
+    motor = InductionMotor.from_speed(3, speed=2 * pi * 0.24 / 3, mains=0.25, bars=44, name="m")
+    assert motor.slip == pytest.approx(0.04)
+    assert (motor.pole_pairs, motor.bars, motor.name) == (3, 44, "m")

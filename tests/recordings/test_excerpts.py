@@ -214,6 +214,12 @@ def test_the_html_table_states_the_angle_where_that_was_measured():
     assert "1 s, 1.27324 revolutions<" in html  # 8 rad, there and back
 
 
+def test_the_html_table_has_the_mean_of_large_numbers_in_single_precision():
+    signal = np.full(4, 3e38, np.float32)
+    html = Recording({"b": signal}, 4, velocity=2.0)._repr_html_()
+    assert re.findall("<td>(.*?)</td>", html)[4:7] == ["3e+38"] * 3
+
+
 # A table passed as a whole
 
 

@@ -27,6 +27,8 @@ from emacm import (
 from emacm.recordings import files
 from emacm.recordings.file_columns import FileColumns, stated_rates
 from emacm.recordings.readers import read_columns
+from emacm.recordings.recent import Recent
+from emacm.recordings.remembered import Remembered
 
 FS = 2048.0
 TIMES = np.arange(3000) / FS
@@ -591,3 +593,44 @@ def test_a_file_changed_after_it_was_read_has_no_digest(npz):
     os.utime(npz, ns=(1, 1))
     with pytest.raises(ValueError, match="Open it again"):
         opened.digest  # noqa: B018
+
+
+def test_arrays_stored_column_by_column_are_read_as_they_are(tmp_path):
+    table = np.arange(12.0).reshape(2, 6)
+    np.savez(tmp_path / "a.npz", c=table, fortran=np.asfortranarray(table))
+    run = open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=1))
+    for name in ("c", "fortran"):
+        for row in (0, 1):
+            assert run.signals[f"{name}.{row}"].tolist() == table[row].tolist()
+    column = read_columns(tmp_path / "a.npz").columns["c.0"]
+    assert not column.flags.writeable  # of the bytes that were read, without a copy
+
+
+def test_recent_values_are_kept_up_to_the_limit_and_no_further():
+    recent = Recent(100)
+    for n_bytes, kept in ((101, None), (100, 100)):
+        recent.put("a", n_bytes, n_bytes)
+        assert recent.get("a") == kept
+    recent.clear()
+    for key in "bcd":
+        recent.put(key, key, 40)
+    recent.put("d", "D", 60)  # replaced, it counts once
+    assert [recent.get(key) for key in "abcd"] == [None, None, "c", "D"]
+    assert recent.set_limit(60) == 100
+    assert [recent.get(key) for key in "cd"] == [None, "D"]
+    recent.drop("d")
+    recent.put("e", "E", 60)
+    assert recent.get("e") == "E"
+
+
+def test_a_value_longer_than_the_most_is_computed_each_time():
+    computed = []
+
+    def values(n):
+        computed.append(n)
+        return [0] * n
+
+    remembered = Remembered([np.zeros(3)], just_opened=False)
+    for n in (3, 3, 4, 4):
+        assert remembered.once(n, lambda n=n: values(n), most=3) == [0] * n
+    assert computed == [3, 4, 4]

@@ -1,5 +1,6 @@
 """Layouts: what they find in a file, and what they refuse with which remedy."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -239,7 +240,17 @@ JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
         (JITTER, None, "has jitter: sample"),
         (np.arange(N)[::-1] / 500, None, "does not increase"),
         (np.r_[np.arange(N - 1), 3] / 500, None, "goes back at sample 599"),
-        (np.arange(N) / 500, 480, r"contradicts fs = 480 Hz: its mean rate is 500 Hz"),
+        (
+            np.arange(N) / 500,
+            480,
+            r"contradicts fs = 480 Hz: its mean rate is 500 Hz, and sample 3 is at 0.006 s "
+            r"instead of 0.00625 s",
+        ),
+        (
+            np.r_[np.arange(30), 31, 30, np.arange(32, N)] / 500,
+            None,
+            r"goes back at sample 31, to 0.06 s",
+        ),
         (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "is nan at sample 30"),
     ],
 )
@@ -349,7 +360,11 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"channels": {"b": 3}}, TypeError, "channels must map names"),
         ({"velocity": [3]}, TypeError, "velocity .a number, or the name of a column"),
         ({"angle": 3}, TypeError, "angle must be the name of a column"),
-        ({"tacho": {"pulses_per_rev": 3}}, ValueError, "tacho must have a 'column'"),
+        (
+            {"tacho": {"pulses_per_rev": 3}},
+            ValueError,
+            r"a 'column' and may have \['pulses_per_rev', ",
+        ),
         ({"tacho": 3}, TypeError, "tacho must be the name of a column"),
         ({"units": {"b": 3}}, TypeError, "units must map names to units"),
         ({"units": ["speed"]}, ValueError, r"units must be texts such as 'speed \[rpm\]'"),
@@ -362,9 +377,20 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"meta": "{}"}, ValueError, "got '' in"),
         ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
         ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
-        ({"meta": pd.DataFrame({"file": ["a", "a"]})}, ValueError, "several rows for 'a'"),
+        ({"meta": pd.DataFrame({"file": [*"baab"]})}, ValueError, "several rows for 'a'"),
     ],
 )
 def test_an_invalid_layout_is_refused(options, error, message):
     with pytest.raises(error, match=message):
         Layout(**options)
+
+
+@pytest.mark.parametrize("options", [{"time": False}, {"fs": 0.5, "velocity": 0, "time": "t"}])
+def test_a_layout_keeps_what_is_false_or_0_when_it_is_pickled(options):
+    layout = Layout(**options, meta={"a": {"load": 0}})
+    again = pickle.loads(pickle.dumps(layout))
+    assert again == layout
+    assert again.key == layout.key
+    plain = layout.without_meta()
+    assert (plain.key, plain.meta) == (layout.key, None)
+    assert {name: getattr(plain, name) for name in options} == options

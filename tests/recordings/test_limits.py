@@ -188,3 +188,48 @@ def test_a_rate_is_above_0(make, fs):
 def test_times_of_a_part_are_in_order(start, stop, message):
     with pytest.raises(ValueError, match=message):
         cut(start, stop)
+
+
+@pytest.mark.parametrize("fs", [7.0, 30.0])
+def test_times_that_are_no_multiples_of_a_decimal_are_not_taken_as_rounded(fs):
+    times = np.arange(1000) / fs
+    times[40] += 0.099 / fs
+    assert rate_of_times(times, "t") == pytest.approx(fs)
+    times[40] += 0.002 / fs
+    with pytest.raises(ValueError, match="jitter: sample 40 is at"):
+        rate_of_times(times, "t")
+
+
+def test_the_first_time_beyond_jitter_and_rounding_is_named():
+    times = np.round(np.arange(100) / 500, 5)
+    times[5] += 0.00001  # to which times are rounded
+    times[20] += 0.0002  # a tenth of an interval
+    times[33] += 0.0003
+    with pytest.raises(ValueError, match=r"jitter: sample 33 is at 0.0663 s, .* be 0.066 s"):
+        rate_of_times(times, "t")
+
+
+def test_a_rounded_time_of_nearly_equal_steps_gives_the_round_rate():
+    assert rate_of_times(np.round(np.arange(3000) / 999, 6), "t") == 999
+
+
+@pytest.mark.parametrize(("n_samples", "message"), [(512, None), (511, "fewer than 8 segments")])
+def test_spectral_kurtosis_needs_8_segments_of_8_samples(n_samples, message):
+    signal = np.random.default_rng(0).standard_normal(n_samples)
+    if message is None:
+        assert len(spectral_kurtosis(signal, 0.25, n_per_segment=64)[0]) == 31
+    else:
+        with pytest.raises(ValueError, match=message):
+            spectral_kurtosis(signal, 0.25, n_per_segment=64)
+    with pytest.raises(ValueError, match="n_per_segment must be a whole number of at least 8"):
+        spectral_kurtosis(signal, 0.25, n_per_segment=7)
+
+
+def test_a_rate_may_be_below_one_hertz():
+    signal = np.random.default_rng(0).standard_normal(900)
+    assert kurtogram(signal, 0.25).band == pytest.approx(
+        np.divide(kurtogram(signal, 1000.0).band, 4000)
+    )
+    slow = envelope(signal, 0.25, (0.03, 0.06))
+    np.testing.assert_allclose(slow, envelope(signal, 1000.0, (120, 240)), rtol=1e-9)
+    assert Recording({"b": signal}, 0.25, velocity=0.001, shaft_fs=0.25).duration == 3600

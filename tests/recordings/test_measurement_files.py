@@ -2,6 +2,7 @@
 
 import sys
 from decimal import Decimal
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -247,12 +248,14 @@ def test_parquet_columns_that_are_not_needed_may_be_of_any_type(tmp_path):
     [
         ({"vib": [[1.0]] * 200, "b": WAVE}, None, "'vib' holds values of the type list<"),
         ({"vib": [None] * 200, "b": WAVE}, None, "'vib' is empty"),
+        ({"vib": [None, *["x"] * 199], "b": WAVE}, None, "'vib' holds values of the type string"),
+        ({"vib": ["x"] * 199 + [None], "b": WAVE}, None, "'vib' must be numeric, got 'x' at"),
         ({"vib": [[1.0]] * 200}, None, "open its folder by emacm.open_bearing_dataset"),
         ({"vib": WAVE, "b": WAVE}, ["vib", "vib"], "its columns must have different names"),
     ],
 )
 def test_parquet_columns_that_are_no_signals_are_named(tmp_path, columns, names, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         assert parquet_of(tmp_path, columns, names).duration
 
 
@@ -287,3 +290,74 @@ def test_a_file_that_is_written_while_it_is_read_is_an_error(tmp_path, monkeypat
     monkeypatch.setattr(files, "read_columns", interrupted)
     with pytest.raises(ValueError, match="was replaced or changed since it was opened"):
         assert opened.duration
+
+
+def test_attributes_of_an_hdf5_file_may_be_bytes(tmp_path):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["vib"] = WAVE
+        file["vib"].attrs.update({"unit": np.bytes_("g"), "fs": np.bytes_("100")})
+    run = open_recording(tmp_path / "a.h5", AT_100_HZ)
+    assert (run.units["vib"], run.fs["vib"]) == ("g", 100)
+
+
+def test_a_mat_7_3_file_may_begin_at_once(tmp_path):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["vib"] = WAVE[np.newaxis]
+    layout = Layout(fs=100, velocity=3)
+    np.testing.assert_array_equal(open_recording(tmp_path / "a.mat", layout).signals["vib"], WAVE)
+
+
+def test_tdms_channels_without_increment_have_no_rate(tmp_path):
+    nptdms = library("nptdms")
+    channels = [
+        nptdms.ChannelObject("bench", "vib", WAVE, {"wf_increment": 0.01}),
+        nptdms.ChannelObject("bench", "amp", 2 * WAVE, {"NI_UnitDescription": "A"}),
+        nptdms.ChannelObject("bench", "note", ["a", "b"], {"wf_increment": 0.5}),
+    ]
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(channels)
+    with pytest.raises(ValueError, match="the sampling rate of 'amp' is not known"):
+        assert open_recording(tmp_path / "a.tdms", Layout(velocity=3)).duration
+    run = open_recording(tmp_path / "a.tdms", Layout(velocity=3, fs={"amp": 100}))
+    assert dict(run.fs) == {"vib": 100, "amp": 100}
+    assert dict(run.units) == {"amp": "A"}
+
+
+def test_channels_of_an_mdf_file_as_its_library_yields_them(tmp_path, monkeypatch):
+    def signal(name, samples, rate=100, unit="", start=7.0):
+        samples = np.asarray(samples)
+        times = start + np.arange(len(samples)) / rate
+        return SimpleNamespace(name=name, samples=samples, timestamps=times, unit=unit)
+
+    signals = [
+        signal("vib", WAVE, unit="g"),
+        signal("text", [b"a"] * 200),
+        signal("vib", 2 * WAVE[::4], 25),
+        signal("once", [3.0]),
+        signal("flag", WAVE > 0),
+    ]
+
+    class MDF:
+        def __init__(self, name):
+            assert name == str(tmp_path / "a.mf4")
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def iter_channels(self):
+            yield from signals
+
+    library_of_mdf = ModuleType("asammdf")
+    library_of_mdf.MDF = MDF
+    monkeypatch.setitem(sys.modules, "asammdf", library_of_mdf)
+    (tmp_path / "a.mf4").write_bytes(b"MDF     4.10    ")
+    run = open_recording(tmp_path / "a.mf4", Layout(velocity=3))
+    assert dict(run.fs) == {"vib": 100, "vib.2": 25, "flag": 100}
+    assert dict(run.units) == {"vib": "g"}
+    np.testing.assert_array_equal(run.signals["vib.2"], 2 * WAVE[::4])
+    np.testing.assert_array_equal(run.signals["flag"], WAVE > 0)

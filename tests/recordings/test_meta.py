@@ -9,7 +9,13 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
-from emacm.recordings.meta import chosen_rows, plain_label, read_grouping, read_meta
+from emacm.recordings.meta import (
+    chosen_rows,
+    condition_name,
+    plain_label,
+    read_grouping,
+    read_meta,
+)
 
 
 def runs(*metas):
@@ -150,3 +156,15 @@ def test_labels_are_python_objects():
 def test_a_table_without_rows_has_no_recordings():
     with pytest.raises(ValueError, match="X contains no recording; at least one is needed"):
         read_meta(pd.DataFrame({"load": []}), "load")
+
+
+def test_rows_of_tables_are_chosen_by_their_place_and_not_by_their_index():
+    frame = pd.DataFrame({"load": [40, 100, 20]}, index=[2, 0, 1])
+    assert chosen_rows(frame, np.array([2, 0]))["load"].to_dict() == {1: 20, 2: 40}
+    assert chosen_rows(frame["load"], np.array([2, 0])).to_dict() == {1: 20, 2: 40}
+
+
+def test_a_condition_is_named_by_its_keys_or_as_a_condition():
+    assert condition_name("load", 20.5) == "load=20.5"
+    assert condition_name(("unit", "load"), ("A", 20)) == "unit='A', load=20"
+    assert condition_name(lambda run: run.meta["load"], "low") == "condition 'low'"

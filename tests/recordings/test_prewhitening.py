@@ -312,3 +312,27 @@ def test_segments_are_a_power_of_two_of_about_the_same_time_at_any_rate(fs):
         assert 2**-0.5 <= length / (seconds * fs) <= 2**0.5
     else:
         assert 0 < length < 4096 * seconds
+
+
+@pytest.mark.parametrize(("fs", "n_segment"), [(100.0, 256), (7000.0, 4096), (200_000.0, 131_072)])
+def test_segments_last_about_half_a_second_and_fade_within_a_sixteenth(fs, n_segment):
+    series = WhitenedSeries(np.zeros(5 * n_segment), fs)
+    assert (series._hop + series._fade, series._fade) == (n_segment, n_segment // 16)
+    short = WhitenedSeries(np.zeros(14 * 9), fs)  # a single segment, of 16 * 9 samples
+    assert (short._hop + short._fade, short._fade) == (144, 9)
+
+
+def test_at_a_high_rate_each_segment_is_whitened_alone():
+    signal = noise(150_000).astype(np.float32)
+    white, exact = prewhitened(signal, 200_000.0), prewhitened(signal.astype(float), 200_000.0)
+    assert (white.dtype, exact.dtype) == (np.float32, np.float64)
+    np.testing.assert_allclose(white, exact, atol=1e-4)
+    assert 0.9 < np.mean(exact**2) < 1.1
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_mean_square_is_one_but_for_what_fading_takes(seed):
+    # Where two segments overlap, each has faded twice: sin^4 + cos^4 is 3/4 on average, if what
+    # they hold is not related. That is a quarter of a fade in each hop, of 15 fades.
+    white = prewhitened(noise(200_000, seed), FS)
+    assert 1 - 1 / 60 < np.mean(white**2) < 1

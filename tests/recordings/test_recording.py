@@ -929,3 +929,8 @@ def test_a_time_index_of_two_samples_is_compared_with_the_rate():
 def test_a_constant_speed_has_two_samples_or_more(n_times, n_shaft):
     run = Recording({"b": np.zeros(n_times)}, 100, velocity=-3.0, shaft_fs=10)
     assert run.velocity.tolist() == [-3.0] * n_shaft
+
+
+def test_a_digest_is_the_same_in_every_version():
+    run = Recording({"b": [1.0, 2.0], "a": [3.0, 5.0]}, 2, velocity=[7.0, 8.0])
+    assert run.digest == "25deb50fada4cbb211e1c681af3d7c111e9595c2c281bc51f82f78609224f491"
