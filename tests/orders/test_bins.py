@@ -312,7 +312,7 @@ def test_orders_below_the_spectrum_are_an_error():
         BinTransformer(1, max_order=5).fit(table(np.arange(0.5, 6), np.ones(6)))
 
 
-@pytest.mark.parametrize(("beyond", "fits"), [(5e-10, True), (5e-9, False)])
+@pytest.mark.parametrize(("beyond", "fits"), [(0.99e-9, True), (1.01e-9, False)])
 def test_an_edge_lies_on_the_end_of_the_axis_to_1e_9(beyond, fits):
     orders = np.array([0, 1, 2 - beyond])
     if fits:
@@ -443,3 +443,22 @@ def test_the_orders_of_a_plain_table_may_end_below_one():
         "signal@0.6-0.8",
     ]
     np.testing.assert_allclose(bins.transform(psd)[1], [0.3, 0.3, 0.2], rtol=1e-12)
+
+
+def test_a_step_that_contradicts_two_orders_is_refused():
+    two = OrderTable(np.ones((1, 2)), ["a@0", "a@0.75"])
+    with pytest.raises(ValueError, match=r"order_step = 0.5 contradicts .*'a'.* lie 0.75 apart"):
+        BinTransformer(0.5, max_order=0.5, order_step=0.5).fit(two)
+
+
+def test_an_edge_lies_on_the_start_of_the_axis_to_1e_9():
+    orders = np.array([0.5, 1, 2])
+    assert bin_operator(orders, [(0.5 - 0.9e-9, 2)]).sum() == pytest.approx(1.5)
+    with pytest.raises(ValueError, match="reaches beyond"):
+        bin_operator(orders, [(0.5 - 1.1e-9, 2)])
+
+
+def test_ten_thousand_bins_are_the_most():
+    assert len(bin_edges(0.0008, 8)) == 10_000
+    with pytest.raises(ValueError, match=r"would make 1.01e\+04 bins up to order 8"):
+        bin_edges(0.00079, 8)

@@ -13,6 +13,7 @@ from sklearn.utils import _safe_indexing
 
 from emacm import BinTransformer
 from emacm.orders.columns import (
+    BinPowers,
     OrderTable,
     check_input_names,
     column_names,
@@ -368,3 +369,14 @@ def test_rows_keep_the_names_of_the_columns(key, kept):
     chosen = table()[key]
     np.testing.assert_array_equal(chosen, np.asarray(table())[key])
     assert (column_names(chosen) == COLUMNS) is kept
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: table(), lambda: BinPowers(np.arange(12.0).reshape(4, 3), "abc")]
+)
+def test_a_sum_is_a_number_and_arithmetic_gives_plain_arrays(make):
+    assert type(np.add.reduce(make(), axis=None)) is np.float64
+    assert np.add.reduce(make(), axis=None) == 66
+    assert type(make() * 2) is np.ndarray
+    np.testing.assert_array_equal(make() * 2, 2 * np.arange(12.0).reshape(4, 3))
+    assert type(np.sqrt(make()[1])) is np.ndarray

@@ -10,8 +10,14 @@ from sklearn.pipeline import make_pipeline
 from sklearn.tree import DecisionTreeClassifier
 
 from emacm import BinTransformer
-from emacm.orders.columns import OrderTable, order_columns
-from emacm.orders.new_lines import collected_statements
+from emacm.orders.columns import OrderBlock, OrderTable, order_columns
+from emacm.orders.new_lines import (
+    collected_statements,
+    excess_limit,
+    largest_medians,
+    line_maxima,
+    state_new_lines,
+)
 
 ORDERS = np.arange(0, 12.01, 0.125)
 STRONG = 4.0
@@ -185,3 +191,119 @@ def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
         search = GridSearchCV(pipe, {}, cv=GroupKFold(2)).fit(table(training), y, groups=groups)
     own = BinTransformer(max_order=12).fit(table(training), groups=groups).new_line_limit_
     assert search.best_estimator_[0].new_line_limit_ == own
+
+
+# Numbers, computed in another way
+
+
+@pytest.mark.parametrize(("n_groups", "n_columns"), [(5, 2), (7, 2), (8, 40), (30, 3)])
+def test_the_limit_is_that_of_each_group_beside_all_others(n_groups, n_columns):
+    psd = np.random.default_rng(n_groups).gamma(2, size=(n_groups, n_columns)) ** 3
+    others = [np.delete(psd, k, axis=0).max(axis=0) for k in range(n_groups)]
+    excess = 10 * np.log10((psd / others).max(axis=1))
+    median = np.median(excess)
+    peaks = excess[excess > median] - median
+    # Lomax: P(excess > limit) = half (1 + limit / sum)^-n, which is to be 0.01.
+    limit = median + peaks.sum() * (50 ** (1 / len(peaks)) - 1)
+    assert excess_limit(psd, psd.max(axis=0)) == pytest.approx(max(limit, 6))
+    assert limit > 6
+    rows = np.repeat(psd, 3, axis=0) * np.tile([0.5, 1, 0.2], n_groups)[:, np.newaxis]
+    labels = np.repeat([f"unit {9 * k % 31}" for k in range(n_groups)], 3)
+    mixed = np.random.default_rng(0).permutation(len(rows))
+    found = excess_limit(rows[mixed], psd.max(axis=0), labels[mixed])
+    assert found == pytest.approx(limit)
+    assert excess_limit(psd[:4], psd[:4].max(axis=0)) == np.inf
+
+
+def test_columns_that_are_not_compared_do_not_change_the_limit():
+    psd = np.random.default_rng(3).gamma(2, size=(9, 6)) ** 3
+    maxima = psd.max(axis=0)
+    maxima[[0, 4]] = np.inf
+    kept = [1, 2, 3, 5]
+    assert excess_limit(psd, maxima) == excess_limit(psd[:, kept], maxima[kept])
+    assert excess_limit(psd, np.full(6, np.inf)) == np.inf
+
+
+BLOCKS = (
+    OrderBlock("z", np.array([0.0, 0.5, 1.0, 1.5]), slice(0, 4)),
+    OrderBlock("a", np.array([0.0, 2.0, 4.0]), slice(4, 7)),
+)
+
+
+def test_the_least_maximum_is_a_trillionth_of_the_largest_of_its_channel():
+    psd = np.array([[0.0, 5, 2, 1e-20, 0, 3e4, 1], [0.0, 4, 8, 0, 0, 2e4, 1]])
+    expected = [8e-12, 5, 8, 8e-12, 3e-8, 3e4, 1]
+    np.testing.assert_allclose(line_maxima(psd, BLOCKS), expected, rtol=1e-12)
+    psd[:, 4:] = 0
+    expected[4:] = [np.inf] * 3
+    np.testing.assert_allclose(line_maxima(psd, BLOCKS), expected, rtol=1e-12)
+
+
+def test_the_largest_median_is_that_of_one_recording_relative_to_the_maxima():
+    maxima = np.array([10.0, 10, 10, np.inf, np.inf, np.inf, np.inf])
+    psd = np.array([[1, 2, 9, 99, 1, 1, 1], [9, 4, 1, 99, 1, 1, 1], [3, 3, 1, 99, 1, 1, 1.0]])
+    found = largest_medians(psd, maxima, BLOCKS)
+    assert found == pytest.approx([10 * np.log10(0.4), np.nan], nan_ok=True)
+    assert largest_medians(0 * psd, maxima, BLOCKS)[0] == -120
+
+
+def excess_of(*decibels):
+    """A spectrum that lies so far above maxima of 2."""
+    return 2.0 * 10 ** (np.array(decibels) / 10)
+
+
+@pytest.mark.parametrize(
+    ("decibels", "median", "texts"),
+    [
+        ([-3, 9, -2, 0], -3.0, ["line at order 0.5 of 'z', 9 dB"]),  # 1 dB higher as a whole
+        ([9.4, -9, -9, 12], -3.0, ["line at order 1.5 of 'z', 12 dB", "line at order 0 of 'z', 9"]),
+        ([6.9, -9, 6.1, 7], -3.0, []),  # the rest, too, is higher
+        ([6.9, -9, -9, -9], -3.0, ["line at order 0 of 'z', 7 dB"]),
+        ([5.9, -9, -9, -9], -3.0, []),
+    ],
+)
+def test_lines_above_the_limit_are_stated_the_farthest_first(decibels, median, texts):
+    maxima = np.array([2.0] * 4 + [np.inf] * 3)  # a second channel, which is not compared
+    psd = np.r_[excess_of(*decibels), [1.0, 1e9, 1]][np.newaxis]
+    (found,) = state_new_lines(psd, maxima, 6.0, np.array([median, np.nan]), BLOCKS)
+    assert len(found) == len(texts)
+    for text, start in zip(found, texts, strict=True):
+        assert text.startswith(start)
+        assert text.endswith(" dB above the training maximum")
+
+
+@pytest.mark.parametrize(
+    ("n_lines", "start"), [(4, "line at order 1.75 "), (5, "orders 1 to 2 of 'z', up to 13 dB ")]
+)
+def test_more_than_four_adjacent_orders_are_a_range(n_lines, start):
+    block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
+    psd = np.full(40, 0.1)
+    psd[4 : 4 + n_lines] = 10
+    psd[7] = 20
+    ((text,),) = state_new_lines(psd[np.newaxis], np.ones(40), 6.0, np.array([-10.0]), [block])
+    assert text.startswith(start)
+
+
+@pytest.mark.parametrize(("n_lines", "last"), [(5, "line"), (6, "and at 1 more orders")])
+def test_five_statements_are_made_of_a_recording(n_lines, last):
+    block = OrderBlock("z", np.arange(40.0), slice(0, 40))
+    psd = np.full(40, 0.1)
+    psd[2 : 2 + 4 * n_lines : 4] = 10
+    (texts,) = state_new_lines(psd[np.newaxis], np.ones(40), 6.0, np.array([-10.0]), [block])
+    assert texts[-1].startswith(last)
+    assert len(texts) == n_lines
+
+
+def test_only_recordings_with_new_lines_are_warned_of():
+    same = np.repeat(spectra(1, 0), 9, axis=0)
+    bins = BinTransformer(max_order=12).fit(table(same))
+    assert bins.new_line_limit_ == 6.0
+    rows = np.repeat(same[:1], 4, axis=0)
+    rows[2, column(9)] *= 10**0.61  # 6.1 dB
+    rows[1, column(9)] *= 10**0.59
+    with pytest.warns(UserWarning, match="line at order 9 ") as caught:
+        bins.transform(table(rows))
+    assert str(caught[0].message) == (
+        "recording 2: line at order 9 of 'c0', 6 dB above the training maximum"
+    )
+    assert caught[0].filename == __file__

@@ -475,3 +475,9 @@ def test_a_stroke_of_two_samples_is_long_enough_to_be_padded():
     assert rows[0].strokes[0].n_angles == 2
     cross = OrderCrossSpectrum(n_per_segment=4, kind="cross", short="pad", detrend=None)
     assert np.isfinite(cross.fit_transform(rows)).all()
+
+
+def test_a_recording_of_another_angle_step_is_named(over_angle):
+    other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive(unit="odd")])
+    with pytest.raises(ValueError, match=r"recording 2 \(unit='odd'\).*theta_s"):
+        OrderCrossSpectrum(4).fit([*over_angle[:2], *other])

@@ -353,3 +353,22 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
     np.testing.assert_allclose(both[0][0][:, 0], np.fft.rfft(short * window, 8))
     with pytest.raises(ValueError, match="no stroke has two samples"):
         plan.padded([short[:, :1]])
+
+
+@pytest.mark.parametrize(("factor", "same"), [(1 + 9e-13, True), (1 + 2e-12, False)])
+def test_a_stated_angle_step_is_that_of_the_recordings(factor, same):
+    psd = OrderPSD(4, theta_s=TURN / 32 * factor)
+    if same:
+        assert psd.fit(scaled(1.0)).theta_s_ == TURN / 32
+    else:
+        with pytest.raises(ValueError, match=r"contradicts the recordings.*Omit theta_s"):
+            psd.fit(scaled(1.0))
+
+
+def test_names_of_the_input_are_as_many_as_channels():
+    psd = OrderPSD(4).fit(scaled(1.0))
+    assert len(psd.get_feature_names_out(["u", "v"])) == 2 * len(psd.orders_)
+    with pytest.raises(ValueError, match=r"equal to what fit saw \(2\), got 3"):
+        psd.get_feature_names_out([*"uvw"])
+    rows = OrderPSD(4, theta_s=TURN / 32).fit([np.ones(200), np.ones(300)])
+    assert len(rows.get_feature_names_out([*"uvw"])) == len(rows.orders_)  # of any length

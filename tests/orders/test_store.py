@@ -831,3 +831,55 @@ def test_only_a_power_spectrum_is_read_from_a_file(values, version):
     found = store_module._decoded(body(kept, (1, 0)))
     np.testing.assert_array_equal(found, kept)
     assert not found.flags.writeable
+
+
+def test_what_was_read_from_a_file_is_kept_in_memory(tmp_path, store):
+    store.keep(A, np.full((1, 3), 2.5))
+    clear_memory()
+    assert store.find(A, (1, 3)).tolist() == [[2.5] * 3]
+    for file in files(tmp_path):
+        file.unlink()
+    assert store.find(A, (1, 3)).tolist() == [[2.5] * 3]
+    assert store.find(A, (3, 1)) is None
+    clear_memory()
+    assert store.find(A, (1, 3)) is None
+
+
+def test_of_a_spectrum_that_is_larger_than_the_limit_nothing_is_written_or_deleted(tmp_path):
+    store = SpectrumStore(tmp_path, bytes_limit=1000)
+    store.keep(A, np.ones(50))
+    before = [(file, file.stat().st_mtime_ns) for file in files(tmp_path)]
+    store.keep(B, np.ones(200))
+    assert [(file, file.stat().st_mtime_ns) for file in files(tmp_path)] == before
+
+
+def test_what_another_process_has_estimated_meanwhile_is_not_estimated_again(store):
+    store.keep(A, np.ones((1, 3)))
+    found = store_module._recall(
+        None,
+        estimate=lambda row: pytest.fail("estimated"),
+        store=store,
+        key_of=lambda row: A,
+        shape=(1, 3),
+    )
+    assert found.tolist() == [[1, 1, 1]]
+
+
+def test_rows_are_estimated_with_the_options_of_the_caller(store, monkeypatch):
+    asked = {}
+
+    def run_of(function, rows, **options):
+        asked.update(options, names=[name() for name in options["names"]])
+        return [function(row) for row in rows]
+
+    monkeypatch.setattr(store_module, "run", run_of)
+    rows = [np.full(3, k) for k in (1.0, 2.0, 1.0, 3.0)]
+    names = [lambda k=k: f"row {k}" for k in range(4)]
+
+    def square(row):
+        return row[:1, np.newaxis] ** 2
+
+    recalled(square, rows[1:2], store, PLAN, (1, 1), names=names)
+    found = recalled(square, rows, store, PLAN, (1, 1), names=names, n_jobs=3, verbose=2)
+    assert np.ravel(found).tolist() == [1, 4, 1, 9]
+    assert asked == {"names": ["row 0", "row 3"], "n_jobs": 3, "verbose": 2, "done": 1}

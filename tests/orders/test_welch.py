@@ -11,7 +11,13 @@ from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.orders import sections
-from emacm.orders.welch import order_psd, segment_length, segment_plan
+from emacm.orders.welch import (
+    order_psd,
+    samples_per_revolution,
+    segment_length,
+    segment_plan,
+)
+from emacm.orders.windows import window_values
 
 TURN = 2 * np.pi
 WINDOWS = [
@@ -496,3 +502,33 @@ def test_the_line_at_or_above_the_highest_order_is_the_last(max_order, n_orders)
 )
 def test_segments_are_at_least_one_sample_apart(overlap, step):
     assert segment_plan(4.0, n_per_segment=10, overlap=overlap).step == step
+
+
+@pytest.mark.parametrize("scale", [1, 3])
+@pytest.mark.parametrize("average", ["mean", "median"])
+def test_long_segments_of_several_channels_are_averaged_as_in_welch(scale, average):
+    length = 12_000 * scale  # so long that few are transformed at a time
+    signal = np.array([[1.0], [20], [3]]) * noise(3, 6 * length)
+    ours = order_psd(signal, 60, n_per_segment=length, average=average, detrend="linear")
+    theirs = filters.welch(signal, 60, nperseg=length, average=average, detrend="linear")
+    assert_same_spectrum(ours, theirs)
+
+
+@pytest.mark.parametrize("value", [0, -0.5, -64])
+def test_samples_per_revolution_and_angles_between_samples_are_above_0(value):
+    with pytest.raises(ValueError, match=rf"samples_per_rev must be a number above 0, got {value}"):
+        order_psd(np.ones(2000), value)
+    with pytest.raises(ValueError, match=rf"theta_s must be .* above 0, got {value}"):
+        samples_per_revolution(value)
+
+
+@pytest.mark.parametrize("off", [0.8e-14, -0.8e-14, 1.3e-14, -1.3e-14])
+def test_samples_per_revolution_are_whole_to_1e_14(off):
+    assert (samples_per_revolution(TURN / (100 * (1 + off))) == 100) is (abs(off) < 1e-14)
+
+
+@pytest.mark.parametrize("window", ["hann", ("kaiser", 8.6)])
+def test_the_samples_of_a_named_window_cannot_be_changed(window):
+    values = window_values(window, 64)
+    with pytest.raises(ValueError, match="read-only"):
+        values[0] = 1
