@@ -481,3 +481,20 @@ def test_a_recording_of_another_angle_step_is_named(over_angle):
     other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive(unit="odd")])
     with pytest.raises(ValueError, match=r"recording 2 \(unit='odd'\).*theta_s"):
         OrderCrossSpectrum(4).fit([*over_angle[:2], *other])
+
+
+def test_a_stroke_of_one_sample_beside_longer_ones_is_left_out_of_padding():
+    resampler = OrderResampler(TURN / 8, antialias=False, interpolation="linear")
+    rng = np.random.default_rng(3)
+    forth, back = np.linspace(0, 30, 400), np.linspace(30, 29.7, 9)
+    angle = np.r_[forth, back[1:]]
+    signals = {"z": rng.standard_normal(len(angle)), "a": rng.standard_normal(len(angle))}
+    rows = resampler.fit_transform([Recording(signals, 100, angle=angle)])
+    assert [stroke.n_angles for stroke in rows[0].strokes] == [39, 1]
+    one = resampler.fit_transform(
+        [Recording({name: x[:400] for name, x in signals.items()}, 100, angle=forth)]
+    )
+    for estimator in (OrderCrossSpectrum(8, kind="cross", short="pad"), OrderPSD(8, short="pad")):
+        np.testing.assert_allclose(
+            estimator.fit_transform(rows), estimator.fit_transform(one), rtol=1e-9
+        )

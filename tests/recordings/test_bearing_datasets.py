@@ -171,6 +171,13 @@ def test_without_unit_and_speed_nothing_is_assumed_of_them(tmp_path, unit):
         assert unknown.duration
 
 
+def test_a_column_of_both_names_keeps_that_of_the_present_version(tmp_path):
+    fact = {"recording_id": 7, "channel": "b", "fs": 10, "rpm": 90, "speed_rpm": 60}
+    (run,) = open_bearing_dataset(in_one_group(tmp_path, [fact], [[1.0, 2.0]]))
+    assert run.meta == {"recording_id": 7, "rpm": 90, "speed_rpm": 60}
+    np.testing.assert_allclose(run.velocity, 2 * np.pi)
+
+
 def test_a_missing_sample_is_an_error_with_its_number(tmp_path):
     fact = {"recording_id": "r", "channel": "b", "fs": 10, "speed_rpm": 60}
     folder = in_one_group(tmp_path, [fact, fact | {"recording_id": "s"}], [[1.0, 2], [1.0, None]])

@@ -160,6 +160,11 @@ def test_it_works_after_prewhitening():
     chain = make_pipeline(CepstralPrewhitening(), EnvelopeDetector("kurtogram"))
     (found,) = chain.fit_transform([recording(3300)])
     assert np.isfinite(found.signals["sound"]).all()
+    (white,) = chain[0].transform([recording(3300)])
+    low, high = kurtogram(white.signals["sound"], FS).band
+    assert found.series["sound"].bandwidth == pytest.approx(high - low)
+    assert high - low < FS / 8 + 1
+    assert chain[1].channels_ == ("sound",)
 
 
 @pytest.mark.parametrize(

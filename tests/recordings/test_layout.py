@@ -9,7 +9,7 @@ import pytest
 
 from emacm import Layout, Recording, open_recording
 from emacm.recordings.column_names import is_shaft_name, is_time_name
-from emacm.recordings.units import same_unit, unit_factor
+from emacm.recordings.units import same_unit, unit_factor, unit_ratio
 
 RNG = np.random.default_rng(1)
 N = 600
@@ -195,6 +195,11 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (Layout(fs=9, velocity=3, channels=["b", "c"]), {}, "no column 'c'"),
         (Layout(fs=9, velocity=3, units={"b": "g"}), {"b [m/s²]": ANGLE}, "unit 'g' for 'b', but"),
         (Layout(fs=9, velocity=3), {"c": ANGLE[:7]}, "durations must agree"),
+        (
+            Layout(fs=9, velocity=3, channels=["load"]),
+            {"b": ANGLE, "load": 7},
+            r"no column 'load'; its columns are \['b'\]",
+        ),
         (Layout(fs=9, velocity=3, channels=["z"]), {"z": ANGLE * 1j}, "channel 'z' must be real"),
     ],
 )
@@ -273,6 +278,7 @@ def test_a_text_among_times_is_refused(tmp_path):
     ("pattern", "meta"),
     [
         ("{unit}_{run:d}.npz", {"unit": "A", "run": 1}),
+        ("{u}.npz", {"u": "A_1"}),
         ("{unit}_{run}", {"unit": "A", "run": "1"}),
         ("{unit}_{load:g}", {"unit": "A", "load": 1.0}),
         ("{folder}/{unit}_{run:d}", {"folder": "bench", "unit": "A", "run": 1}),
@@ -394,3 +400,28 @@ def test_a_layout_keeps_what_is_false_or_0_when_it_is_pickled(options):
     plain = layout.without_meta()
     assert (plain.key, plain.meta) == (layout.key, None)
     assert {name: getattr(plain, name) for name in options} == options
+
+
+UNITS = {  # of each quantity, and their sizes in that of the first
+    "m/s^2": {"m/s²": 1, "mm/s^2": 1e-3, "g": 9.80665, "G": 9.80665, "gn": 9.80665},
+    "m/s": {"m / s": 1, "mm/s": 1e-3, "in/s": 0.0254, "ips": 0.0254},
+    "m": {"mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 2.54e-5},
+    "V": {"mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "μV": 1e-6, "kV": 1000},
+    "A": {"mA": 1e-3, "kA": 1000},
+    "N": {"kN": 1000, "mN": 1e-3},
+    "N*m": {"N·m": 1, "Nm": 1, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1000},
+    "Pa": {"hPa": 100, "kPa": 1000, "MPa": 1e6, "bar": 1e5, "mbar": 100},
+    "W": {"kW": 1000, "mW": 1e-3},
+}
+
+
+@pytest.mark.parametrize("base", UNITS)
+def test_units_of_one_quantity_have_their_ratio_and_others_none(base):
+    for unit, size in UNITS[base].items():
+        assert unit_ratio(unit, base) == pytest.approx(size, rel=1e-12)
+        assert unit_ratio(base, unit) == pytest.approx(1 / size, rel=1e-12)
+        assert unit_ratio(unit, unit) == 1
+        for other in UNITS:
+            if other != base:
+                assert unit_ratio(unit, other) is None
+                assert unit_ratio(other, unit) is None

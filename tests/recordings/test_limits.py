@@ -96,7 +96,12 @@ def late(off):
         (lambda x: cut(x, 1 / 6), 0, 1e-3, "there are 1 samples of channel 'slow' .12 Hz."),
         (jittering, 0.1, 0.12, "jitter: sample 30 is at 0.06024 s, .* at 500 Hz would be 0.06 s"),
         (jittering, -0.1, -0.12, "jitter: sample 30 is at 0.05976 s"),
-        (late, 0.05, 0.52, r"gap of 0.00304 s after sample 49 \(0.098 s\), 1 in all; usual are 0"),
+        (
+            late,
+            0.05,
+            0.52,
+            r"gap of 0.00304 s after sample 49 \(0.098 s\), 1 in all; usual are 0.002 s",
+        ),
         (late, 0.05, 0.48, "has jitter: sample"),
         (
             lambda n: settled(FileColumns({f"x{i}": ZEROS for i in range(n)})),
@@ -233,3 +238,10 @@ def test_a_rate_may_be_below_one_hertz():
     slow = envelope(signal, 0.25, (0.03, 0.06))
     np.testing.assert_allclose(slow, envelope(signal, 1000.0, (120, 240)), rtol=1e-9)
     assert Recording({"b": signal}, 0.25, velocity=0.001, shaft_fs=0.25).duration == 3600
+
+
+def test_of_several_gaps_the_first_is_named_beside_the_usual_interval():
+    times = np.r_[np.arange(20), np.arange(120, 140), np.arange(900, 940)] / 500
+    message = r"gap of 0.202 s after sample 19 \(0.038 s\), 2 in all; usual are 0.002 s"
+    with pytest.raises(ValueError, match=message):
+        rate_of_times(times, "t")

@@ -790,6 +790,8 @@ def test_the_time_index_of_the_shaft_is_checked_with_its_own_rate():
         r"2024-05-01 12:00:05, channel 'torque' at 2024-05-01 12:00:00\. ",
     ):
         Recording(frame, 100, velocity=late, shaft_fs=10)
+    with pytest.raises(ValueError, match=r"velocity starts at 2024-05-01 12:00:00, .* 12:00:05"):
+        Recording(frame.set_axis(frame.index + pd.Timedelta("5s")), 100, velocity=slow, shaft_fs=10)
     gap = slow.set_axis(clock(41, fs=10.0).delete(9))
     with pytest.raises(ValueError, match="the index of velocity contradicts fs = 10 Hz: sample 9"):
         Recording(frame, 100, velocity=gap, shaft_fs=10)
