@@ -144,8 +144,9 @@ def angle_from_vibration(
     from 0.86 to 1.12 times the true speed, 231 of 232 with 0.5 to 1.5 times, with a median error of
     0.003 % (right: mean speed within 1 %, no reversal in the second). These are 4 to 5 % of the
     seconds of constant speed: a current has one clear line, or three at a high load. The
-    accelerometer has lines of its rolling elements only. Of 4568 reliable seconds of other simulated machines with 2 to 12 lines, at -10
-    to 5 dB, with reversals and rests of 0.02 to 2 s, 4565 were right.
+    accelerometer has lines of its rolling elements only. Of 4568 reliable seconds of other
+    simulated machines with 2 to 12 lines, at -10 to 5 dB, with reversals and rests of 0.02 to 2 s,
+    4565 were right.
 
     In the CWRU recordings of a motor, 89 of 105 are reliable, four of them in part. All 83 of them
     whose harmonics, each measured alone, have one common speed are within 0.02 % of it; the speeds
