@@ -175,6 +175,12 @@ def check_finite_table(
         raise ValueError(f"X must be finite, got {value} in {rows} {row}, {where}. Leave it out.")
 
 
+def check_finite_readings(X: NDArray[np.floating], estimator: Any) -> None:
+    """Raise as `check_finite_table`, with the names of the columns that the estimator knows."""
+    names = getattr(estimator, "feature_names_in_", range(X.shape[1]))
+    check_finite_table(X, "reading", list(names))
+
+
 def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
     """Return `value` if it is one of `choices`."""
     if isinstance(value, np.generic):

@@ -26,6 +26,7 @@ from emacm.decisions.gaussians import (
 from emacm.decisions.left_out_moments import AT_ONCE, RemainingMoments, Training
 from emacm.decisions.left_out_products import ClassProducts
 from emacm.decisions.moments import ClassMoments
+from emacm.decisions.shrinkage import oas_coefficient
 
 Array = NDArray[np.float64]
 
@@ -163,45 +164,57 @@ class Remaining:
         """
         training, kind = self._training, (covariance, shrinkage)
         found = np.full((len(training.X), training.n_classes), -np.inf)
+        classes = range(training.n_classes)  # one by one, so that a matrix stays in the cache
+        if covariance == "full" or kind == ("diag", "auto"):
+            for code in classes:
+                self._judge_class(found, code, kind)
+            return found
         coefficients: Array | list[None] = [None] * len(self._rows)
-        if covariance == "full" or (covariance == "diag" and shrinkage in ("oas", "auto")):
-            coefficients = np.zeros((len(self._rows), training.n_classes))
-            for code in range(training.n_classes):  # a single matrix stays in the cache
-                self._judge_class(found, coefficients, code, kind)
-            if kind != ("diag", "oas"):
-                return found
+        if kind == ("diag", "oas"):
+            coefficients = np.column_stack([self._oas_coefficients(code) for code in classes])
         for group, target in zip(self._rows, coefficients, strict=True):
             self._judge(found, np.arange(training.n_classes), self, group, kind, target)
         return found
 
-    def _judge_class(self, found: Array, coefficients: Array, code: int, kind: Any) -> None:
-        """Find log densities, or coefficients of shrinkage, of a class with its own covariance."""
-        training, part, alike = self._training, None, None
-        own = np.flatnonzero(training.codes == code)
-        if kind[1] != "auto" and len(own) <= training.X.shape[1]:
-            values = self._left.deviations(own)
-            alike = ClassProducts(values, training.weight[own], training.groups[own])
-        if alike and kind[0] == "full":
+    def _judge_class(self, found: Array, code: int, kind: tuple[str, Any]) -> None:
+        """Find the log densities of a class whose covariance is its own."""
+        training, part, products = self._training, None, None
+        if kind[1] != "auto":
+            products = self._products(code)
+        if products:
             away = training.X - self._moments.means[code]
-            crossed, norms = away @ values.T, np.einsum("rf,rf->r", away, away)
-        for place, (group, rows) in enumerate(self._rows.items()):
-            if alike and kind[0] == "full":
+            crossed, norms = away @ products.values.T, np.einsum("rf,rf->r", away, away)
+        for group, rows in self._rows.items():
+            logs = None
+            if products:
                 floor = 0.0 if kind[1] else self._floor(group)
-                logs = alike.log_densities(group, kind[1], floor, crossed[rows], norms[rows])
-                if logs is not None:
-                    found[rows, code] = logs
-                    continue
-            elif alike:
-                coefficient = alike.oas_coefficient(group)
-                if coefficient is not None:
-                    coefficients[place, code] = coefficient
-                    continue
-            part = part or _of_class(training, code)
-            if kind == ("diag", "oas"):
-                moments = part._left.without(group)
-                coefficients[place, code] = part._left.target(moments, group, "oas")[0]
-            else:
+                logs = products.log_densities(group, kind[1], floor, crossed[rows], norms[rows])
+            if logs is None:
+                part = part or _of_class(training, code)
                 self._judge(found, np.array([code]), part, group, kind)
+            else:
+                found[rows, code] = logs
+
+    def _oas_coefficients(self, code: int) -> list[float]:
+        """Return the coefficient of shrinkage of a class without each group."""
+        moments, products, found = None, self._products(code), []
+        for group in self._rows:
+            coefficient = products.oas_coefficient(group) if products else None
+            if coefficient is None:
+                moments = moments or _of_class(self._training, code)._left
+                remaining = moments.without(group)
+                count = float(remaining.group_counts[0])
+                coefficient = oas_coefficient(remaining.scatter[0], count)
+            found.append(coefficient)
+        return found
+
+    def _products(self, code: int) -> ClassProducts | None:
+        """Return the inner products of a class, or None if a covariance is smaller than they."""
+        training = self._training
+        own = np.flatnonzero(training.codes == code)
+        if len(own) > training.X.shape[1]:
+            return None
+        return ClassProducts(self._left.deviations(own), training.weight[own], training.groups[own])
 
     def _judge(
         self,

@@ -43,10 +43,15 @@ class ClassProducts:
         Number of times each recording is counted.
     groups : ndarray of int, shape (n_class,)
         Number of the group of each recording.
+
+    Attributes
+    ----------
+    values : ndarray of shape (n_class, n_features)
+        The deviations.
     """
 
     def __init__(self, values: Array, weight: Array, groups: NDArray[np.intp]):
-        self._n_features = values.shape[1]
+        self.values, self._n_features = values, values.shape[1]
         self._roots, self._groups = np.sqrt(weight), groups
         scaled = values * self._roots[:, np.newaxis]
         self._products = scaled @ scaled.T

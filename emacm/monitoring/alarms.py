@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_finite_table, check_number
+from emacm._checks import check_finite_readings, check_number
 from emacm._saved import SavedEstimator
 from emacm.monitoring.baseline_run_length import RunLength, stated_run_length
 from emacm.monitoring.run_lengths import (
@@ -228,8 +228,7 @@ class _Chart(SavedEstimator):
 
     def _table(self, X: Any, **options: Any) -> Array:
         X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, **options)
-        names = getattr(self, "feature_names_in_", range(X.shape[1]))
-        check_finite_table(X, "reading", list(names))
+        check_finite_readings(X, self)
         return X
 
     def _limit(self) -> float:

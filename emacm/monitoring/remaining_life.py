@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import (
     check_choice,
     check_count,
-    check_finite_table,
+    check_finite_readings,
     check_number,
     check_real_array,
 )
@@ -377,8 +377,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         return read_histories(X, groups, self.onset, self.consecutive), len(X)
 
     def _check_values(self, X: Array) -> None:
-        names = getattr(self, "feature_names_in_", range(X.shape[1]))
-        check_finite_table(X, "reading", list(names))
+        check_finite_readings(X, self)
         if (X[:, 0] < 0).any():
             row = int(np.argmax(X[:, 0] < 0))
             raise ValueError(

@@ -89,7 +89,7 @@ def reproduce_chapter5(
     by_unit = severity_of_detection(tested)
     detection = detection_table(by_unit)
     chapter.opening = f"{_result(detection)} {_OPENING}"
-    thresholds = threshold_table(features, found)
+    thresholds = threshold_table(found)
     relative = detection_table(relative_detection(features, found))
     caption = f"{_CAPTION} {_why_later(detection, relative, thresholds)}"
     chapter.draw("Severity of detection", draw_detection(detection), caption)

@@ -78,7 +78,7 @@ def false_alarms(tested: pd.DataFrame) -> pd.DataFrame:
     return table.rename(index=SIGNALS).rename_axis("signal")
 
 
-def threshold_table(features: Features, found: dict[str, Detector]) -> pd.DataFrame:
+def threshold_table(found: dict[str, Detector]) -> pd.DataFrame:
     """Return the threshold of each signal beside that of as many independent normal bins.
 
     Returns

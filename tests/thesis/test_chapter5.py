@@ -92,7 +92,7 @@ def test_healthy_recordings_of_further_units_raise_about_as_many_false_alarms():
 
 def test_thresholds_of_normal_bins_are_those_of_independent_normal_bins():
     features = made(n_training=2000, n_calibration=4000)
-    table = threshold_table(features, detectors(features))
+    table = threshold_table(detectors(features))
     assert table["bins"].tolist() == [12, 12, 12, 12, 48]
     normal = table["of independent normal bins"]
     assert normal["LVDT"] == pytest.approx(3.34, abs=0.01)  # 1 - 0.99^(1/12) on both sides
