@@ -195,7 +195,7 @@ def _why_later(detection: pd.DataFrame, relative: pd.DataFrame, thresholds: pd.D
         f"{single.idxmin()} {single.min():.2f}. The larger number of bins alone would raise it "
         f"from {normal.drop(index=ALL).min():.2f} to {normal[ALL]:.2f}, if they were independent "
         "and normal. Check, computed afterwards: with the deviations of each signal relative to "
-        f"its own threshold, {len(checked)} are detected later{_named(checked)}."
+        f"its own threshold, the number detected later is {len(checked)}{_named(checked)}."
     )
     if len(checked) < len(later):
         text += (
