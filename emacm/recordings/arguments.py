@@ -115,10 +115,6 @@ def constant_speed(
     if shaft_fs is not None:
         rate = check_number(shaft_fs, "shaft_fs", above=0, unit="Hz")
         n_times = max(2, round(n_times / rates[fastest] * rate))
-    elif len(set(rates.values())) > 1:
-        raise ValueError(
-            f"shaft_fs must be given where the channels have different rates, got fs={dict(rates)}."
-        )
     return np.full(n_times, speed)
 
 
@@ -305,7 +301,7 @@ def _check_same_time(
     other, other_index, other_rate = first
     if _is_time(index) and type(index) is type(other_index):
         apart = abs((index[0] - other_index[0]).total_seconds())
-        differ = apart > max(1 / rate, 1 / other_rate)
+        differ = apart > max(1 / rate, 1 / other_rate) * (1 + 1e-9)
         places = f"{name} starts at {index[0]}, {other} at {other_index[0]}"
     else:
         differ = rate == other_rate and len(index) == len(other_index)

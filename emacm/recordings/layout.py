@@ -184,7 +184,7 @@ class Layout:
             return {}
         if isinstance(self.meta, str):
             return meta_from_name(file, self.meta)
-        for n_parts in range(1, len(file.parts) + 1):
+        for n_parts in range(len(file.parts), 0, -1):
             name = "/".join(file.parts[-n_parts:])
             for key in (name, name.removesuffix(file.suffix)):
                 if key in self.meta:

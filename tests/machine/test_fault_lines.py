@@ -102,6 +102,7 @@ def test_cloned_it_measures_the_same():
         ({"slip": -0.01}, ["slip", "at least 0", "-0.01"]),
         ({"background": -1}, ["background must be a number of orders, above 0", "-1"]),
         ({"background": 0.05}, ["background", "0.04 orders", "revolutions"]),
+        ({"background": 0.03}, ["background of 0.03 orders", "revolutions=167"]),
         ({"channels": ["sound"]}, ["'sound'", "vibration"]),
         ({"parts": []}, ["at least one part"]),
         ({"parts": None}, ["parts must be", "Bearing", "None"]),
@@ -337,3 +338,14 @@ def test_the_spread_of_heights_is_their_interquartile_range():
     rows = np.stack([np.arange(101.0), 3 * np.arange(101.0)[::-1] ** 2])
     found = machine_lines._spread(rows)
     assert found.tolist() == [50, 3 * (75**2 - 25**2)]
+
+
+def test_sidebands_are_found_on_an_axis_that_does_not_begin_at_0():
+    fault = FaultSeries("wear", (5.0,), True, "", (("cage", 1.0), ("shaft", 4.88)))
+    psd = spectrum([4, 6.2, 9.88, 0.12], 1000)
+    whole = LineLevels(ORDERS, [fault], 0.02, 0.5)
+    part = LineLevels(ORDERS[1:], [fault], 0.02, 0.5)
+    found = whole.sidebands(psd[np.newaxis], fault, 0.0)
+    assert found == pytest.approx({"cage": 15, "shaft": 30}, abs=1e-9)
+    assert part.sidebands(psd[np.newaxis, 1:], fault, 0.0) == found
+    assert whole.sidebands(psd[np.newaxis], fault, 0.04)["cage"] == pytest.approx(15)

@@ -17,7 +17,7 @@ from emacm import (
     PlanetaryGear,
     fault_orders,
 )
-from emacm.machine.parts import MOST
+from emacm.machine.parts import MOST, Part
 
 MEMBERS = ("sun", "planet", "ring", "carrier")
 
@@ -139,6 +139,7 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
         (lambda: PlanetaryGear(MOST - 4, MOST + 1, 3), "ring_teeth .* at most 1000000,"),
         (lambda: PlanetaryGear(30, 90, MOST + 1), "n_planets .* at most 1000000,"),
         (lambda: Gear(1, 20), "^teeth .* at least 2"),
+        (lambda: PlanetaryGear(30, 51, 3, 12), "planet_teeth .* at least 2 and at most 11, got 12"),
         (lambda: Gear(20, 1), "mating_teeth .* at least 2"),
         (lambda: Gear(MOST + 1, 20), "^teeth .* at most 1000000,"),
         (lambda: Gear(20, MOST + 1), "mating_teeth .* at most 1000000,"),
@@ -300,3 +301,44 @@ def test_a_motor_may_be_fed_at_less_than_one_hertz():
     motor = InductionMotor.from_speed(3, speed=2 * pi * 0.24 / 3, mains=0.25, bars=44, name="m")
     assert motor.slip == pytest.approx(0.04)
     assert (motor.pole_pairs, motor.bars, motor.name) == (3, 44, "m")
+
+
+@pytest.mark.parametrize("name", ["a@b", 3, None])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda name: Motor(3, name=name),
+        lambda name: InductionMotor(3, 0.1, name=name),
+        lambda name: Gear(20, 30, name=name),
+        lambda name: PlanetaryGear(30, 90, 3, name=name),
+        lambda name: screw(name=name),
+    ],
+)
+def test_the_name_of_a_part_is_a_text_without_at(make, name):
+    with pytest.raises(TypeError, match=f"name must be a string without '@', got {name!r}"):
+        make(name)
+    assert make("front").name == "front"
+
+
+def test_a_stage_whose_sun_is_fixed_is_driven_by_the_carrier():
+    stage = PlanetaryGear(30, 90, 2, fixed="sun", ratio=0.25)
+    assert stage.speeds["carrier"] == 0.25
+    assert stage.output_ratio == pytest.approx(0.25 * (1 + 30 / 90))
+    (mesh, *_) = stage.lines()
+    assert mesh.sidebands == (
+        ("ring", pytest.approx(1 / 3)),
+        ("carrier", 0.25),
+        ("planet pass", 0.5),  # of two planets
+    )
+
+
+def test_balls_may_fill_a_turn_of_the_thread_but_for_rounding():
+    full = float(np.hypot(20 * pi, 5.0) / 3)
+    assert screw(balls=full * (1 + 0.9e-9)).balls_per_turn > full
+    with pytest.raises(ValueError, match=r"do not fit in a turn of length 63\.0"):
+        screw(balls=full * (1 + 1.1e-9))
+
+
+def test_a_part_without_lines_is_not_implemented():
+    with pytest.raises(NotImplementedError):
+        Part().lines()

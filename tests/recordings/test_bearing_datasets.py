@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from emacm import Layout, Recording, open_bearing_dataset
+from emacm.recordings.bearing_datasets import read_part
 
 pyarrow = pytest.importorskip(
     "pyarrow", reason="pyarrow cannot be imported (extra 'files')", exc_type=ImportError
@@ -104,7 +105,7 @@ def test_a_recording_is_pickled_without_its_samples(folder):
 def test_recordings_are_selected_by_their_metadata(folder):
     found = open_bearing_dataset(folder, where={"bearing_id": ["B0", "B2"]})
     assert [recording.meta["recording_id"] for recording in found] == ["r0", "r2"]
-    with pytest.raises(ValueError, match=r"no recording of .* has"):
+    with pytest.raises(ValueError, match=r"no recording of .* has {'bearing_id': 'K1'}\."):
         open_bearing_dataset(folder, where={"bearing_id": "K1"})
     with pytest.raises(ValueError, match="where names 'state'; the metadata have"):
         open_bearing_dataset(folder, where={"state": "K1"})
@@ -185,3 +186,8 @@ def test_a_missing_sample_is_an_error_with_its_number(tmp_path):
     assert good.signals["b"].tolist() == [1, 2]
     with pytest.raises(ValueError, match="channel 'b' must be finite, got nan at sample 1"):
         assert gap.duration
+
+
+def test_a_recording_that_is_no_longer_listed_is_an_error(folder):
+    with pytest.raises(ValueError, match="it has no recording 'r9' any more"):
+        read_part(folder / "metadata.parquet", "r9")

@@ -24,6 +24,7 @@ def opened(tmp_path, text, layout=None, *, encoding="utf-8"):
         (PREAMBLE + "Zeit;b;n\ns;m/s²;1/min\n" + ROWS, "utf-8"),
         ("maker;model;place\n" + PREAMBLE + "Zeit;b;n\n[s];[m/s²];(1/min)\n;;\n" + ROWS, "utf-8"),
         ("maker;model;place\n" + HEADER + ROWS, "utf-8"),
+        ("maker;model;place\nZeit;b;n\nseconds;m/s²;1/min\n" + ROWS, "utf-8"),
         (
             "maker;model;place\nb;n;time\nm/s²;rpm;s\n1,5;900;0,0\n-2,5;903,5;0,5\n4;907;1\n",
             "utf-8",
@@ -136,6 +137,10 @@ NAMES = Layout(fs=2, velocity=3)
     ("text", "message"),
     [
         ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "Expected 2 fields in line 3, saw 3"),
+        ("b,c\n1,2\n3,4\n5,6,7\n8,9\n", "Expected 2 fields in line 4, saw 3"),
+        ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] has no name for a column"),
+        ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
+        ("1;2", "channel 'x0' must hold at least 2 samples"),
         ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
         ("\nb,c\ng,A\n1,2,5\n3,4\n6,7\n", "line 4 has 3 values, but there are 2 columns"),
         ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] has no name for a column. Name each"),
@@ -181,3 +186,23 @@ def test_a_first_row_with_texts_has_a_number_at_one_end(tmp_path, number):
 def test_a_number_in_the_preamble_does_not_replace_a_column(tmp_path):
     recording = opened(tmp_path, "n: 60\nfs: 2\n" + "b;n [1/min]\n1;900\n2;903\n3;906\n")
     np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903, 906])
+
+
+def test_a_row_of_names_with_units_is_not_taken_for_a_row_of_units(tmp_path):
+    text = "maker;model;place\nb [m/s²];c;n [rpm]\n1,5;2;900\n-2,5;3;903\n"
+    recording = opened(tmp_path, text, Layout(fs=2, channels=["b", "c"], velocity="n"))
+    assert recording.signals["b"].tolist() == [1.5, -2.5]
+    assert dict(recording.units) == {"b": "m/s²"}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("b,c\n1,2\n".encode("utf-16-le"), "it contains bytes 0: it is binary, or UTF-16 without"),
+        (b"\x1f\x8bxxx", "it is no text with rows of numbers. Its first bytes are .* by gzip"),
+    ],
+)
+def test_what_is_no_text_is_named(tmp_path, content, message):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / "a.csv", NAMES).duration

@@ -101,3 +101,12 @@ def test_the_digest_of_a_file_is_that_of_its_bytes(tmp_path):
     for content in (b"one", b"two"):
         path.write_bytes(content)
         assert digest_of_file(path) == digests.sha256(content).hexdigest()
+
+
+@pytest.mark.parametrize("n_times", [3, digests._BLOCK + 5])
+def test_a_digest_does_not_depend_on_how_an_array_is_read(n_times):
+    samples = np.arange(n_times, dtype=np.float32)
+    inner = digests.sha256(f"<f4({n_times},)".encode() + samples.tobytes()).digest()
+    expected = digests.sha256("färben".encode() + inner).hexdigest()
+    assert content_digest("färben", [samples]) == expected
+    assert content_digest("färben", [np.repeat(samples, 2)[::2]]) == expected

@@ -11,11 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as filters
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 
 from emacm import (
     BinTransformer,
+    CepstralPrewhitening,
     CostSensitiveGaussianBayes,
     EnvelopeDetector,
     OrderPSD,
@@ -31,6 +33,7 @@ from emacm.recordings.envelope import (
     warn_of_long_filter,
 )
 from emacm.recordings.envelope_detector import envelope_recording
+from emacm.recordings.prewhitening import WhitenedSeries, prewhitened
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
 
@@ -604,6 +607,7 @@ def test_the_edges_that_a_warning_recommends_do_not_warn():
         ([(1500, 2500), (2500, 1500)], ValueError, "band 1 of band must run from a lower"),
         ("wide", ValueError, "band must be one of 'full', 'kurtogram'"),
         ([], TypeError, r"must be a pair \(low, high\)"),
+        ((200, 200), ValueError, r"must run from a lower to a higher frequency, got \(200, 200\)"),
         ([(1500, 2500), 3000], TypeError, r"edges of band must be a number.*got \(1500, 2500\)"),
     ],
 )
@@ -654,3 +658,64 @@ def test_a_filter_of_five_times_the_usual_length_is_warned_of(low, high, remedy)
             warn_of_long_filter(low, high, 48_000.0)
     else:
         warn_of_long_filter(low, high, 48_000.0)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "width"),
+    [(2000, 6000, 1000), (300, 4000, 600), (500, 22_900, 1000), (15_000, 23_500, 1000)],
+)
+def test_a_filter_is_as_long_as_its_narrowest_transition_needs(low, high, width):
+    # Kaiser: (A - 7.95) / (2.285 dw) + 1 taps for a transition dw [rad per sample] and A dB.
+    needed = (80 - 7.95) / (2.285 * 2 * np.pi * width / 48_000)
+    n_taps = filter_length(low, high, 48_000)
+    assert n_taps % 2 == 1
+    assert needed < n_taps < needed + 3
+    taps = analytic_filter(low, high, 48_000.0)
+    assert len(taps) == n_taps
+    assert abs(taps.sum()) < 1e-12
+    with pytest.raises(ValueError, match="read-only"):
+        taps[0] = 0
+
+
+@pytest.mark.parametrize(
+    "function", [lambda x: envelope(x, FS, BAND), lambda x: prewhitened(x, FS)]
+)
+@pytest.mark.parametrize("shape", [(1, 900), (3, 900), (2, 3, 900)])
+def test_rows_of_an_array_are_computed_by_themselves(function, shape):
+    rows = np.random.default_rng(1).standard_normal(shape)
+    found = function(rows)
+    assert found.shape == shape
+    for place in np.ndindex(shape[:-1]):
+        np.testing.assert_array_equal(found[place], function(rows[place]))
+    with pytest.raises(ValueError, match=r"at least 2 samples, got shape \(5, 1\)"):
+        function(np.ones((5, 1)))
+
+
+@pytest.mark.parametrize("step", [2, 3, -1, -2])
+def test_samples_at_any_step_are_those_of_the_whole(step):
+    series = EnvelopeSeries(noise(2000), FS, BAND)
+    whole = series[:]
+    np.testing.assert_allclose(series[100:1900][::step], whole[100:1900][::step], rtol=1e-9)
+    picked = slice(100, 1900, step) if step > 0 else slice(1900, 100, step)
+    np.testing.assert_allclose(series[picked], whole[picked], rtol=1e-9)
+
+
+def test_an_envelope_of_a_whitened_signal_is_pickled():
+    series = EnvelopeSeries(WhitenedSeries(noise(9000), FS), FS, BAND)
+    again = pickle.loads(pickle.dumps(series))
+    assert again == series
+    np.testing.assert_array_equal(again[:], series[:])
+
+
+def test_the_channels_of_a_detector_are_those_of_the_first_recording():
+    first = knocking()
+    other = Recording(
+        {**first.signals, "extra": first.signals["sound"]},
+        {**first.fs, "extra": first.fs["sound"]},
+        velocity=first.velocity,
+        shaft_fs=first.shaft_fs,
+    )
+    for step in (EnvelopeDetector(BAND, channels=["sound"]), CepstralPrewhitening()):
+        assert step.fit([first, other]).channels_ == first.channels
+        with pytest.raises(NotFittedError):
+            clone(step).get_feature_names_out()

@@ -1,10 +1,13 @@
 """Recordings in files: equal to those in memory, read when needed, and small when pickled."""
 
+import io
 import os
 import pickle
 import subprocess
 import sys
 import wave
+import zipfile
+from hashlib import sha256
 
 import numpy as np
 import pandas as pd
@@ -269,7 +272,11 @@ def test_a_file_replaced_by_one_of_the_same_size_and_time_is_an_error_where_it_i
     replace_alike(npz)
     opened.release()
     for recording in (opened, part, pickle.loads(pickled)):
-        with pytest.raises(ValueError, match=r"same size and time, but its content .* Open it aga"):
+        message = (
+            r"same size and time, but its content had the digest [0-9a-f]{12}, and has "
+            r"[0-9a-f]{12}\. Open it again"
+        )
+        with pytest.raises(ValueError, match=message):
             recording.signals  # noqa: B018
     assert open_recording(npz, LAYOUT).signals["vibration"][0] < 0
 
@@ -634,3 +641,63 @@ def test_a_value_longer_than_the_most_is_computed_each_time():
     for n in (3, 3, 4, 4):
         assert remembered.once(n, lambda n=n: values(n), most=3) == [0] * n
     assert computed == [3, 4, 4]
+
+
+def test_a_file_that_is_known_is_not_read_to_be_pickled(npz):
+    opened = open_recording(npz, LAYOUT)
+    assert opened.duration
+    *_, digest = opened._state.__reduce__()[1]
+    assert digest == sha256(npz.read_bytes()).hexdigest()
+    npz.unlink()
+    assert opened._state.__reduce__()[1][-1] == digest
+
+
+def npz_of(folder, **members):
+    """Write the bytes of npy files."""
+    with zipfile.ZipFile(folder / "a.npz", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return folder / "a.npz"
+
+
+def npy(values, version=(1, 0)):
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.asarray(values), version=version)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_headers_of_all_versions_are_read(tmp_path, version):
+    square = np.arange(9.0).reshape(3, 3)
+    content = {"b": npy([1.0, 2, 5], version), "q": npy(square, version), "z": npy([1j], version)}
+    found = read_columns(npz_of(tmp_path, **content))
+    assert {name: values.tolist() for name, values in found.columns.items()} == {
+        "b": [1, 2, 5],
+        **{f"q.{k}": square[k].tolist() for k in range(3)},  # of a square, its rows
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (npy([1.0, 2]).replace(b"(2,)", b"(-2,)").replace(b" \n", b"\n"), r"has the shape \(-2,\)"),
+        (npy([1.0, 2], (2, 0))[:-3], r"cannot be read as a .npz file \(ValueError: (?!.*pickle)"),
+    ],
+)
+def test_arrays_that_are_damaged_are_refused(tmp_path, content, message):
+    with pytest.raises(ValueError, match=message):
+        read_columns(npz_of(tmp_path, b=content))
+
+
+def test_what_is_not_kept_can_be_dropped_without_effect():
+    recent = Recent(100)
+    for key in range(150):
+        recent.drop(key)
+    recent.put("a", 1, 100)
+    recent.put("b", 2, 1)
+    assert (recent.get("a"), recent.get("b")) == (None, 2)
+
+
+def test_known_types_are_listed_by_name(tmp_path):
+    with pytest.raises(ValueError, match=r"one of the types \['.csv', '.h5', '.hdf5', '.mat', "):
+        RecordingFolder(tmp_path, LAYOUT)

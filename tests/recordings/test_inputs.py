@@ -93,7 +93,7 @@ def test_channels_in_another_order_are_refused_where_the_order_counts():
 
 
 def test_further_channels_are_refused_only_where_they_are_not_expected():
-    more = run("torque", "noise", "current", unit="B")
+    more = run("torque", "noise", "current", "heat", unit="B")
     check_channels([more], ("torque", "current"))
     with pytest.raises(ValueError, match=r"recording 0 \(unit='B'\) has a channel 'noise' besides"):
         check_channels([more], ("torque", "current"), others=False)
@@ -102,7 +102,7 @@ def test_further_channels_are_refused_only_where_they_are_not_expected():
 def test_a_name_is_looked_up_under_the_words_of_the_caller():
     check_channel_names(["b", "a"], ["a"])
     with pytest.raises(ValueError, match="psd has no channel 'c'; its channels are"):
-        check_channel_names(["b", "a"], ["a", "c"], "psd")
+        check_channel_names(["b", "a"], ["a", "c", "d"], "psd")
 
 
 def test_sequences_and_arrays_are_lists():

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from emacm import Layout, Recording, open_recording
+from emacm.recordings.alternatives import with_names_of
 from emacm.recordings.column_names import is_shaft_name, is_time_name
 from emacm.recordings.units import same_unit, unit_factor, unit_ratio
 
@@ -123,6 +124,7 @@ def test_units_are_the_same_apart_from_spaces_and_exponents():
     assert same_unit("m³·s⁻¹", "m^3*s^-1")
     assert not same_unit("m/s", "m/s2")
     assert not same_unit("mPa", "MPa")
+    assert same_unit("mPa", "mPa")
 
 
 def test_names_of_columns_that_hold_times_or_the_motion_of_the_shaft():
@@ -184,6 +186,15 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (Layout(fs=9, velocity=3), {"rpm": ANGLE}, r"column 'rpm' is named like .*channels=\['b'"),
         (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"no column 'n'; its columns are \['b', 'c'\]"),
+        (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"may give several names: 'n\|b'"),
+        (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"suggests another one than rad/s\. Set"),
+        (Layout(fs=9, angle="deg"), {"deg": ANGLE}, r"suggests another one than rad\. Set units="),
+        (Layout(fs=9, velocity="3 knots"), {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
+        (
+            Layout(velocity=3),
+            {"t": np.arange(N) / 50, "b": ANGLE[::2]},
+            "sampling rate of 'b' is not known",
+        ),
         (Layout(fs=9, velocity="n", units={"n": "knots"}), {"n": ANGLE}, "unit 'knots' of the vel"),
         (Layout(fs=9, velocity="3 knots"), {}, "the unit 'knots' of the velocity is not known"),
         (Layout(fs=9, velocity="n*"), {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
@@ -243,6 +254,7 @@ JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
     [
         (GAP, None, r"a gap of 0.004 s after sample 76"),
         (JITTER, None, "has jitter: sample"),
+        (np.r_[JITTER, N / 500], 500, "has jitter: sample"),
         (np.arange(N)[::-1] / 500, None, "does not increase"),
         (np.r_[np.arange(N - 1), 3] / 500, None, "goes back at sample 599"),
         (
@@ -318,7 +330,8 @@ def test_a_file_without_meta_is_refused(tmp_path, meta, message):
 
 def test_a_name_that_matches_in_two_ways_is_refused(tmp_path):
     layout = Layout(fs=3, velocity=3, meta="{unit}_{state}_{run}")
-    with pytest.raises(ValueError, match="in several ways"):
+    message = "in several ways: {'unit': 'A_inner', .* and {'unit': 'A', 'state': 'inner', "
+    with pytest.raises(ValueError, match=message):
         opened(tmp_path, layout, "A_inner_race_3.npz", b=VIBRATION)
 
 
@@ -382,6 +395,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"meta": "{0}"}, ValueError, "got '0' in"),
         ({"meta": "{}"}, ValueError, "got '' in"),
         ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
+        ({"meta": {"a": {}, "b": 3}}, TypeError, "a mapping from file names to mappings"),
         ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
         ({"meta": pd.DataFrame({"file": [*"baab"]})}, ValueError, "several rows for 'a'"),
     ],
@@ -425,3 +439,29 @@ def test_units_of_one_quantity_have_their_ratio_and_others_none(base):
             if other != base:
                 assert unit_ratio(unit, other) is None
                 assert unit_ratio(other, unit) is None
+
+
+def test_the_most_specific_name_in_a_table_of_meta_is_taken():
+    rows = {"A_1": {"load": 1}, "bench/A_1": {"load": 2}, "old/bench/A_1.npz": {"load": 3}}
+    layout = Layout(meta=rows)
+    found = [layout.meta_of(f"{folder}A_1.npz") for folder in ("", "x/", "bench/", "old/bench/")]
+    assert [meta["load"] for meta in found] == [1, 1, 2, 3]
+    assert layout.meta_of("/data/old/bench/A_1.npz") == {"load": 3}
+
+
+def test_alternatives_may_be_given_for_any_option():
+    has = {"x1", "n", "clock", "rate", "z"}.__contains__
+    layout = Layout(channels={"b": "x0|x1", "c": "n"}, time="t|clock", fs="fs|rate", tacho="k|z")
+    chosen = with_names_of(layout, has)
+    assert chosen.channels == {"b": "x1", "c": "n"}
+    assert (chosen.time, chosen.fs, chosen.tacho) == ("clock", "rate", "z")
+    every = with_names_of(Layout(velocity="speed|90 rpm"), has)
+    assert (every.channels, every.velocity, every.angle) == (None, "90 rpm", None)
+
+
+@pytest.mark.parametrize("values", [["2026-01-01T00:00:00", "oops", "2026-01-01T00:00:02"]])
+def test_a_text_among_dates_is_refused(tmp_path, values):
+    rows = "".join(f"{value},{k}\n" for k, value in enumerate(values))
+    (tmp_path / "a.csv").write_text("time,b\n" + rows)
+    with pytest.raises(ValueError, match="time column 'time' has 'oops' at sample 1"):
+        assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration

@@ -104,6 +104,12 @@ def late(off):
         ),
         (late, 0.05, 0.48, "has jitter: sample"),
         (
+            lambda n: kurtogram(np.random.default_rng(0).normal(size=4000), 9.0, levels=n),
+            9,
+            10,
+            "levels must be a whole number .* at most 9, got 10",
+        ),
+        (
             lambda n: settled(FileColumns({f"x{i}": ZEROS for i in range(n)})),
             10_000,
             10_001,
@@ -153,7 +159,7 @@ def test_the_header_stands_in_the_first_200_lines(tmp_path):
 def test_a_message_lists_20_columns_and_200_characters_of_meta(tmp_path):
     for n_columns, ending in ((20, r"'c19'\]; it|'c19'\]\. W"), (21, r"'c19'\] and 1 more")):
         content = FileColumns({f"c{k}": ZEROS for k in range(n_columns)})
-        with pytest.raises(ValueError, match=ending):
+        with pytest.raises(ValueError, match=r"its columns are \['c0', 'c1', .*" + ending):
             content.find("z")
     for length, ending in ((196, "')"), (197, " ...)")):
         run = Recording({"b": [1, 2]}, 1, velocity=1.0, meta={"k": "x" * length})
@@ -198,9 +204,9 @@ def test_times_of_a_part_are_in_order(start, stop, message):
 @pytest.mark.parametrize("fs", [7.0, 30.0])
 def test_times_that_are_no_multiples_of_a_decimal_are_not_taken_as_rounded(fs):
     times = np.arange(1000) / fs
-    times[40] += 0.099 / fs
+    times[40] += 0.1 / fs - 5e-7
     assert rate_of_times(times, "t") == pytest.approx(fs)
-    times[40] += 0.002 / fs
+    times[40] += 1e-6
     with pytest.raises(ValueError, match="jitter: sample 40 is at"):
         rate_of_times(times, "t")
 
@@ -245,3 +251,8 @@ def test_of_several_gaps_the_first_is_named_beside_the_usual_interval():
     message = r"gap of 0.202 s after sample 19 \(0.038 s\), 2 in all; usual are 0.002 s"
     with pytest.raises(ValueError, match=message):
         rate_of_times(times, "t")
+
+
+def test_a_file_without_columns_has_none_to_suggest():
+    with pytest.raises(ValueError, match=r"it has no column 'z'; its columns are \[\]\. .*: 'z'\."):
+        FileColumns({}).find("z")

@@ -36,7 +36,7 @@ def expected(fs=2560.0, units=("g", "A")):
 def test_parquet_with_metadata_of_fields_and_file(tmp_path):
     pyarrow, parquet = library("pyarrow"), library("pyarrow.parquet")
     fields = [
-        pyarrow.field("vib", pyarrow.float64(), metadata={"unit": "g"}),
+        pyarrow.field("vib", pyarrow.float64(), metadata={"unit": "g", "comment": "left"}),
         pyarrow.field("amp", pyarrow.float64(), metadata={"unit": "A"}),
         pyarrow.field("speed", pyarrow.float64(), metadata={"unit": "rpm"}),
     ]
@@ -170,7 +170,9 @@ def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch, name, mod
     (tmp_path / name).write_bytes(b"something")
     monkeypatch.setitem(sys.modules, module, None)
     opened = open_recording(tmp_path / name, LAYOUT)
-    with pytest.raises(ImportError, match=rf"pip install 'emacm\[{extra}\]'"):
+    library = module.partition(".")[0]
+    message = rf"files are read by {library}, which is not .*pip install 'emacm\[{extra}\]'"
+    with pytest.raises(ImportError, match=message):
         assert opened.duration
 
 
@@ -361,3 +363,12 @@ def test_channels_of_an_mdf_file_as_its_library_yields_them(tmp_path, monkeypatc
     assert dict(run.units) == {"vib": "g"}
     np.testing.assert_array_equal(run.signals["vib.2"], 2 * WAVE[::4])
     np.testing.assert_array_equal(run.signals["flag"], WAVE > 0)
+
+
+def test_sparse_matrices_and_texts_of_a_mat_file_are_no_signals(tmp_path):
+    content = {"s": scipy.sparse.csc_matrix(np.eye(3)), "b": WAVE, "note": "left"}
+    scipy.io.savemat(tmp_path / "a.mat", content)
+    for name, reason in (("s", "is sparse"), ("note", "is a text")):
+        layout = Layout(fs=100, channels=[name], velocity=3)
+        with pytest.raises(ValueError, match=f"'{name}' {reason}, no array of numbers"):
+            assert open_recording(tmp_path / "a.mat", layout).duration

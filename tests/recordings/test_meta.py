@@ -6,6 +6,7 @@ from collections import UserList
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.sparse
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
@@ -168,3 +169,34 @@ def test_a_condition_is_named_by_its_keys_or_as_a_condition():
     assert condition_name("load", 20.5) == "load=20.5"
     assert condition_name(("unit", "load"), ("A", 20)) == "unit='A', load=20"
     assert condition_name(lambda run: run.meta["load"], "low") == "condition 'low'"
+
+
+def test_chosen_rows_of_an_array_are_an_array():
+    found = chosen_rows(np.array([[1, 2], [3, 4], [5, 6]]), np.array([2, 0]))
+    assert isinstance(found, np.ndarray)
+    assert found.tolist() == [[5, 6], [1, 2]]
+
+
+def test_labels_of_sparse_rows_are_read():
+    X = scipy.sparse.csr_array(np.eye(3))
+    assert read_meta(X, ["a", "b", "c"], arrays=True) == ["a", "b", "c"]
+
+
+def test_kinds_of_labels_are_listed_by_name():
+    with pytest.raises(TypeError, match="labels of one kind, got float, int, str, tuple"):
+        read_grouping([("a",), 2, "b", 2.5], runs({}, {}, {}, {}), "runs", "run")
+
+
+@pytest.mark.parametrize(("arrays", "words"), [(True, "an array with one label"), (False, None)])
+def test_an_array_is_offered_only_where_it_is_accepted(arrays, words):
+    with pytest.raises(TypeError, match="a function of the recording") as caught:
+        read_meta(FLEET, {"unit"}, arrays=arrays)
+    assert ("or an array with one label for each recording" in str(caught.value)) is arrays
+    remedy = "or an array." if arrays else "or a function that reads it."
+    with pytest.raises(TypeError, match=r"Pass recordings with meta={'load': \.\.\.}, " + remedy):
+        read_meta([1, 2], "load", arrays=arrays)
+
+
+def test_a_missing_column_is_called_a_column():
+    with pytest.raises(ValueError, match=r"recording 0 has no column 'run', only \['unit', 'load'"):
+        read_meta(FRAME, "run")

@@ -98,7 +98,7 @@ def test_impacts_stay_where_they_were():
     signal = np.zeros(N_TIMES)
     signal[15_000] = 1.0  # an impulse has all frequencies alike already
     white = prewhitened(signal + 1e-3 * noise(), FS)
-    assert np.abs(white).argmax() == 15_000
+    assert white.argmax() == 15_000  # and has the same sign
     assert abs(white[15_000]) > 20 * white[14_000:14_900].std()
 
 
@@ -318,6 +318,8 @@ def test_segments_are_a_power_of_two_of_about_the_same_time_at_any_rate(fs):
 def test_segments_last_about_half_a_second_and_fade_within_a_sixteenth(fs, n_segment):
     series = WhitenedSeries(np.zeros(5 * n_segment), fs)
     assert (series._hop + series._fade, series._fade) == (n_segment, n_segment // 16)
+    fast = WhitenedSeries(np.zeros(98), fs)  # 112 would have a factor of 7
+    assert fast._hop + fast._fade == 120
     short = WhitenedSeries(np.zeros(14 * 9), fs)  # a single segment, of 16 * 9 samples
     assert (short._hop + short._fade, short._fade) == (144, 9)
 
@@ -336,3 +338,13 @@ def test_the_mean_square_is_one_but_for_what_fading_takes(seed):
     # they hold is not related. That is a quarter of a fade in each hop, of 15 fades.
     white = prewhitened(noise(200_000, seed), FS)
     assert 1 - 1 / 60 < np.mean(white**2) < 1
+
+
+def test_single_samples_are_those_of_the_whole_where_groups_of_segments_meet():
+    series = WhitenedSeries(noise(33_000), 100.0)
+    boundary = series._n_group * series._hop - series._fade
+    assert boundary < 32_000
+    whole = series[:]
+    for place in (*range(boundary - 2, boundary + 3), boundary + series._fade):
+        np.testing.assert_array_equal(series[place : place + 1], whole[place : place + 1])
+        np.testing.assert_array_equal(series[place - 5 : place + 1], whole[place - 5 : place + 1])

@@ -777,6 +777,13 @@ def test_a_clock_coarser_than_the_rate_is_no_contradiction():
     assert Recording(table(coarse), 1000, velocity=np.full(4000, 3.0)).duration == 4
     with pytest.raises(ValueError, match="contradicts fs = 500 Hz"):
         Recording(table(coarse), 500, velocity=np.full(4000, 3.0))
+    with pytest.raises(ValueError, match=r"mean rate of the index: 100\d\.?\d* Hz"):
+        Recording(table(coarse), 500, velocity=np.full(4000, 3.0))
+    uneven = np.arange(40) * 0.01
+    uneven[5], uneven[17] = 0.052, uneven[16]  # one twice, though the clock is fine enough
+    index = pd.Timestamp("2024-05-01") + pd.to_timedelta(uneven, unit="s")
+    with pytest.raises(ValueError, match=r"sample 17 is at 0\.16 s, expected was 0\.17 s"):
+        Recording(table(index), 100, velocity=np.full(40, 3.0))
 
 
 def test_the_time_index_of_the_shaft_is_checked_with_its_own_rate():
@@ -936,3 +943,35 @@ def test_a_constant_speed_has_two_samples_or_more(n_times, n_shaft):
 def test_a_digest_is_the_same_in_every_version():
     run = Recording({"b": [1.0, 2.0], "a": [3.0, 5.0]}, 2, velocity=[7.0, 8.0])
     assert run.digest == "25deb50fada4cbb211e1c681af3d7c111e9595c2c281bc51f82f78609224f491"
+
+
+@pytest.mark.parametrize("samples", [1, -1])
+def test_indices_may_begin_one_sample_apart(samples):
+    frame = table(clock(start="2024-05-01 12:00:00"))
+    for apart, accepted in ((0.01, True), (0.015, False)):
+        start = frame.index + pd.Timedelta(seconds=apart * samples)
+        shaft = pd.Series(np.full(400, 3.0), index=start)
+        if accepted:
+            assert Recording(frame, 100, velocity=shaft).duration == 4
+        else:
+            with pytest.raises(ValueError, match="have different indices: velocity starts at"):
+                Recording(frame, 100, velocity=shaft)
+
+
+def test_a_constant_speed_lasts_as_long_as_the_fastest_channel():
+    signals = {"a": np.zeros(250), "z": np.zeros(3)}
+    run = Recording(signals, {"a": 100, "z": 1}, velocity=3.0, shaft_fs=100)
+    assert len(run.velocity) == 250
+
+
+def test_an_angle_in_float32_may_rise_by_its_resolution():
+    angle = (4096 + 2.0**-11 * np.arange(50)).astype(np.float32)
+    assert Recording({"b": np.zeros(50)}, 10, angle=angle).angle[-1] == angle[-1]
+    with pytest.raises(ValueError, match="float32 resolves"):
+        Recording({"b": np.zeros(99)}, 10, angle=np.repeat(angle, 2)[:99])
+
+
+def test_the_repr_counts_revolutions_there_and_back():
+    angle = 2 * np.pi * np.r_[np.linspace(0, 3, 31), np.linspace(3, 1, 21)[1:]]
+    text = repr(Recording({"b": np.zeros(51)}, 10, angle=angle))
+    assert text == "Recording(b 10 Hz; angle 10 Hz; 5.1 s, 5 revolutions)"
