@@ -10,6 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
+from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm.orders.bins import (
@@ -369,6 +370,8 @@ def test_what_makes_no_bins_is_refused(options, error, message):
 def test_the_operator_refuses_orders_that_fall_and_bands_that_are_none():
     with pytest.raises(ValueError, match="orders must increase"):
         bin_operator([0, 2, 1], [(0, 1)])
+    with pytest.raises(ValueError, match=r"orders must increase, got \[0.0, 1.0, 1.0\]"):
+        bin_operator([0, 1, 1], [(0, 1)])
     with pytest.raises(ValueError, match="bin 0 must run from a lower to a higher order"):
         bin_operator([0, 1, 2], [(2, 1)])
 
@@ -462,3 +465,39 @@ def test_ten_thousand_bins_are_the_most():
     assert len(bin_edges(0.0008, 8)) == 10_000
     with pytest.raises(ValueError, match=r"would make 1.01e\+04 bins up to order 8"):
         bin_edges(0.00079, 8)
+
+
+@pytest.mark.parametrize(("factor", "same"), [(1 + 0.9e-9, True), (1 + 1.1e-9, False)])
+def test_a_step_agrees_with_the_orders_to_1e_9(factor, same):
+    spectrum = OrderTable(np.ones((1, 5)), [f"a@{k / 2}" for k in range(5)])
+    bins = BinTransformer(1, max_order=2, order_step=0.5 * factor)
+    if same:
+        assert bins.fit_transform(spectrum).shape == (1, 2)
+    else:
+        with pytest.raises(ValueError, match=r"contradicts the columns of 'a'"):
+            bins.fit(spectrum)
+
+
+def test_an_edge_of_minus_0_is_0():
+    bins = BinTransformer(edges=[-0.0, 1.5]).fit(np.ones((1, 51)))
+    assert bins.get_feature_names_out().tolist() == ["signal@0-1.5"]
+
+
+@pytest.mark.parametrize("lost", [np.asarray, lambda X: X[:, :].view(np.ndarray), lambda X: X + 0])
+def test_an_array_of_an_order_table_that_has_lost_its_orders_is_refused(lost):
+    spectrum = OrderTable(np.ones((2, 5)), [f"a@{k / 2}" for k in range(5)])
+    message = "X was an order table, but an operation on it .* has removed its orders"
+    with pytest.raises(ValueError, match=message):
+        BinTransformer(1, max_order=2).fit(lost(spectrum))
+    assert BinTransformer(1, max_order=2, order_step=0.5).fit(lost(spectrum)).bins_[0] == (0, 1)
+
+
+def test_names_of_bins_are_given_after_a_fit_and_compared_with_its_columns():
+    with pytest.raises(NotFittedError):
+        BinTransformer().get_feature_names_out()
+    spectrum = OrderTable(np.ones((2, 3)), ["a@0", "a@1", "a@2"])
+    bins = BinTransformer(max_order=2).fit(spectrum)
+    names = bins.get_feature_names_out(["a@0", "a@1", "a@2"])
+    assert (names.tolist(), names.dtype) == (["a@0-1", "a@1-2"], object)
+    with pytest.raises(ValueError, match="input_features is not equal to feature_names_in_"):
+        bins.get_feature_names_out(["a@0", "a@2", "a@1"])

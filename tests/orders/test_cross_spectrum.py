@@ -239,3 +239,13 @@ def test_no_segment_at_all_is_refused():
     plan = segment_plan(50, revolutions=4)
     with pytest.raises(ValueError, match="no signal holds a segment of 200 samples"):
         cross_averages(plan, plan.lines_of([noise(2, 100)]), [(0, 1)], "xy")
+
+
+def test_pairs_of_very_different_units_are_each_compared_with_their_own():
+    x, y = noise(2, 3000)
+    scales = np.array([[1.0], [1e-17], [1e15]])
+    rows = coherence(scales * x, scales * (x + y), 50, revolutions=4)[1]
+    gains = frequency_response(scales * x, np.tile(x + y, (3, 1)), 50, revolutions=4)[1]
+    for row, gain, scale in zip(rows, gains, scales, strict=True):
+        np.testing.assert_allclose(row, rows[0], rtol=1e-9)
+        np.testing.assert_allclose(scale * gain, gains[0], rtol=1e-9)

@@ -199,7 +199,12 @@ def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
 @pytest.mark.parametrize(("n_groups", "n_columns"), [(5, 2), (7, 2), (8, 40), (30, 3)])
 def test_the_limit_is_that_of_each_group_beside_all_others(n_groups, n_columns):
     psd = np.random.default_rng(n_groups).gamma(2, size=(n_groups, n_columns)) ** 3
-    others = [np.delete(psd, k, axis=0).max(axis=0) for k in range(n_groups)]
+    psd[: n_groups - 1, 1] = 0  # a line of a single group
+    psd *= 1e5
+    maxima = psd.max(axis=0)
+    others = [
+        np.maximum(np.delete(psd, k, axis=0).max(axis=0), 1e-12 * maxima) for k in range(n_groups)
+    ]
     excess = 10 * np.log10((psd / others).max(axis=1))
     median = np.median(excess)
     peaks = excess[excess > median] - median
@@ -307,3 +312,20 @@ def test_only_recordings_with_new_lines_are_warned_of():
         "recording 2: line at order 9 of 'c0', 6 dB above the training maximum"
     )
     assert caught[0].filename == __file__
+
+
+def test_lines_of_a_table_without_names_are_compared():
+    same = np.repeat(spectra(1, 0), 9, axis=0)
+    bins = BinTransformer(max_order=12, order_step=0.125).fit(same)
+    new = same[:1].copy()
+    new[0, column(9)] *= 100
+    with pytest.warns(UserWarning, match="recording 0: line at order 9 of 'signal', 20 dB above"):
+        bins.transform(new)
+
+
+def test_a_statement_is_collected_once(training, fitted):
+    new = with_line(spectra(1, 2), 9.0, 20, training)
+    with collected_statements() as found:
+        for _ in range(3):
+            fitted.transform(table(new))
+    assert len(found) == 1

@@ -498,3 +498,55 @@ def test_a_stroke_of_one_sample_beside_longer_ones_is_left_out_of_padding():
         np.testing.assert_allclose(
             estimator.fit_transform(rows), estimator.fit_transform(one), rtol=1e-9
         )
+
+
+def constant_speed(signals, n_times=4000):
+    run = Recording(signals, 400, velocity=np.full(n_times, 30.0))
+    return OrderResampler(TURN / 32).fit_transform([run])
+
+
+@pytest.mark.parametrize("dead", [*"zab"])
+def test_the_channel_without_power_is_named(dead):
+    rng = np.random.default_rng(0)
+    signals = {name: (name != dead) * rng.standard_normal(4000) for name in "zab"}
+    pairs = [("z", "a"), ("a", "b"), ("b", "z")]
+    with pytest.raises(ValueError, match=f"recording 0: channel '{dead}' has no power at any ord"):
+        OrderCrossSpectrum(8, pairs=pairs).fit_transform(constant_speed(signals))
+
+
+@pytest.mark.parametrize("unit", [1e-20, 1e-3, 1e20])
+def test_the_unit_of_a_channel_changes_the_response_by_its_factor(unit):
+    x, y = np.random.default_rng(0).standard_normal((2, 4000))
+    one, other = (
+        OrderCrossSpectrum(8).fit_transform(constant_speed({"z": f * x, "a": x + y}))
+        for f in (1.0, unit)
+    )
+    np.testing.assert_allclose(np.asarray(other) * unit, one, rtol=1e-9)
+
+
+def test_a_stroke_that_just_holds_a_segment_is_used():
+    x, y = np.random.default_rng(0).standard_normal((2, 4000))
+    rows = constant_speed({"z": x, "a": y})
+    n_angles = rows[0].strokes[0].n_angles
+    cross = OrderCrossSpectrum(n_per_segment=n_angles, kind="cross").fit_transform(rows)
+    assert np.abs(cross).max() > 0
+    psd = OrderPSD(n_per_segment=n_angles).fit_transform(rows)
+    assert psd.min() > 0
+    with pytest.raises(ValueError, match="no stroke holds a segment"):
+        OrderCrossSpectrum(n_per_segment=n_angles + 1).fit_transform(rows)
+
+
+def test_values_beyond_float64_are_refused_without_a_warning():
+    x, y = np.random.default_rng(0).standard_normal((2, 4000))
+    rows = constant_speed({"z": 1e-160 * x, "a": 1e160 * y})
+    with pytest.raises(ValueError, match="recording 0: some value exceeds the range of float64"):
+        OrderCrossSpectrum(8).fit_transform(rows)
+
+
+def test_input_names_are_the_channels_of_the_first_recording():
+    x = np.random.default_rng(0).standard_normal((3, 4000))
+    rows = constant_speed({"z": x[0], "a": x[1]}) + constant_speed(dict(zip("zba", x, strict=True)))
+    cross = OrderCrossSpectrum(8, bin_size=4, max_order=4).fit(rows)
+    assert cross.get_feature_names_out(["z", "a"])[0] == "z*a:response.real@0-4"
+    with pytest.raises(ValueError, match="input_features"):
+        cross.get_feature_names_out([*"zba"])

@@ -372,3 +372,39 @@ def test_names_of_the_input_are_as_many_as_channels():
         psd.get_feature_names_out([*"uvw"])
     rows = OrderPSD(4, theta_s=TURN / 32).fit([np.ones(200), np.ones(300)])
     assert len(rows.get_feature_names_out([*"uvw"])) == len(rows.orders_)  # of any length
+
+
+def test_fit_compares_the_channels_of_all_recordings():
+    rows = [*scaled(1.0), *scaled(1.0, ("z", "b"))]
+    with pytest.raises(ValueError, match="recording 1 has no channel 'a'; its channels are"):
+        OrderPSD(4).fit(rows)
+
+
+def test_rows_without_an_axis_have_segments_of_the_shortest_and_plain_spectra():
+    rows = [RNG.standard_normal(n) for n in (13, 10, 12)]
+    psd = OrderPSD().fit(rows)
+    assert psd.n_per_segment_ == 10
+    found = psd.transform(rows)
+    assert type(found) is np.ndarray
+    assert psd.get_feature_names_out().tolist() == [f"line{k}" for k in range(6)]
+    boxed = np.empty(3, object)
+    boxed[:] = rows
+    np.testing.assert_array_equal(OrderPSD().fit_transform(boxed), found)
+    assert OrderPSD().fit(rows * 2).n_per_segment_ == 10
+    assert OrderPSD().fit([np.ones(30), np.ones(40)]).n_per_segment_ == 16
+
+
+@pytest.mark.parametrize("dtype", [int, np.int8, bool, np.float16, np.longdouble, object])
+def test_a_table_of_any_numbers_has_the_spectrum_in_float64(dtype):
+    rows = RNG.integers(0, 2, (2, 40))
+    found = OrderPSD(n_per_segment=8).fit_transform(rows.astype(dtype))
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, OrderPSD(n_per_segment=8).fit_transform(rows + 0.0))
+
+
+def test_after_fit_a_table_of_one_column_has_the_wrong_number():
+    psd = OrderPSD(n_per_segment=8).fit(np.ones((2, 40)))
+    with pytest.raises(ValueError, match="X has 1 features, but OrderPSD is expecting 40"):
+        psd.transform(np.ones((2, 1)))
+    with pytest.raises(ValueError, match=r"1 feature.*minimum of 2 is required"):
+        psd.fit(np.ones((2, 1)))

@@ -883,3 +883,20 @@ def test_rows_are_estimated_with_the_options_of_the_caller(store, monkeypatch):
     found = recalled(square, rows, store, PLAN, (1, 1), names=names, n_jobs=3, verbose=2)
     assert np.ravel(found).tolist() == [1, 4, 1, 9]
     assert asked == {"names": ["row 0", "row 3"], "n_jobs": 3, "verbose": 2, "done": 1}
+
+
+def test_files_that_just_fill_the_limit_are_kept(tmp_path):
+    store = SpectrumStore(tmp_path, bytes_limit=10**9)
+    for key in (A, B, C):
+        store.keep(key, np.ones(30))
+    exact = SpectrumStore(tmp_path, bytes_limit=size(tmp_path))
+    exact._make_room()
+    assert len(files(tmp_path)) == 3
+    SpectrumStore(tmp_path, bytes_limit=size(tmp_path) - 1)._make_room()
+    assert len(files(tmp_path)) == 2
+
+
+def test_a_spectrum_without_lines_is_kept(store):
+    store.keep(A, np.empty((2, 0)))
+    clear_memory()
+    assert store.find(A, (2, 0)).shape == (2, 0)

@@ -489,7 +489,17 @@ def test_a_segment_has_2_to_2_to_the_31_samples(
 
 
 @pytest.mark.parametrize(
-    ("max_order", "n_orders"), [(None, 126), (0, 1), (0.39, 2), (0.4, 2), (0.41, 3), (60, 126)]
+    ("max_order", "n_orders"),
+    [
+        (None, 126),
+        (0, 1),
+        (0.39, 2),
+        (0.4, 2),
+        (0.41, 3),
+        (60, 126),
+        (0.4 * (1 + 0.9e-9), 2),
+        (0.4 * (1 + 1.1e-9), 3),
+    ],
 )
 def test_the_line_at_or_above_the_highest_order_is_the_last(max_order, n_orders):
     plan = segment_plan(100.0, n_per_segment=250, max_order=max_order)
@@ -504,7 +514,7 @@ def test_segments_are_at_least_one_sample_apart(overlap, step):
     assert segment_plan(4.0, n_per_segment=10, overlap=overlap).step == step
 
 
-@pytest.mark.parametrize("scale", [1, 3])
+@pytest.mark.parametrize("scale", [1, 5])
 @pytest.mark.parametrize("average", ["mean", "median"])
 def test_long_segments_of_several_channels_are_averaged_as_in_welch(scale, average):
     length = 12_000 * scale  # so long that few are transformed at a time
