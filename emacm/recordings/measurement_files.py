@@ -168,7 +168,8 @@ def _add_attributes(
             if own:
                 content.rates[place] = _number(key, value, place)
             else:
-                content.numbers[f"{place}{key}"] = _number(key, value, place)
+                for name in {key, "fs" if key == "rate" else key}:  # "rate" alone may be of others
+                    content.numbers[f"{place}{name}"] = _number(key, value, place)
         elif key in _UNIT_KEYS:
             content.units |= dict(_units(place, value))
 

@@ -108,6 +108,7 @@ def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_pat
     ("text", "encoding"),
     [
         ("b;n;;;\r\n1,5;900;;;\r\n-2,5;903,5;;;\r\n4;907;;;\r\n", "utf-8"),  # a spreadsheet
+        ("Logger: XYZ\nplace;left\nb;n;;;\n1,5;900;;;\n-2,5;903,5;;;\n4;907;;;\n", "utf-8"),
         ("b,n\n1.5,900\n-2.5,903.5\n4,907\n,\n,\n", "utf-8"),  # with rows that were deleted
         ('b,n\n"1,5","900,0"\n"-2,5","903,5"\n"4,0","907,0"\n', "utf-8"),
         ('"b","n"\n"1.5","900"\n"-2.5","903.5"\n"4","907"\n', "utf-8"),

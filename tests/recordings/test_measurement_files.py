@@ -372,3 +372,14 @@ def test_sparse_matrices_and_texts_of_a_mat_file_are_no_signals(tmp_path):
         layout = Layout(fs=100, channels=[name], velocity=3)
         with pytest.raises(ValueError, match=f"'{name}' {reason}, no array of numbers"):
             assert open_recording(tmp_path / "a.mat", layout).duration
+
+
+@pytest.mark.parametrize("key", ["fs", "sampling_rate", "sample_rate", "samplerate", "rate"])
+def test_attributes_of_an_hdf5_file_hold_for_all_its_data_sets(tmp_path, key):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["vib"], file["bench/amp"] = WAVE, 2 * WAVE
+        file.attrs.update({key: 100.0, "units": '{"vib": "g", "bench/amp": "A"}'})
+    run = open_recording(tmp_path / "a.h5", Layout(velocity=3))
+    assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
+    assert dict(run.units) == {"bench/amp": "A", "vib": "g"}

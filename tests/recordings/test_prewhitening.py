@@ -348,3 +348,17 @@ def test_single_samples_are_those_of_the_whole_where_groups_of_segments_meet():
     for place in (*range(boundary - 2, boundary + 3), boundary + series._fade):
         np.testing.assert_array_equal(series[place : place + 1], whole[place : place + 1])
         np.testing.assert_array_equal(series[place - 5 : place + 1], whole[place - 5 : place + 1])
+
+
+@pytest.mark.parametrize("gain", [1e-20, -1e-3, 1e20])
+def test_whitened_segments_do_not_depend_on_the_gain(gain):
+    segments = noise(2000).reshape(2, 1000)
+    expected = np.sign(gain) * whiten(segments)
+    np.testing.assert_allclose(whiten(gain * segments), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(whiten(segments, rms=0.3), 0.3 * whiten(segments), rtol=1e-12)
+
+
+def test_what_rounding_left_of_a_large_constant_is_no_signal():
+    rest = 1e-13 * noise(1000)[np.newaxis]
+    assert np.abs(whiten(rest, [1e3])).max() == 0
+    assert np.abs(whiten(rest, [1e-3])).max() > 1
