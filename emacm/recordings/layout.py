@@ -57,7 +57,8 @@ class Layout:
         Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
         matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or
         a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
-        from names to mappings. A text that ends with ".csv" is the path of such a table.
+        from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
+        begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
 
     Raises
     ------

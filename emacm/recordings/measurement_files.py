@@ -161,15 +161,17 @@ def _add_attributes(
     content: FileColumns, place: str, attributes: Mapping[str, Any], *, own: bool = False
 ) -> None:
     """Add what attributes state on rates and units of a column, or of a group of columns."""
+    only_rate = [key for key in _RATE_KEYS if key in attributes] == ["rate"]
     for key in attributes:
         value = attributes[key]
         value = value.decode() if isinstance(value, bytes) else value
         if key in _RATE_KEYS:
-            if own:
-                content.rates[place] = _number(key, value, place)
-            else:
-                for name in {key, "fs" if key == "rate" else key}:  # "rate" alone may be of others
-                    content.numbers[f"{place}{name}"] = _number(key, value, place)
+            number = _number(key, value, place)
+            if not own:
+                for name in (key, "fs") if only_rate else (key,):
+                    content.numbers[f"{place}{name}"] = number
+            elif key != "rate" or only_rate:  # beside another one, it may be of something else
+                content.rates[place] = number
         elif key in _UNIT_KEYS:
             content.units |= dict(_units(place, value))
 

@@ -383,3 +383,16 @@ def test_attributes_of_an_hdf5_file_hold_for_all_its_data_sets(tmp_path, key):
     run = open_recording(tmp_path / "a.h5", Layout(velocity=3))
     assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
     assert dict(run.units) == {"bench/amp": "A", "vib": "g"}
+
+
+@pytest.mark.parametrize("key", ["fs", "sampling_rate", "sample_rate"])
+def test_the_attribute_rate_beside_a_rate_with_a_clear_name_is_of_something_else(tmp_path, key):
+    h5py = library("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["vib"], file["bench/amp"] = WAVE, 2 * WAVE
+        for place in (file, file["bench/amp"]):
+            place.attrs.update({"rate": 3.0, key: 100.0})
+    run = open_recording(tmp_path / "a.h5", Layout(velocity=3))
+    assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
+    with pytest.raises(ValueError, match="the layout states fs = 3 Hz .* but the file 100 Hz"):
+        assert open_recording(tmp_path / "a.h5", Layout(fs="rate", velocity=3)).duration
