@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,8 @@ from emacm.monitoring.life_calibration import BEFORE_ONSET, SAME_AGE
 from emacm.monitoring.unit_histories import History
 
 Array = NDArray[np.float64]
+
+_FAR = 0.1  # beyond the range, as of speeds outside the training (`emacm.resampling`)
 
 
 @dataclass(frozen=True)
@@ -36,14 +39,37 @@ class FitRange:
         columns = np.concatenate([unit.columns for unit in histories])
         return cls(float(lives.max()), columns.min(axis=0), columns.max(axis=0))
 
-    def outside(self, age: float, columns: Array) -> str:
-        """State what of a reading is outside the range, or return an empty string."""
+    def statements(self, units: list[History], n_rows: int, *, margin: float = 0.0) -> list[str]:
+        """State for each reading what of it is outside the range; an empty string if nothing is.
+
+        The margin is relative to the longest life and to the width of the range of a column.
+        """
+        found = [""] * n_rows
+        for unit in units:
+            for row, age, columns in zip(unit.rows, unit.ages, unit.columns, strict=True):
+                found[row] = self._outside(age, columns, margin)
+        return found
+
+    def warn_outside(self, units: list[History], n_rows: int, *, stacklevel: int) -> None:
+        """Warn of readings far outside the range, naming the first."""
+        texts = self.statements(units, n_rows, margin=_FAR)
+        rows = [row for row, text in enumerate(texts) if text]
+        if rows:
+            warnings.warn(
+                f"{len(rows)} of {n_rows} readings are far outside the range of the fit, where "
+                f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
+                UserWarning,
+                stacklevel=stacklevel + 1,
+            )
+
+    def _outside(self, age: float, columns: Array, margin: float) -> str:
         found = []
-        if age > self.longest:
+        if age > (1 + margin) * self.longest:
             found.append(f"The age {age:g} is above the longest life of the fit, {self.longest:g}.")
         limits = zip(columns, self.lowest, self.highest, strict=True)
         for number, (value, low, high) in enumerate(limits, 1):
-            if not low <= value <= high:
+            beyond = margin * (high - low)
+            if not low - beyond <= value <= high + beyond:
                 name = "health index" if number == 1 else f"column {number}"
                 found.append(
                     f"The {name} {value:g} is outside that of the fit, {low:g} to {high:g}."

@@ -232,6 +232,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         wanted = check_real_array(levels, "levels").astype(np.float64)
         if wanted.ndim != 1 or not ((wanted >= 0) & (wanted <= 1)).all():
             raise ValueError(f"levels must be a list of numbers from 0 to 1, got {levels!r}.")
+        self._range.warn_outside(units, n_rows, stacklevel=3)
         return self._quantiles(units, np.broadcast_to(wanted, (n_rows, len(wanted))))
 
     def failure_probability(self, X: Any, horizon: float, groups: ArrayLike | None = None) -> Array:
@@ -251,6 +252,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         horizon = check_number(horizon, "horizon", at_least=0)
         units, n_rows = self._followed(X, groups)
+        self._range.warn_outside(units, n_rows, stacklevel=3)
         found = np.empty(n_rows)
         for unit in units:
             remaining = np.full((len(unit.rows), 1), horizon)
@@ -292,10 +294,9 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         columns: dict[str, list[Any]] = {
             name: [None] * n_rows for name in ("age", "stage", "n_units", "calibration")
         }
-        levels, outside = np.full((n_rows, 3), 0.5), [""] * n_rows
+        levels, outside = np.full((n_rows, 3), 0.5), self._range.statements(units, n_rows)
         for unit in units:
             for number, row in enumerate(unit.rows):
-                outside[row] = self._range.outside(unit.ages[number], unit.columns[number])
                 damaged = number >= unit.onset
                 stage = DAMAGE if damaged else BEFORE_ONSET
                 time = unit.ages[number] - (unit.ages[unit.onset] if damaged else 0)

@@ -306,6 +306,28 @@ def test_what_is_outside_the_fit_is_stated():
     assert high.endswith("Check the units of measurement.")
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda fitted, X: fitted.predict(X),
+        lambda fitted, X: fitted.failure_probability(X, 10.0),
+        lambda fitted, X: fitted.decide(X, COSTS),
+    ],
+)
+def test_predictions_outside_the_fit_warn(asked):
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    longest = (X[:, 0] + y).max()
+    least, most = X[:, 1].min(), X[:, 1].max()
+    tenth = (most - least) / 10
+    inside = [[1.09 * longest, least - 0.9 * tenth], [90.0, most + 0.9 * tenth]]
+    asked(fitted, inside)  # any warning is an error
+    with pytest.warns(UserWarning, match="2 of 4 readings are far .* row 2: The age"):
+        asked(fitted, [*inside, [1.11 * longest, -20.0], [90.0, most + 1.1 * tenth]])
+    with pytest.warns(UserWarning, match="1 of 1 readings .* row 0: The health index"):
+        asked(fitted, [[90.0, least - 1.1 * tenth]])
+
+
 def test_without_a_health_index_the_life_of_the_population_is_stated_as_such():
     X, y, groups, _ = followed(range(12))
     fitted = RemainingLife().fit(X[:, :1], y, groups=groups)
@@ -351,6 +373,7 @@ def test_a_frame_is_accepted_and_its_index_kept():
     np.testing.assert_array_equal(again.predict(frame), fitted.predict(frame))
 
 
+@pytest.mark.filterwarnings("ignore:.* far outside the range of the fit")  # the longest-lived unit
 def test_units_are_held_out_as_wholes_by_scikit_learn():
     X, y, groups, _ = followed(range(30))
     folds = GroupKFold(3)
