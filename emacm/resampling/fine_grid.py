@@ -118,19 +118,18 @@ class FineGrid:
         ndarray of shape (n_rows, n_outputs)
             May be empty.
         """
-        farthest = max(self._reached, float(block.travel.max()))
-        outputs = np.empty((len(block.values), max(0, self._n_complete(farthest))))
-        done, n_times = 0, len(block.travel)
-        for start in range(0, n_times, self.part):
-            part = block.cut(start, min(start + self.part, n_times))
-            self._reached = max(self._reached, float(part.travel.max()))
-            if not self._done:  # the mirror image at the start
-                self._spread(part, -1, limit=np.inf)
-            self._spread(part)
-            ready = self._n_complete(self._reached)
-            if ready > 0:
-                self._decimate(outputs, done, ready)
-                done += ready
+        n_times, begun, start = len(block.travel), self._done, 0
+        parts = np.maximum.reduceat(block.travel, np.arange(0, n_times, self.part))
+        farthest = np.maximum(np.maximum.accumulate(parts), self._reached)
+        outputs = np.empty((len(block.values), max(0, self._n_complete(farthest[-1]))))
+        while start < n_times:
+            stop = n_times
+            if not self._done:  # one part at a time, each after its mirror image at the start
+                stop = min(start + self.part, n_times)
+                self._spread(block.cut(start, stop), -1)
+            reached = farthest[start // self.part : -(-stop // self.part)]
+            self._resample(block.cut(start, stop), reached, outputs, self._done - begun)
+            start = stop
         self._tail = self._tail_with(block)
         return outputs
 
@@ -153,8 +152,9 @@ class FineGrid:
             self._spread(self._tail, sign, shift, limit)
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
-            self._reach(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
-            self._decimate(outputs, 0, outputs.shape[1])
+            self._use(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
+            held, taps = (self._grid, self._used, _FIRST), _decimating_filter()
+            self._loops.decimate(*held, taps, self.means, outputs, 0, outputs.shape[1])
         return outputs
 
     def state(self) -> dict[str, Any]:
@@ -177,40 +177,52 @@ class FineGrid:
         before, after = map(float, state["ends"])
         self._tail = Block(state["travel"], (before, after), list(state["values"]))
 
-    def _n_complete(self, reached: float) -> int:
+    def _n_complete(self, reached: Any) -> Any:
         """Count the outputs that no later sample changes."""
-        return int((reached / self._step + self._offset - self._lag) // 2)
-
-    def _decimate(self, outputs: NDArray[np.floating], done: int, n_outputs: int) -> None:
-        """Fill some outputs, and drop the points that are not needed any more."""
-        taps, grid = _decimating_filter(), (self._grid, self._used, _FIRST)
-        self._loops.decimate(*grid, taps, self.means, outputs, done, n_outputs)
-        self._done, self._used = self._done + n_outputs, self._used - 2 * n_outputs
+        return ((reached / self._step + self._offset - self._lag) // 2).astype(int)
 
     @property
     def _offset(self) -> float:
         """Place of the start of the path among the points held."""
         return _MARGIN - 2.0 * self._done
 
-    def _spread(
-        self, block: Block, sign: int = 1, shift: float = 0.0, limit: float | None = None
+    def _resample(
+        self, block: Block, reached: NDArray[np.floating], outputs: NDArray[np.floating], done: int
     ) -> None:
-        """Spread samples at the angles ``sign * travel + shift``.
+        """Spread samples, part by part, and fill the outputs that are complete after each.
 
-        `limit` is the point beyond which none is needed; None for samples that all are.
+        `reached` is the farthest angle up to the end of each part [rad]; `done` outputs are filled.
         """
+        tops = (reached / self._step + self._offset).astype(int) + 1 + _WIDTH // 2
+        complete = np.maximum(self._n_complete(reached), 0)
+        before = np.concatenate([[0], complete[:-1]])
+        n_points = np.maximum(tops, self._used) - 2 * before
+        self._reach(int(n_points.max()))
+        place = 1 / self._step, self._offset, _kernel_halves()
+        rows = block.values, self.means, self._grid
+        steps = self.part, n_points, complete - before
+        made = _FIRST, _decimating_filter(), outputs, done
+        self._loops.resample(block.travel, block.ends, *place, *rows, *steps, *made)
+        self._reached = float(reached[-1])
+        self._done += int(complete[-1])
+        self._used = int(n_points[-1] - 2 * (complete[-1] - before[-1]))
+
+    def _spread(self, block: Block, sign: int, shift: float = 0.0, limit: float = np.inf) -> None:
+        """Spread a mirror image, at the angles ``sign * travel + shift``, below point `limit`."""
         offset = shift / self._step + self._offset
-        top = self._reached / self._step + offset
-        if limit is not None:
-            position = sign / self._step * block.travel + offset
-            inside = np.flatnonzero((position > 0) & (position < limit))
-            if not len(inside):
-                return
-            block = block.cut(int(inside[0]), int(inside[-1]) + 1)
-            top = min(float(position.max()), limit)
-        self._reach(int(top) + 1 + _WIDTH // 2)
+        position = sign / self._step * block.travel + offset
+        inside = np.flatnonzero((position > 0) & (position < limit))
+        if not len(inside):
+            return
+        block = block.cut(int(inside[0]), int(inside[-1]) + 1)
+        self._use(int(min(float(position.max()), limit)) + 1 + _WIDTH // 2)
         place, grid = (sign / self._step, offset, _kernel_halves()), (self._grid, self._used)
         self._loops.spread(block.travel, block.ends, *place, block.values, self.means, *grid)
+
+    def _use(self, n_points: int) -> None:
+        """Have at least so many points in use."""
+        self._reach(n_points)
+        self._used = max(self._used, n_points)
 
     def _reach(self, n_points: int) -> None:
         """Hold at least so many points."""
@@ -218,7 +230,6 @@ class FineGrid:
             longer = np.zeros((len(self._grid), n_points + n_points // 4))
             longer[:, : self._used] = self._grid[:, : self._used]
             self._grid = longer
-        self._used = max(self._used, n_points)
 
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""

@@ -84,6 +84,34 @@ def test_spreading_agrees(compiled, rng, dtype, n_signals, scale, n_times):
 
 
 @both_types
+@pytest.mark.parametrize("n_signals", [1, 5, 9])
+def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtype, n_signals):
+    travel = np.sort(rng.uniform(0, 100, 1000))
+    signals = [rng.standard_normal(1000).astype(dtype) for _ in range(n_signals)]
+    means, ends = rng.standard_normal(n_signals), (-0.01, 100.01)
+    n_points, ready = np.array([200, 180, 230, 150]), np.array([30, 0, 60, 50])
+    grids, outputs = np.zeros((3, n_signals, 290)), np.full((3, n_signals, 150), 7.0)
+    for module, grid, made in zip((compiled, _kernels_numpy), grids, outputs, strict=False):
+        place, rows = (travel, ends, 3.0, 2.5, _kernel_halves()), (signals, means, grid)
+        module.resample(*place, *rows, 300, n_points, ready, 2, _decimating_filter(), made, 5)
+    offset, done = 2.5, 5
+    for k, (used, n_outputs) in enumerate(zip(n_points, ready, strict=True)):
+        some = slice(300 * k, 300 * (k + 1))
+        around = np.concatenate([ends[:1], travel, ends[1:]])[300 * k : 300 * (k + 1) + 2][[0, -1]]
+        place = travel[some], tuple(around), 3.0, offset, _kernel_halves()
+        _kernels_numpy.spread(*place, [row[some] for row in signals], means, grids[2], used)
+        if n_outputs:
+            taps = _decimating_filter()
+            _kernels_numpy.decimate(grids[2], used, 2, taps, means, outputs[2], done, n_outputs)
+        offset, done = offset - 2.0 * n_outputs, done + n_outputs
+    assert done == 145
+    assert np.abs(grids[2]).max() > 0
+    for k in range(2):
+        agree(grids[k], grids[2])
+        agree(outputs[k], outputs[2])
+
+
+@both_types
 @pytest.mark.parametrize("factor", [2, 3, 7])
 @pytest.mark.parametrize("beyond", [0, 1, 2])
 @pytest.mark.parametrize("n_outputs", [1, 5, 400])
@@ -174,7 +202,7 @@ def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in module.__all__ if callable(getattr(module, name))}
 
-    assert len(offered(compiled)) == 13
+    assert len(offered(compiled)) == 14
     assert offered(compiled) == offered(_kernels_numpy)
     assert compiled.__all__ == _kernels_numpy.__all__
 

@@ -12,6 +12,7 @@ from emacm._kernels.numba.resampling import (
     decimate,
     interpolate_linear,
     interpolation_weights,
+    resample,
     spread,
     upsample,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "interpolation_weights",
     "limited_torque",
     "powers",
+    "resample",
     "resonate",
     "segment_powers",
     "set_checkpoints",

@@ -31,11 +31,36 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    near = np.concatenate([ends[:1], travel, ends[1:]])
+    path = _double(travel), *ends, 0, len(travel), scale, offset, kernel
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        rows = _eight(signals[some])
-        _spread(near, scale, offset, kernel, rows, means[some], grid[some], n_points)
+        _spread(*path, _eight(signals[some]), means[some], grid[some], n_points)
+
+
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    part: int,
+    n_points: Indices,
+    ready: Indices,
+    first: int,
+    taps: Array,
+    outputs: Array,
+    done: int,
+) -> None:
+    """Spread samples part by part, and decimate the grid as far as it is complete after each."""
+    path = _double(travel), *ends, scale, offset, kernel
+    parts = part, n_points, ready, first, taps
+    for start in range(0, len(signals), _AT_ONCE):
+        some = slice(start, start + _AT_ONCE)
+        rows = _eight(signals[some]), means[some], grid[some]
+        _resample(*path, *rows, *parts, outputs[some], done)
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
@@ -181,14 +206,48 @@ def _spread_two(first, second, first_mean, second_mean, weights, cells, first_ro
 
 
 @compiled
-def _spread(near, scale, offset, kernel, signals, means, grid, n_points):
-    n_times = len(near) - 2
+def _resample(
+    travel,
+    before,
+    after,
+    scale,
+    offset,
+    kernel,
+    signals,
+    means,
+    grid,
+    part,
+    n_points,
+    ready,
+    first,
+    taps,
+    outputs,
+    done,
+):
+    for k in range(len(n_points)):
+        start, stop, used = k * part, min((k + 1) * part, len(travel)), n_points[k]
+        place = travel, before, after, start, stop, scale, offset, kernel
+        _spread(*place, signals, means, grid, used)
+        if ready[k]:
+            decimate(grid, used, first, taps, means, outputs, done, ready[k])
+            done += ready[k]
+            offset -= 2.0 * ready[k]
+
+
+@compiled
+def _spread(
+    travel, before, after, start, stop, scale, offset, kernel, signals, means, grid, n_points
+):
     held, cells = np.empty((4, _WEIGHTS)), np.empty(_WEIGHTS, np.uint32)
     weights = held[0], held[1], held[2], held[3]
-    for low in range(0, n_times, _WEIGHTS):
-        count = min(_WEIGHTS, n_times - low)
+    near = np.empty(_WEIGHTS + 2)
+    for low in range(start, stop, _WEIGHTS):
+        count = min(_WEIGHTS, stop - low)
         end, some = low + count, cells[:count]
-        _set_weights(near[low : low + count + 2], scale, offset, kernel, n_points, weights, some)
+        near[0] = travel[low - 1] if low else before
+        near[1 : count + 1] = travel[low:end]
+        near[count + 1] = travel[end] if end < len(travel) else after
+        _set_weights(near, scale, offset, kernel, n_points, weights, some)
         for k in range(0, len(grid) - 1, 2):
             one, two = signals[k][low:end], signals[k + 1][low:end]
             _spread_two(one, two, means[k], means[k + 1], weights, some, grid[k], grid[k + 1])

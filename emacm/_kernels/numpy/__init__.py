@@ -11,6 +11,7 @@ from emacm._kernels.numpy.resampling import (
     decimate,
     interpolate_linear,
     interpolation_weights,
+    resample,
     spread,
     upsample,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "interpolation_weights",
     "limited_torque",
     "powers",
+    "resample",
     "resonate",
     "segment_powers",
     "set_checkpoints",

@@ -98,6 +98,50 @@ def _weights(
     return weights, cell.astype(np.intp)
 
 
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    part: int,
+    n_points: Indices,
+    ready: Indices,
+    first: int,
+    taps: Array,
+    outputs: Array,
+    done: int,
+) -> None:
+    """Spread samples part by part, and decimate the grid as far as it is complete after each.
+
+    Parameters
+    ----------
+    travel, ends, scale, offset, kernel, signals, means, grid
+        As for `spread`. `offset` holds before the grid is decimated.
+    part : int
+        Samples of a part; the last one may be shorter.
+    n_points : ndarray of shape (n_parts,)
+        Columns of the grid in use when a part is spread.
+    ready : ndarray of shape (n_parts,)
+        Outputs that are complete after a part.
+    first, taps, outputs, done
+        As for `decimate`.
+    """
+    near = np.concatenate([ends[:1], travel, ends[1:]])
+    for start, used, n_outputs in zip(range(0, len(travel), part), n_points, ready, strict=True):
+        stop = min(start + part, len(travel))
+        place = (near[start], near[stop + 1]), scale, offset, kernel
+        rows = [signal[start:stop] for signal in signals]
+        spread(travel[start:stop], *place, rows, means, grid, used)
+        if n_outputs:
+            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            done += n_outputs
+            offset -= 2.0 * n_outputs
+
+
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
     """Raise the sampling rate of a signal over time.
 
