@@ -254,8 +254,7 @@ class ResidualRecording(AngleRecording):
     @classmethod
     def of(cls, recording: AngleRecording, baseline: AngleBaseline) -> ResidualRecording:
         """Return the residual of a recording that was resampled with the same theta_s."""
-        names = AngleRecording.__dataclass_fields__
-        return cls(**{name: getattr(recording, name) for name in names}, baseline=baseline)
+        return cls(**recording.__getstate__(), baseline=baseline)
 
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:

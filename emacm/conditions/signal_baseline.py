@@ -26,7 +26,7 @@ from emacm.recordings.meta import condition_name, sorted_conditions
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings, check_theta_s
+from emacm.resampling.inputs import as_angle_recordings, check_alike
 
 
 class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -216,8 +216,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         channels, theta_s = (
             (self.channels_, self.theta_s_) if known is self else (known.channels, known.theta_s)
         )
-        check_channels(rows, channels, others=False, ordered=True)
-        check_theta_s(rows, theta_s, "SignalBaseline")
+        check_alike(rows, channels, theta_s, "SignalBaseline")
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
                 if isinstance(row, ResidualRecording):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.monitoring.held_series import HeldRows, HeldSeries
 from emacm.shaft.motion import DifferentiatedVelocity, Stroke, StrokeTravel
 from emacm.shaft.paths import ShaftPath
@@ -159,7 +159,7 @@ class ShaftStream:
         speed = self._velocity.series[0][self.n_examined - n_before :]
         speed.flags.writeable = False  # so that one kind of array is compiled for
         angle = np.empty(len(speed))
-        kernels().integrate(speed, 0.5 / self.fs, total, len(speed), angle)
+        _kernels.loops.integrate(speed, 0.5 / self.fs, total, len(speed), angle)
         return angle[n_before:]
 
     def _differentiate(self, known: int) -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from emacm.monitoring.held_series import HeldRows, HeldSeries
 from emacm.monitoring.shaft_stream import GrowingStroke, ShaftStream
 from emacm.monitoring.stream_quality import StreamQuality
-from emacm.orders.sections import SectionCutter
-from emacm.orders.segment_plan import SegmentPlan
+from emacm.orders.segment_plan import SectionCutter, SegmentPlan
 from emacm.resampling.fine_grid import LEAST_REVERSAL
 from emacm.resampling.spreading import Spreading, upsampling
 from emacm.shaft.paths import ShaftPath

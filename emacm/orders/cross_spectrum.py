@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.orders.segment_plan import SegmentPlan, WeightedLines
 from emacm.orders.welch import check_holds_segment, segment_plan
 
@@ -164,8 +164,8 @@ def cross_averages(
     plan : SegmentPlan
         How signals are cut; its `average` has no effect, the mean is used.
     segments : iterable of (lines, weight)
-        What its `lines_of` or `padded_lines` yield for signals, such as the strokes of a recording;
-        read one at a time.
+        What its `lines_of` or `emacm.orders.padding.padded_lines` yield for signals, such as the
+        strokes of a recording; read one at a time.
     pairs : sequence of (int, int)
         Input and output channel of each pair.
     channels : sequence of str
@@ -180,7 +180,7 @@ def cross_averages(
     ValueError
         If there is no segment.
     """
-    powers = kernels().powers
+    powers = _kernels.loops.powers
     power: Any = 0.0
     cross: Any = 0.0
     total, n_segments = 0.0, 0

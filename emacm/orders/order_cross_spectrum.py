@@ -17,11 +17,12 @@ from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.cross_spectrum import FORMS, KINDS, CrossAverages, cross_averages
+from emacm.orders.padding import padded_lines
 from emacm.orders.segment_plan import too_short
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import check_channels, names_of
+from emacm.recordings.inputs import names_of
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.resampling.inputs import as_angle_recordings, check_theta_s, separates_directions
+from emacm.resampling.inputs import as_angle_recordings, check_alike, separates_directions
 
 # Largest variation of a constant that was resampled and rounded, relative to its value; assumed.
 _RESAMPLED, _ROUNDED = 1e-8, 4
@@ -241,8 +242,8 @@ class OrderCrossSpectrum(WelchEstimator):
         return tags
 
     def _check_rows(self, rows: list[AngleRecording]) -> None:
-        check_channels(rows, self.channels_)
-        check_theta_s(rows, self.theta_s_, "OrderCrossSpectrum", by_direction=self.by_direction_)
+        known = self.channels_, self.theta_s_, "OrderCrossSpectrum"
+        check_alike(rows, *known, by_direction=self.by_direction_, exactly=False)
 
     def _estimate(self, row: AngleRecording) -> NDArray[np.floating]:
         """Estimate one recording, shape (n_pairs, n_quantities, n_directions, n_orders)."""
@@ -268,8 +269,9 @@ class OrderCrossSpectrum(WelchEstimator):
         if whole:
             segments = plan.lines_of(_with_peaks(s.blocks(rows), peaks) for s in whole)
         elif plan.short == "pad" and any(n > 1 for n in lengths):
-            segments = plan.padded_lines(
-                np.concatenate(list(_with_peaks(s.blocks(rows), peaks)), axis=1) for s in strokes
+            segments = padded_lines(
+                plan,
+                (np.concatenate(list(_with_peaks(s.blocks(rows), peaks)), axis=1) for s in strokes),
             )
         else:
             raise too_short(lengths, plan, kind, "OrderCrossSpectrum")

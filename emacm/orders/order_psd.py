@@ -23,13 +23,14 @@ from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan
 from emacm.orders.store import open_store, recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
-from emacm.recordings.inputs import as_list, check_channels, described, refuse_single
+from emacm.recordings.inputs import as_list, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import (
+    are_over_angle,
     as_angle_recordings,
+    check_alike,
     check_angle_step,
-    check_theta_s,
     separates_directions,
 )
 
@@ -255,6 +256,8 @@ class OrderPSD(WelchEstimator):
 
     def _checked(self, X: Any, *, reset: bool) -> Sequence[Any]:
         """Return the rows of X: recordings over shaft angle, or 1-D arrays."""
+        if are_over_angle(X):
+            return list(X)
         if isinstance(X, str | PurePath | Sequence) or _object_vector(X):
             rows = as_list(X)
             if any(isinstance(row, AngleRecording | Recording | str | PurePath) for row in rows):
@@ -292,8 +295,8 @@ class OrderPSD(WelchEstimator):
                 f"{described(rows[0], 0)} is a recording, but OrderPSD was fitted on plain rows. "
                 f"Fit it again."
             )
-        check_channels(rows, self.channels_, others=False, ordered=True)
-        check_theta_s(rows, self.theta_s_, "OrderPSD", by_direction=self.by_direction_)
+        known = self.channels_, self.theta_s_
+        check_alike(rows, *known, "OrderPSD", by_direction=self.by_direction_)
 
     def _stated_theta_s(self, first: Any) -> float | None:
         stated = self.theta_s

@@ -15,17 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from emacm._kernels import kernels
-from emacm.orders.sections import Signal, sections
-from emacm.orders.windows import detrended, window_values
+from emacm import _kernels
+from emacm.orders.padding import padded
+from emacm.orders.windows import detrended
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.shaft.motion import blocks as blocks_of
 
+# Whole, or in consecutive blocks; shape (n_channels, n_angles).
+Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
+# Samples, the start of the first segment among them, and the number of segments.
+Section = tuple[NDArray[np.floating], int, int]
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
 # Signals that are averaged together: place in the result, what to call one, and their lengths.
 _Part = tuple[tuple[Any, int], str, list[Signal], list[int]]
 
+_SECTION_BYTES = 1 << 19  # of the transforms of a section
+# Longer segments: a few pairs of them, if this suffices, as each section takes about 50 us besides.
+_FEW_PAIRS, _LONG_SECTION_BYTES = 3, 1 << 20
 _LEAST_POWER = 1e-290  # below, float64 loses digits
 _LEAST_RANGE = 1e-140  # of a signal whose power is above that
 
@@ -131,7 +138,7 @@ class SegmentPlan:
                     powers[place] = self.average_of(long)
                 elif self.short == "pad" and max(lengths, default=0) > 1:
                     joined = (np.concatenate(list(blocks), axis=1) for blocks in signals)
-                    powers[place] = self.padded(joined)
+                    powers[place] = padded(self, joined)
                 else:
                     raise too_short(lengths, self, kind, "OrderPSD")
         check_range(powers, row)
@@ -173,37 +180,7 @@ class SegmentPlan:
 
     def spectrum_of(self, powers: NDArray[np.floating], count: float) -> NDArray[np.floating]:
         """Return the power spectrum for a sum of the powers of a number of segments."""
-        return powers / count * (self.sides / self._window_factor(self.weights))
-
-    def padded(self, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
-        """Estimate power spectra from signals that are shorter than a segment.
-
-        Each signal is detrended, windowed over its own length and padded with zeros. Powers and
-        window factors are summed before they are divided, so that a signal is weighted by its
-        length; `average` has no effect, as there is one spectrum for each signal.
-
-        Parameters
-        ----------
-        signals : iterable of ndarray of shape (n_channels, n_angles)
-            Signals of at most `n_per_segment` samples.
-
-        Returns
-        -------
-        ndarray of shape (n_channels, n_orders)
-
-        Raises
-        ------
-        ValueError
-            If none has two samples, or the window is an array (which has no shorter form).
-        """
-        power, total = None, 0.0
-        for lines, weight in self.padded_lines(signals):
-            part = np.abs(lines[:, 0]) ** 2
-            power = part if power is None else power + part
-            total += weight
-        if power is None:
-            raise ValueError("no stroke has two samples.")
-        return power * (self.sides / total)
+        return powers / count * (self.sides / self.window_factor(self.weights))
 
     def lines_of(self, signals: Iterable[Signal]) -> Iterator[WeightedLines]:
         """Yield the Fourier transforms of all segments, those of all channels together.
@@ -223,41 +200,11 @@ class SegmentPlan:
         weight : float
             Their weight.
         """
-        loops, factor = kernels(), self._window_factor(self.weights)
+        loops, factor = _kernels.loops, self.window_factor(self.weights)
         for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
             for lines in self._lines(loops, section, first, n_segments):
                 yield lines, factor * lines.shape[1]
             del section  # before the next one is made
-
-    def padded_lines(self, signals: Iterable[NDArray[np.floating]]) -> Iterator[WeightedLines]:
-        """Yield the Fourier transform of each signal, padded with zeros to a segment.
-
-        Parameters
-        ----------
-        signals : iterable of ndarray of shape (n_channels, n_angles)
-            Signals of at most `n_per_segment` samples; those of a single sample are skipped.
-
-        Yields
-        ------
-        lines, weight
-            As `lines_of` does; the lines of a signal have the shape (n_channels, 1, n_orders).
-
-        Raises
-        ------
-        ValueError
-            If the window is an array, which has no shorter form.
-        """
-        for signal in signals:
-            n_angles = signal.shape[-1]
-            if n_angles < 2:
-                continue
-            if not isinstance(self.window, str | tuple):
-                raise ValueError(
-                    "short='pad' needs a window by name, as an array cannot be shortened."
-                )
-            window = window_values(self.window, n_angles)
-            lines = fft.rfft(detrended(signal, self.detrend) * window, self.n_per_segment)
-            yield lines[:, np.newaxis, : self.n_orders], self._window_factor(window)
 
     def section_powers(
         self, section: NDArray[np.floating], first: int, n_segments: int
@@ -267,7 +214,7 @@ class SegmentPlan:
         Parameters
         ----------
         section : ndarray of shape (n_channels, n_angles)
-            As `emacm.orders.sections.sections` yields it, with the start of its first segment and
+            As `sections` yields it, with the start of its first segment and
             the number of its segments.
         first, n_segments : int
             These two numbers.
@@ -276,7 +223,7 @@ class SegmentPlan:
         -------
         ndarray of shape (n_channels, n_orders) or (n_channels, n_segments, n_orders)
         """
-        loops = kernels()
+        loops = _kernels.loops
         if self.average == "mean" and self.detrend != "linear":
             remove_mean = self.detrend == "constant"
             return loops.segment_powers(
@@ -310,11 +257,84 @@ class SegmentPlan:
                 segments = detrended(segments, self.detrend) * self.weights
             yield fft.rfft(segments, overwrite_x=True)[..., : self.n_orders]
 
-    def _window_factor(self, window: NDArray[np.floating]) -> float:
+    def window_factor(self, window: NDArray[np.floating]) -> float:
+        """Return what the power of a windowed segment is divided by."""
         # Eq. (2.18) of Chirico with (2.14) and (2.22); T_p there is L over the sampling rate.
         if self.scaling == "density":
             return float(self.samples_per_rev * (window @ window))
         return float(np.sum(window) ** 2)
+
+
+def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Section]:
+    """Yield sections of signals, the start of the first segment in each, and how many there are.
+
+    Segments have `length` samples; each begins `step` samples after the one before. No segment
+    spans two signals, which are read one at a time; shorter signals are skipped.
+    """
+    for signal in signals:
+        cutter = SectionCutter(length, step)
+        for block in [signal] if isinstance(signal, np.ndarray) else signal:
+            yield from cutter.add(block)
+            del block  # before the next one is made
+        yield from cutter.finish()
+
+
+class SectionCutter:
+    """Cuts a signal that comes block by block into sections of an equal number of segments.
+
+    A sum over segments is therefore the same bit for bit, whatever the blocks are.
+
+    Parameters
+    ----------
+    length, step : int
+        As for `sections`.
+
+    Attributes
+    ----------
+    rest : list of ndarray of shape (n_channels, n_angles)
+        The samples from the start of the next section on.
+    """
+
+    def __init__(self, length: int, step: int) -> None:
+        self._length, self._step = length, step
+        self.rest: list[NDArray[np.floating]] = []
+
+    def add(self, block: NDArray[np.floating]) -> Iterator[Section]:
+        """Yield the sections that are complete with the next samples."""
+        # An even number, as two segments may be transformed together.
+        n_bytes = 16 * self._length * len(block)
+        few = min(_FEW_PAIRS, _LONG_SECTION_BYTES // n_bytes)
+        n_segments = 2 * max(1, few, _SECTION_BYTES // n_bytes)
+        onward = n_segments * self._step
+        whole, n_rest = onward - self._step + self._length, self._n_rest
+        n_complete = (n_rest + block.shape[1] - whole) // onward + 1
+        if n_complete < 1:
+            self.rest.append(block.copy())
+            return
+        start = -n_rest  # of the next section, in the block
+        if self.rest:
+            # Sections that begin in the rest; only their samples are copied.
+            n_joined = min(n_complete, -(-n_rest // onward))
+            stop = start + (n_joined - 1) * onward + whole
+            joined = np.concatenate([*self.rest, block[:, :stop]], axis=1)
+            for k in range(n_joined):
+                yield joined, k * onward, n_segments
+            start += n_joined * onward
+            self.rest = [joined[:, n_joined * onward : n_rest].copy()]
+            del joined
+        for first in range(start, n_complete * onward - n_rest, onward):
+            yield block, first, n_segments
+        self.rest = [*self.rest, block[:, max(0, n_complete * onward - n_rest) :].copy()]
+
+    def finish(self) -> Iterator[Section]:
+        """Yield the last section, which may be shorter."""
+        count = (self._n_rest - self._length) // self._step + 1
+        if count > 0:
+            yield np.concatenate(self.rest, axis=1), 0, count
+
+    @property
+    def _n_rest(self) -> int:
+        return sum(part.shape[1] for part in self.rest)
 
 
 def _parts_of(

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from emacm import _kernels
 from emacm._checks import check_number
-from emacm._kernels import kernels
 from emacm.recordings.arguments import (
     check_durations,
     check_indices,
@@ -221,7 +221,7 @@ class Recording(Excerpts):
         """Angle [rad] and velocity [rad/s] at `shaft_fs`, computed slice by slice when read."""
         if self.reference == "angle":
             return self._shaft, self._speed
-        loops = kernels()
+        loops = _kernels.loops
         integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs, loops)
         return self._remembered.once(("angle", loops), integrated), self._speed
 

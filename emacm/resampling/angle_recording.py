@@ -19,6 +19,8 @@ from emacm.shaft.paths import ShaftPath
 
 Self = TypeVar("Self", bound="AngleRecording")
 
+_MANY = 1000  # strokes; of noise at standstill there may be more, which are not kept
+
 
 @dataclass(frozen=True)
 class AngleRecording:
@@ -58,10 +60,22 @@ class AngleRecording:
     min_speed: float = 0.0
     ratio: float = 1.0
     max_rest: float | None = None
+    # Each channel over time, and its sampling rate [Hz].
+    timed: list[tuple[Series, float]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Look the channels up once, not for each stroke."""
+        series, fs = self.measured.series, self.measured.fs
+        self.__dict__["timed"] = [(series[name], fs[name]) for name in self.channels]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields, for pickle and joblib's hash; no kept signals."""
-        return {item.name: getattr(self, item.name) for item in fields(self)}
+        """Return the fields, for pickle and joblib's hash; nothing that is computed from them."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the fields."""
+        self.__dict__.update(state)
+        self.__post_init__()
 
     @property
     def kept(self) -> KeptSignals | None:
@@ -71,7 +85,7 @@ class AngleRecording:
     def keeping(self: Self, max_bytes: int) -> Self:
         """Return the same recording, which keeps resampled signals up to this size."""
         same = object.__new__(type(self))
-        same.__dict__.update(self.__getstate__(), _kept=KeptSignals(max_bytes))
+        same.__dict__.update(vars(self), _kept=KeptSignals(max_bytes))
         return same
 
     @property
@@ -82,21 +96,17 @@ class AngleRecording:
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes in order of time; their signals are not resampled yet."""
-        paths = None if self.kept is None else self.kept.paths
-        if paths is None:
-            measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
-            paths = [path.geared(self.ratio) for path in measured]
-        if self.kept is not None:
-            self.kept.paths = paths
-        return tuple(AngleStroke(self, path) for path in paths)
+        return tuple(AngleStroke(self, path) for path in self.paths)
 
     @property
-    def timed(self) -> list[tuple[Series, float]]:
-        """Each channel over time, and its sampling rate [Hz]."""
-        found = self.__dict__.get("_timed")
+    def paths(self) -> list[ShaftPath]:
+        """Travel of the shaft along each stroke; the strokes are found once."""
+        found: list[ShaftPath] | None = self.__dict__.get("_paths")
         if found is None:
-            series, fs = self.measured.series, self.measured.fs
-            found = self.__dict__["_timed"] = [(series[name], fs[name]) for name in self.channels]
+            measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
+            found = [path.geared(self.ratio) for path in measured]
+            if len(found) <= _MANY:
+                self.__dict__["_paths"] = found
         return found
 
     @property
@@ -112,10 +122,11 @@ class AngleRecording:
 
     def strokes_by_kind(self, by_direction: bool) -> list[tuple[str, list[AngleStroke]]]:
         """Return all strokes, or forward and reverse ones apart, each with what to call one."""
+        strokes = self.strokes
         if not by_direction:
-            return [("stroke", list(self.strokes))]
+            return [("stroke", list(strokes))]
         ways = ((1, "forward stroke"), (-1, "reverse stroke"))
-        return [(kind, [s for s in self.strokes if s.direction == sign]) for sign, kind in ways]
+        return [(kind, [s for s in strokes if s.direction == sign]) for sign, kind in ways]
 
     def frame(self) -> pd.DataFrame:
         """Return all strokes as one table: one row per angle, one column per channel.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from emacm._checks import check_choice, check_number
-from emacm.recordings.inputs import as_recordings, described
+from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.resampling.angle_recording import AngleRecording
 
 
@@ -34,6 +34,8 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
     ValueError
         If X is empty.
     """
+    if are_over_angle(X):
+        return list(X)
     rows = as_recordings(X, who, also=(AngleRecording,))
     for index, row in enumerate(rows):
         if not isinstance(row, AngleRecording):
@@ -41,6 +43,11 @@ def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
                 f"{described(row, index)} is over time; put an OrderResampler before {who}."
             )
     return rows
+
+
+def are_over_angle(X: Any) -> bool:
+    """Return whether X is a list of recordings over the shaft angle, and of nothing else."""
+    return isinstance(X, list) and len(X) > 0 and all(isinstance(r, AngleRecording) for r in X)
 
 
 def check_angle_step(theta_s: Any) -> float:
@@ -80,8 +87,14 @@ def check_angle_step(theta_s: Any) -> float:
     return step
 
 
-def check_theta_s(
-    rows: Sequence[AngleRecording], theta_s: float | None, who: str, *, by_direction: bool = False
+def check_alike(
+    rows: Sequence[AngleRecording],
+    channels: Sequence[str],
+    theta_s: float | None,
+    who: str,
+    *,
+    by_direction: bool = False,
+    exactly: bool = True,
 ) -> None:
     """Compare recordings with those of `fit`.
 
@@ -89,18 +102,25 @@ def check_theta_s(
     ----------
     rows : sequence of AngleRecording
         Recordings.
+    channels : sequence of str
+        Channels in `fit`.
     theta_s : float or None
         Angle between samples in `fit` [rad].
     who : str
         Name of the estimator, for the message.
     by_direction : bool
         Whether forward and reverse strokes must be separate.
+    exactly : bool
+        Whether no other channels are allowed, nor another order of them.
 
     Raises
     ------
     ValueError
-        If a recording was not resampled at this angle, or its directions were joined.
+        If a recording has other channels, was not resampled at this angle, or its directions were
+        joined.
     """
+    if any(row.channels != channels for row in rows):
+        check_channels(rows, channels, others=not exactly, ordered=exactly)
     for index, row in enumerate(rows):
         if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
             raise ValueError(

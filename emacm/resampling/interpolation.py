@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.shaft.motion import Series, parts
 from emacm.shaft.paths import ShaftPath
 
@@ -48,7 +48,7 @@ def interpolated(
     """
     first, last = path.sample_range(fs, len(rows[0]))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
-    loops = kernels()
+    loops = _kernels.loops
     at_once = loops.READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))

@@ -27,15 +27,9 @@ class KeptSignals:
     ----------
     max_bytes : int
         Size up to which signals are kept.
-
-    Attributes
-    ----------
-    paths : list of ShaftPath or None
-        Travel of the shaft along each stroke, once it is known.
     """
 
     def __init__(self, max_bytes: int) -> None:
-        self.paths: list[ShaftPath] | None = None
         self._max_bytes = max_bytes
         self._used = 0
         self._blocks: dict[Any, list[Block]] = {}

@@ -29,7 +29,7 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
-from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.interpolation import INTERPOLATIONS
 from emacm.resampling.quality import Quality, jump_warning, recording_quality
@@ -41,7 +41,7 @@ from emacm.resampling.training_range import (
     warn_of_severe,
 )
 from emacm.shaft.paths import DIRECTIONS
-from emacm.shaft.strokes import longest_gap
+from emacm.shaft.strokes import Stroke, longest_gap
 
 _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
 
@@ -214,27 +214,14 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self._check_parameters()
         recordings = self._recordings(X)
         check_channels(recordings, self.channels_, others=self.channels is not None)
-        for index, recording in enumerate(recordings):
-            with located(partial(described, recording, index)):
-                self._check_motion(recording, index)
+        rows = [self._over_angle(recording) for recording in recordings]
+        for index, row in enumerate(rows):
+            with located(partial(described, row, index)):
+                self._check_motion(row, index)
         qualities = self._qualities(recordings, self.channels_)
         known = self.training_range_, self._training_units
         warn_of_severe(recordings, qualities, *known, self.training_findings_, stacklevel=3)
-        theta_s = check_angle_step(self.theta_s)
-        return [
-            AngleRecording(
-                recording,
-                self.channels_,
-                theta_s,
-                self.interpolation,
-                bool(self.antialias),
-                self.direction,
-                float(self.min_speed),
-                float(self.ratio),
-                self.max_rest,
-            )
-            for recording in recordings
-        ]
+        return rows
 
     def quality(self, X: Any) -> pd.DataFrame:
         """State revolutions, speed range, highest valid order and defects of each recording.
@@ -359,10 +346,27 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             return Recording(channels, self.fs, velocity=shaft)
         return Recording(channels, self.fs, angle=shaft)
 
-    def _check_motion(self, recording: Recording, index: int) -> None:
+    def _over_angle(self, recording: Recording) -> AngleRecording:
+        return AngleRecording(
+            recording,
+            self.channels_,
+            check_angle_step(self.theta_s),
+            self.interpolation,
+            bool(self.antialias),
+            self.direction,
+            float(self.min_speed),
+            float(self.ratio),
+            self.max_rest,
+        )
+
+    def _check_motion(self, row: AngleRecording, index: int) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""
+        recording = row.measured
         signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
-        if not any(s.direction in signs for s in recording.strokes(float(self.min_speed))):
+        strokes: Sequence[AngleStroke | Stroke] = row.strokes
+        if not strokes:  # or too short ones only
+            strokes = recording.strokes(row.min_speed)
+        if not any(stroke.direction in {*signs, 0} for stroke in strokes):
             way = f" {self.direction}" if len(signs) == 1 else ""
             velocity = recording.velocity
             raise ValueError(

@@ -25,7 +25,7 @@ import numpy as np
 import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import NDArray
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.resampling.fine_grid import KERNEL_REACH, Block, FineGrid
 from emacm.shaft.motion import Series
 from emacm.shaft.paths import ShaftPath
@@ -89,7 +89,7 @@ class Spreading:
         self._factor = factor
         self._theta_s = theta_s
         self._max_reversal = max_reversal
-        self._loops = kernels()
+        self._loops = _kernels.loops
         self._first = self._next = -1  # dense samples, counted from the start of the rows
         self._grid: FineGrid | None = None
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._kernels import kernels
+from emacm import _kernels
 
 BLOCK = 1 << 17  # samples that are read at once
 _STRIDE = 256  # samples between two kept angles
@@ -101,7 +101,7 @@ class IntegratedAngle(LazySeries):
     fs : float
         Its sampling rate [Hz].
     loops : module, optional
-        The inner loops. Default: `emacm._kernels.kernels()`.
+        The inner loops. Default: `emacm._kernels.loops`.
 
     Notes
     -----
@@ -112,7 +112,7 @@ class IntegratedAngle(LazySeries):
         self, velocity: NDArray[np.floating], fs: float, loops: ModuleType | None = None
     ) -> None:
         super().__init__(len(velocity))
-        loops = loops or kernels()
+        loops = loops or _kernels.loops
         self._integrate = loops.integrate
         self._half_step = 0.5 / fs
         self._velocity = velocity.view()

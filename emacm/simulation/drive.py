@@ -67,8 +67,8 @@ def drive_limits(
 
     Examples
     --------
-    >>> from emacm._kernels import kernels
-    >>> limit, limits = kernels().limited_torque, drive_limits(Actuator())
+    >>> from emacm import _kernels
+    >>> limit, limits = _kernels.loops.limited_torque, drive_limits(Actuator())
     >>> [round(limit(30.0, speed, limits) / limits[0], 1) for speed in (0.0, 460.0)]  # A
     [40.0, 10.9]
     """

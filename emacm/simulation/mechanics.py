@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
 from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
 from emacm.simulation.drive import drive_limits
@@ -139,7 +139,7 @@ def _follow(
         float(load_force(condition, place, load_share)) * POUND * actuator.torque_per_force
         for place in (np.array(0.0), np.array(1.0))
     ]
-    velocities = kernels().follow(
+    velocities = _kernels.loops.follow(
         targets,
         1 / _CONTROL_RATE,
         (
@@ -281,4 +281,4 @@ def responses(
         for q, p, r in system
     ]
     b, a = np.array(digital[::2]), np.array(digital[1::2])
-    return kernels().resonate(b / a[:, :1], a / a[:, :1], signal)
+    return _kernels.loops.resonate(b / a[:, :1], a / a[:, :1], signal)

@@ -209,10 +209,10 @@ def test_both_modules_offer_the_same_loops(compiled):
 
 def test_kernels_can_be_named_for_a_while():
     with _kernels.using("numpy"):
-        assert _kernels.kernels() is _kernels_numpy
+        assert _kernels.loops is _kernels_numpy
         with _kernels.using("numba"):
-            assert _kernels.kernels().__name__ == "emacm._kernels.numba"
-        assert _kernels.kernels() is _kernels_numpy
+            assert _kernels.loops.__name__ == "emacm._kernels.numba"
+        assert _kernels.loops is _kernels_numpy
 
 
 def test_unknown_kernels_are_refused():
@@ -236,19 +236,19 @@ def in_a_new_process(code, **environment):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["numpy", "numba"])
 def test_the_environment_chooses(name):
-    code = "from emacm._kernels import kernels; print(kernels().__name__)"
+    code = "from emacm import _kernels; print(_kernels.loops.__name__)"
     assert in_a_new_process(code, EMACM_KERNELS=name).stdout == f"emacm._kernels.{name}\n"
 
 
 def test_an_unknown_choice_in_the_environment_is_refused():
-    found = in_a_new_process("from emacm._kernels import kernels; kernels()", EMACM_KERNELS="c")
+    found = in_a_new_process("from emacm import _kernels; _kernels.loops", EMACM_KERNELS="c")
     assert "EMACM_KERNELS must be one of 'numpy', 'numba'; got 'c'" in found.stderr
 
 
 def test_without_numba_its_kernels_name_the_extra():
     code = (
         "import sys; sys.modules['numba'] = None\n"
-        "from emacm._kernels import kernels, using\n"
+        "from emacm._kernels import using\n"
         "with using('numba'): pass"
     )
     assert "install emacm[fast]" in in_a_new_process(code).stderr
@@ -272,7 +272,7 @@ def test_a_compiler_is_needed_where_no_compiled_loop_is_on_the_disk(tmp_path, mo
     with _kernels.using("numpy"):
         assert not _kernels.needs_compiler()
     loop = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
-    monkeypatch.setattr(_kernels, "_chosen", SimpleNamespace(decimate=loop))
+    monkeypatch.setattr(_kernels, "loops", SimpleNamespace(decimate=loop))
     assert _kernels.needs_compiler()
     (tmp_path / "resampling.decimate-1.py311.nbi").touch()
     assert not _kernels.needs_compiler()

@@ -14,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 import emacm.monitoring.spectrum_stream
-import emacm.orders.sections
+import emacm.orders.segment_plan
 import emacm.resampling.spreading
 from emacm import (
     BinTransformer,
@@ -26,9 +26,10 @@ from emacm import (
     Recording,
     RecordingStatistics,
     SignalCache,
+    _kernels,
     outside_training,
 )
-from emacm._kernels import kernels, using
+from emacm._kernels import using
 from emacm.monitoring import CUSUM, EWMA
 from emacm.monitoring.packed_state import packed, unpacked
 from emacm.shaft.angle import angle_from_velocity
@@ -139,7 +140,7 @@ def small_parts(monkeypatch):
     """Everything that happens after thousands of samples, after hundreds."""
     monkeypatch.setattr(emacm.resampling.spreading, "_PART", 700)
     monkeypatch.setattr(emacm.resampling.spreading, "_MEAN_OF", 300)
-    monkeypatch.setattr(emacm.orders.sections, "_SECTION_BYTES", 9000)
+    monkeypatch.setattr(emacm.orders.segment_plan, "_SECTION_BYTES", 9000)
     monkeypatch.setattr(emacm.monitoring.spectrum_stream, "_WAITING", 100)
 
 
@@ -308,7 +309,7 @@ def test_nothing_is_compiled_by_the_first_samples():
     with using("numba"):
         recording = recorded("reversing", RATES["mixed"], "velocity")
         monitor = monitor_of(model_of(recording), recording)
-        loops = [f for f in vars(kernels()).values() if hasattr(f, "signatures")]
+        loops = [f for f in vars(_kernels.loops).values() if hasattr(f, "signatures")]
         from emacm._kernels.numba import motion, resampling, spectra
 
         for module in (motion, resampling, spectra):

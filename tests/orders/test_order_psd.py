@@ -9,6 +9,7 @@ from scipy import signal as filters
 from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
+from emacm.orders.padding import padded, padded_lines
 from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 
 TURN = 2 * np.pi
@@ -347,12 +348,12 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
         OrderPSD(2).plan  # noqa: B018
     plan = segment_plan(32.0, n_per_segment=8, detrend=None)
     short = np.random.default_rng(0).normal(size=(1, 5))
-    both = list(plan.padded_lines([short[:, :1], short]))
+    both = list(padded_lines(plan, [short[:, :1], short]))
     assert len(both) == 1
     window = np.sin(np.pi * np.arange(5) / 5) ** 2
     np.testing.assert_allclose(both[0][0][:, 0], np.fft.rfft(short * window, 8))
     with pytest.raises(ValueError, match="no stroke has two samples"):
-        plan.padded([short[:, :1]])
+        padded(plan, [short[:, :1]])
 
 
 @pytest.mark.parametrize(("factor", "same"), [(1 + 9e-13, True), (1 + 2e-12, False)])

@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders import sections
+from emacm.orders import segment_plan as plans
+from emacm.orders.padding import padded
 from emacm.orders.welch import (
     order_psd,
     samples_per_revolution,
@@ -308,7 +309,7 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
         return
     expected = plan.average_of([signal])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sections, "_SECTION_BYTES", at_once)
+        patch.setattr(plans, "_SECTION_BYTES", at_once)
         whole = plan.average_of([signal])
         found = plan.average_of([iter(blocks)])
     np.testing.assert_allclose(whole, expected, rtol=1e-9, atol=1e-15)
@@ -447,7 +448,7 @@ def test_an_option_that_makes_no_spectrum_is_refused(options, error, message):
 def test_a_window_without_a_name_cannot_be_shortened():
     plan = segment_plan(32, n_per_segment=100, window=np.ones(100))
     with pytest.raises(ValueError, match="short='pad' needs a window by name"):
-        plan.padded([np.ones((1, 50))])
+        padded(plan, [np.ones((1, 50))])
 
 
 @pytest.mark.parametrize("average", ["mean", "median"])

@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import get_window
 
 import emacm.resampling.spreading
-from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
-from emacm._kernels import kernels, using
+from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, _kernels
+from emacm._kernels import using
 from emacm.orders.welch import order_psd
 from emacm.resampling.fine_grid import PASS
 from emacm.resampling.interpolation import interpolated
@@ -402,7 +402,7 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
             monkeypatch.setattr(emacm.resampling.spreading, "_PART", part)
             _, joined = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
             np.testing.assert_allclose(joined, whole, atol=1e-12)
-            monkeypatch.setattr(kernels(), "BLOCK", 5)  # of a single part
+            monkeypatch.setattr(_kernels.loops, "BLOCK", 5)  # of a single part
             _, in_blocks = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
             np.testing.assert_array_equal(in_blocks, joined)
 
@@ -429,7 +429,7 @@ def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
     _, path = steady(20.0, fs, 1.0)
     signals = np.random.default_rng(6).standard_normal((2, len(path.travel)))
     _, whole = spread_to_angle(signals, fs, path, theta_s=THETA_S)
-    monkeypatch.setattr(kernels(), "BLOCK", 997)
+    monkeypatch.setattr(_kernels.loops, "BLOCK", 997)
     _, pieces = spread_to_angle(signals, fs, path, theta_s=THETA_S)
     np.testing.assert_allclose(pieces, whole, atol=1e-12)
 
@@ -594,6 +594,6 @@ def test_blocks_whose_mirror_images_hold_no_sample_near_the_end_change_nothing(n
     with using(name):
         _, whole = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
         for size in (1, 2, 5):
-            monkeypatch.setattr(kernels(), "BLOCK", size)
+            monkeypatch.setattr(_kernels.loops, "BLOCK", size)
             _, cut = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
             np.testing.assert_allclose(cut, whole, atol=1e-12)

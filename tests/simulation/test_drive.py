@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from emacm._kernels import kernels
+from emacm import _kernels
 from emacm.simulation.actuator import PEAK_SPEED, Actuator
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.conditions import CONDITIONS
@@ -55,7 +55,7 @@ def test_electrical_power_is_mechanical_power_and_copper_loss(condition):
 @pytest.mark.parametrize("wanted", [-30.0, -3.0, 2.0, 30.0])
 def test_a_limited_torque_is_the_nearest_within_both_limits(velocity, wanted):
     actuator = Actuator()
-    limited = kernels().limited_torque(wanted, velocity, drive_limits(actuator))
+    limited = _kernels.loops.limited_torque(wanted, velocity, drive_limits(actuator))
     candidates = np.linspace(-1.2, 1.2, 48_001) * actuator.max_torque
     volts = phase_voltage(candidates, np.full_like(candidates, velocity), actuator)
     allowed = candidates[
@@ -68,7 +68,7 @@ def test_below_the_free_speed_any_torque_of_that_current_is_allowed():
     actuator = Actuator(screw_lead=0.14)
     speed = voltage_free_speed(actuator, 17.0)
     for torque in np.array([-17.0, 17.0]) * actuator.torque_constant:
-        assert kernels().limited_torque(torque, 0.999 * speed, drive_limits(actuator)) == torque
+        assert _kernels.loops.limited_torque(torque, 0.999 * speed, drive_limits(actuator)) == torque
 
 
 def test_the_inverter_ripples_beside_its_carrier_and_sums_to_zero():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,10 +33,10 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    path = _double(travel), *ends, 0, len(travel), scale, offset, kernel
+    path = *_views([travel]), *ends, 0, len(travel), scale, offset, kernel
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        _spread(*path, _eight(signals[some]), means[some], grid[some], n_points)
+        _spread(*path, _views(signals[some], _AT_ONCE), means[some], grid[some], n_points)
 
 
 def resample(
@@ -55,11 +57,11 @@ def resample(
     done: int,
 ) -> None:
     """Spread samples part by part, and decimate the grid as far as it is complete after each."""
-    path = _double(travel), *ends, scale, offset, kernel
+    path = *_views([travel]), *ends, scale, offset, kernel
     parts = part, n_points, ready, first, taps
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        rows = _eight(signals[some]), means[some], grid[some]
+        rows = _views(signals[some], _AT_ONCE), means[some], grid[some]
         _resample(*path, *rows, *parts, outputs[some], done)
 
 
@@ -70,7 +72,7 @@ def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int
         part = taps[phase::factor]
         row[: len(part)] = part
     outputs = np.empty(n_outputs)
-    _upsample(_double(signal), phases[:, ::-1].copy(), first, outputs)
+    _upsample(*_views([signal]), phases[:, ::-1].copy(), first, outputs)
     return outputs
 
 
@@ -80,7 +82,7 @@ def interpolation_weights(
     """Find the samples between which the shaft passes each angle of a uniform grid."""
     left: Indices = np.empty(n_angles, np.int32)
     weights = np.empty(n_angles)
-    _interpolation_weights(_double(reached), 0, first, theta_s, left, weights)
+    _interpolation_weights(*_views([reached]), 0, first, theta_s, left, weights)
     return left, weights
 
 
@@ -88,25 +90,23 @@ def interpolate_linear(
     reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
 ) -> None:
     """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
-    reached = _double(reached)
+    (reached,) = _views([reached])
     for start in range(0, len(signals), _AT_ONCE):
         some = slice(start, start + _AT_ONCE)
-        _interpolate_linear(reached, first, theta_s, _eight(signals[some]), values[some])
+        _interpolate_linear(reached, first, theta_s, _views(signals[some], _AT_ONCE), values[some])
 
 
-def _double(signal: Array) -> Array:
-    """Return a contiguous read-only view in float64, so that one kind of array is compiled for."""
-    return _eight([signal])[0]
+def _views(signals: Sequence[Array], at_least: int = 1) -> tuple[Array, ...]:
+    """Return contiguous read-only views in float64, so that one kind of array is compiled for.
 
-
-def _eight(signals: list[Array]) -> tuple[Array, ...]:
-    """Return as many such views as are compiled for; the last ones are not read."""
+    Where there are fewer than are compiled for, the first one is repeated, which is not read.
+    """
     rows = []
     for signal in signals:
         row = np.ascontiguousarray(signal, np.float64)[:]
         row.flags.writeable = False
         rows.append(row)
-    return (*rows, *rows[:1] * (_AT_ONCE - len(rows)))
+    return (*rows, *rows[:1] * (at_least - len(rows)))
 
 
 @compiled

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from emacm._kernels import batches
 from emacm._kernels.numba.compilation import compiled
 from emacm._kernels.numpy.spectra import powers, windowed
 
@@ -60,15 +59,20 @@ def segment_powers(
         signals = signals[:, first : first + (n_segments - 1) * step + length].astype(np.float64)
         first = 0
     n_pairs = -(-n_segments // 2)
-    for rows, start, stop in batches(len(signals), n_pairs, 16 * n_kept, SEGMENT_BYTES):
-        begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start
-        cut = signals[rows], begin, step, window, count, remove_mean
-        pairs = np.empty((len(signals[rows]), stop - start, n_kept, 2))
-        if taps is None:
-            _pair(*cut, pairs)
-        else:
-            _pair_decimated(*cut, taps, pairs)
-        _add_powers(fft.fft(pairs.view(np.complex128)[..., 0], overwrite_x=True), total[rows])
+    most = max(1, SEGMENT_BYTES // (16 * n_kept))  # pairs of all rows
+    n_rows = min(len(signals), most)
+    for row in range(0, len(signals), n_rows):
+        part, sums = signals[row : row + n_rows], total[row : row + n_rows]
+        for start in range(0, n_pairs, most // n_rows):
+            stop = min(start + most // n_rows, n_pairs)
+            begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start
+            cut = part, begin, step, window, count, remove_mean
+            pairs = np.empty((len(part), stop - start, n_kept, 2))
+            if taps is None:
+                _pair(*cut, pairs)
+            else:
+                _pair_decimated(*cut, taps, pairs)
+            _add_powers(fft.fft(pairs.view(np.complex128)[..., 0], overwrite_x=True), sums)
     return total * gains
 
 

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from emacm._kernels import batches
-
 SEGMENT_BYTES = 1 << 19  # of the segments transformed at a time: they should stay in cache
 
 Array = NDArray[np.floating]
@@ -85,7 +83,12 @@ def segment_powers(
     ndarray of shape (n_signals, n_lines)
     """
     total = np.zeros((len(signals), n_lines))
-    for rows, start, stop in batches(len(signals), n_segments, 8 * len(window), SEGMENT_BYTES):
-        cut = signals[rows], first + start * step, step, window, stop - start, remove_mean
-        total[rows] += powers(fft.rfft(windowed(*cut), overwrite_x=True)[..., :n_lines])
+    most = max(1, SEGMENT_BYTES // (8 * len(window)))  # segments of all rows
+    n_rows = min(len(signals), most)
+    for row in range(0, len(signals), n_rows):
+        rows = slice(row, row + n_rows)
+        for start in range(0, n_segments, most // n_rows):
+            count = min(most // n_rows, n_segments - start)
+            cut = signals[rows], first + start * step, step, window, count, remove_mean
+            total[rows] += powers(fft.rfft(windowed(*cut), overwrite_x=True)[..., :n_lines])
     return total
