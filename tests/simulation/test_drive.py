@@ -68,7 +68,9 @@ def test_below_the_free_speed_any_torque_of_that_current_is_allowed():
     actuator = Actuator(screw_lead=0.14)
     speed = voltage_free_speed(actuator, 17.0)
     for torque in np.array([-17.0, 17.0]) * actuator.torque_constant:
-        assert _kernels.loops.limited_torque(torque, 0.999 * speed, drive_limits(actuator)) == torque
+        assert (
+            _kernels.loops.limited_torque(torque, 0.999 * speed, drive_limits(actuator)) == torque
+        )
 
 
 def test_the_inverter_ripples_beside_its_carrier_and_sums_to_zero():
