@@ -139,9 +139,9 @@ class BinTransformer(OrderTableTransformer):
         stops = check_stop_bands(self.stop_bands)
         self.bins_ = tuple(bins.values())
         axes = tuple(block.orders.tobytes() for block in blocks)
-        self.operator_ = _operator(axes, self.bins_, tuple(stops)).copy()
-        self._columns_out = tuple(f"{block.channel}@{name}" for block in blocks for name in bins)
-        used = np.asarray(abs(self.operator_).sum(axis=0)).ravel() > 0
+        operator, used = _operator(axes, self.bins_, tuple(stops))
+        self.operator_ = operator.copy()
+        self._columns_out = _columns(tuple(block.channel for block in blocks), tuple(bins))
         self.line_maxima_ = np.where(used, line_maxima(psd, blocks), np.inf)
         self.new_line_limit_ = excess_limit(psd, self.line_maxima_, groups)
         self._largest_medians = np.full(len(blocks), np.nan)
@@ -220,10 +220,16 @@ class BinTransformer(OrderTableTransformer):
 @lru_cache(maxsize=64)
 def _operator(
     axes: tuple[bytes, ...], bins: tuple[Band, ...], stops: tuple[Band, ...]
-) -> sparse.csr_array:
-    """Make the operator of all channels, which the folds of a search copy."""
+) -> tuple[sparse.csr_array, NDArray[np.bool_]]:
+    """Make the operator of all channels, which the folds of a search copy; tell used lines."""
     operators = {
         orders: sparse.csr_array(bin_operator(np.frombuffer(orders), bins, stop_bands=stops))
         for orders in dict.fromkeys(axes)
     }
-    return sparse.block_diag([operators[orders] for orders in axes], format="csr")
+    operator = sparse.block_diag([operators[orders] for orders in axes], format="csr")
+    return operator, np.asarray(abs(operator).sum(axis=0)).ravel() > 0
+
+
+@lru_cache(maxsize=64)
+def _columns(channels: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{channel}@{name}" for channel in channels for name in names)

@@ -28,20 +28,23 @@ def set_checkpoints(velocity, half_step, stride, angles, lowest, highest):
 
 @compiled_exactly
 def integrate(velocity, half_step, starts, stride, angle):
+    for i in range(1, len(velocity)):
+        angle[i] = (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
     in_fours = len(velocity) // stride // 4 * 4
     for k in range(0, in_fours, 4):  # four sums at a time: an addition waits for the one before it
         p, q, r, s = k * stride, (k + 1) * stride, (k + 2) * stride, (k + 3) * stride
+        one, two, three, four = angle[p:q], angle[q:r], angle[r:s], angle[s : s + stride]
         t0, t1, t2, t3 = starts[k], starts[k + 1], starts[k + 2], starts[k + 3]
-        angle[p], angle[q], angle[r], angle[s] = t0, t1, t2, t3
+        one[0], two[0], three[0], four[0] = t0, t1, t2, t3
         for i in range(1, stride):
-            t0 += (np.float64(velocity[p + i - 1]) + np.float64(velocity[p + i])) * half_step
-            t1 += (np.float64(velocity[q + i - 1]) + np.float64(velocity[q + i])) * half_step
-            t2 += (np.float64(velocity[r + i - 1]) + np.float64(velocity[r + i])) * half_step
-            t3 += (np.float64(velocity[s + i - 1]) + np.float64(velocity[s + i])) * half_step
-            angle[p + i], angle[q + i], angle[r + i], angle[s + i] = t0, t1, t2, t3
+            t0 += one[i]
+            t1 += two[i]
+            t2 += three[i]
+            t3 += four[i]
+            one[i], two[i], three[i], four[i] = t0, t1, t2, t3
     for first in range(in_fours * stride, len(velocity), stride):
         total = starts[first // stride]
         angle[first] = total
         for i in range(first + 1, min(first + stride, len(velocity))):
-            total += (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
+            total += angle[i]
             angle[i] = total

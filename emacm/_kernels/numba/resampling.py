@@ -14,7 +14,7 @@ BLOCK = 1 << 18  # time samples that are spread
 READ_BLOCK = 1 << 17  # time samples that are interpolated
 
 _AT_ONCE = 8  # signals that are spread in one pass
-_WEIGHTS = 1024  # of them, whose weights are held at a time
+_WEIGHTS = 2048  # of them, whose weights are held at a time
 _RUN = 8192  # angles that are interpolated at a time
 
 Array = NDArray[np.floating]
@@ -99,7 +99,7 @@ def interpolate_linear(
 def _views(signals: Sequence[Array], at_least: int = 1) -> tuple[Array, ...]:
     """Return contiguous read-only views in float64, so that one kind of array is compiled for.
 
-    Where there are fewer than are compiled for, the first one is repeated, which is not read.
+    Where there are fewer than are compiled for, the first one is repeated, which has no effect.
     """
     rows = []
     for signal in signals:
@@ -136,73 +136,110 @@ def _set_weights(near, scale, offset, kernel, n_points, weights, cells):
 
 
 @compiled
-def _spread_one(signal, mean, weights, cells, row):
-    w0, w1, w2, w3 = weights
-    s0 = s1 = s2 = s3 = 0.0
-    cell = cells[0]
-    for i in range(len(cells)):
-        if cells[i] != cell:  # what is complete leaves the registers
-            row[cell] += s0
-            if cells[i] == cell + 1:
-                s0, s1, s2, s3 = s1, s2, s3, 0.0
-            else:
-                row[cell + 1] += s1
-                row[cell + 2] += s2
-                row[cell + 3] += s3
-                s0 = s1 = s2 = s3 = 0.0
-            cell = cells[i]
-        value = signal[i] - mean
-        s0 += value * w0[i]
-        s1 += value * w1[i]
-        s2 += value * w2[i]
-        s3 += value * w3[i]
-    row[cell] += s0
-    row[cell + 1] += s1
-    row[cell + 2] += s2
-    row[cell + 3] += s3
-
-
-@compiled
-def _spread_two(first, second, first_mean, second_mean, weights, cells, first_row, second_row):
+def _spread_two(signals, means, weights, cells, rows):
+    x_s, x_t = signals
+    mean_s, mean_t = means
+    row_s, row_t = rows
     w0, w1, w2, w3 = weights
     s0 = s1 = s2 = s3 = 0.0
     t0 = t1 = t2 = t3 = 0.0
     cell = cells[0]
     for i in range(len(cells)):
-        if cells[i] != cell:
-            first_row[cell] += s0
-            second_row[cell] += t0
+        if cells[i] != cell:  # what is complete leaves the registers
+            row_s[cell] += s0
+            row_t[cell] += t0
             if cells[i] == cell + 1:
                 s0, s1, s2, s3 = s1, s2, s3, 0.0
                 t0, t1, t2, t3 = t1, t2, t3, 0.0
             else:
-                first_row[cell + 1] += s1
-                first_row[cell + 2] += s2
-                first_row[cell + 3] += s3
-                second_row[cell + 1] += t1
-                second_row[cell + 2] += t2
-                second_row[cell + 3] += t3
+                _add_three(row_s, cell, s1, s2, s3)
+                _add_three(row_t, cell, t1, t2, t3)
                 s0 = s1 = s2 = s3 = 0.0
                 t0 = t1 = t2 = t3 = 0.0
             cell = cells[i]
-        one = first[i] - first_mean
-        two = second[i] - second_mean
-        s0 += one * w0[i]
-        s1 += one * w1[i]
-        s2 += one * w2[i]
-        s3 += one * w3[i]
-        t0 += two * w0[i]
-        t1 += two * w1[i]
-        t2 += two * w2[i]
-        t3 += two * w3[i]
-    first_row[cell] += s0
-    first_row[cell + 1] += s1
-    first_row[cell + 2] += s2
-    first_row[cell + 3] += s3
-    second_row[cell] += t0
-    second_row[cell + 1] += t1
-    second_row[cell + 2] += t2
-    second_row[cell + 3] += t3
+        value = x_s[i] - mean_s
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+        value = x_t[i] - mean_t
+        t0 += value * w0[i]
+        t1 += value * w1[i]
+        t2 += value * w2[i]
+        t3 += value * w3[i]
+    row_s[cell] += s0
+    _add_three(row_s, cell, s1, s2, s3)
+    row_t[cell] += t0
+    _add_three(row_t, cell, t1, t2, t3)
+
+
+@compiled
+def _spread_four(signals, means, weights, cells, rows):
+    x_s, x_t, x_u, x_v = signals
+    mean_s, mean_t, mean_u, mean_v = means
+    row_s, row_t, row_u, row_v = rows
+    w0, w1, w2, w3 = weights
+    s0 = s1 = s2 = s3 = 0.0
+    t0 = t1 = t2 = t3 = 0.0
+    u0 = u1 = u2 = u3 = 0.0
+    v0 = v1 = v2 = v3 = 0.0
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:  # what is complete leaves the registers
+            row_s[cell] += s0
+            row_t[cell] += t0
+            row_u[cell] += u0
+            row_v[cell] += v0
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, 0.0
+                t0, t1, t2, t3 = t1, t2, t3, 0.0
+                u0, u1, u2, u3 = u1, u2, u3, 0.0
+                v0, v1, v2, v3 = v1, v2, v3, 0.0
+            else:
+                _add_three(row_s, cell, s1, s2, s3)
+                _add_three(row_t, cell, t1, t2, t3)
+                _add_three(row_u, cell, u1, u2, u3)
+                _add_three(row_v, cell, v1, v2, v3)
+                s0 = s1 = s2 = s3 = 0.0
+                t0 = t1 = t2 = t3 = 0.0
+                u0 = u1 = u2 = u3 = 0.0
+                v0 = v1 = v2 = v3 = 0.0
+            cell = cells[i]
+        value = x_s[i] - mean_s
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+        value = x_t[i] - mean_t
+        t0 += value * w0[i]
+        t1 += value * w1[i]
+        t2 += value * w2[i]
+        t3 += value * w3[i]
+        value = x_u[i] - mean_u
+        u0 += value * w0[i]
+        u1 += value * w1[i]
+        u2 += value * w2[i]
+        u3 += value * w3[i]
+        value = x_v[i] - mean_v
+        v0 += value * w0[i]
+        v1 += value * w1[i]
+        v2 += value * w2[i]
+        v3 += value * w3[i]
+    row_s[cell] += s0
+    _add_three(row_s, cell, s1, s2, s3)
+    row_t[cell] += t0
+    _add_three(row_t, cell, t1, t2, t3)
+    row_u[cell] += u0
+    _add_three(row_u, cell, u1, u2, u3)
+    row_v[cell] += v0
+    _add_three(row_v, cell, v1, v2, v3)
+
+
+@compiled
+def _add_three(row, cell, one, two, three):
+    row[cell + 1] += one
+    row[cell + 2] += two
+    row[cell + 3] += three
 
 
 @compiled
@@ -235,12 +272,12 @@ def _resample(
 
 
 @compiled
-def _spread(
-    travel, before, after, start, stop, scale, offset, kernel, signals, means, grid, n_points
-):
+def _spread(travel, before, after, start, stop, scale, offset, kernel, x, means, grid, n_points):
     held, cells = np.empty((4, _WEIGHTS)), np.empty(_WEIGHTS, np.uint32)
     weights = held[0], held[1], held[2], held[3]
     near = np.empty(_WEIGHTS + 2)
+    fours = len(grid) // 4 * 4
+    spare = np.zeros(grid.shape[1] if len(grid) % 2 else 0)  # beside a row that is left over
     for low in range(start, stop, _WEIGHTS):
         count = min(_WEIGHTS, stop - low)
         end, some = low + count, cells[:count]
@@ -248,12 +285,16 @@ def _spread(
         near[1 : count + 1] = travel[low:end]
         near[count + 1] = travel[end] if end < len(travel) else after
         _set_weights(near, scale, offset, kernel, n_points, weights, some)
-        for k in range(0, len(grid) - 1, 2):
-            one, two = signals[k][low:end], signals[k + 1][low:end]
-            _spread_two(one, two, means[k], means[k + 1], weights, some, grid[k], grid[k + 1])
-        if len(grid) % 2:
-            k = len(grid) - 1
-            _spread_one(signals[k][low:end], means[k], weights, some, grid[k])
+        for k in range(0, fours, 4):  # several rows at a time: an addition waits for the one before
+            rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
+            onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
+            shifts = means[k], means[k + 1], means[k + 2], means[k + 3]
+            _spread_four(rows, shifts, weights, some, onto)
+        for k in range(fours, len(grid), 2):
+            paired = k + 1 < len(grid)
+            pair = grid[k], grid[k + 1] if paired else spare
+            shifts = means[k], means[k + 1] if paired else 0.0
+            _spread_two((x[k][low:end], x[k + 1][low:end]), shifts, weights, some, pair)
 
 
 @compiled
