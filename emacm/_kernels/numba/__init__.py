@@ -16,7 +16,8 @@ from emacm._kernels.numba.resampling import (
     spread,
     upsample,
 )
-from emacm._kernels.numba.spectra import SEGMENT_BYTES, powers, segment_powers, windowed
+from emacm._kernels.numba.spectra import SEGMENT_BYTES, segment_powers
+from emacm._kernels.numpy.spectra import powers, windowed
 
 __all__ = [
     "BLOCK",

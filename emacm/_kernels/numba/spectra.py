@@ -1,13 +1,9 @@
 """Loops over the segments of Welch's method, compiled.
 
-Two real segments are transformed by one complex FFT, as its real and its imaginary part. The sum of
-their powers at a line is half of that of the complex transform at this line and at its mirror
-image, and nothing else is wanted.
-
 Where only the lowest lines are wanted, a segment is decimated first: it is filtered by a circular
 low pass, and every fourth value is transformed,
 
-    y_m = sum_n h_(n - 4 m) z_(n mod L),    |Y_k| = |H_k Z_k + H_(k + L/4) Z_(k + L/4) + ...| / 4.
+    y_m = sum_n h_(n - 4 m) x_(n mod L),    |Y_k| = |H_k X_k + H_(k + L/4) X_(k + L/4) + ...| / 4.
 
 H is the transform of the taps themselves, so that dividing by it is exact, and less than 2e-14 of a
 line aliases onto those wanted. To convolve by a Kaiser-Bessel kernel, to transform fewer points and
@@ -24,7 +20,6 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from emacm._kernels.numba.compilation import compiled
-from emacm._kernels.numpy.spectra import powers, windowed
 
 SEGMENT_BYTES = 1 << 20  # of the segments transformed at a time
 # Of the low pass; the tests measure what it lets alias onto the lines wanted.
@@ -48,31 +43,25 @@ def segment_powers(
 ) -> Array:
     """Sum the squared magnitude of the lowest spectral lines over segments, in float64."""
     length = len(window)
-    low_pass = _low_pass(length, n_lines)
-    if n_segments == 1 and low_pass is None:  # nothing to pair it with
-        lines = fft.rfft(windowed(signals, first, step, window, 1, remove_mean), overwrite_x=True)
-        return powers(lines[..., :n_lines])
-    taps, gains = low_pass or (None, 0.5)
+    taps, gains = _low_pass(length, n_lines) or (None, 1.0)
     n_kept = length if taps is None else length // _DECIMATION
     total = np.zeros((len(signals), n_lines))
     if signals.dtype != np.float64 or not signals.flags.c_contiguous:  # convert what is read only
         signals = signals[:, first : first + (n_segments - 1) * step + length].astype(np.float64)
         first = 0
-    n_pairs = -(-n_segments // 2)
-    most = max(1, SEGMENT_BYTES // (16 * n_kept))  # pairs of all rows
+    most = max(1, SEGMENT_BYTES // (8 * n_kept))  # segments of all rows
     n_rows = min(len(signals), most)
     for row in range(0, len(signals), n_rows):
         part, sums = signals[row : row + n_rows], total[row : row + n_rows]
-        for start in range(0, n_pairs, most // n_rows):
-            stop = min(start + most // n_rows, n_pairs)
-            begin, count = first + 2 * start * step, min(2 * stop, n_segments) - 2 * start
-            cut = part, begin, step, window, count, remove_mean
-            pairs = np.empty((len(part), stop - start, n_kept, 2))
+        for start in range(0, n_segments, most // n_rows):
+            count = min(most // n_rows, n_segments - start)
+            cut = part, first + start * step, step, window, remove_mean
+            segments = np.empty((len(part), count, n_kept))
             if taps is None:
-                _pair(*cut, pairs)
+                _window(*cut, segments)
             else:
-                _pair_decimated(*cut, taps, pairs)
-            _add_powers(fft.fft(pairs.view(np.complex128)[..., 0], overwrite_x=True), sums)
+                _window_decimated(*cut, taps, segments)
+            _add_powers(fft.rfft(segments, overwrite_x=True), sums)
     return total * gains
 
 
@@ -91,7 +80,7 @@ def _low_pass(length: int, n_lines: int) -> tuple[Array, Array] | None:
     place = (2 * np.arange(n_taps) + 1) / n_taps - 1
     taps = np.i0(shape * np.sqrt(1 - place**2)) / np.i0(shape)
     response = fft.rfft(taps, length)[:n_lines]
-    return taps, _DECIMATION**2 / 2 / (response.real**2 + response.imag**2)
+    return taps, _DECIMATION**2 / (response.real**2 + response.imag**2)
 
 
 @compiled
@@ -104,38 +93,28 @@ def _mean(part, wanted):
 
 
 @compiled
-def _pair(signals, first, step, window, n_segments, remove_mean, pairs):
+def _window(signals, first, step, window, remove_mean, segments):
     length = len(window)
     for c in range(len(signals)):
-        for s in range(0, n_segments, 2):
-            one = signals[c, first + s * step :][:length]
-            mean, pair = _mean(one, remove_mean), pairs[c, s // 2]
-            if s + 1 == n_segments:
-                for i in range(length):
-                    pair[i, 0] = (one[i] - mean) * window[i]
-                    pair[i, 1] = 0.0
-            else:
-                other = signals[c, first + (s + 1) * step :][:length]
-                other_mean = _mean(other, remove_mean)
-                for i in range(length):
-                    pair[i, 0] = (one[i] - mean) * window[i]
-                    pair[i, 1] = (other[i] - other_mean) * window[i]
+        for s in range(segments.shape[1]):
+            part, segment = signals[c, first + s * step :][:length], segments[c, s]
+            mean = _mean(part, remove_mean)
+            for i in range(length):
+                segment[i] = (part[i] - mean) * window[i]
 
 
 @compiled
-def _pair_decimated(signals, first, step, window, n_segments, remove_mean, taps, pairs):
+def _window_decimated(signals, first, step, window, remove_mean, taps, segments):
     length, overhang = len(window), len(taps) - 4
     segment = np.empty(length + overhang)
-    if n_segments % 2:
-        pairs[:, -1, :, 1] = 0.0
     for c in range(len(signals)):
-        for s in range(n_segments):
+        for s in range(segments.shape[1]):
             part = signals[c, first + s * step :][:length]
             mean = _mean(part, remove_mean)
             for i in range(length):
                 segment[i] = (part[i] - mean) * window[i]
             segment[length:] = segment[:overhang]
-            _keep_every_fourth(segment, taps, pairs[c, s // 2, :, s % 2])
+            _keep_every_fourth(segment, taps, segments[c, s])
 
 
 @compiled
@@ -160,18 +139,9 @@ def _keep_every_fourth(segment, taps, output):
 
 @compiled
 def _add_powers(transforms, total):
-    n_signals, n_pairs, length = transforms.shape
-    n_lines = total.shape[1]
-    for c in range(n_signals):
+    for c in range(len(total)):
         row = total[c]
-        for s in range(n_pairs):
-            line = transforms[c, s]
-            near, far = line[:n_lines], line[length - n_lines + 1 :]
-            row[0] += 2 * _power(near[0])
-            for k in range(1, n_lines):
-                row[k] += _power(near[k]) + _power(far[n_lines - 1 - k])
-
-
-@compiled
-def _power(line):
-    return line.real * line.real + line.imag * line.imag
+        for s in range(transforms.shape[1]):
+            lines = transforms[c, s]
+            for k in range(len(row)):
+                row[k] += lines[k].real * lines[k].real + lines[k].imag * lines[k].imag
