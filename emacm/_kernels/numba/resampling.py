@@ -33,10 +33,9 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    path = *_views([travel]), *ends, 0, len(travel), scale, offset, kernel
-    for start in range(0, len(signals), _AT_ONCE):
-        some = slice(start, start + _AT_ONCE)
-        _spread(*path, _views(signals[some], _AT_ONCE), means[some], grid[some], n_points)
+    once = len(travel), np.array([n_points]), np.zeros(1, np.int64)  # nothing is decimated
+    made = 0, np.empty(0), grid[:, :0], 0
+    resample(travel, ends, scale, offset, kernel, signals, means, grid, *once, *made)
 
 
 def resample(
@@ -250,7 +249,7 @@ def _resample(
     scale,
     offset,
     kernel,
-    signals,
+    x,
     means,
     grid,
     part,
@@ -261,40 +260,36 @@ def _resample(
     outputs,
     done,
 ):
-    for k in range(len(n_points)):
-        start, stop, used = k * part, min((k + 1) * part, len(travel)), n_points[k]
-        place = travel, before, after, start, stop, scale, offset, kernel
-        _spread(*place, signals, means, grid, used)
-        if ready[k]:
-            decimate(grid, used, first, taps, means, outputs, done, ready[k])
-            done += ready[k]
-            offset -= 2.0 * ready[k]
-
-
-@compiled
-def _spread(travel, before, after, start, stop, scale, offset, kernel, x, means, grid, n_points):
     held, cells = np.empty((4, _WEIGHTS)), np.empty(_WEIGHTS, np.uint32)
     weights = held[0], held[1], held[2], held[3]
     near = np.empty(_WEIGHTS + 2)
     fours = len(grid) // 4 * 4
     spare = np.zeros(grid.shape[1] if len(grid) % 2 else 0)  # beside a row that is left over
-    for low in range(start, stop, _WEIGHTS):
-        count = min(_WEIGHTS, stop - low)
-        end, some = low + count, cells[:count]
-        near[0] = travel[low - 1] if low else before
-        near[1 : count + 1] = travel[low:end]
-        near[count + 1] = travel[end] if end < len(travel) else after
-        _set_weights(near, scale, offset, kernel, n_points, weights, some)
-        for k in range(0, fours, 4):  # several rows at a time: an addition waits for the one before
-            rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
-            onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
-            shifts = means[k], means[k + 1], means[k + 2], means[k + 3]
-            _spread_four(rows, shifts, weights, some, onto)
-        for k in range(fours, len(grid), 2):
-            paired = k + 1 < len(grid)
-            pair = grid[k], grid[k + 1] if paired else spare
-            shifts = means[k], means[k + 1] if paired else 0.0
-            _spread_two((x[k][low:end], x[k + 1][low:end]), shifts, weights, some, pair)
+    for number in range(len(n_points)):
+        used, n_outputs = n_points[number], ready[number]
+        stop = min((number + 1) * part, len(travel))
+        for low in range(number * part, stop, _WEIGHTS):
+            count = min(_WEIGHTS, stop - low)
+            end, some = low + count, cells[:count]
+            near[0] = travel[low - 1] if low else before
+            for i in range(count):
+                near[i + 1] = travel[low + i]
+            near[count + 1] = travel[end] if end < len(travel) else after
+            _set_weights(near, scale, offset, kernel, used, weights, some)
+            for k in range(0, fours, 4):  # several at a time: an addition waits for the one before
+                rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
+                onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
+                shifts = means[k], means[k + 1], means[k + 2], means[k + 3]
+                _spread_four(rows, shifts, weights, some, onto)
+            for k in range(fours, len(grid), 2):
+                paired = k + 1 < len(grid)
+                pair = grid[k], grid[k + 1] if paired else spare
+                shifts_of_two = means[k], means[k + 1] if paired else 0.0
+                _spread_two((x[k][low:end], x[k + 1][low:end]), shifts_of_two, weights, some, pair)
+        if n_outputs:
+            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            done += n_outputs
+            offset -= 2.0 * n_outputs
 
 
 @compiled
