@@ -18,7 +18,7 @@ _WEIGHTS = 2048  # of them, whose weights are held at a time
 _RUN = 8192  # angles that are interpolated at a time
 
 Array = NDArray[np.floating]
-Indices = NDArray[np.int32]
+Indices = NDArray[np.integer]
 
 
 def spread(
@@ -33,9 +33,10 @@ def spread(
     n_points: int,
 ) -> None:
     """Add each sample, less the mean of its signal, to the grid points around it."""
-    once = len(travel), np.array([n_points]), np.zeros(1, np.int64)  # nothing is decimated
-    made = 0, np.empty(0), grid[:, :0], 0
-    resample(travel, ends, scale, offset, kernel, signals, means, grid, *once, *made)
+    rows = signals, means, grid
+    parts = len(travel), np.array([n_points]), np.zeros(1, np.int64)
+    nothing = np.empty(0), grid[:, :0]  # is decimated
+    resample(travel, ends, scale, offset, kernel, *rows, *parts, 0, *nothing, 0)
 
 
 def resample(
