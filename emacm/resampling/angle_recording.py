@@ -49,6 +49,8 @@ class AngleRecording:
         Revolutions of the shaft of interest per revolution of the measured shaft.
     max_rest : float or None
         Longest time at standstill that does not end a stroke [s].
+    timed : list of (Series, float)
+        Each channel over time, and its sampling rate [Hz]; looked up when the recording is made.
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -60,7 +62,6 @@ class AngleRecording:
     min_speed: float = 0.0
     ratio: float = 1.0
     max_rest: float | None = None
-    # Each channel over time, and its sampling rate [Hz].
     timed: list[tuple[Series, float]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -280,13 +280,13 @@ def _resample(
             for k in range(0, fours, 4):  # several at a time: an addition waits for the one before
                 rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
                 onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
-                shifts = means[k], means[k + 1], means[k + 2], means[k + 3]
-                _spread_four(rows, shifts, weights, some, onto)
+                four_means = means[k], means[k + 1], means[k + 2], means[k + 3]
+                _spread_four(rows, four_means, weights, some, onto)
             for k in range(fours, len(grid), 2):
                 paired = k + 1 < len(grid)
                 pair = grid[k], grid[k + 1] if paired else spare
-                shifts_of_two = means[k], means[k + 1] if paired else 0.0
-                _spread_two((x[k][low:end], x[k + 1][low:end]), shifts_of_two, weights, some, pair)
+                two_means = means[k], means[k + 1] if paired else 0.0
+                _spread_two((x[k][low:end], x[k + 1][low:end]), two_means, weights, some, pair)
         if n_outputs:
             decimate(grid, used, first, taps, means, outputs, done, n_outputs)
             done += n_outputs
