@@ -41,7 +41,8 @@ from emacm.shaft.motion import (
 from emacm.shaft.paths import ShaftPath, paths_along
 from emacm.shaft.strokes import Stroke, longest_gap, strokes_of
 
-_MANY = 10_000  # strokes; of noise at standstill there may be more, which are not kept
+# Strokes; of noise at standstill there may be more, which are not kept.
+_MANY, _MANY_PATHS = 10_000, 1000
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
 
 
@@ -281,10 +282,12 @@ class Recording(Excerpts):
         Returns
         -------
         list of ShaftPath
-            In order of time.
+            In order of time; made once.
         """
         strokes = self.strokes(min_speed, max_rest)
-        return paths_along(self.motion[0], self.shaft_fs, strokes, direction, min_speed)
+        along = self.motion[0], self.shaft_fs, strokes, direction, min_speed
+        known = "paths", _kernels.loops, direction, min_speed, max_rest
+        return self._remembered.once(known, partial(paths_along, *along), most=_MANY_PATHS)
 
     @property
     def digest(self) -> str:

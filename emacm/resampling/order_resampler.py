@@ -29,7 +29,7 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.recordings.transformer import RecordingTransformer
-from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.angle_recording import AngleRecording
 from emacm.resampling.inputs import check_angle_step
 from emacm.resampling.interpolation import INTERPOLATIONS
 from emacm.resampling.quality import Quality, jump_warning, recording_quality
@@ -40,7 +40,7 @@ from emacm.resampling.training_range import (
     training_units,
     warn_of_severe,
 )
-from emacm.shaft.paths import DIRECTIONS
+from emacm.shaft.paths import DIRECTIONS, ShaftPath
 from emacm.shaft.strokes import Stroke, longest_gap
 
 _LARGEST_RATIO = 1_000_000  # as of the parts of a machine
@@ -214,7 +214,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         self._check_parameters()
         recordings = self._recordings(X)
         check_channels(recordings, self.channels_, others=self.channels is not None)
-        rows = [self._over_angle(recording) for recording in recordings]
+        theta_s = check_angle_step(self.theta_s)
+        rows = [self._over_angle(recording, theta_s) for recording in recordings]
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
                 self._check_motion(row, index)
@@ -346,11 +347,11 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             return Recording(channels, self.fs, velocity=shaft)
         return Recording(channels, self.fs, angle=shaft)
 
-    def _over_angle(self, recording: Recording) -> AngleRecording:
+    def _over_angle(self, recording: Recording, theta_s: float) -> AngleRecording:
         return AngleRecording(
             recording,
             self.channels_,
-            check_angle_step(self.theta_s),
+            theta_s,
             self.interpolation,
             bool(self.antialias),
             self.direction,
@@ -363,10 +364,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """Check that the shaft turns, and that its reference has no impossible jump."""
         recording = row.measured
         signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
-        strokes: Sequence[AngleStroke | Stroke] = row.strokes
-        if not strokes:  # or too short ones only
-            strokes = recording.strokes(row.min_speed)
-        if not any(stroke.direction in {*signs, 0} for stroke in strokes):
+        moves: Sequence[ShaftPath | Stroke] = row.paths
+        if not moves:  # or too short ones only
+            moves = recording.strokes(row.min_speed)
+        if not any(move.direction in {*signs, 0} for move in moves):
             way = f" {self.direction}" if len(signs) == 1 else ""
             velocity = recording.velocity
             raise ValueError(
