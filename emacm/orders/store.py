@@ -17,8 +17,8 @@ import uuid
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, fields
-from functools import partial
+from dataclasses import fields
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from stat import S_ISREG
@@ -39,7 +39,7 @@ from emacm.recordings.digests import content_digest
 from emacm.recordings.recent import Recent
 from emacm.resampling.angle_recording import AngleRecording
 
-NUMERICS = 2  # incremented whenever the numbers of a spectrum change; part of every key
+NUMERICS = 3  # incremented whenever the numbers of a spectrum change; part of every key
 BYTES_ON_DISK = 1 << 30
 BYTES_IN_MEMORY = 1 << 28
 
@@ -227,11 +227,17 @@ def spectrum_key(row: Any, settings: str) -> str:
     """
     if isinstance(row, AngleRecording):
         content = row.measured.digest
-        names = [field.name for field in fields(row) if field.compare and field.name != "measured"]
-        settings += repr([(name, getattr(row, name)) for name in names])
+        kind: Any = type(row)
+        settings += repr([getattr(row, name) for name in _compared(kind)])
     else:
         content = content_digest("row", [row])
     return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()
+
+
+@lru_cache(maxsize=8)
+def _compared(kind: type[AngleRecording]) -> list[str]:
+    """Return what a recording is resampled by."""
+    return [item.name for item in fields(kind) if item.compare and item.name != "measured"]
 
 
 def recalled(
@@ -267,7 +273,10 @@ def recalled(
     list of ndarray
         Some of them read-only.
     """
-    key_of = partial(spectrum_key, settings=joblib.hash((asdict(plan), __version__, NUMERICS)))
+    known = {item.name: getattr(plan, item.name) for item in fields(plan)}
+    if isinstance(plan.window, str):
+        del known["weights"]  # which follow from the name and the length
+    key_of = partial(spectrum_key, settings=joblib.hash((known, __version__, NUMERICS)))
     keys = [key_of(row) for row in rows]
     first: dict[str, int] = {}
     for index, key in enumerate(keys):

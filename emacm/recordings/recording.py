@@ -295,10 +295,13 @@ class Recording(Excerpts):
 
         Signals in a file are read again after the file was written.
         """
+        return self._remembered.digest(self._facts)
+
+    def _facts(self) -> str:
+        """Return what the digest depends on besides the arrays."""
         computed = {name: s for name, s in self._series.items() if isinstance(s, LazySeries)}
         facts = (self.channels, tuple(self._fs.values()), self.shaft_fs, self.reference)
-        text = repr((*facts, computed) if computed else facts)
-        return self._remembered.digest(text)
+        return repr((*facts, computed) if computed else facts)
 
     @property
     def duration(self) -> float:

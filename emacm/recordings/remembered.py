@@ -50,9 +50,9 @@ class Remembered:
             self._values[name] = (stamps, value)
         return value
 
-    def digest(self, facts: str) -> str:
+    def digest(self, facts: Callable[[], str]) -> str:
         """Return the SHA-256 of the arrays and of other facts; computed once."""
-        return self.once("digest", lambda: self._digest(facts))
+        return self.once("digest", lambda: self._digest(facts()))
 
     def _digest(self, facts: str) -> str:
         same = self._opened is not None and self._opened == self._stamps()
