@@ -214,8 +214,8 @@ class SegmentPlan:
         Parameters
         ----------
         section : ndarray of shape (n_channels, n_angles)
-            As `sections` yields it, with the start of its first segment and
-            the number of its segments.
+            As `sections` yields it, with the start of its first segment and the number of its
+            segments.
         first, n_segments : int
             These two numbers.
 

@@ -258,6 +258,11 @@ class Recording(Excerpts):
         find = partial(strokes_of, self._speed, min_speed, max_gap)
         return self._remembered.once(("strokes", min_speed, max_gap), find, most=_MANY)
 
+    @property
+    def in_files(self) -> bool:
+        """Whether it is read from files, which may be written to, and not from memory."""
+        return self._remembered.in_files
+
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a result of the content; computed again only after a file was written."""
         return self._remembered.once(name, compute)

@@ -35,6 +35,11 @@ class Remembered:
         self._opened = self._stamps() if just_opened else None
         self._values: dict[Hashable, tuple[Stamps, Any]] = {}
 
+    @property
+    def in_files(self) -> bool:
+        """Whether arrays are read from files, which may be written to."""
+        return bool(self._mapped)
+
     def once(self, name: Hashable, compute: Callable[[], Any], *, most: int | None = None) -> Any:
         """Return the value of this name; compute it if it is unknown or out of date.
 

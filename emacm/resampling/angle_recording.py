@@ -101,12 +101,12 @@ class AngleRecording:
 
     @property
     def paths(self) -> list[ShaftPath]:
-        """Travel of the shaft along each stroke; the strokes are found once."""
+        """Travel of the shaft along each stroke; found once, unless a file may change meanwhile."""
         found: list[ShaftPath] | None = self.__dict__.get("_paths")
         if found is None:
             measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
             found = [path.geared(self.ratio) for path in measured]
-            if len(found) <= _MANY:
+            if len(found) <= _MANY and not self.measured.in_files:
                 self.__dict__["_paths"] = found
         return found
 

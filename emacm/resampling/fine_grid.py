@@ -179,7 +179,8 @@ class FineGrid:
 
     def _n_complete(self, reached: Any) -> Any:
         """Count the outputs that no later sample changes."""
-        return ((reached / self._step + self._offset - self._lag) // 2).astype(int)
+        # Rounded down before what is done is taken off, so that all calls count alike.
+        return ((reached / self._step + _MARGIN - self._lag) // 2).astype(int) - self._done
 
     @property
     def _offset(self) -> float:

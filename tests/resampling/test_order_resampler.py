@@ -48,6 +48,11 @@ def run(seed=0, n_times=3000, swap=False, **options):
     return Recording(signals, FS, velocity=velocity, **options)
 
 
+def resampled(velocity):
+    """The channels of `run(0)` along another motion, over the angle."""
+    return OrderResampler(THETA_S).fit_transform([Recording(run(0).signals, FS, velocity=velocity)])
+
+
 def motion(velocity, fs=FS, n_signal=None, signal_fs=None):
     """A recording of one tone and a given motion."""
     velocity = np.asarray(velocity, float)
@@ -410,6 +415,19 @@ def test_quality_resamples_nothing(count):
 
 
 # What comes out
+
+
+def test_strokes_follow_what_is_written_to_the_file_of_the_velocity(tmp_path):
+    file = tmp_path / "velocity.npy"
+    np.save(file, run(0).velocity)
+    mapped = Recording(run(0).signals, FS, velocity=np.load(file, mmap_mode="r"))
+    (over_angle,) = OrderResampler(THETA_S).fit_transform([mapped])
+    np.testing.assert_array_equal(values([over_angle])[0], values(resampled(run(0).velocity))[0])
+    np.save(file, run(1).velocity)  # in place: the map shows it
+    for found, expected in zip(
+        values([over_angle]), values(resampled(run(1).velocity)), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_two_reads_of_the_same_strokes_compare_equal():
