@@ -1,18 +1,25 @@
 """The notebooks are committed with their pictures, and still run without a warning."""
 
+import base64
+import io
 import json
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
+from PIL import Image
+
+from emacm.displays._drawing import COLOURS
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 (REAL,) = (path for path in NOTEBOOKS if path.stem == "06_a_real_actuator")
 SIMULATED = [path for path in NOTEBOOKS if path != REAL]
 NAMES = {"argvalues": NOTEBOOKS, "ids": lambda path: path.stem}
 LARGEST = 300_000  # bytes
+LARGE = 40  # pixels of a colour that is not only at edges
 
 
 def outputs(notebook):
@@ -27,8 +34,24 @@ def execute(path, folder):
     return notebook
 
 
+def class_colours(notebook):
+    """Return the colours of classes that each picture contains unchanged."""
+    found = []
+    for data in (output.get("data", {}) for output in outputs(notebook)):
+        if "image/png" in data:
+            with Image.open(io.BytesIO(base64.b64decode(data["image/png"]))) as picture:
+                pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+            colours, counts = np.unique(pixels, axis=0, return_counts=True)
+            names = {"#" + bytes(colour).hex().upper() for colour in colours[counts > LARGE]}
+            found.append(names & set(COLOURS[:-2]))
+    return found
+
+
 def assert_runs_as_kept(path, folder):
-    """Run a notebook: nothing on stderr, and outputs of the same kinds as in the repository."""
+    """Run a notebook: nothing on stderr, and outputs as in the repository.
+
+    Their kinds are compared, and that pictures were stored with the colours of their classes.
+    """
     again, kept = execute(path, folder), nbformat.read(path, as_version=4)
     assert "".join(o.text for o in outputs(again) if o.get("name") == "stderr") == ""
     for cell, cell_kept in zip(again.cells, kept.cells, strict=True):
@@ -37,6 +60,7 @@ def assert_runs_as_kept(path, folder):
             for c in (cell, cell_kept)
         )
         assert kinds == kinds_kept, cell.source
+    assert class_colours(again) == class_colours(kept)
 
 
 def test_the_notebooks_are_numbered_as_they_are_read():
