@@ -10,7 +10,7 @@ resampled over the shaft angle, in which the repetition rate is constant.
 from __future__ import annotations
 
 import warnings
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_finite, check_number, check_real_array
 from emacm.recordings.computed_series import ComputedSeries
+from emacm.recordings.prewhitening import WhitenedBand, WhitenedSeries
 from emacm.shaft.motion import BLOCK, Series
 
 Band = tuple[float, float]
@@ -155,6 +156,37 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     return taps
 
 
+@lru_cache(maxsize=8)
+def analytic_gain(low: float, high: float, fs: float, n_times: int) -> NDArray[np.floating]:
+    """Return the gain of `analytic_filter` at the frequencies of a transform.
+
+    Parameters
+    ----------
+    low, high : float
+        Edges of the band [Hz].
+    fs : float
+        Sampling rate [Hz].
+    n_times : int
+        Length of the transform, at least that of the filter.
+
+    Returns
+    -------
+    ndarray of shape (n_times // 2 + 1,)
+        Read-only; real, because the filter has no delay. At negative frequencies, it is below
+        -80 dB.
+
+    Examples
+    --------
+    >>> gain = analytic_gain(2000.0, 6000.0, 48_000.0, 480)
+    >>> [round(float(gain[k]), 2) for k in (10, 20, 40, 60, 70)]
+    [0.0, 1.0, 2.0, 1.0, 0.0]
+    """
+    taps = analytic_filter(low, high, fs)
+    gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
+    gain.flags.writeable = False
+    return gain
+
+
 class EnvelopeSeries(ComputedSeries):
     """The envelope of a signal of any length, computed slice by slice when it is read.
 
@@ -184,7 +216,7 @@ class EnvelopeSeries(ComputedSeries):
         If the band is not below the Nyquist frequency, or its filter is longer than the signal.
     """
 
-    _prepared = ("_taps",)
+    _prepared = ("_taps", "_whitened")
 
     def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
         super().__init__(signal)
@@ -205,6 +237,11 @@ class EnvelopeSeries(ComputedSeries):
         single = self.dtype == np.float32
         self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
         self.reach = len(taps) // 2
+        # A prewhitened signal passes the filter while it is a spectrum.
+        self._whitened: WhitenedBand | None = None
+        if isinstance(self._signal, WhitenedSeries) and 2 * self.reach <= self._signal.fade:
+            gain = partial(analytic_gain, *self._band, self._fs)
+            self._whitened = WhitenedBand(self._signal, gain)
 
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
@@ -216,10 +253,14 @@ class EnvelopeSeries(ComputedSeries):
         at_once = max(BLOCK, 2 * len(self._taps))
         for first in range(start, stop, at_once):
             last = min(first + at_once, stop)
-            near: Any = self._mirrored(first - self.reach, last + self.reach)
-            analytic = scipy.signal.oaconvolve(near, self._taps, mode="valid")
-            values[first - start : last - start] = self._size(analytic)
+            values[first - start : last - start] = self._size(self._analytic(first, last))
         return values
+
+    def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
+        if self._whitened is not None:
+            return self._whitened.read(start, stop)
+        near: Any = self._mirrored(start - self.reach, stop + self.reach)
+        return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
     def _gathered(self, index: NDArray[np.intp]) -> NDArray[np.floating]:
         """Return samples that may lie far apart, each by itself, or near one another."""
@@ -229,9 +270,13 @@ class EnvelopeSeries(ComputedSeries):
         values = np.empty(len(index), self.dtype)
         at_once = max(1, _GATHERED // len(self._taps))
         for first in range(0, len(index), at_once):
-            places = index[first : first + at_once]
-            near = [self._mirrored(int(k) - self.reach, int(k) + self.reach + 1) for k in places]
-            values[first : first + at_once] = self._size(np.stack(near) @ self._taps[::-1])
+            places = index[first : first + at_once].tolist()
+            if self._whitened is not None:
+                analytic = np.concatenate([self._analytic(k, k + 1) for k in places])
+            else:
+                near = [self._mirrored(k - self.reach, k + self.reach + 1) for k in places]
+                analytic = np.stack(near) @ self._taps[::-1]
+            values[first : first + at_once] = self._size(analytic)
         return values
 
     def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -36,9 +36,15 @@ class WhitenedSeries(ComputedSeries):
         Finite; it may be a memory map.
     fs : float
         Its sampling rate [Hz].
+
+    Attributes
+    ----------
+    fade : int
+        Samples within which a segment fades over into the next one.
     """
 
     _prepared = ("_kept", "_rise")
+    _gain: NDArray[np.floating] | None = None
 
     def __init__(self, signal: Series, fs: float) -> None:
         super().__init__(signal)
@@ -46,88 +52,121 @@ class WhitenedSeries(ComputedSeries):
         self._prepare()
 
     def _prepare(self) -> None:
-        """Cut the signal into segments; one begins every `_hop` samples, `_fade` before that."""
+        """Cut the signal into segments; one begins every `_hop` samples, `fade` before that."""
         # The nearest power of two, of which the transform is fast.
         n_segment = max(_FEWEST, 1 << round(np.log2(max(_SECONDS * self._fs, 1))))
         fade = n_segment // _FADED
         if len(self) <= n_segment - fade:  # a single one, with the mirror image at both ends
             fade = len(self) // (_FADED - 2)
             n_segment = scipy.fft.next_fast_len(len(self) + 2 * fade, real=True)
-        self._fade, self._hop = fade, n_segment - fade
+        self.fade, self._hop = fade, n_segment - fade
         self._n_segments = 1 + (len(self) - 1 + fade) // self._hop
-        # SciPy transforms as many rows at once as a register holds. A segment is always in the same
-        # group, so that parts of a signal are equal to those of the whole.
-        at_once = max(1, _REGISTER // self.dtype.itemsize)
+        # A segment is always in the same group, so that parts of a signal are equal to those of the
+        # whole.
+        at_once = _rows_at_once(self._signal.dtype)
         self._n_group = at_once * max(1, _GROUP // (at_once * n_segment))
-        # Applied before and after whitening: the squares of two that overlap add up to one.
-        rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1))
-        self._rise = rise.astype(self.dtype)
-        self._kept: dict[int, NDArray[np.floating]] = {}
+        self._rise = _rise(fade, self._signal.dtype)
+        self._kept: dict[int, NDArray[np.inexact]] = {}
 
     def __repr__(self) -> str:
         """Return class and sampling rate, of which digests are made."""
         return self._described(self._fs)
 
-    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+    def read(self, start: int, stop: int) -> NDArray[Any]:
         """Return the whitened signal at samples `start` to `stop` (exclusive)."""
-        values = np.zeros(stop - start, self.dtype)
-        first, last = start // self._hop, (stop - 1 + self._fade) // self._hop
+        values = np.empty(stop - start, self.dtype)
+        first, last = start // self._hop, (stop - 1 + self.fade) // self._hop
         for group in range(first // self._n_group, last // self._n_group + 1):
             for number, row in enumerate(self._group(group), group * self._n_group):
-                begin = number * self._hop - self._fade
-                low, high = max(begin, start), min(begin + len(row), stop)
+                begin = number * self._hop - self.fade - start
+                low, high = max(begin, 0), min(begin + len(row), len(values))
                 if low < high:
-                    values[low - start : high - start] += row[low - begin : high - begin]
+                    new = min(max(begin + self.fade, 0), high)  # the segment before ends here
+                    values[low:new] += row[low - begin : new - begin]
+                    values[new:high] = row[new - begin : high - begin]
         return values
 
-    def _group(self, group: int) -> NDArray[np.floating]:
+    def _group(self, group: int) -> NDArray[np.inexact]:
         """Return a group of whitened segments; two are kept, as blocks are read one by one."""
         kept = self._kept
         if group not in kept:
-            fade, hop = self._fade, self._hop
+            fade, hop = self.fade, self._hop
             first = group * self._n_group
             count = min(self._n_group, self._n_segments - first)
             begin = first * hop - fade
             near = self._mirrored(begin, begin + count * hop + fade)
-            segments = np.empty((count, hop + fade), self.dtype)
+            segments = np.empty((count, hop + fade), near.dtype)
             levels = np.empty(count)
             for row, segment in enumerate(segments):
                 part = near[row * hop : row * hop + len(segment)]
                 levels[row] = part.mean(dtype=np.float64)
-                np.subtract(part, self.dtype.type(levels[row]), out=segment)
+                np.subtract(part, near.dtype.type(levels[row]), out=segment)
             # Without a taper, the cut ends of a strong tone would be impacts.
             self._faded(segments)
-            white = whiten(segments, levels, rms=np.sqrt(1 - fade / (hop + fade)))
+            rms = np.sqrt(1 - fade / (hop + fade))
+            white = whiten(segments, levels, rms=rms, gain=self._gain)
             self._faded(white)
             last = [item for item in kept.items() if abs(item[0] - group) == 1]
             kept = self._kept = dict([*last[-1:], (group, white)])
         return kept[group]
 
-    def _faded(self, segments: NDArray[np.floating]) -> None:
+    def _faded(self, segments: NDArray[np.inexact]) -> None:
         """Let the ends of segments rise from 0 and fall to 0, in place."""
-        segments[:, : self._fade] *= self._rise
+        segments[:, : self.fade] *= self._rise
         segments[:, self._hop :] *= self._rise[::-1]
 
 
+class WhitenedBand(WhitenedSeries):
+    """The analytic signal of a band of a prewhitened signal, filtered segment by segment.
+
+    Each spectrum is multiplied by the gain of the filter before it is transformed back, so that
+    whitening and filtering take two transforms and not four. Where segments overlap, they fade
+    after the filter instead of before it.
+
+    Parameters
+    ----------
+    whitened : WhitenedSeries
+        The prewhitened signal.
+    gain : callable
+        Returns the gain of a filter without delay at the frequencies from 0 to half the sampling
+        rate, for a number of samples of a segment. Its taps reach no further than half of `fade`;
+        otherwise the end of a segment would reach into its beginning.
+    """
+
+    def __init__(
+        self, whitened: WhitenedSeries, gain: Callable[[int], NDArray[np.floating]]
+    ) -> None:
+        super().__init__(whitened._signal, whitened._fs)
+        self._gain = gain(self._hop + self.fade).astype(self.dtype)
+        self.dtype = np.result_type(self.dtype, np.complex64)
+
+
 def whiten(
-    segments: NDArray[np.floating], removed: ArrayLike = 0.0, *, rms: float = 1.0
-) -> NDArray[np.floating]:
+    segments: NDArray[np.floating],
+    removed: ArrayLike = 0.0,
+    *,
+    rms: float = 1.0,
+    gain: NDArray[np.floating] | None = None,
+) -> NDArray[np.inexact]:
     """Return segments whose Fourier coefficients all have the same magnitude [1]_.
 
     Parameters
     ----------
-    segments : ndarray of shape (..., n_times)
+    segments : ndarray of shape (n_times,) or (n_segments, n_times)
         Finite signals, in any unit.
-    removed : array-like of shape (...)
+    removed : float, or array-like of shape (n_segments,)
         Constants that were subtracted from them; they left rounding errors.
     rms : float
         Root mean square of the result.
+    gain : ndarray of shape (n_times // 2 + 1,), optional
+        Gain of a filter without delay at the frequencies from 0 to half the sampling rate; the
+        result is then an analytic signal, without negative frequencies.
 
     Returns
     -------
-    ndarray of shape (..., n_times)
+    ndarray of the same shape
         Without unit, with mean 0; coefficients of no more than rounding errors are set to 0. Of the
-        type of the segments.
+        precision of the segments; complex with a gain.
 
     References
     ----------
@@ -144,17 +183,47 @@ def whiten(
     >>> print(round(magnitude[100] / magnitude[37], 9))  # that of the tone beside another one
     1.0
     """
-    n_times = segments.shape[-1]
-    lines = scipy.fft.rfft(segments)
-    lines[..., 0] = 0  # the mean is no vibration
+    rows = np.atleast_2d(segments)
+    n_rows, n_times = rows.shape
+    spectra = scipy.fft.rfft(_filled(rows))
+    lines = spectra[:n_rows]
+    lines[:, 0] = 0  # the mean is no vibration
     power = lines.real**2
     power += lines.imag**2
     resolution = _ROUNDING * np.finfo(segments.dtype).eps
     largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
-    power[power <= resolution**2 * largest[..., np.newaxis]] = np.inf
+    power[power <= resolution**2 * largest[:, np.newaxis]] = np.inf
     scale = np.divide(rms, np.sqrt(power, out=power), out=power)
-    lines *= scale
-    return scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
+    if gain is None:
+        lines *= scale
+        white = scipy.fft.irfft(spectra, n_times, norm="ortho", overwrite_x=True)
+    else:
+        scale *= gain
+        both = np.zeros((len(spectra), n_times), lines.dtype)
+        np.multiply(lines, scale, out=both[:n_rows, : lines.shape[1]])
+        white = scipy.fft.ifft(both, norm="ortho", overwrite_x=True)
+    return white[:n_rows].reshape(segments.shape)
+
+
+@lru_cache(maxsize=8)
+def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
+    """Return the taper before and after whitening: squares of two that overlap add up to one."""
+    rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
+    rise.flags.writeable = False
+    return rise
+
+
+def _rows_at_once(dtype: np.dtype[Any]) -> int:
+    """Return how many rows SciPy transforms at once: as many as a register holds."""
+    return max(1, _REGISTER // dtype.itemsize)
+
+
+def _filled(rows: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return rows, and rows of zeros if several would be transformed one by one otherwise."""
+    at_once = _rows_at_once(rows.dtype)
+    if len(rows) % at_once < 2:
+        return rows
+    return np.concatenate([rows, np.zeros((-len(rows) % at_once, rows.shape[1]), rows.dtype)])
 
 
 def prewhitened(signal: ArrayLike, fs: float) -> NDArray[np.floating]:

@@ -28,6 +28,7 @@ from emacm.recordings.computed_series import ComputedSeries
 from emacm.recordings.envelope import (
     EnvelopeSeries,
     analytic_filter,
+    analytic_gain,
     envelope,
     filter_length,
     warn_of_long_filter,
@@ -538,6 +539,18 @@ def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():
     np.testing.assert_allclose(gain[inside], 1, atol=2e-4)
     assert gain[outside].max() < 1e-4
     assert gain[frequencies == low] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("n_times", [243, 480, 601])
+def test_the_gain_of_the_filter_is_its_fourier_transform(n_times):
+    taps = analytic_filter(2000.0, 6000.0, 48_000.0)
+    around = np.zeros(n_times, complex)
+    around[np.arange(len(taps)) - len(taps) // 2] = taps  # its middle is at time 0
+    expected = np.fft.fft(around)
+    n_lines = n_times // 2 + 1
+    gain = analytic_gain(2000.0, 6000.0, 48_000.0, n_times)
+    np.testing.assert_allclose(gain, expected[:n_lines], rtol=0, atol=1e-12)
+    assert np.abs(expected[n_lines:]).max() < 2e-4
 
 
 def test_the_channels_are_those_of_the_first_recording_of_fit():

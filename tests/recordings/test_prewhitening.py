@@ -13,6 +13,7 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.recordings.envelope import EnvelopeSeries, envelope
 from emacm.recordings.prewhitening import WhitenedSeries, prewhitened, whiten
 
 FS = 7_000.0
@@ -126,7 +127,7 @@ def test_a_change_elsewhere_does_not_reach_another_segment():
 def test_between_segments_the_level_stays():
     white = np.mean([prewhitened(coloured(seed), FS) ** 2 for seed in range(40)], axis=0)
     series = WhitenedSeries(TIMES, FS)
-    n_segment = series._hop + series._fade
+    n_segment = series._hop + series.fade
     assert n_segment < N_TIMES // 4
     local = white[: N_TIMES // 64 * 64].reshape(-1, 64).mean(axis=1)
     # Of 40 x 64 squares, the mean scatters by 3 %; where segments overlap they are not all alike.
@@ -304,10 +305,10 @@ def test_cloned_it_does_the_same():
 @pytest.mark.parametrize("fs", [1e-3, 1e3, 3e5])
 def test_segments_are_a_power_of_two_of_about_the_same_time_at_any_rate(fs):
     series = WhitenedSeries(np.zeros(1 << 21), fs)
-    length = series._hop + series._fade
+    length = series._hop + series.fade
     assert length & (length - 1) == 0
     usual = WhitenedSeries(np.zeros(1 << 21), 4096.0)
-    seconds = (usual._hop + usual._fade) / 4096
+    seconds = (usual._hop + usual.fade) / 4096
     if fs > 1:
         assert 2**-0.5 <= length / (seconds * fs) <= 2**0.5
     else:
@@ -317,11 +318,11 @@ def test_segments_are_a_power_of_two_of_about_the_same_time_at_any_rate(fs):
 @pytest.mark.parametrize(("fs", "n_segment"), [(100.0, 256), (7000.0, 4096), (200_000.0, 131_072)])
 def test_segments_last_about_half_a_second_and_fade_within_a_sixteenth(fs, n_segment):
     series = WhitenedSeries(np.zeros(5 * n_segment), fs)
-    assert (series._hop + series._fade, series._fade) == (n_segment, n_segment // 16)
+    assert (series._hop + series.fade, series.fade) == (n_segment, n_segment // 16)
     fast = WhitenedSeries(np.zeros(98), fs)  # 112 would have a factor of 7
-    assert fast._hop + fast._fade == 120
+    assert fast._hop + fast.fade == 120
     short = WhitenedSeries(np.zeros(14 * 9), fs)  # a single segment, of 16 * 9 samples
-    assert (short._hop + short._fade, short._fade) == (144, 9)
+    assert (short._hop + short.fade, short.fade) == (144, 9)
 
 
 def test_at_a_high_rate_each_segment_is_whitened_alone():
@@ -342,10 +343,10 @@ def test_the_mean_square_is_one_but_for_what_fading_takes(seed):
 
 def test_single_samples_are_those_of_the_whole_where_groups_of_segments_meet():
     series = WhitenedSeries(noise(33_000), 100.0)
-    boundary = series._n_group * series._hop - series._fade
+    boundary = series._n_group * series._hop - series.fade
     assert boundary < 32_000
     whole = series[:]
-    for place in (*range(boundary - 2, boundary + 3), boundary + series._fade):
+    for place in (*range(boundary - 2, boundary + 3), boundary + series.fade):
         np.testing.assert_array_equal(series[place : place + 1], whole[place : place + 1])
         np.testing.assert_array_equal(series[place - 5 : place + 1], whole[place - 5 : place + 1])
 
@@ -362,3 +363,98 @@ def test_what_rounding_left_of_a_large_constant_is_no_signal():
     rest = 1e-13 * noise(1000)[np.newaxis]
     assert np.abs(whiten(rest, [1e3])).max() == 0
     assert np.abs(whiten(rest, [1e-3])).max() > 1
+
+
+# The envelope of a whitened signal, of which the spectra of the segments are filtered
+
+FULL = (FS / 32, 15 * FS / 32)
+
+
+def filtered(signal, band=FULL, fs=FS, **options):
+    """Envelope of a signal that is whitened, with whitening and filtering in one step."""
+    series = EnvelopeSeries(WhitenedSeries(signal, fs), fs, band, **options)
+    assert series._whitened is not None
+    return series
+
+
+def in_two_steps(signal, band=FULL, fs=FS, **options):
+    return envelope(prewhitened(signal, fs), fs, band, **options)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [coloured(), noise() + 300 * np.sin(TURN * 440 * TIMES), impacts() + 1e-3 * noise()],
+    ids=["noise", "tone", "impacts"],
+)
+# The longer the filter, the more: of 256 samples within which segments fade, 83, 73 and 203 taps.
+@pytest.mark.parametrize(
+    ("band", "most"), [(FULL, 0.005), ((500, 2500), 0.006), ((1500, 2200), 0.02)]
+)
+def test_filtering_the_spectra_differs_little_from_whitening_and_then_filtering(signal, band, most):
+    found = filtered(signal, band, squared=False)
+    inner = slice(found.reach, -found.reach)  # beyond the ends, other mirror images are taken
+    expected = in_two_steps(signal, band, squared=False)[inner]
+    differences = found[:][inner] - expected
+    assert np.sqrt(np.mean(differences**2)) < most * np.sqrt(np.mean(expected**2))
+
+
+@pytest.mark.parametrize("n_times", [1200, 3001])
+def test_within_a_single_segment_the_order_of_whitening_and_filtering_is_irrelevant(n_times):
+    found = filtered(coloured()[:n_times], squared=False)
+    inner = slice(found.reach, -found.reach)
+    expected = in_two_steps(coloured()[:n_times], squared=False)[inner]
+    # But for negative frequencies, which the filter attenuates by 80 dB.
+    np.testing.assert_allclose(found[:][inner], expected, atol=5e-4 * expected.max())
+
+
+def test_a_filter_as_long_as_the_fade_is_applied_to_the_whitened_signal():
+    series = EnvelopeSeries(WhitenedSeries(noise(), FS), FS, (1000.0, 1500.0))
+    assert 2 * series.reach > WhitenedSeries(noise(), FS).fade
+    np.testing.assert_array_equal(series[:], in_two_steps(noise(), (1000.0, 1500.0)))
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize(
+    "key",
+    [slice(4000, 4100), slice(30_000, 41_000), slice(3, 70_000, 1007), np.array([69_999, 0, -1])],
+    ids=str,
+)
+def test_what_is_read_of_the_envelope_in_part_is_what_the_whole_has_there(key, single, monkeypatch):
+    signal = noise(70_001).astype(np.float32 if single else np.float64)
+    whole = filtered(signal)[:]
+    assert whole.dtype == signal.dtype
+    np.testing.assert_array_equal(filtered(signal)[key], whole[key])
+    monkeypatch.setattr("emacm.recordings.envelope.BLOCK", 5000)
+    np.testing.assert_array_equal(filtered(signal)[:], whole)
+
+
+def test_the_envelope_of_a_float32_signal_is_that_of_float64_to_rounding():
+    single = filtered(coloured().astype(np.float32), squared=False)[:]
+    np.testing.assert_allclose(single, filtered(coloured(), squared=False)[:], atol=0.01)
+
+
+def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
+    series = filtered(noise())
+    before = series[:]  # now segments are kept, which are not pickled
+    size = len(pickle.dumps(series))
+    assert size < N_TIMES * 8 + 1500
+    again = pickle.loads(pickle.dumps(series))
+    assert again == series
+    np.testing.assert_array_equal(again[:], before)
+
+
+def test_whitened_segments_that_are_filtered_have_the_gain_as_their_spectrum():
+    gain = np.linspace(2, 0, 501)
+    spectrum = np.fft.fft(whiten(coloured()[:1000], rms=0.5, gain=gain), norm="ortho")
+    np.testing.assert_allclose(np.abs(spectrum[1:501]), 0.5 * gain[1:], atol=1e-9)
+    assert np.abs(spectrum[501:]).max() < 1e-9
+
+
+@pytest.mark.parametrize("n_rows", [2, 3, 5, 6])
+@pytest.mark.parametrize("gain", [None, np.linspace(2, 0, 501).astype(np.float32)])
+def test_rows_that_fill_no_register_are_whitened_like_single_ones(n_rows, gain):
+    rows = noise(1000 * n_rows).reshape(n_rows, 1000).astype(np.float32)
+    white = whiten(rows, gain=gain)
+    assert white.dtype == (np.float32 if gain is None else np.complex64)
+    expected = [whiten(row, gain=gain) for row in rows]
+    np.testing.assert_allclose(white, expected, rtol=0, atol=1e-4)
