@@ -14,6 +14,7 @@ import nbformat
 import numpy as np
 from nbclient import NotebookClient
 from PIL import Image
+from scipy.spatial.distance import cdist
 
 FOLDER = Path(__file__).parent
 N_COLOURS, N_EXACT = 256, 160  # the most frequent ones are kept exactly
@@ -21,17 +22,21 @@ N_COLOURS, N_EXACT = 256, 160  # the most frequent ones are kept exactly
 
 def fewer_colours(picture: Image.Image) -> Image.Image:
     """Return a picture of at most 256 colours, in which the most frequent ones are unchanged."""
-    picture = picture.convert("RGB")
-    colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
-    colours = colours[np.argsort(-counts, kind="stable")]
-    exact, rare = colours[:N_EXACT], colours[N_EXACT:]
+    pixels = np.asarray(picture.convert("RGB"))
+    colours, numbers, counts = np.unique(
+        pixels.reshape(-1, 3), axis=0, return_inverse=True, return_counts=True
+    )
+    palette = colours[np.argsort(-counts, kind="stable")]
     if len(colours) > N_COLOURS:
-        method = Image.Quantize.MAXCOVERAGE
-        reduced = Image.fromarray(rare[None]).quantize(N_COLOURS - N_EXACT, method)
-        rare = np.unique(np.asarray(reduced.convert("RGB"))[0], axis=0)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(np.concatenate([exact, rare]).ravel().tolist())
-    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+        rare = Image.fromarray(palette[None, N_EXACT:])
+        reduced = rare.quantize(N_COLOURS - N_EXACT, Image.Quantize.MAXCOVERAGE).convert("RGB")
+        palette = np.concatenate([palette[:N_EXACT], np.unique(np.asarray(reduced)[0], axis=0)])
+    # The nearest colour is searched here: that of Pillow is of a grid, and moves white.
+    distances = cdist(colours, palette)
+    nearest = distances.argmin(axis=1).astype(np.uint8)
+    stored = Image.fromarray(nearest[numbers.ravel()].reshape(pixels.shape[:2]), "P")
+    stored.putpalette(palette.ravel().tolist())
+    return stored
 
 
 def small_png(data: str) -> str:
