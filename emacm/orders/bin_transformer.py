@@ -209,10 +209,12 @@ class BinTransformer(OrderTableTransformer):
             orders = step * np.arange(self.n_features_in_, dtype=np.float64)
             return (OrderBlock(BARE_CHANNEL, orders, slice(0, self.n_features_in_)),)
         for block in blocks:
-            if step is not None and not np.allclose(np.diff(block.orders), step, rtol=1e-9, atol=0):
+            steps = np.diff(block.orders)
+            if step is not None and not np.allclose(steps, step, rtol=1e-9, atol=0):
+                other = steps[np.argmax(np.abs(steps - step))]
                 raise ValueError(
-                    f"order_step = {step:g} contradicts the columns of {block.channel!r}, whose "
-                    f"orders lie {np.diff(block.orders)[0]:g} apart. Leave order_step out."
+                    f"order_step = {step:g} contradicts the columns of {block.channel!r}, where "
+                    f"orders lie {other:g} apart. Leave order_step out."
                 )
         return blocks
 

@@ -329,9 +329,9 @@ def _object_vector(X: Any) -> bool:
 
 
 def _ragged(rows: list[Any]) -> bool:
-    """Tell whether these are one-dimensional rows of unequal length."""
+    """Tell whether these are one-dimensional rows of unequal length, or one is no array at all."""
     try:
         shapes = {np.shape(row) for row in rows}
     except ValueError:
-        return False
+        return True
     return len(shapes) > 1 and all(len(shape) == 1 for shape in shapes)

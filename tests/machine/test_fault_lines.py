@@ -328,7 +328,7 @@ def test_levels_slips_and_lines_have_a_row_for_each_spectrum():
 def test_sidebands_at_the_end_of_the_spectrum_are_not_taken(side, found):
     fault = FaultSeries("wear", (11.0,), True, "", (("cage", side - 11.0),))
     measure = LineLevels(ORDERS, [fault], 0.02, 0.5)
-    psd = spectrum([11, side] if found else [11])[np.newaxis]
+    psd = spectrum([11, min(side, 20.0)])[np.newaxis]
     places = measure.sidebands(psd, fault, 0.0)
     lower = 0.0  # at 22 - side, where there is no line
     assert places == pytest.approx({"cage": (20 + lower) / 2 if found else lower}, abs=1e-9)
@@ -349,3 +349,22 @@ def test_sidebands_are_found_on_an_axis_that_does_not_begin_at_0():
     assert found == pytest.approx({"cage": 15, "shaft": 30}, abs=1e-9)
     assert part.sidebands(psd[np.newaxis, 1:], fault, 0.0) == found
     assert whole.sidebands(psd[np.newaxis], fault, 0.04)["cage"] == pytest.approx(15)
+
+
+def test_a_fault_at_one_and_a_half_steps_of_the_shaft_is_separated():
+    orders = np.arange(0, 20.25, 0.25)  # exact in binary
+    psd = np.where(np.isin(orders, [3, 6]), 100.0, 1.0)[np.newaxis]
+    for distance, level in ((0.375, 0), (0.374, 20)):
+        fault = FaultSeries("wear", (3 + distance, 6 + 2 * distance), True)
+        measure = LineLevels(orders, [fault], 0.125, 4.0, without_shaft=True)
+        assert measure.measure(psd)[0] == pytest.approx(level, abs=1e-9)
+
+
+def test_a_sideband_at_the_second_line_is_not_taken():
+    fault = FaultSeries("wear", (0.16,), False, "", (("cage", 0.08),))
+    psd = spectrum([0.08, 0.24])[np.newaxis]
+    found = LineLevels(ORDERS, [fault], 0.0, 0.5).sidebands(psd, fault, 0.0)
+    assert found == pytest.approx({"cage": 20})
+    psd = spectrum([0.08])[np.newaxis]
+    found = LineLevels(ORDERS, [fault], 0.0, 0.5).sidebands(psd, fault, 0.0)
+    assert found == pytest.approx({"cage": 0})

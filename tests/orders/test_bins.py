@@ -501,3 +501,10 @@ def test_names_of_bins_are_given_after_a_fit_and_compared_with_its_columns():
     assert (names.tolist(), names.dtype) == (["a@0-1", "a@1-2"], object)
     with pytest.raises(ValueError, match="input_features is not equal to feature_names_in_"):
         bins.get_feature_names_out(["a@0", "a@2", "a@1"])
+
+
+@pytest.mark.parametrize(("orders", "apart"), [((0, 1, 2.5), "1.5"), ((0, 0.25, 1), "0.25")])
+def test_of_columns_at_uneven_orders_the_step_that_differs_is_stated(orders, apart):
+    spectrum = OrderTable(np.ones((1, 3)), [f"a@{order}" for order in orders])
+    with pytest.raises(ValueError, match=rf"order_step = 1 contradicts .* lie {apart} apart\."):
+        BinTransformer(1, max_order=1, order_step=1).fit(spectrum)

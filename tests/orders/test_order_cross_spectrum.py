@@ -550,3 +550,16 @@ def test_input_names_are_the_channels_of_the_first_recording():
     assert cross.get_feature_names_out(["z", "a"])[0] == "z*a:response.real@0-4"
     with pytest.raises(ValueError, match="input_features"):
         cross.get_feature_names_out([*"zba"])
+
+
+@pytest.mark.parametrize(("factor", "has_power"), [(0.98, False), (1.02, True)])
+def test_a_constant_may_vary_by_one_part_in_100_million(factor, has_power):
+    tone, other = np.sin(np.arange(4000) / 10), np.random.default_rng(0).standard_normal(4000)
+    psd = np.asarray(OrderPSD(8).fit_transform(constant_speed({"z": tone})))
+    least = 1e-8 * 3 / np.sqrt(psd.max())  # amplitude of a tone whose density is the square of it
+    rows = constant_speed({"z": 3 + factor * least * tone, "a": other})
+    if has_power:
+        assert np.isfinite(OrderCrossSpectrum(8).fit_transform(rows)).all()
+    else:
+        with pytest.raises(ValueError, match="channel 'z' has no power"):
+            OrderCrossSpectrum(8).fit_transform(rows)

@@ -409,3 +409,10 @@ def test_after_fit_a_table_of_one_column_has_the_wrong_number():
         psd.transform(np.ones((2, 1)))
     with pytest.raises(ValueError, match=r"1 feature.*minimum of 2 is required"):
         psd.fit(np.ones((2, 1)))
+
+
+@pytest.mark.parametrize("options", [{}, {"theta_s": 0.1}])
+@pytest.mark.parametrize(("rows", "bad"), [([[1, [2, 3]]] * 2, 0), ([[1, 2], [[1], [2, 3]]], 1)])
+def test_a_row_that_is_no_array_is_named(rows, bad, options):
+    with pytest.raises(ValueError, match=f"row {bad} must be a rectangular array of numbers"):
+        OrderPSD(n_per_segment=2, **options).fit(rows)

@@ -459,9 +459,16 @@ def test_alternatives_may_be_given_for_any_option():
     assert (every.channels, every.velocity, every.angle) == (None, "90 rpm", None)
 
 
-@pytest.mark.parametrize("values", [["2026-01-01T00:00:00", "oops", "2026-01-01T00:00:02"]])
-def test_a_text_among_dates_is_refused(tmp_path, values):
-    rows = "".join(f"{value},{k}\n" for k, value in enumerate(values))
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        (["2026-01-01T00:00:00", "oops", "2026-01-01T00:00:02"], "has 'oops' at sample 1, not a"),
+        (["2026-01-01T00:00:00"], "does not increase"),
+        (["3.5"], "does not increase"),
+    ],
+)
+def test_a_column_of_bad_times_is_refused(tmp_path, times, message):
+    rows = "".join(f"{value},{k}\n" for k, value in enumerate(times))
     (tmp_path / "a.csv").write_text("time,b\n" + rows)
-    with pytest.raises(ValueError, match="time column 'time' has 'oops' at sample 1"):
+    with pytest.raises(ValueError, match="time column 'time' " + message):
         assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration

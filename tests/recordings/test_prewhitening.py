@@ -13,6 +13,7 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.recordings import prewhitening
 from emacm.recordings.envelope import EnvelopeSeries, envelope
 from emacm.recordings.prewhitening import WhitenedSeries, prewhitened, whiten
 
@@ -458,3 +459,20 @@ def test_rows_that_fill_no_register_are_whitened_like_single_ones(n_rows, gain):
     assert white.dtype == (np.float32 if gain is None else np.complex64)
     expected = [whiten(row, gain=gain) for row in rows]
     np.testing.assert_allclose(white, expected, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_blocks_that_are_read_one_by_one_are_computed_once(monkeypatch, backwards):
+    series = WhitenedSeries(noise(100_000), 100.0)
+    counted = []
+
+    def counting(segments, *args, **kwargs):
+        counted.append(len(segments))
+        return whiten(segments, *args, **kwargs)
+
+    monkeypatch.setattr(prewhitening, "whiten", counting)
+    starts = range(0, 100_000, 1000)
+    for start in reversed(starts) if backwards else starts:
+        assert len(series[start : start + 1000]) == 1000
+    assert len(counted) > 2
+    assert sum(counted) == series._n_segments
