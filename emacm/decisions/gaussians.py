@@ -256,10 +256,8 @@ def shrunk_covariances(
     scatter = diagonals(moments.scatter) if diagonal else moments.scatter
     free = np.maximum(moments.divisors, 0.0)
     inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
-    covariances = scatter * inverse.reshape(-1, *(1,) * (scatter.ndim - 1))
-    variances = diagonals(covariances)
-    covariances = shrink(covariances, coefficients, squared_scales)
-    kept = (1 - np.broadcast_to(coefficients, len(free)))[:, np.newaxis] * variances
+    covariances = shrink(scatter, coefficients, squared_scales, inverse)
+    kept = diagonals(scatter) * ((1 - np.asarray(coefficients)) * inverse)[:, np.newaxis]
     shrunk = diagonals(covariances)
     of_data = np.divide(kept, shrunk, out=np.ones_like(kept), where=shrunk > 0)
     return covariances, 1 - of_data.max(axis=1)

@@ -23,7 +23,7 @@ from emacm.decisions.gaussians import (
     shrunk_covariances,
     solved_log_densities,
 )
-from emacm.decisions.left_out_moments import AT_ONCE, RemainingMoments, Training
+from emacm.decisions.left_out_moments import RemainingMoments, Training
 from emacm.decisions.left_out_products import ClassProducts
 from emacm.decisions.moments import ClassMoments
 from emacm.decisions.shrinkage import oas_coefficient
@@ -41,6 +41,8 @@ class LeftOut:
     ----------
     rows : ndarray of int, shape (n_group,)
         Recordings of the group.
+    X : ndarray of shape (n_group, n_features)
+        Their features.
     means : ndarray of shape (n_classes, n_features)
         Mean of each class, of all other recordings.
     variances : ndarray of shape (n_features,)
@@ -52,6 +54,7 @@ class LeftOut:
     """
 
     rows: NDArray[np.intp]
+    X: Array
     means: Array
     variances: Array
     root: Array
@@ -132,10 +135,6 @@ class Remaining:
         LeftOut
             One for each group whose removal leaves enough recordings for a covariance.
         """
-        groups = [None, *self._rows]
-        if shrinkage == "auto":
-            for start in range(0, len(groups), AT_ONCE):
-                self._left.find_fourths(groups[start : start + AT_ONCE])
         for group, rows in self._rows.items():
             moments = self._left.without(group)
             seen = (moments.counts > 0) & (moments.divisors > 0)
@@ -147,7 +146,8 @@ class Remaining:
             root = cholesky_root(covariances[0], least[0])
             if root is None:
                 root = _floored_root(covariances[0], FLOOR * moments.feature_variances.max())
-            yield LeftOut(rows, moments.means, variances, root, seen)
+            X = np.take(self._training.X, rows, axis=0)
+            yield LeftOut(rows, X, moments.means, variances, root, seen)
 
     def log_densities(self, covariance: str, shrinkage: Any) -> Array:
         """Return the log densities of each recording without its group.
@@ -164,16 +164,16 @@ class Remaining:
         """
         training, kind = self._training, (covariance, shrinkage)
         found = np.full((len(training.X), training.n_classes), -np.inf)
-        classes = range(training.n_classes)  # one by one, so that a matrix stays in the cache
+        classes = range(training.n_classes)
         if covariance == "full" or kind == ("diag", "auto"):
-            for code in classes:
+            for code in classes:  # one by one, so that a matrix stays in the cache
                 self._judge_class(found, code, kind)
-            return found
-        coefficients: Array | list[None] = [None] * len(self._rows)
-        if kind == ("diag", "oas"):
-            coefficients = np.column_stack([self._oas_coefficients(code) for code in classes])
-        for group, target in zip(self._rows, coefficients, strict=True):
-            self._judge(found, np.arange(training.n_classes), self, group, kind, target)
+        else:
+            coefficients: Array | list[None] = [None] * len(self._rows)
+            if kind == ("diag", "oas"):
+                coefficients = np.column_stack([self._oas_coefficients(code) for code in classes])
+            for group, target in zip(self._rows, coefficients, strict=True):
+                self._judge(found, np.arange(training.n_classes), self, group, kind, target)
         return found
 
     def _judge_class(self, found: Array, code: int, kind: tuple[str, Any]) -> None:
@@ -240,7 +240,8 @@ class Remaining:
             target = part._left.target(moments, group, shrinkage)
         diagonal = covariance == "diag"
         shrunk, least = shrunk_covariances(moments, *target, diagonal=diagonal)
-        shrunk, X = shrunk if moments.pooled else shrunk[seen], self._training.X[rows]
+        shrunk = shrunk if moments.pooled else shrunk[seen]
+        X = np.take(self._training.X, rows, axis=0)
         logs = solved_log_densities(X, moments.means[seen], shrunk, least)
         if logs is None:  # singular
             lifted = fit_gaussians(moments, *target, diagonal=diagonal, floor=self._floor(group))

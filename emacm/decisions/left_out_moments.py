@@ -65,6 +65,9 @@ class Training:
 class RemainingMoments:
     """Moments of the recordings that remain without a group.
 
+    Without rows r of a class, of weights w, its mean moves by ``-sum(w r) / n``, where n counts the
+    remaining recordings, and its scatter loses ``sum(w r r') + sum(w r) sum(w r)' / n``.
+
     Parameters
     ----------
     training : Training
@@ -80,46 +83,79 @@ class RemainingMoments:
 
     def __init__(self, training: Training, moments: ClassMoments):
         self.training, self._moments = training, moments
-        n_classes, n_features = training.n_classes, training.X.shape[1]
-        groups = np.unique(training.groups).tolist()
+        groups, (n_classes, n_features) = np.unique(training.groups).tolist(), moments.means.shape
         self.rows = {group: np.flatnonzero(training.groups == group) for group in groups}
-        self._fourths: dict[int | None, float] = {}
         self._place = {group: place for place, group in enumerate(groups)}
-        # Of each class in each group: sum of weights, of deviations and of their squares.
-        self._weights = np.zeros((len(groups), n_classes))
-        self._sums, self._squares = np.empty((2, len(groups), n_classes, n_features))
-        self._scatter = moments.scatter
-        if not moments.pooled:
-            self._scatter = np.zeros((1, n_features, n_features))
-        for place, rows in enumerate(self.rows.values()):
-            values, weight = self.deviations(rows), training.weight[rows]
-            member = np.zeros((n_classes, len(rows)))
-            member[training.codes[rows], np.arange(len(rows))] = weight
-            member.sum(axis=1, out=self._weights[place])
-            np.matmul(member, values, out=self._sums[place])
-            np.matmul(member, values**2, out=self._squares[place])
-            if not moments.pooled:
-                self._scatter += self._scatter_of(values, weight)
+        self._kept: dict[int, Array] = {}
+        self._variances: dict[bool, tuple[Array, NDArray[np.bool_]]] = {}
+        self._standards: dict[int | None, tuple[Array, float]] = {}
+        self._counts = np.zeros((len(groups), n_classes))
+        self._means, self._moved, self._squares = np.zeros((3, *self._counts.shape, n_features))
+        for group in groups:
+            self._leave_out(group)
+        self._scatter = self._pooled_scatter()
+
+    def _leave_out(self, group: int) -> None:
+        """Find counts and means without a group, and the sums of squares that are lost."""
+        rows, training, place = self.rows[group], self.training, self._place[group]
+        values, before = self.deviations(rows), self._moments.counts
+        member = np.zeros((training.n_classes, len(rows)))
+        member[training.codes[rows], np.arange(len(rows))] = training.weight[rows]
+        sums, left = member @ values, before - member.sum(axis=1)
+        left[left <= 1e-9 * before] = 0.0
+        inverse = np.divide(1.0, left, out=np.zeros_like(left), where=left > 0)[:, np.newaxis]
+        self._counts[place] = left
+        shift = sums * inverse
+        np.subtract(self._moments.means, shift, out=self._means[place], where=inverse > 0)
+        np.multiply(sums, np.sqrt(inverse), out=self._moved[place])
+        if len(self.rows) <= AT_ONCE:
+            self._kept[group] = self._lost_scatter(group, values)
+        np.matmul(member, np.square(values, out=values), out=self._squares[place])
+        self._squares[place] += np.square(self._moved[place])
 
     def deviations(self, rows: NDArray[np.intp]) -> Array:
         """Return the deviations of recordings from the means of their classes."""
-        deviations = self.training.X[rows]
+        deviations = np.take(self.training.X, rows, axis=0)
         deviations -= np.take(self._moments.means, self.training.codes[rows], axis=0)
         return deviations
 
-    @staticmethod
-    def _scatter_of(values: Array, weight: Array) -> Array:
-        values *= np.sqrt(weight)[:, np.newaxis]
-        scatter: Array = values.T @ values
-        return scatter
+    def _pooled_scatter(self) -> Array:
+        """Return the scatter of all recordings, summed over the classes."""
+        if self._moments.scatter.ndim == 3:
+            return self._moments.scatter.sum(axis=0, keepdims=True)
+        moved = self._moved.reshape(-1, self._moved.shape[-1])
+        total = -moved.T @ moved
+        for group in self.rows:
+            total += self._lost_scatter(group)
+        return total[np.newaxis]
+
+    def _lost_scatter(self, group: int, values: Array | None = None) -> Array:
+        """Return what the scatter of all classes loses without a group of known deviations."""
+        if group in self._kept:
+            return self._kept[group]
+        rows = self.rows[group]
+        values = self.deviations(rows) if values is None else values
+        values = values * np.sqrt(self.training.weight[rows, np.newaxis])
+        values = np.concatenate([values, self._moved[self._place[group]]])
+        lost: Array = values.T @ values
+        return lost
+
+    def _remaining_variances(self, pooled: bool) -> tuple[Array, NDArray[np.bool_]]:
+        """Return diagonals of the scatter without each group, and where they are inaccurate."""
+        if pooled not in self._variances:
+            total, lost, counts = self._moments.scatter, self._squares, self._counts
+            if pooled:
+                total, lost = self._scatter, lost.sum(axis=1, keepdims=True)
+                counts = counts.sum(axis=1, keepdims=True)
+            left = diagonals(total) - lost
+            bad: NDArray[np.bool_] = np.any(left < CANCELLED * diagonals(total), axis=2)
+            self._variances[pooled] = left, np.asarray((bad & (counts > 0)).any(axis=1))
+        return self._variances[pooled]
 
     def without(
         self, group: int | None, *, pooled: bool = True, variances_only: bool = False
     ) -> ClassMoments:
         """Return moments of all recordings but those of a group, of a kind of `class_moments`.
-
-        Without rows r of a class, of weights w, the mean moves by ``-sum(w r) / n``, where n counts
-        the remaining recordings, and the scatter loses ``sum(w r r') + sum(w r) sum(w r)' / n``.
 
         Parameters
         ----------
@@ -128,32 +164,17 @@ class RemainingMoments:
         pooled, variances_only : bool
             As for `class_moments`; the scatter of each class has variances only.
         """
-        total = self._scatter if pooled else self._moments.scatter
-        total = diagonals(total) if variances_only else total
-        before, means = self._moments.counts, self._moments.means
+        scatter = self._scatter if pooled else self._moments.scatter
         if group is None or group not in self._place:
-            return ClassMoments(before, means, total, pooled)
+            scatter = diagonals(scatter) if variances_only else scatter
+            return ClassMoments(self._moments.counts, self._moments.means, scatter, pooled)
         place = self._place[group]
-        counts = before - self._weights[place]
-        counts[counts <= 1e-9 * before] = 0.0
-        inverse = np.divide(1.0, counts, out=np.zeros_like(counts), where=counts > 0)
-        inverse = inverse[:, np.newaxis]
-        means = np.where(inverse > 0, means - self._sums[place] * inverse, 0.0)
-        moved = self._sums[place] * np.sqrt(inverse)
-        if variances_only:
-            lost = self._squares[place] + moved**2
-            scatter = total - (lost.sum(axis=0) if pooled else lost)
-        else:
-            rows = self.rows[group]
-            lost = self._scatter_of(self.deviations(rows), self.training.weight[rows])
-            lost += moved.T @ moved
-            scatter = np.subtract(total, lost, out=lost[np.newaxis])
-        moments = ClassMoments(counts, means, scatter, pooled)
-        left = diagonals(scatter) < CANCELLED * diagonals(total)
-        if left[moments.group_counts > 0].any():  # rounding errors dominate the difference
+        variances, inaccurate = self._remaining_variances(pooled)
+        if inaccurate[place]:  # rounding errors dominate the difference
             others = self.training.take(self.training.groups != group)
-            moments = others.moments(pooled=pooled, variances_only=variances_only)
-        return moments
+            return others.moments(pooled=pooled, variances_only=variances_only)
+        scatter = variances[place] if variances_only else scatter - self._lost_scatter(group)
+        return ClassMoments(self._counts[place], self._means[place], scatter, pooled)
 
     def target(
         self, moments: ClassMoments, group: int | None, shrinkage: Any
@@ -167,45 +188,49 @@ class RemainingMoments:
             return (oas_coefficient(scatter, count),)
         if shrinkage != "auto":
             return (float(shrinkage or 0.0),)
-        if group not in self._fourths:
-            self.find_fourths([group])
-        variances = _positive_variances(moments)
+        group = group if group in self._place else None
+        if group not in self._standards:
+            groups = [None, *self.rows]
+            first = groups.index(group) // AT_ONCE * AT_ONCE
+            self._standardise(groups[first : first + AT_ONCE])
+        variances, fourth = self._standards[group]
         scales = 1 / np.sqrt(variances)
         scaled = scatter * scales
         scaled *= scales[:, np.newaxis]
-        return ledoit_wolf_coefficient(scaled, count, self._fourths[group]), variances
+        return ledoit_wolf_coefficient(scaled, count, fourth), variances
 
-    def find_fourths(self, groups: Sequence[int | None]) -> None:
-        """Find sums of the fourth powers of the norms of standardised deviations, for `target`.
+    def _standardise(self, groups: Sequence[int | None]) -> None:
+        """Find variances, and sums of the fourth powers of standardised norms, for `target`.
 
         For several groups that are left out at once, from moved means by matrix products:
-        ``|v - d|^2 = |v|^2 - 2 v d + |d|^2``, in standard deviations.
+        ``|v - d|^2 = |v|^2 - 2 v d + |d|^2``, in standard deviations. A constant feature has the
+        variance 1.
         """
         training, n_features = self.training, self.training.X.shape[1]
         without = [self.without(group, variances_only=True) for group in groups]
-        inverse = np.array([1 / _positive_variances(moments) for moments in without])
+        counts = np.array([moments.counts for moments in without])
+        variances = np.array([moments.scatter[0] for moments in without])
+        total = counts.sum(axis=1, keepdims=True)
+        variances /= np.where(total > 0, total, 1.0)
+        variances[~(variances > 0)] = 1.0
         moved = np.array([moments.means for moments in without]) - self._moments.means
-        unseen = np.array([moments.counts == 0 for moments in without])
-        moved[unseen] = 0.0
+        moved[counts == 0] = 0.0
+        inverse = 1 / variances
         scaled = moved * inverse[:, np.newaxis]
         norms = np.einsum("gkf,gkf->gk", moved, scaled)
-        far = norms.max(axis=1) > _FAR * n_features  # squares cancel
-        squares = np.empty((len(inverse), len(training.X)))
+        far = np.flatnonzero(norms.max(axis=1) > _FAR * n_features)  # squares cancel
+        squares = np.empty((len(groups), len(training.X)))
         for k in range(training.n_classes):
             rows = np.flatnonzero(training.codes == k)
             values = self.deviations(rows)
-            found = inverse @ np.square(values).T
-            found += norms[:, k, np.newaxis] - 2 * scaled[:, k] @ values.T
-            for number in np.flatnonzero(far):
-                found[number] = np.square(values - moved[number, k]) @ inverse[number]
+            found = norms[:, k, np.newaxis] - 2 * scaled[:, k] @ values.T
+            apart = [np.square(values - moved[number, k]) for number in far]
+            found += inverse @ np.square(values, out=values).T
+            for number, values in zip(far, apart, strict=True):
+                found[number] = values @ inverse[number]
             squares[:, rows] = found
-        for group, found in zip(groups, squares, strict=True):
-            if group is not None and group in self.rows:
+        for group, variance, found in zip(groups, variances, squares, strict=True):
+            if group is not None:
                 found[self.rows[group]] = 0.0
-            self._fourths[group] = float(training.weight @ np.square(found, out=found))
-
-
-def _positive_variances(moments: ClassMoments) -> Array:
-    """Return the variances by which Ledoit-Wolf standardises; 1 for a constant feature."""
-    variances = diagonals(moments.scatter)[0] / (float(moments.group_counts[0]) or 1.0)
-    return np.where(variances > 0, variances, 1.0)
+            fourth = float(training.weight @ np.square(found, out=found))
+            self._standards[group] = variance, fourth

@@ -183,20 +183,27 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
     return corrected
 
 
-def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLike = 1.0) -> Array:
+def shrink(
+    covariances: Array,
+    coefficients: ArrayLike,
+    squared_scales: ArrayLike = 1.0,
+    factors: ArrayLike = 1.0,
+) -> Array:
     """Shrink covariances towards uncorrelated features of equal (scaled) variance.
 
-    (1 - c) S + c m diag(v), where m is the mean over the features of S_jj / v_j. With
-    v = 1 this is `sklearn.covariance.shrunk_covariance`.
+    (1 - c) f S + c m diag(v), where m is the mean over the features of f S_jj / v_j. With
+    f = v = 1 this is `sklearn.covariance.shrunk_covariance`.
 
     Parameters
     ----------
     covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
-        Covariances, or their diagonals.
+        S, or the diagonals.
     coefficients : float or array-like of shape (n_groups,)
         c, 0..1.
     squared_scales : float or array-like of shape (n_groups, n_features), default=1.0
         v, in squared units of the features.
+    factors : float or array-like of shape (n_groups,), default=1.0
+        f, such as the inverse of the divisor if S is a scatter.
 
     Returns
     -------
@@ -209,13 +216,12 @@ def shrink(covariances: Array, coefficients: ArrayLike, squared_scales: ArrayLik
     array([[[2.5, 0.5],
             [0.5, 1.5]]])
     """
-    variances = diagonals(covariances)
-    share = np.broadcast_to(coefficients, len(covariances))[:, np.newaxis]
-    scales = np.broadcast_to(squared_scales, variances.shape)
-    target = share * np.mean(variances / scales, axis=1, keepdims=True) * scales
+    share, factors = np.reshape(coefficients, (-1, 1)), np.reshape(factors, (-1, 1))
+    scaled = diagonals(covariances) * (factors / squared_scales)
+    target = share * (scaled.sum(axis=1, keepdims=True) / scaled.shape[1]) * squared_scales
+    kept = (1 - share) * factors
     if covariances.ndim == 2:
-        return (1 - share) * covariances + target
-    shrunk = (1 - share[:, :, np.newaxis]) * covariances
-    features = np.arange(covariances.shape[-1])
-    shrunk[:, features, features] += target
+        return kept * covariances + target
+    shrunk = kept[:, :, np.newaxis] * covariances
+    shrunk.reshape(len(shrunk), -1)[:, :: shrunk.shape[-1] + 1] += target
     return shrunk

@@ -122,7 +122,7 @@ def student_tail(
     >>> tail.survival(np.array([-1.0, 5.0, 8.5, 12.0])).round(5)
     array([1.     , 0.54545, 0.10763, 0.00605])
     """
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)
     values, weight = values[order], weight[order]
     weight_from = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
     if expected is None:
@@ -158,13 +158,12 @@ def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expect
     >>> peaks_over_threshold(np.arange(10.0), np.ones(10), expected=3.0, n_expected=1)
     Peaks(threshold=7.0, n_peaks=2.0, mean_excess=2.0)
     """
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)
     values, weight = values[order], weight[order]
-    above = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
-    total = above[0]
+    weight_from = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
     # The least value above which at most a fifth of the weight lies.
-    above = above[np.searchsorted(values, values, "right")]
-    threshold = float(values[np.argmax(above <= _TAIL * total * (1 + 1e-12))])
+    first = int(np.argmax(weight_from <= _TAIL * weight_from[0] * (1 + 1e-12)))
+    threshold = float(values[first - 1])
     beyond = values > threshold
     n_peaks = float(weight[beyond].sum())
     excess = float(weight[beyond] @ (values[beyond] - threshold))

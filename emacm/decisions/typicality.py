@@ -60,17 +60,17 @@ class ClassDistances:
         Upper triangular P with P P' = inverse of the covariance within the classes.
     deviations : ndarray of shape (n_features,)
         Standard deviation of each feature within the classes, moderated.
-    seen : ndarray of bool, shape (n_classes,)
-        Classes that have recordings.
     basis : ndarray of shape (n_features, n_directions)
         Orthonormal basis of the discriminant space, after multiplication by `factor`.
+    corners : ndarray of shape (n_classes, n_directions)
+        Means of the classes in this basis, from their common mean.
     """
 
     means: Array
     factor: Array
     deviations: Array
-    seen: NDArray[np.bool_]
     basis: Array
+    corners: Array
 
     def log_squares(self, X: Array) -> tuple[Array, Array, Array]:
         """Return logarithms of squared distances inside, outside, and of the largest deviation.
@@ -82,28 +82,23 @@ class ClassDistances:
 
         Returns
         -------
-        inside : ndarray of shape (n_recordings, n_classes)
-            Of the distance to each class within the discriminant space; inf for a class without
-            recordings.
+        inside : ndarray of shape (n_classes, n_recordings)
+            Of the distance to each class within the discriminant space.
         outside : ndarray of shape (n_recordings,)
             Of the distance from the discriminant space, the same for all classes.
         largest : ndarray of shape (n_recordings,)
             Of the largest deviation of one feature from the class that is nearest inside.
         """
-        means = self.means[self.seen]
-        centre = means.mean(axis=0)
         with np.errstate(over="ignore", invalid="ignore"):
+            deviations = X - self.means.mean(axis=0)
             # The transposes are not copied.
-            white = dtrmm(1.0, self.factor.T, (X - centre).T, lower=1, overwrite_b=1).T
-            corners = (means - centre) @ self.factor @ self.basis
-            parts = _log_squares(X, white, self.basis, corners, means, self.deviations)
-        inside = np.full((len(X), len(self.means)), np.inf)
-        inside[:, self.seen] = parts[0]
-        return inside, *parts[1:]
+            white = dtrmm(1.0, self.factor.T, deviations.T, lower=1, overwrite_b=1).T
+            of_classes = self.basis, self.corners, self.means, self.deviations
+            return _log_squares(*_squares(X, white, *of_classes))
 
     def nearest(self, X: Array) -> NDArray[np.intp]:
         """Return the number of the class that is nearest inside the discriminant space."""
-        return self.log_squares(X)[0].argmin(axis=1)
+        return self.log_squares(X)[0].argmin(axis=0)
 
     def squares(self, X: Array, code: int) -> Array:
         """Return the squared distances to one class over all features, shape (n_recordings,)."""
@@ -192,91 +187,110 @@ def fit_typicality(
     measured[training.codes, groups] = True
     n_groups = measured.sum(axis=1)
     degrees = n_groups.sum() - np.count_nonzero(n_groups)  # of the variance between groups
-    distances = _class_distances(gaussians, n_groups > 0, degrees)
-    inside = np.full((len(training.X), training.n_classes), np.inf)
-    others, judged = np.empty((2, len(training.X))), np.zeros(len(training.X), dtype=bool)
+    distances = _class_distances(gaussians, degrees)
+    squares, rows, judged = [], [], []
     for part in left_out:
-        rows = part.rows
-        elsewhere = n_groups - measured[:, groups[rows[0]]]
+        elsewhere = n_groups - measured[:, groups[part.rows[0]]]
         degrees = elsewhere.sum() - np.count_nonzero(elsewhere)
-        parts = _left_out_log_squares(part, training.X[rows], degrees)
-        inside[rows[:, np.newaxis], np.flatnonzero(part.seen)] = parts[0]
-        others[0, rows], others[1, rows] = parts[1:]
-        judged[rows] = part.seen[training.codes[rows]]
-    if not judged.any():
+        squares.append(_left_out_squares(part, degrees))
+        rows.append(part.rows)
+        judged.append(part.seen[training.codes[part.rows]])
+    if not any(map(np.any, judged)):
         raise ValueError(
             "no class has recordings in two groups, so that no recording can be judged by others "
             "of its class. Give groups= with at least two groups in one class."
         )
-    used = np.array([distances.basis.shape[1] > 0, np.diff(distances.basis.shape)[0] < 0, True])
-    codes, weight = training.codes[judged], training.weight[judged]
-    logs = inside[judged], *others[:, judged]
-    own = np.array([np.take_along_axis(logs[0], codes[:, np.newaxis], 1)[:, 0], *logs[1:]])
-    levels = _class_levels(own, codes, training.groups[judged], weight, training.n_classes)
+    n_features, n_directions = distances.basis.shape
+    used = np.array([n_directions > 0, n_directions < n_features, True])
+    known = np.concatenate(judged)
+    left = np.concatenate(rows)[known]
+    codes, weight = training.codes[left], training.weight[left]
+    joined = (np.concatenate(found, axis=-1)[..., known] for found in zip(*squares, strict=True))
+    logs = _log_squares(*joined)
+    own = np.array([logs[0][codes, np.arange(len(codes))], *logs[1:]])
+    levels = _class_levels(own, codes, groups[left], weight, n_classes)
     peaks = tuple(
         peaks_over_threshold(values - level[codes], weight, expected, _N_EXPECTED)
         for values, level, expected in zip(own, levels, _EXPECTED, strict=True)
     )
     values = _combine(logs, levels, peaks, used)
     combined = student_tail(values, weight, _EXPECTED_COMBINED)
-    feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
-    return Typicality(distances, levels, peaks, used, combined, feature_range)
+    return Typicality(distances, levels, peaks, used, combined, _feature_range(training.X))
 
 
-def _class_distances(
-    gaussians: GaussianClasses, seen: NDArray[np.bool_], degrees: int
-) -> ClassDistances:
+def _feature_range(X: Array) -> Array:
+    """Return the smallest and largest value of each feature."""
+    blocks = [X[start : start + _BLOCK] for start in range(0, len(X), _BLOCK)]
+    extremes = np.array([[block.min(axis=0), block.max(axis=0)] for block in blocks])
+    return np.array([extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)])
+
+
+def _class_distances(gaussians: GaussianClasses, degrees: int) -> ClassDistances:
     """Return the distances to the classes of Gaussian densities with one covariance."""
     factor, means = gaussians.factors[0], gaussians.means
     if gaussians.singular[0]:  # then it is not triangular
         factor = np.linalg.qr(factor[::-1].T)[1].T[::-1, ::-1]
-    variances = np.diagonal(gaussians.covariances[0])
-    deviations = _moderated_deviations(variances, means[seen], degrees)
-    basis = _discriminant_basis((means[seen] - means[seen].mean(axis=0)) @ factor)
-    return ClassDistances(means, factor, deviations, seen, basis)
+    centred = means - means.mean(axis=0)
+    deviations = _moderated_deviations(np.diagonal(gaussians.covariances[0]), centred, degrees)
+    white = centred @ factor
+    basis = _discriminant_basis(white)
+    return ClassDistances(means, factor, deviations, basis, white @ basis)
 
 
-def _left_out_log_squares(part: LeftOut, X: Array, degrees: int) -> tuple[Array, Array, Array]:
-    """Return the log distances of `ClassDistances` for one group; inside to the classes seen."""
-    means = part.means[part.seen]
-    stacked = np.concatenate([X, means])
-    stacked -= means.mean(axis=0)
+def _left_out_squares(part: LeftOut, degrees: int) -> tuple[Array, Array, Array]:
+    """Return the squares of `_squares` for one group; inside infinite for a class not seen."""
+    n_recordings, seen = len(part.X), part.seen
+    means = part.means[seen]
+    centre = means.mean(axis=0)
+    white = np.empty((n_recordings + len(means), part.X.shape[1]))
     with np.errstate(over="ignore", invalid="ignore"):
-        white = dtrsm(1.0, part.root.T, stacked.T, trans_a=1, overwrite_b=1).T
-        white, centred = white[: len(X)], white[len(X) :]
+        np.subtract(part.X, centre, out=white[:n_recordings])
+        np.subtract(means, centre, out=white[n_recordings:])
+        deviations = _moderated_deviations(part.variances, white[n_recordings:], degrees)
+        # The transposes are not copied.
+        white = dtrsm(1.0, part.root.T, white.T, trans_a=1, overwrite_b=1).T
+        white, centred = white[:n_recordings], white[n_recordings:]
         basis = _discriminant_basis(centred)
-        deviations = _moderated_deviations(part.variances, means, degrees)
-        return _log_squares(X, white, basis, centred @ basis, means, deviations)
+        squares = _squares(part.X, white, basis, centred @ basis, means, deviations)
+    if seen.all():
+        return squares
+    inside = np.full((len(seen), n_recordings), np.inf)
+    inside[seen] = squares[0]
+    return inside, *squares[1:]
 
 
-def _log_squares(
+def _squares(
     X: Array, white: Array, basis: Array, corners: Array, means: Array, deviations: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the log distances inside, outside, and of the largest deviation.
+    """Return the squared distances inside, outside, and of the largest deviation.
 
     Of recordings in their own units and after whitening, to classes whose means are given in their
     own units and, as corners, in the discriminant space.
     """
     inner = white @ basis
-    squares = np.einsum("rd,rd->r", inner, inner)
-    distances = squares[:, np.newaxis] - 2 * inner @ corners.T + np.sum(corners**2, axis=1)
-    outside = np.einsum("rf,rf->r", white, white) - squares
+    lengths = np.einsum("rd,rd->r", inner, inner)
+    inside = -2 * corners @ inner.T
+    inside += np.einsum("kd,kd->k", corners, corners)[:, np.newaxis]
+    inside += lengths
+    outside = np.einsum("rf,rf->r", white, white) - lengths
     # fmin replaces NaN, the difference of two overflows.
-    distances = np.maximum(np.fmin(distances, _FARTHEST), 0.0)
+    inside = np.maximum(np.fmin(inside, _FARTHEST, out=inside), 0.0, out=inside)
     outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
-    away = np.take(means, distances.argmin(axis=1), axis=0)
+    away = np.take(means, inside.argmin(axis=0), axis=0)
     np.subtract(X, away, out=away)
     away /= deviations
-    largest = np.maximum(away.max(axis=1), -away.min(axis=1))
-    largest = np.fmin(largest**2, _FARTHEST)
-    return (
-        np.log(distances + _RESOLUTION),
-        np.log(outside + _RESOLUTION),
-        np.log(largest + _RESOLUTION),
+    largest = np.abs(away, out=away).max(axis=1)
+    return inside, outside, np.fmin(largest**2, _FARTHEST)
+
+
+def _log_squares(inside: Array, outside: Array, largest: Array) -> tuple[Array, Array, Array]:
+    inside, outside, largest = (
+        np.log(squares + _RESOLUTION) for squares in (inside, outside, largest)
     )
+    return inside, outside, largest
 
 
-def _moderated_deviations(variances: Array, means: Array, degrees: int) -> Array:
+def _moderated_deviations(variances: Array, centred: Array, degrees: int) -> Array:
     """Return standard deviations of the features within classes.
 
     From few groups some features have by chance a variance that is far too small, and the largest
@@ -288,8 +302,8 @@ def _moderated_deviations(variances: Array, means: Array, degrees: int) -> Array
     .. [1] Smyth, Linear models and empirical Bayes methods for assessing differential expression,
        Statistical Applications in Genetics and Molecular Biology 3 (2004), section 3.
     """
-    total = variances + means.var(axis=0)
-    expected = np.mean(variances / total) * total
+    total = variances + np.einsum("kf,kf->f", centred, centred) / len(centred)
+    expected = (variances / total).sum() / len(total) * total
     moderated = degrees * variances + _N_MODERATING * expected
     return np.sqrt(moderated / (degrees + _N_MODERATING))
 
@@ -338,11 +352,11 @@ def _combine(
     slopes = _SLOPES if used[0] else np.array([0.0, 1.0, 1.0])
     terms = []
     for number in np.flatnonzero(used):
-        values = logs[number] if number == 0 else logs[number][:, np.newaxis]
         threshold = peaks[number].threshold
         scale = slopes[number] / peaks[number].mean_excess
-        terms.append(values * scale - ((levels[number] + threshold) * scale + _OFFSETS[number]))
+        level = (levels[number] + threshold) * scale + _OFFSETS[number]
+        terms.append(logs[number] * scale - level[:, np.newaxis])
     largest = np.maximum.reduce(terms)
     with np.errstate(invalid="ignore"):  # inf - inf, of a class without recordings
         total = sum(np.exp(term - largest) for term in terms)
-        return np.nanmin(largest + np.log(total), axis=1)
+        return np.fmin.reduce(largest + np.log(total), axis=0)

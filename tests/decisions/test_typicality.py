@@ -171,7 +171,7 @@ def test_squares_inside_and_outside_add_up_to_the_mahalanobis_distance():
     # Each has 0.001 added, so that logarithms of small distances stay bounded.
     inside, outside, largest = (np.exp(logs) - 1e-3 for logs in distances.log_squares(X))
     squares = gaussians.squared_distances(X)
-    assert_allclose(inside + outside[:, np.newaxis], squares, rtol=1e-6)
+    assert_allclose((inside + outside).T, squares, rtol=1e-6)
     assert_array_equal(distances.nearest(X), squares.argmin(axis=1))
     away = (X - gaussians.means[squares.argmin(axis=1)]) / distances.deviations
     assert_allclose(largest, (away**2).max(axis=1), rtol=1e-6)
