@@ -39,7 +39,7 @@ from emacm.recordings.digests import content_digest
 from emacm.recordings.recent import Recent
 from emacm.resampling.angle_recording import AngleRecording
 
-NUMERICS = 3  # incremented whenever the numbers of a spectrum change; part of every key
+NUMERICS = 4  # incremented whenever the numbers of a spectrum change; part of every key
 BYTES_ON_DISK = 1 << 30
 BYTES_IN_MEMORY = 1 << 28
 

@@ -23,6 +23,7 @@ _SECONDS = 0.5  # about; length of a segment: lines some Hz apart are separated
 _FEWEST = 256  # samples of a segment
 _ROUNDING = 8  # times the resolution of the type: what rounding leaves beside the largest line
 _FADED = 16  # a segment fades over into the next one within 1/16 of its length
+_FEW = 4  # segments of a recording that are made equally long
 _REGISTER = 16  # bytes, on processors of any kind
 _GROUP = 1 << 15  # samples of the segments that are whitened at once, about, so few calls are made
 
@@ -56,9 +57,11 @@ class WhitenedSeries(ComputedSeries):
         # The nearest power of two, of which the transform is fast.
         n_segment = max(_FEWEST, 1 << round(np.log2(max(_SECONDS * self._fs, 1))))
         fade = n_segment // _FADED
-        if len(self) <= n_segment - fade:  # a single one, with the mirror image at both ends
-            fade = len(self) // (_FADED - 2)
-            n_segment = scipy.fft.next_fast_len(len(self) + 2 * fade, real=True)
+        count = -(-(len(self) + fade) // (n_segment - fade))
+        if count <= _FEW:  # equal ones; otherwise much of the last one may be a mirror image
+            fade = len(self) // ((_FADED - 1) * count - 1)
+            hop = -(-(len(self) + fade) // count)
+            n_segment = scipy.fft.next_fast_len(hop + fade, real=True)
         self.fade, self._hop = fade, n_segment - fade
         self._n_segments = 1 + (len(self) - 1 + fade) // self._hop
         # A segment is always in the same group, so that parts of a signal are equal to those of the
@@ -295,7 +298,8 @@ class CepstralPrewhitening(  # type: ignore[call-arg]
     harmonic of the shaft is spread over several frequencies of a segment and each of them is set to
     the common level. If the whole recording were whitened at once, each event would affect all
     samples, and a long recording would not fit into memory. A recording that is shorter than a
-    segment is one segment. Beyond its ends the signal is extended by its mirror image.
+    segment is one segment; up to four segments are made equally long, at least 0.17 s. Beyond its
+    ends the signal is extended by its mirror image.
 
     The result has no unit and a mean square of 1. It does not depend on the gain of the channel.
     Frequencies with nothing but rounding errors, such as those removed by a filter in 64-bit

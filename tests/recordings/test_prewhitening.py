@@ -326,6 +326,18 @@ def test_segments_last_about_half_a_second_and_fade_within_a_sixteenth(fs, n_seg
     assert (short._hop + short.fade, short.fade) == (144, 9)
 
 
+@pytest.mark.parametrize("n_times", [3500, 3600, 7300, 7500, 9000, 11_200, 15_000])
+def test_a_few_segments_are_equal_and_hold_little_of_the_mirror_image(n_times):
+    series = WhitenedSeries(noise(n_times), FS)
+    # About the number of the usual segments of 4096 samples, of which 3840 are new ones.
+    assert series._n_segments == -(-(n_times + 256) // 3840) <= 4
+    assert series.fade <= series._n_segments * series._hop - n_times <= 0.08 * n_times + series.fade
+    assert 0.45 * 4096 < series._hop + series.fade <= 4096
+    white = series[:]
+    assert white.var() == pytest.approx(1, abs=0.05)
+    np.testing.assert_array_equal(series[n_times // 2 : -5], white[n_times // 2 : -5])
+
+
 def test_at_a_high_rate_each_segment_is_whitened_alone():
     signal = noise(150_000).astype(np.float32)
     white, exact = prewhitened(signal, 200_000.0), prewhitened(signal.astype(float), 200_000.0)
