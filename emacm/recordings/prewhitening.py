@@ -61,11 +61,10 @@ class WhitenedSeries(ComputedSeries):
         if count <= _FEW:  # equal ones; otherwise much of the last one may be a mirror image
             fade = len(self) // ((_FADED - 1) * count - 1)
             hop = -(-(len(self) + fade) // count)
-            n_segment = scipy.fft.next_fast_len(hop + fade, real=True)
+            n_segment = 2 * scipy.fft.next_fast_len(-(-(hop + fade) // 2), real=True)
         self.fade, self._hop = fade, n_segment - fade
         self._n_segments = 1 + (len(self) - 1 + fade) // self._hop
-        # A segment is always in the same group, so that parts of a signal are equal to those of the
-        # whole.
+        # A segment is always in the same group: parts of a signal are equal to those of the whole.
         at_once = _rows_at_once(self._signal.dtype)
         self._n_group = at_once * max(1, _GROUP // (at_once * n_segment))
         self._rise = _rise(fade, self._signal.dtype)
@@ -122,18 +121,16 @@ class WhitenedSeries(ComputedSeries):
 class WhitenedBand(WhitenedSeries):
     """The analytic signal of a band of a prewhitened signal, filtered segment by segment.
 
-    Each spectrum is multiplied by the gain of the filter before it is transformed back, so that
-    whitening and filtering take two transforms and not four. Where segments overlap, they fade
-    after the filter instead of before it.
+    Each spectrum is multiplied by the gain of the filter before it is transformed back: two
+    transforms and not four. Where segments overlap, they fade after the filter, not before it.
 
     Parameters
     ----------
     whitened : WhitenedSeries
         The prewhitened signal.
     gain : callable
-        Returns the gain of a filter without delay at the frequencies from 0 to half the sampling
-        rate, for a number of samples of a segment. Its taps reach no further than half of `fade`;
-        otherwise the end of a segment would reach into its beginning.
+        Returns the gain of a filter as `whiten` takes it, for a number of samples of a segment. Its
+        taps reach no further than half of `fade`: no end of a segment reaches its beginning.
     """
 
     def __init__(
@@ -163,7 +160,8 @@ def whiten(
         Root mean square of the result.
     gain : ndarray of shape (n_times // 2 + 1,), optional
         Gain of a filter without delay at the frequencies from 0 to half the sampling rate; the
-        result is then an analytic signal, without negative frequencies.
+        result is then an analytic signal, without negative frequencies and half the sampling rate.
+        `n_times` is even.
 
     Returns
     -------
@@ -201,11 +199,22 @@ def whiten(
         lines *= scale
         white = scipy.fft.irfft(spectra, n_times, norm="ortho", overwrite_x=True)
     else:
-        scale *= gain
-        both = np.zeros((len(spectra), n_times), lines.dtype)
-        np.multiply(lines, scale, out=both[:n_rows, : lines.shape[1]])
-        white = scipy.fft.ifft(both, norm="ortho", overwrite_x=True)
+        # Half of all lines are 0: even and odd samples are two transforms of the other half.
+        half = n_times // 2
+        scale *= gain / np.sqrt(n_times, dtype=gain.dtype)
+        parts = np.empty((n_rows, half, 2), lines.dtype)
+        np.multiply(lines[:, :half], scale[:, :half], out=parts[..., 0])
+        np.multiply(parts[..., 0], _one_sample(half, lines.dtype), out=parts[..., 1])
+        white = scipy.fft.ifft(parts, axis=1, norm="forward", overwrite_x=True)
     return white[:n_rows].reshape(segments.shape)
+
+
+@lru_cache(maxsize=8)
+def _one_sample(n_lines: int, dtype: np.dtype[Any]) -> NDArray[np.complexfloating]:
+    """Return by what a spectrum of positive frequencies differs one sample later."""
+    factors = np.exp(1j * np.pi / n_lines * np.arange(n_lines)).astype(dtype)
+    factors.flags.writeable = False
+    return factors
 
 
 @lru_cache(maxsize=8)
