@@ -12,6 +12,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import ColumnTransformer, make_column_selector
 from sklearn.decomposition import PCA
+from sklearn.exceptions import NotFittedError
 from sklearn.metrics import ConfusionMatrixDisplay
 from sklearn.model_selection import (
     GridSearchCV,
@@ -20,10 +21,12 @@ from sklearn.model_selection import (
     cross_validate,
     learning_curve,
 )
+from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
+import emacm
 import emacm.recordings.recording
 import emacm.resampling.angle_recording
 from emacm import (
@@ -736,3 +739,26 @@ def test_a_second_fit_forgets_the_table_of_the_first():
 def test_an_empty_list_is_refused_in_plain_words():
     with pytest.raises(ValueError, match="X contains no recording"):
         OrderPSD().fit([])
+
+
+ARGUMENTS = {
+    "EnvelopeDetector": [(50.0, 100.0)],
+    "GearIndicators": [{"motor": 20}],
+    "FeatureBaseline": [OrderPSD()],
+    "ConditionRouter": [CostSensitiveGaussianBayes()],
+    "FaultLines": [{"screw": 1.0}],
+    "LeastRiskClassifier": [GaussianNB()],
+    "PosteriorProduct": [[("one", GaussianNB())]],
+}
+
+
+@pytest.mark.parametrize("method", ["transform", "predict", "predict_proba"])
+def test_every_estimator_says_that_it_is_not_fitted(method):
+    X, found = [run("a", "healthy", 0)], 0
+    for name in emacm.__all__:
+        estimator = getattr(emacm, name)
+        if isinstance(estimator, type) and hasattr(estimator, method):
+            found += 1
+            with pytest.raises(NotFittedError):
+                getattr(estimator(*ARGUMENTS.get(name, [])), method)(X)
+    assert found >= 5

@@ -113,8 +113,7 @@ def constant_speed(
     fastest = max(rates, key=lambda name: rates[name])
     n_times = len(channels[fastest])
     if shaft_fs is not None:
-        rate = check_number(shaft_fs, "shaft_fs", above=0, unit="Hz")
-        n_times = max(2, round(n_times / rates[fastest] * rate))
+        n_times = max(2, round(n_times / rates[fastest] * check_shaft_rate(shaft_fs, rates)))
     return np.full(n_times, speed)
 
 
@@ -167,13 +166,13 @@ def _check_resolution(angle: NDArray[np.floating]) -> None:
         )
 
 
-def check_shaft_rate(shaft_fs: Any, rates: dict[str, float]) -> float:
+def check_shaft_rate(shaft_fs: Any, rates: Mapping[str, float]) -> float:
     """Return the sampling rate of the shaft reference [Hz]; by default, that of the channels."""
     if shaft_fs is not None:
         return check_number(shaft_fs, "shaft_fs", above=0, unit="Hz")
     if len(set(rates.values())) > 1:
         raise ValueError(
-            f"shaft_fs must be given where the channels have different rates, got fs={rates}."
+            f"shaft_fs must be given where the channels have different rates, got fs={dict(rates)}."
         )
     return next(iter(rates.values()))
 

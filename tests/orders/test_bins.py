@@ -508,3 +508,9 @@ def test_of_columns_at_uneven_orders_the_step_that_differs_is_stated(orders, apa
     spectrum = OrderTable(np.ones((1, 3)), [f"a@{order}" for order in orders])
     with pytest.raises(ValueError, match=rf"order_step = 1 contradicts .* lie {apart} apart\."):
         BinTransformer(1, max_order=1, order_step=1).fit(spectrum)
+
+
+def test_orders_of_columns_without_names_need_a_highest_one_above_0():
+    for top in (0, -1):
+        with pytest.raises(ValueError, match=f"max_order must be .* above 0, got {top}"):
+            BinTransformer(edges=[0, 1], max_order=top).fit(np.ones((1, 5)))

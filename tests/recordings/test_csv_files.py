@@ -139,6 +139,7 @@ NAMES = Layout(fs=2, velocity=3)
     [
         ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "Expected 2 fields in line 3, saw 3"),
         ("b,c\n1,2\n3,4\n5,6,7\n8,9\n", "Expected 2 fields in line 4, saw 3"),
+        ("place: left\n\tc\n1\t2\n3\t4\n", r"its header \['', 'c'\] has no name for a column"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] has no name for a column"),
         ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
         ("1;2", "channel 'x0' must hold at least 2 samples"),
@@ -207,3 +208,12 @@ def test_what_is_no_text_is_named(tmp_path, content, message):
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(ValueError, match=message):
         assert open_recording(tmp_path / "a.csv", NAMES).duration
+
+
+def test_a_text_far_down_in_a_wide_file_is_named_without_a_warning_about_types(tmp_path):
+    names = ",".join(f"c{k}" for k in range(64))
+    ones, texts = (",".join(cell * 64) for cell in "1x")
+    rows = [ones] * 8200 + [texts, ones]  # pandas may infer types 8192 rows at a time
+    layout = Layout(fs=2, channels=["c1"], velocity=3)
+    with pytest.raises(TypeError, match="channel 'c1' must be numeric, got 'x' at sample 8200"):
+        assert opened(tmp_path, "\n".join([names, *rows]), layout).duration

@@ -732,3 +732,5 @@ def test_the_channels_of_a_detector_are_those_of_the_first_recording():
         assert step.fit([first, other]).channels_ == first.channels
         with pytest.raises(NotFittedError):
             clone(step).get_feature_names_out()
+        with pytest.raises(NotFittedError):
+            clone(step).transform([first])
