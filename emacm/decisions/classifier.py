@@ -280,7 +280,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             after `partial_fit`, if a class with a prior has no
             recordings or a covariance is singular and `shrinkage` is not None.
         """
-        X, priors = self._checked_features(X), self.priors_
+        return self._joint_log_proba(self._checked_features(X))
+
+    def _joint_log_proba(self, X: Array) -> Array:
+        """As `predict_joint_log_proba`, of checked features."""
+        priors = self.priors_
         check_seen(priors, self.class_count_, self.classes_)
         with np.errstate(divide="ignore"):
             log_priors = np.log(priors)
@@ -311,7 +315,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         log_posterior : ndarray of shape (n_recordings, n_classes)
             -inf where the prior is 0.
         """
-        joint = self.predict_joint_log_proba(X)
+        return self._log_posterior(self._checked_features(X))
+
+    def _log_posterior(self, X: Array) -> Array:
+        """As `predict_log_proba`, of checked features."""
+        joint = self._joint_log_proba(X)
         joint -= joint.max(axis=1, keepdims=True)
         joint -= np.log(np.exp(joint).sum(axis=1, keepdims=True))
         return joint
@@ -331,6 +339,11 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         """
         X = self._checked_features(X)
         return self._gaussians.log_density_gradients(X) / self.temperature_
+
+    def _truth_proba(self, X: Any) -> Array:
+        X = self._checked_features(X)
+        posterior = np.exp(self._log_posterior(X))
+        return self.truth_proba(X, posterior, None if self.unknown is None else self._typicality(X))
 
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)

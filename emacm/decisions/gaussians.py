@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.blas import dtrsm
-from scipy.linalg.lapack import dpocon, dtrtri
+from scipy.linalg.lapack import dpocon, dpotrf, dtrtri
 
 from emacm.decisions.moments import ClassMoments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
@@ -342,10 +342,10 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
     variances = np.diagonal(covariance)
     if not (variances > 0).all():
         return None
-    try:
-        root = _cholesky(covariance)
-    except np.linalg.LinAlgError:
+    root, failed = dpotrf(covariance.T)  # the transposes are not copied
+    if failed:
         return None
+    root = root.T
     # The largest eigenvalue of a correlation matrix is at most the number of features.
     if least > REGULAR * len(root):
         return root
@@ -361,12 +361,7 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
 
 def factorise(covariance: Array) -> tuple[Array, float]:
     """Return P with P P' = inverse of a covariance, and the logarithm of its determinant."""
-    return _inverse_of_root(_cholesky(covariance))
-
-
-def _cholesky(covariance: Array) -> Array:
-    root: Any = np.linalg.cholesky(covariance)
-    return root
+    return _inverse_of_root(np.linalg.cholesky(covariance))
 
 
 def _inverse_of_root(root: Array) -> tuple[Array, float]:

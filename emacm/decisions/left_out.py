@@ -26,7 +26,7 @@ from emacm.decisions.gaussians import (
 from emacm.decisions.left_out_moments import RemainingMoments, Training
 from emacm.decisions.left_out_products import ClassProducts
 from emacm.decisions.moments import ClassMoments
-from emacm.decisions.shrinkage import oas_coefficient
+from emacm.decisions.shrinkage import oas_coefficient, shrink
 
 Array = NDArray[np.float64]
 
@@ -140,14 +140,18 @@ class Remaining:
             seen = (moments.counts > 0) & (moments.divisors > 0)
             if not seen.any():
                 continue
-            target = self._left.target(moments, group, shrinkage)
-            covariances, least = shrunk_covariances(moments, *target)
-            variances = np.diagonal(covariances[0])
-            root = cholesky_root(covariances[0], least[0])
+            scatter, scales, coefficient = self._left.standardised(moments, group, shrinkage)
+            covariance = shrink(scatter[np.newaxis], coefficient, 1.0, 1 / moments.divisors)[0]
+            variances = np.diagonal(covariance)
+            least = coefficient * variances.mean() / variances.max()
+            root = cholesky_root(covariance, least)
             if root is None:
-                root = _floored_root(covariances[0], FLOOR * moments.feature_variances.max())
+                floor = FLOOR * moments.feature_variances.max()
+                root = _floored_root(covariance * np.multiply.outer(scales, scales), floor)
+            else:
+                root *= scales[:, np.newaxis]
             X = np.take(self._training.X, rows, axis=0)
-            yield LeftOut(rows, X, moments.means, variances, root, seen)
+            yield LeftOut(rows, X, moments.means, variances * scales**2, root, seen)
 
     def log_densities(self, covariance: str, shrinkage: Any) -> Array:
         """Return the log densities of each recording without its group.

@@ -102,8 +102,7 @@ class LeftOutMixin:
         ValueError
             If an input is invalid, or `fit` had neither `groups` nor an unknown state.
         """
-        X = self._checked_features(X)
-        return self._calibrated("typicality")(X)
+        return self._typicality(self._checked_features(X))
 
     @available_if(has_unknown)
     def unknown_proba(self, X, typicality=None):
@@ -127,6 +126,11 @@ class LeftOutMixin:
 
     def _checked_features(self, X: Any) -> Array:
         raise NotImplementedError
+
+    def _typicality(self, X: Any) -> Array:
+        """Return the typicality of checked features."""
+        found: Array = self._calibrated("typicality")(X)
+        return found
 
     def _truth_priors(self) -> tuple[Array, float]:
         return truth_priors(self.priors, self.classes_, self.class_count_, self.unknown)

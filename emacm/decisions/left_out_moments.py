@@ -179,32 +179,40 @@ class RemainingMoments:
     def target(
         self, moments: ClassMoments, group: int | None, shrinkage: Any
     ) -> tuple[ArrayLike, ...]:
-        """Return the arguments of `shrink` for all recordings but those of a group.
+        """Return the arguments of `shrink` for all recordings but those of a group."""
+        _, scales, coefficient = self.standardised(moments, group, shrinkage)
+        return (coefficient, scales**2) if shrinkage == "auto" else (coefficient,)
 
-        For "auto" as `ledoit_wolf_coefficients`, from moments and the norms of the deviations.
+    def standardised(
+        self, moments: ClassMoments, group: int | None, shrinkage: Any
+    ) -> tuple[Array, Array, float]:
+        """Return scatter and standard deviations in which shrinkage is defined, and its coefficient.
+
+        For "auto" as `ledoit_wolf_coefficients`, from moments and the norms of the deviations;
+        otherwise features are not standardised.
         """
         count, scatter = float(moments.group_counts[0]), moments.scatter[0]
-        if shrinkage == "oas":
-            return (oas_coefficient(scatter, count),)
         if shrinkage != "auto":
-            return (float(shrinkage or 0.0),)
+            oas = shrinkage == "oas"
+            coefficient = oas_coefficient(scatter, count) if oas else float(shrinkage or 0.0)
+            return scatter, np.ones(len(scatter)), coefficient
         group = group if group in self._place else None
         if group not in self._standards:
             groups = [None, *self.rows]
             first = groups.index(group) // AT_ONCE * AT_ONCE
             self._standardise(groups[first : first + AT_ONCE])
-        variances, fourth = self._standards[group]
-        scales = 1 / np.sqrt(variances)
-        scaled = scatter * scales
-        scaled *= scales[:, np.newaxis]
-        return ledoit_wolf_coefficient(scaled, count, fourth), variances
+        scales, fourth = self._standards[group]
+        inverse = 1 / scales
+        scaled = scatter * inverse
+        scaled *= inverse[:, np.newaxis]
+        return scaled, scales, ledoit_wolf_coefficient(scaled, count, fourth)
 
     def _standardise(self, groups: Sequence[int | None]) -> None:
-        """Find variances, and sums of the fourth powers of standardised norms, for `target`.
+        """Find standard deviations, and sums of the fourth powers of standardised norms.
 
         For several groups that are left out at once, from moved means by matrix products:
-        ``|v - d|^2 = |v|^2 - 2 v d + |d|^2``, in standard deviations. A constant feature has the
-        variance 1.
+        ``|v - d|^2 = |v|^2 - 2 v d + |d|^2``, in standard deviations. That of a constant feature
+        is 1.
         """
         training, n_features = self.training, self.training.X.shape[1]
         without = [self.without(group, variances_only=True) for group in groups]
@@ -233,4 +241,4 @@ class RemainingMoments:
             if group is not None:
                 found[self.rows[group]] = 0.0
             fourth = float(training.weight @ np.square(found, out=found))
-            self._standards[group] = variance, fourth
+            self._standards[group] = np.sqrt(variance), fourth

@@ -256,11 +256,9 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         threshold = probability_threshold(self._left_out, self.priors_, self.temperature_, coverage)
         return classes_above(posterior, threshold)
 
-    def typicality(self, X):
-        """As `CostSensitiveGaussianBayes.typicality`, without the expected offset of the unit."""
-        table = self._checked_features(X)
-        offset = 0.0 if self._levels is None else self._levels.offset
-        return self._calibrated("typicality")(table - offset)
+    def _typicality(self, X: Array) -> Array:
+        """As of `CostSensitiveGaussianBayes`, without the expected offset of the unit."""
+        return super()._typicality(X if self._levels is None else X - self._levels.offset)
 
     def _unit(self) -> UnitLevels:
         if self._levels is None:
