@@ -292,31 +292,32 @@ def solved_log_densities(
     >>> solved_log_densities(np.array([[1.0, 1.0]]), np.zeros((1, 2)), covariance).round(3)
     array([[-3.088]])
     """
-    centre = means.mean(axis=0)
-    X, means, inverse = X - centre, means - centre, np.ones((1, X.shape[1]))
+    centre, n_recordings = means.mean(axis=0), len(X)
+    white = np.concatenate([X, means])
+    white -= centre
+    weights = np.ones((1, X.shape[1]))
     if covariances.ndim == 2:
         if not (covariances > 0).all():
             return None
-        inverse, log_determinants = 1 / covariances, np.log(covariances).sum(axis=1)
+        weights, log_determinants = 1 / covariances, np.log(covariances).sum(axis=1)
     else:
         root = cholesky_root(covariances[0], np.max(least))
         if root is None:
             return None
         log_determinants = 2 * np.log(np.diagonal(root)).sum()
         # The transposes are not copied.
-        X = dtrsm(1.0, root.T, X.T, trans_a=1, overwrite_b=1).T
-        if len(means) > 1:
-            means = dtrsm(1.0, root.T, means.T, trans_a=1).T
-    norms = (means**2 * inverse).sum(axis=1)
+        white = dtrsm(1.0, root.T, white.T, trans_a=1, overwrite_b=1).T
+    X, means = white[:n_recordings], white[n_recordings:]
+    weighted = means * weights
+    norms = (means * weighted).sum(axis=1)
     if norms.max() < _FAR:
-        squares = np.square(X) @ inverse.T + norms
-        if len(means) > 1:
-            squares -= 2 * X @ (means * inverse).T
+        squares = X @ (-2 * weighted).T + norms
+        squares += np.square(X, out=X) @ weights.T
     else:
-        weights = np.broadcast_to(inverse, means.shape)
-        pairs = zip(means, weights, strict=True)
+        pairs = zip(means, np.broadcast_to(weights, means.shape), strict=True)
         squares = np.array([np.square(X - mean) @ weight for mean, weight in pairs]).T
-    return -0.5 * (squares + X.shape[1] * np.log(2 * np.pi) + log_determinants)
+    squares += X.shape[1] * np.log(2 * np.pi) + log_determinants
+    return -0.5 * squares
 
 
 def is_singular(covariance: Array) -> bool:
