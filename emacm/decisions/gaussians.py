@@ -362,7 +362,8 @@ def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
 
 def factorise(covariance: Array) -> tuple[Array, float]:
     """Return P with P P' = inverse of a covariance, and the logarithm of its determinant."""
-    return _inverse_of_root(np.linalg.cholesky(covariance))
+    root: Any = np.linalg.cholesky(covariance)
+    return _inverse_of_root(root)
 
 
 def _inverse_of_root(root: Array) -> tuple[Array, float]:

@@ -182,34 +182,40 @@ class Remaining:
 
     def _judge_class(self, found: Array, code: int, kind: tuple[str, Any]) -> None:
         """Find the log densities of a class whose covariance is its own."""
-        training, part, products = self._training, None, None
-        if kind[1] != "auto":
-            products = self._products(code)
+        training, part, (_, shrinkage) = self._training, None, kind
+        products = None if shrinkage == "auto" else self._products(code)
         if products:
             away = training.X - self._moments.means[code]
             crossed, norms = away @ products.values.T, np.einsum("rf,rf->r", away, away)
-        for group, rows in self._rows.items():
+            if shrinkage == "oas":
+                coefficients = products.oas_coefficients()
+            else:
+                coefficients = np.full(len(self._rows), shrinkage or 0.0)
+        for place, (group, rows) in enumerate(self._rows.items()):
             logs = None
-            if products:
-                floor = 0.0 if kind[1] else self._floor(group)
-                logs = products.log_densities(group, kind[1], floor, crossed[rows], norms[rows])
+            if products and products.usable[place]:
+                of_group = np.take(crossed, rows, axis=0), norms[rows]
+                if coefficients[place] > 0:
+                    logs = products.shrunk_log_densities(place, coefficients[place], *of_group)
+                else:
+                    floor = 0.0 if shrinkage else self._floor(group)
+                    logs = products.floored_log_densities(place, floor, *of_group)
             if logs is None:
                 part = part or _of_class(training, code)
                 self._judge(found, np.array([code]), part, group, kind)
             else:
                 found[rows, code] = logs
 
-    def _oas_coefficients(self, code: int) -> list[float]:
+    def _oas_coefficients(self, code: int) -> Array:
         """Return the coefficient of shrinkage of a class without each group."""
-        moments, products, found = None, self._products(code), []
-        for group in self._rows:
-            coefficient = products.oas_coefficient(group) if products else None
-            if coefficient is None:
-                moments = moments or _of_class(self._training, code)._left
-                remaining = moments.without(group)
+        products, groups, left = self._products(code), list(self._rows), None
+        found = products.oas_coefficients() if products else np.zeros(len(groups))
+        for place in range(len(groups)):
+            if not (products and products.usable[place]):
+                left = left or _of_class(self._training, code)._left
+                remaining = left.without(groups[place])
                 count = float(remaining.group_counts[0])
-                coefficient = oas_coefficient(remaining.scatter[0], count)
-            found.append(coefficient)
+                found[place] = oas_coefficient(remaining.scatter[0], count)
         return found
 
     def _products(self, code: int) -> ClassProducts | None:
@@ -218,7 +224,8 @@ class Remaining:
         own = np.flatnonzero(training.codes == code)
         if len(own) > training.X.shape[1]:
             return None
-        return ClassProducts(self._left.deviations(own), training.weight[own], training.groups[own])
+        of_class = self._left.deviations(own), training.weight[own], training.groups[own]
+        return ClassProducts(*of_class, list(self._rows))
 
     def _judge(
         self,

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.left_out_products import CANCELLED
 from emacm.decisions.moments import ClassMoments, class_moments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
 
 Array = NDArray[np.float64]
 
 AT_ONCE = 16  # groups for which matrices are stacked
+_CANCELLED = 1e-7  # remaining fraction of a scatter below which a difference is too inaccurate
 _FAR = 1e4  # squared shift of means per feature, in variances, above which squares lose digits
 
 
@@ -148,7 +148,7 @@ class RemainingMoments:
                 total, lost = self._scatter, lost.sum(axis=1, keepdims=True)
                 counts = counts.sum(axis=1, keepdims=True)
             left = diagonals(total) - lost
-            bad: NDArray[np.bool_] = np.any(left < CANCELLED * diagonals(total), axis=2)
+            bad: NDArray[np.bool_] = np.any(left < _CANCELLED * diagonals(total), axis=2)
             self._variances[pooled] = left, np.asarray((bad & (counts > 0)).any(axis=1))
         return self._variances[pooled]
 
@@ -186,10 +186,17 @@ class RemainingMoments:
     def standardised(
         self, moments: ClassMoments, group: int | None, shrinkage: Any
     ) -> tuple[Array, Array, float]:
-        """Return scatter and standard deviations in which shrinkage is defined, and its coefficient.
+        """Return the coefficient of shrinkage, with the scatter and the units that it is for.
 
         For "auto" as `ledoit_wolf_coefficients`, from moments and the norms of the deviations;
         otherwise features are not standardised.
+
+        Returns
+        -------
+        scatter : ndarray of shape (n_features, n_features)
+        scales : ndarray of shape (n_features,)
+            Standard deviations that it was divided by.
+        coefficient : float
         """
         count, scatter = float(moments.group_counts[0]), moments.scatter[0]
         if shrinkage != "auto":

@@ -8,32 +8,21 @@ products are computed once for all groups; without a group they follow from the 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpotrf
 
 from emacm.decisions.gaussians import REGULAR
-from emacm.decisions.shrinkage import oas_coefficient
+from emacm.decisions.shrinkage import oas_of_moments
 
 Array = NDArray[np.float64]
 
-CANCELLED = 1e-7  # remaining fraction of a scatter below which a difference is too inaccurate
-
-
-class _Left(NamedTuple):
-    """Inner products of a class without a group, and the shift of its mean in such products."""
-
-    products: Array
-    total: float
-    removed: NDArray[np.bool_]
-    shares: Array
-    shift: Array
+_CANCELLED = 1e-3  # remaining fraction of a scatter below which a difference is too inaccurate
 
 
 class ClassProducts:
-    """Inner products of the recordings of one class.
+    """Inner products of the recordings of one class, and what they give without each group.
 
     Parameters
     ----------
@@ -43,111 +32,109 @@ class ClassProducts:
         Number of times each recording is counted.
     groups : ndarray of int, shape (n_class,)
         Number of the group of each recording.
+    every_group : list of int
+        Numbers of the groups that are left out.
 
     Attributes
     ----------
     values : ndarray of shape (n_class, n_features)
-        The deviations.
+        The deviations, multiplied by the roots of the weights.
+    usable : ndarray of bool, shape (n_groups,)
+        Whether enough recordings remain without a group, and their products are accurate.
     """
 
-    def __init__(self, values: Array, weight: Array, groups: NDArray[np.intp]):
-        self.values, self._n_features = values, values.shape[1]
-        self._roots, self._groups = np.sqrt(weight), groups
-        scaled = values * self._roots[:, np.newaxis]
-        self._products = scaled @ scaled.T
+    def __init__(
+        self, values: Array, weight: Array, groups: NDArray[np.intp], every_group: list[int]
+    ):
+        self._n_features, self._roots = values.shape[1], np.sqrt(weight)
+        self.values = values * self._roots[:, np.newaxis]
+        self._products = self.values @ self.values.T
+        self._remaining = groups != np.array(every_group)[:, np.newaxis]
+        # The mean moves by the sum of the remaining values, times their shares.
+        counts = self._remaining @ weight
+        self._counts = np.where(counts > 1 + 1e-9 * len(weight), counts, 0.0)
+        inverse = np.divide(1.0, counts, out=np.zeros_like(counts), where=self._counts > 0)
+        self._shares = self._remaining * self._roots * inverse[:, np.newaxis]
+        self._shifts = self._shares @ self._products  # along each value
+        self._lengths = np.einsum("gc,gc->g", self._shares, self._shifts)  # squared, of the shift
+        total = self._remaining @ np.diagonal(self._products)
+        self._traces = total - counts * self._lengths
+        # Not if they are not numbers, from an overflow, either.
+        self.usable = (self._counts > 0) & (self._traces > _CANCELLED * total)
 
-    def _without(self, group: int) -> _Left | None:
-        """Return the products of the remaining deviations, 0 for those of the group.
+    def oas_coefficients(self) -> Array:
+        """Return the coefficient of shrinkage without each group, shape (n_groups,)."""
+        kept, counts = self._remaining.astype(float), self._counts
+        squares = np.einsum("gc,gc->g", kept @ np.square(self._products), kept)
+        squares -= 2 * counts * np.einsum("gc,gc->g", kept, np.square(self._shifts))
+        squares += np.square(counts * self._lengths)
+        return oas_of_moments(self._traces, squares, counts, self._n_features)
 
-        None if too few recordings remain, or the products are inaccurate.
-        """
-        roots, removed = self._roots, self._groups == group
-        shares = np.where(removed, 0.0, roots)
-        count = float(shares @ shares)
-        if count <= 1 + 1e-9 * len(roots):
-            return None
-        shares /= count
-        shift = self._products @ shares
-        moved = shift - roots * (0.5 * (shares @ shift))
-        outer = np.multiply.outer(moved, roots)
-        products = self._products - outer
-        products -= outer.T
-        products[removed] = 0.0
-        products[:, removed] = 0.0
-        total = np.diagonal(self._products)[~removed].sum()
-        if not np.trace(products) > CANCELLED * total:  # or not a number, from an overflow
-            return None
-        return _Left(products, count, removed, shares, shift)
-
-    def oas_coefficient(self, group: int) -> float | None:
-        """Return the coefficient of shrinkage without a group; None as for `log_densities`."""
-        left = self._without(group)
-        return None if left is None else oas_coefficient(*left[:2], self._n_features)
-
-    def log_densities(
-        self, group: int, shrinkage: Any, floor: float, crossed: Array, norms: Array
+    def shrunk_log_densities(
+        self, place: int, coefficient: float, crossed: Array, norms: Array
     ) -> Array | None:
         """Return log densities of recordings of a group under the class without it.
 
         Parameters
         ----------
-        group : int
-            Number of the group.
-        shrinkage : None, float or "oas"
-            As for `CostSensitiveGaussianBayes`.
-        floor : float
-            Least eigenvalue of a covariance without shrinkage.
+        place : int
+            Place of the group in `every_group`, a usable one.
+        coefficient : float
+            Of shrinkage, positive.
         crossed, norms : ndarray of shape (n_group, n_class) and (n_group,)
             Inner products of the deviations from the mean of the whole class, of the recordings
-            with those of the class (which are overwritten) and with themselves.
+            with `values` and with themselves.
 
         Returns
         -------
         ndarray of shape (n_group,) or None
             None if the covariance itself is needed.
         """
-        left = self._without(group)
-        if left is None:
+        n_features, count = self._n_features, self._counts[place]
+        removed = ~self._remaining[place]
+        total = self._traces[place] / (count - 1)
+        diagonal = coefficient * total / n_features
+        scale = (1 - coefficient) / (count - 1) / diagonal
+        if diagonal <= REGULAR * n_features * total:
             return None
-        products, count, removed, shares, shift = left
-        crossed *= self._roots
-        shifts = crossed @ shares
-        mean_square = float(shares @ shift)
-        norms = norms - 2 * shifts + mean_square
-        crossed -= shift
-        crossed -= np.multiply.outer(shifts - mean_square, self._roots)
-        crossed[:, removed] = 0.0
-        coefficient = float(shrinkage or 0.0) if shrinkage != "oas" else None
-        if coefficient is None:
-            coefficient = oas_coefficient(products, count, self._n_features)
-        if coefficient == 0:
-            of = products, crossed, norms, count - 1, floor
-            squares, log_determinant = _lifted(*of, self._n_features)
-        else:
-            total = np.trace(products) / (count - 1)
-            diagonal = coefficient * total / self._n_features
-            scale = (1 - coefficient) / (count - 1) / diagonal
-            if diagonal <= REGULAR * self._n_features * total:
-                return None
-            products *= scale
-            products.flat[:: len(products) + 1] += 1.0
-            root = np.linalg.cholesky(products)
-            white = dtrsm(1.0, root.T, crossed.T, trans_a=1, overwrite_b=1)
-            squares = (norms - scale * np.einsum("cr,cr->r", white, white)) / diagonal
-            log_determinant = self._n_features * np.log(diagonal)
-            log_determinant += 2 * np.log(np.diagonal(root)).sum()
-        constant = self._n_features * np.log(2 * np.pi) + log_determinant
-        log_densities: Array = -0.5 * (squares + constant)
+        matrix = self._products * scale
+        matrix[removed] = 0.0
+        matrix[:, removed] = 0.0
+        matrix.flat[:: len(matrix) + 1] += 1.0
+        root, _ = dpotrf(matrix.T, overwrite_a=1)  # the transposes are not copied
+        sides = np.concatenate([crossed, [self._shares[place], self._shifts[place]]])
+        sides[:, removed] = 0.0
+        white = dtrsm(1.0, root, sides.T, trans_a=1, overwrite_b=1).T
+        white, share, shift = white[:-2], white[-2], white[-1]
+        # About the mean of the whole class, with the scatter about it. From both, the shift of the
+        # mean is taken: its product with itself, once for each recording.
+        squares = norms - scale * np.einsum("rc,rc->r", white, white)
+        left, along = count * (share @ share), white @ share
+        squares += (scale * count * np.square(along) - 2 * along + share @ shift) / left
+        log_determinant = n_features * np.log(diagonal) + np.log(left)
+        log_determinant += 2 * np.log(np.diagonal(root)).sum()
+        return -0.5 * (squares / diagonal + n_features * np.log(2 * np.pi) + log_determinant)
+
+    def floored_log_densities(
+        self, place: int, floor: float, crossed: Array, norms: Array
+    ) -> Array:
+        """As `shrunk_log_densities`, without shrinkage, with eigenvalues raised to a floor."""
+        count, length = self._counts[place], self._lengths[place]
+        kept = np.flatnonzero(self._remaining[place])
+        roots, shift = self._roots[kept], self._shifts[place, kept]
+        moved = np.multiply.outer(shift - 0.5 * length * roots, roots)
+        products = self._products[np.ix_(kept, kept)] - moved - moved.T
+        along = crossed @ self._shares[place]
+        crossed = crossed[:, kept] - shift
+        crossed -= np.multiply.outer(along - length, roots)
+        norms = norms - 2 * along + length
+        values, vectors = np.linalg.eigh(products)
+        large = values > floor * (count - 1)
+        values, inner = values[large], crossed @ vectors[:, large]
+        squares = norms / floor - inner**2 @ ((1 / floor - (count - 1) / values) / values)
+        n_raised = self._n_features - len(values)
+        log_determinant = np.log(values / (count - 1)).sum() + n_raised * np.log(floor)
+        log_densities: Array = -0.5 * (
+            squares + self._n_features * np.log(2 * np.pi) + log_determinant
+        )
         return log_densities
-
-
-def _lifted(
-    products: Array, crossed: Array, norms: Array, divisor: float, floor: float, n_features: int
-) -> tuple[Array, float]:
-    """Return squared distances and log determinant with the eigenvalues raised to a floor."""
-    values, vectors = np.linalg.eigh(products)
-    kept = values > floor * divisor
-    values, along = values[kept], crossed @ vectors[:, kept]
-    squares = norms / floor - along**2 @ ((1 / floor - divisor / values) / values)
-    n_raised = n_features - len(values)
-    return squares, float(np.log(values / divisor).sum() + n_raised * np.log(floor))

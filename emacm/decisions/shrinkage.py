@@ -10,18 +10,15 @@ from emacm.decisions.moments import diagonals
 Array = NDArray[np.float64]
 
 
-def oas_coefficient(scatter: ArrayLike, count: float, n_features: int | None = None) -> float:
+def oas_coefficient(scatter: ArrayLike, count: float) -> float:
     """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
 
     Parameters
     ----------
     scatter : array-like of shape (n_features, n_features)
         Scatter or covariance, in any scale.
-        Or inner products of the deviations of recordings, which have the same trace and norm.
     count : float
         Number of recordings.
-    n_features : int, default=None
-        Number of features, if inner products are given.
 
     Returns
     -------
@@ -40,14 +37,24 @@ def oas_coefficient(scatter: ArrayLike, count: float, n_features: int | None = N
     0.636364
     """
     S = np.asarray(scatter, dtype=np.float64)
-    n_features = n_features or len(S)
     largest = np.abs(S).max()
-    if n_features == 1 or largest == 0:
+    if largest == 0:
         return 0.0
     S = S / largest  # squares neither overflow nor underflow
-    mean_square, squared_mean = np.sum(S**2) / n_features**2, (np.trace(S) / n_features) ** 2
-    excess = (count + 1) * (mean_square - squared_mean / n_features)
-    return float(min((mean_square + squared_mean) / excess, 1.0)) if excess > 0 else 1.0
+    return float(oas_of_moments(np.trace(S), np.sum(S**2), count, len(S)))
+
+
+def oas_of_moments(trace: ArrayLike, square: ArrayLike, count: ArrayLike, n_features: int) -> Array:
+    """As `oas_coefficient`, of several covariances, from traces and sums of squared elements."""
+    if n_features == 1:
+        return np.zeros(np.shape(trace))
+    mean_square = np.asarray(square) / n_features**2
+    squared_mean = np.square(np.asarray(trace) / n_features)
+    excess = (np.asarray(count) + 1) * (mean_square - squared_mean / n_features)
+    ratio = np.divide(
+        mean_square + squared_mean, excess, out=np.ones_like(excess), where=excess > 0
+    )
+    return np.minimum(ratio, 1.0)
 
 
 def ledoit_wolf_coefficients(
