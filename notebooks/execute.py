@@ -6,6 +6,7 @@ size: all that cover an area, and mixtures of them for the edges of text and lin
 
 import base64
 import io
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -67,6 +68,7 @@ def execute(path: Path) -> None:
 
 
 if __name__ == "__main__":
+    os.environ.pop("MPLBACKEND", None)  # another one than that of notebooks would drop the pictures
     for name in sys.argv[1:] or sorted(path.stem for path in FOLDER.glob("*.ipynb")):
         print(name)
         execute(FOLDER / f"{name}.ipynb")

@@ -66,7 +66,7 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
     Of a channel that `CepstralPrewhitening` whitens, the band is filtered in the spectra of the
     whitened segments, if the filter is not longer than the part in which segments overlap (0.02 to
     0.04 s). Prewhitening then takes little additional time. The envelope differs from that of the
-    whitened signal, on the root mean square, by up to 0.5 % for "full" and by up to 2 % for a
+    whitened signal, on the root mean square, by up to 0.5 % for "full" and by up to 3 % for a
     filter of that length; within half the filter length of the ends it differs more.
 
     A squared envelope contains frequencies up to high - low [Hz]: while the shaft turns at f rev/s,
