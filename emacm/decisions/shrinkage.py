@@ -9,6 +9,8 @@ from emacm.decisions.moments import diagonals
 
 Array = NDArray[np.float64]
 
+_PRECISION = 1e-12  # of the level of equal eigenvalues, per mean eigenvalue
+
 
 def oas_coefficient(scatter: ArrayLike, count: float) -> float:
     """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
@@ -144,7 +146,8 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
     The largest of a sample are too large, the smallest too small. Those beyond the range of
     eigenvalues of uncorrelated features of one variance are moved to the value that would have
     caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
-    equal ones [2]_. Their sum, which is unbiased, is kept.
+    equal ones [2]_. Their sum, which is unbiased, is kept. That variance is the mean of the
+    corrected others; it is iterated until it stays the same.
 
     Parameters
     ----------
@@ -168,21 +171,19 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
     Examples
     --------
     >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
-    array([8.039, 1.24 , 1.24 , 1.24 , 1.24 ])
+    array([8.693, 1.077, 1.077, 1.077, 1.077])
     """
     values = np.asarray(values)
-    ratio = len(values) / divisor
-    corrected = np.full(len(values), values.mean())
-    above = np.zeros(len(values), bool)
+    ratio, level = len(values) / divisor, values.mean()  # of the features that are equal
+    corrected = np.empty(len(values))
     while True:
-        level = corrected[~above].mean()  # of the features that are equal; it only decreases
-        more = values > level * (1 + np.sqrt(ratio)) ** 2
-        if (more == above).all():
-            break
-        above = more
+        above = values > level * (1 + np.sqrt(ratio)) ** 2
         half = (values[above] / level + 1 - ratio) / 2
         corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
-        corrected[~above] = (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+        before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+        if before - level <= _PRECISION * values.mean():  # it only decreases
+            break
+    corrected[~above] = level
     spread = values[~above] - values[~above].mean()
     variance = np.mean(spread**2)
     if variance > ratio * level**2:  # more than equal features would show

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
 _RANGE = 1e-6, 1e6  # of the exponents that are tried
 _PRECISION = 1e-12  # of the logarithm of the temperature
+_ITERATIONS = 1000  # at most; where the loss spans hundreds of decades, far more than usual
 _IMPOSSIBLE = -1e300  # replaces -inf, whose product with a probability of 0 is not defined
 
 
@@ -55,29 +57,18 @@ def fit_temperature(
     true = np.take_along_axis(scores, codes[:, np.newaxis], axis=1)[:, 0]
     scores = np.ascontiguousarray(scores.T)  # sums over few classes are slow along rows
 
-    def slopes(log_exponent: float) -> tuple[float, float]:
-        """Return the derivative of the log loss by the exponent 1 / T, and its slope."""
+    shares = weight / weight.sum()
+
+    def slope(log_exponent: float) -> float:
+        """Return the derivative of the log loss by the exponent 1 / T."""
         joint = np.exp(np.exp(log_exponent) * scores)
         joint *= priors[:, np.newaxis]
-        joint /= joint.sum(axis=0)
-        with np.errstate(over="ignore", invalid="ignore"):
-            mean = np.einsum("kr,kr->r", joint, scores)
-            joint *= scores
-            spread = np.einsum("kr,kr->r", joint, scores) - mean**2
-            return float(weight @ (mean - true)), float(weight @ spread) * np.exp(log_exponent)
+        mean = np.einsum("kr,kr->r", joint, scores) / joint.sum(axis=0)
+        return float(shares @ (mean - true))
 
     low, high = np.log(_RANGE)
-    at, (value, rise) = 0.0, slopes(0.0)
-    if value >= 0 and slopes(low)[0] >= 0:
+    if slope(low) >= 0:
         return float(np.exp(-low))
-    if value <= 0 and slopes(high)[0] <= 0:
+    if slope(high) <= 0:
         return float(np.exp(-high))
-    while True:  # Newton's method, or a bisection where it leaves the bounds
-        low, high = (low, at) if value > 0 else (at, high)
-        following = at - value / rise if np.isfinite(rise) and rise > 0 else np.inf
-        if not low < following < high:
-            following = (low + high) / 2
-        if abs(following - at) <= _PRECISION:
-            return float(np.exp(-following))
-        at = following
-        value, rise = slopes(at)
+    return float(np.exp(-brentq(slope, low, high, xtol=_PRECISION, maxiter=_ITERATIONS)))

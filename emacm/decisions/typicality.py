@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrmm, dtrsm
+from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import LeftOut, Training
@@ -264,8 +265,8 @@ def _squares(
 ) -> tuple[Array, Array, Array]:
     """Return the squared distances inside, outside, and of the largest deviation.
 
-    Of recordings in their own units and after whitening, to classes whose means are given in their
-    own units and, as corners, in the discriminant space.
+    Of recordings in their own units and after whitening (which is overwritten), to classes whose
+    means are given in their own units and, as corners, in the discriminant space.
     """
     inner = white @ basis
     lengths = np.einsum("rd,rd->r", inner, inner)
@@ -276,7 +277,7 @@ def _squares(
     # fmin replaces NaN, the difference of two overflows.
     inside = np.maximum(np.fmin(inside, _FARTHEST, out=inside), 0.0, out=inside)
     outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
-    away = np.take(means, inside.argmin(axis=0), axis=0)
+    away = np.take(means, inside.argmin(axis=0), axis=0, out=white, mode="clip")
     np.subtract(X, away, out=away)
     away /= deviations
     largest = np.abs(away, out=away).max(axis=1)
@@ -311,10 +312,11 @@ def _moderated_deviations(variances: Array, centred: Array, degrees: int) -> Arr
 def _discriminant_basis(centred: Array) -> Array:
     """Return an orthonormal basis of the span of whitened class means, whose sum is 0."""
     if 1 < len(centred) <= centred.shape[1]:
-        basis, triangle = np.linalg.qr(centred[:-1].T)
-        sizes = np.abs(np.diagonal(triangle))
-        if sizes.min() > _INDEPENDENT * np.sqrt(np.sum(centred**2)):
-            return np.asarray(basis)
+        factored, reflections, *_ = dgeqrf(centred[:-1].T)
+        sizes = np.abs(np.diagonal(factored))
+        if sizes.min() > _INDEPENDENT * np.linalg.norm(centred):
+            basis: Array = dorgqr(factored, reflections, overwrite_a=1)[0]
+            return basis
     _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
     n_directions = np.count_nonzero(sizes > 1e-9 * sizes[0])
     return directions[: min(n_directions, len(centred) - 1)].T

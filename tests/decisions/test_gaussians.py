@@ -414,11 +414,18 @@ def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
 
 @pytest.mark.parametrize("largest", [2.2, 9.0])
 def test_an_eigenvalue_beyond_the_range_of_noise_is_that_which_its_origin_causes(largest):
-    ratio, level = 5 / 80, (4 + largest) / 5  # the limit is (1 + 0.25)^2 = 1.56 levels
+    ratio = 5 / 80  # the limit is (1 + 0.25)^2 = 1.56 levels
     found = population_eigenvalues([1.0, largest, 1.0, 1.0, 1.0], 80)
+    level = found[0]  # of the others, which is consistent with the correction
     origin = found[1] / level
-    assert level * origin * (1 + ratio / (origin - 1)) == pytest.approx(largest)
-    np.testing.assert_allclose(found[[0, 2, 3, 4]], (4 + largest - found[1]) / 4)
+    assert level * origin * (1 + ratio / (origin - 1)) == pytest.approx(largest, rel=1e-10)
+    np.testing.assert_allclose(found[[0, 2, 3, 4]], (4 + largest - found[1]) / 4, rtol=1e-10)
+
+
+def test_eigenvalues_of_which_most_are_0_or_all_are_stay_finite():
+    found = population_eigenvalues([9.0, 0, 0, 0, 0], 20)
+    np.testing.assert_allclose(found, [9, 0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(population_eigenvalues([0.0, 0.0], 3), [0, 0])
 
 
 @pytest.mark.parametrize("n_classes", [1, 3])
