@@ -114,7 +114,7 @@ class Remaining:
     def __init__(self, training: Training, moments: ClassMoments):
         self._training, self._moments = training, moments
         self._left = RemainingMoments(training, moments)
-        self._rows = self._left.rows
+        self._rows, self._tables = self._left.rows, dict[int, Array]()
 
     def all_gaussians(self, shrinkage: Any) -> GaussianClasses:
         """Return densities with one covariance for all classes, of all recordings."""
@@ -150,7 +150,7 @@ class Remaining:
                 root = _floored_root(covariance * np.multiply.outer(scales, scales), floor)
             else:
                 root *= scales[:, np.newaxis]
-            X = np.take(self._training.X, rows, axis=0)
+            X = self._features(group)
             yield LeftOut(rows, X, moments.means, variances * scales**2, root, seen)
 
     def log_densities(self, covariance: str, shrinkage: Any) -> Array:
@@ -184,27 +184,31 @@ class Remaining:
         """Find the log densities of a class whose covariance is its own."""
         training, part, (_, shrinkage) = self._training, None, kind
         products = None if shrinkage == "auto" else self._products(code)
-        if products:
-            away = training.X - self._moments.means[code]
-            crossed, norms = away @ products.values.T, np.einsum("rf,rf->r", away, away)
-            if shrinkage == "oas":
-                coefficients = products.oas_coefficients()
-            else:
-                coefficients = np.full(len(self._rows), shrinkage or 0.0)
+        if products and shrinkage == "oas":
+            coefficients = products.oas_coefficients()
+        else:
+            coefficients = np.full(len(self._rows), 0.0 if products is None else shrinkage or 0.0)
         for place, (group, rows) in enumerate(self._rows.items()):
             logs = None
             if products and products.usable[place]:
-                of_group = np.take(crossed, rows, axis=0), norms[rows]
+                moments = self._left.without(group, variances_only=True)
+                deviations = self._features(group) - moments.means[code]
                 if coefficients[place] > 0:
-                    logs = products.shrunk_log_densities(place, coefficients[place], *of_group)
+                    logs = products.shrunk_log_densities(place, coefficients[place], deviations)
                 else:
-                    floor = 0.0 if shrinkage else self._floor(group)
-                    logs = products.floored_log_densities(place, floor, *of_group)
+                    floor = 0.0 if shrinkage else FLOOR * float(moments.feature_variances.max())
+                    logs = products.floored_log_densities(place, floor, deviations)
             if logs is None:
                 part = part or _of_class(training, code)
                 self._judge(found, np.array([code]), part, group, kind)
             else:
                 found[rows, code] = logs
+
+    def _features(self, group: int) -> Array:
+        """Return the features of a group."""
+        if group not in self._tables:
+            self._tables[group] = np.take(self._training.X, self._rows[group], axis=0)
+        return self._tables[group]
 
     def _oas_coefficients(self, code: int) -> Array:
         """Return the coefficient of shrinkage of a class without each group."""
@@ -252,7 +256,7 @@ class Remaining:
         diagonal = covariance == "diag"
         shrunk, least = shrunk_covariances(moments, *target, diagonal=diagonal)
         shrunk = shrunk if moments.pooled else shrunk[seen]
-        X = np.take(self._training.X, rows, axis=0)
+        X = self._features(group)
         logs = solved_log_densities(X, moments.means[seen], shrunk, least)
         if logs is None:  # singular
             lifted = fit_gaussians(moments, *target, diagonal=diagonal, floor=self._floor(group))

@@ -56,7 +56,7 @@ class ClassProducts:
         inverse = np.divide(1.0, counts, out=np.zeros_like(counts), where=self._counts > 0)
         self._shares = self._remaining * self._roots * inverse[:, np.newaxis]
         self._shifts = self._shares @ self._products  # along each value
-        self._lengths = np.einsum("gc,gc->g", self._shares, self._shifts)  # squared, of the shift
+        self._lengths = np.einsum("gc,gc->g", self._shares, self._shifts)  # squared
         total = self._remaining @ np.diagonal(self._products)
         self._traces = total - counts * self._lengths
         # Not if they are not numbers, from an overflow, either.
@@ -71,7 +71,7 @@ class ClassProducts:
         return oas_of_moments(self._traces, squares, counts, self._n_features)
 
     def shrunk_log_densities(
-        self, place: int, coefficient: float, crossed: Array, norms: Array
+        self, place: int, coefficient: float, deviations: Array
     ) -> Array | None:
         """Return log densities of recordings of a group under the class without it.
 
@@ -81,9 +81,8 @@ class ClassProducts:
             Place of the group in `every_group`, a usable one.
         coefficient : float
             Of shrinkage, positive.
-        crossed, norms : ndarray of shape (n_group, n_class) and (n_group,)
-            Inner products of the deviations from the mean of the whole class, of the recordings
-            with `values` and with themselves.
+        deviations : ndarray of shape (n_group, n_features)
+            Of the recordings from the mean of the class without the group.
 
         Returns
         -------
@@ -91,50 +90,43 @@ class ClassProducts:
             None if the covariance itself is needed.
         """
         n_features, count = self._n_features, self._counts[place]
-        removed = ~self._remaining[place]
         total = self._traces[place] / (count - 1)
         diagonal = coefficient * total / n_features
         scale = (1 - coefficient) / (count - 1) / diagonal
         if diagonal <= REGULAR * n_features * total:
             return None
-        matrix = self._products * scale
-        matrix[removed] = 0.0
-        matrix[:, removed] = 0.0
+        kept = np.flatnonzero(self._remaining[place])
+        matrix = self._products[np.ix_(kept, kept)] * scale
         matrix.flat[:: len(matrix) + 1] += 1.0
         root, _ = dpotrf(matrix.T, overwrite_a=1)  # the transposes are not copied
-        sides = np.concatenate([crossed, [self._shares[place], self._shifts[place]]])
-        sides[:, removed] = 0.0
+        sides = np.empty((len(deviations) + 1, len(kept)))
+        np.matmul(deviations, np.take(self.values, kept, axis=0).T, out=sides[:-1])
+        sides[-1] = self._shares[place, kept]
         white = dtrsm(1.0, root, sides.T, trans_a=1, overwrite_b=1).T
-        white, share, shift = white[:-2], white[-2], white[-1]
-        # About the mean of the whole class, with the scatter about it. From both, the shift of the
-        # mean is taken: its product with itself, once for each recording.
-        squares = norms - scale * np.einsum("rc,rc->r", white, white)
-        left, along = count * (share @ share), white @ share
-        squares += (scale * count * np.square(along) - 2 * along + share @ shift) / left
+        white, share = white[:-1], white[-1]
+        squares = np.einsum("rf,rf->r", deviations, deviations)
+        squares -= scale * np.einsum("rc,rc->r", white, white)
+        # That was for the scatter about the mean of the whole class: it loses the product of the
+        # shift of the mean with itself, once for each recording (Sherman and Morrison).
+        left = count * (share @ share)
+        squares += np.square(white @ share) * (scale * count / left)
         log_determinant = n_features * np.log(diagonal) + np.log(left)
         log_determinant += 2 * np.log(np.diagonal(root)).sum()
         return -0.5 * (squares / diagonal + n_features * np.log(2 * np.pi) + log_determinant)
 
-    def floored_log_densities(
-        self, place: int, floor: float, crossed: Array, norms: Array
-    ) -> Array:
+    def floored_log_densities(self, place: int, floor: float, deviations: Array) -> Array:
         """As `shrunk_log_densities`, without shrinkage, with eigenvalues raised to a floor."""
-        count, length = self._counts[place], self._lengths[place]
+        free = self._counts[place] - 1
         kept = np.flatnonzero(self._remaining[place])
-        roots, shift = self._roots[kept], self._shifts[place, kept]
-        moved = np.multiply.outer(shift - 0.5 * length * roots, roots)
-        products = self._products[np.ix_(kept, kept)] - moved - moved.T
-        along = crossed @ self._shares[place]
-        crossed = crossed[:, kept] - shift
-        crossed -= np.multiply.outer(along - length, roots)
-        norms = norms - 2 * along + length
-        values, vectors = np.linalg.eigh(products)
-        large = values > floor * (count - 1)
-        values, inner = values[large], crossed @ vectors[:, large]
-        squares = norms / floor - inner**2 @ ((1 / floor - (count - 1) / values) / values)
-        n_raised = self._n_features - len(values)
-        log_determinant = np.log(values / (count - 1)).sum() + n_raised * np.log(floor)
-        log_densities: Array = -0.5 * (
-            squares + self._n_features * np.log(2 * np.pi) + log_determinant
-        )
+        shift = self._shares[place] @ self.values
+        values = self.values[kept] - np.multiply.outer(self._roots[kept], shift)
+        eigenvalues, vectors = np.linalg.eigh(values @ values.T)
+        large = eigenvalues > floor * free
+        eigenvalues, inner = eigenvalues[large], deviations @ (values.T @ vectors[:, large])
+        squares = np.einsum("rf,rf->r", deviations, deviations) / floor
+        squares -= inner**2 @ ((1 / floor - free / eigenvalues) / eigenvalues)
+        n_raised = self._n_features - len(eigenvalues)
+        log_determinant = np.log(eigenvalues / free).sum() + n_raised * np.log(floor)
+        constant = self._n_features * np.log(2 * np.pi) + log_determinant
+        log_densities: Array = -0.5 * (squares + constant)
         return log_densities
