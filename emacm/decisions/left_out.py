@@ -114,7 +114,9 @@ class Remaining:
     def __init__(self, training: Training, moments: ClassMoments):
         self._training, self._moments = training, moments
         self._left = RemainingMoments(training, moments)
-        self._rows, self._tables = self._left.rows, dict[int, Array]()
+        self._rows = self._left.rows
+        self._tables: dict[int, Array] = {}
+        self._floors: dict[int, float] = {}
 
     def all_gaussians(self, shrinkage: Any) -> GaussianClasses:
         """Return densities with one covariance for all classes, of all recordings."""
@@ -143,11 +145,11 @@ class Remaining:
             scatter, scales, coefficient = self._left.standardised(moments, group, shrinkage)
             covariance = shrink(scatter[np.newaxis], coefficient, 1.0, 1 / moments.divisors)[0]
             variances = np.diagonal(covariance)
-            least = coefficient * variances.mean() / variances.max()
+            least = coefficient * variances.mean() / (variances.max() or 1.0)
             root = cholesky_root(covariance, least)
             if root is None:
-                floor = FLOOR * moments.feature_variances.max()
-                root = _floored_root(covariance * np.multiply.outer(scales, scales), floor)
+                scaled = covariance * np.multiply.outer(scales, scales)
+                root = _floored_root(scaled, self._floor(group))
             else:
                 root *= scales[:, np.newaxis]
             X = self._features(group)
@@ -196,8 +198,7 @@ class Remaining:
                 if coefficients[place] > 0:
                     logs = products.shrunk_log_densities(place, coefficients[place], deviations)
                 else:
-                    floor = 0.0 if shrinkage else FLOOR * float(moments.feature_variances.max())
-                    logs = products.floored_log_densities(place, floor, deviations)
+                    logs = products.floored_log_densities(place, self._floor(group), deviations)
             if logs is None:
                 part = part or _of_class(training, code)
                 self._judge(found, np.array([code]), part, group, kind)
@@ -264,8 +265,10 @@ class Remaining:
         found[rows[:, np.newaxis], columns[seen]] = logs
 
     def _floor(self, group: int) -> float:
-        moments = self._left.without(group, variances_only=True)
-        return FLOOR * float(moments.feature_variances.max())
+        if group not in self._floors:
+            moments = self._left.without(group, variances_only=True)
+            self._floors[group] = FLOOR * float(moments.feature_variances.max())
+        return self._floors[group]
 
 
 def _floored_root(covariance: Array, floor: float) -> Array:

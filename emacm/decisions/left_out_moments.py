@@ -18,7 +18,7 @@ from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
 
 Array = NDArray[np.float64]
 
-AT_ONCE = 16  # groups for which matrices are stacked
+AT_ONCE = 16  # groups whose matrices are kept, and that are standardised at once
 _CANCELLED = 1e-7  # remaining fraction of a scatter below which a difference is too inaccurate
 _FAR = 1e4  # squared shift of means per feature, in variances, above which squares lose digits
 
@@ -135,9 +135,11 @@ class RemainingMoments:
             return self._kept[group]
         rows = self.rows[group]
         values = self.deviations(rows) if values is None else values
-        values = values * np.sqrt(self.training.weight[rows, np.newaxis])
-        values = np.concatenate([values, self._moved[self._place[group]]])
-        lost: Array = values.T @ values
+        stacked = np.empty((len(rows) + len(self._moved[0]), values.shape[1]))
+        roots = np.sqrt(self.training.weight[rows, np.newaxis])
+        np.multiply(values, roots, out=stacked[: len(rows)])
+        stacked[len(rows) :] = self._moved[self._place[group]]
+        lost: Array = stacked.T @ stacked
         return lost
 
     def _remaining_variances(self, pooled: bool) -> tuple[Array, NDArray[np.bool_]]:

@@ -96,7 +96,8 @@ class ClassProducts:
         if diagonal <= REGULAR * n_features * total:
             return None
         kept = np.flatnonzero(self._remaining[place])
-        matrix = self._products[np.ix_(kept, kept)] * scale
+        matrix = self._products.take(kept, axis=0).take(kept, axis=1)
+        matrix *= scale
         matrix.flat[:: len(matrix) + 1] += 1.0
         root, _ = dpotrf(matrix.T, overwrite_a=1)  # the transposes are not copied
         sides = np.empty((len(deviations) + 1, len(kept)))

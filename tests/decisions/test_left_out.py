@@ -75,7 +75,7 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
 
 
 @pytest.mark.parametrize("covariance", ["full", "diag"])
-@pytest.mark.parametrize("shrinkage", [None, 1e-5, 0.02, 0.3, "oas"])
+@pytest.mark.parametrize("shrinkage", [None, 1e-5, 0.02, 0.3, 1.0, "oas"])
 @pytest.mark.parametrize(("outlier", "n_features"), [(1.0, 20), (1e7, 20), (1.0, 60)])
 def test_so_do_those_of_classes_with_fewer_recordings_than_features(
     covariance, shrinkage, outlier, n_features
