@@ -681,6 +681,7 @@ def test_headers_of_all_versions_are_read(tmp_path, version):
     ("content", "message"),
     [
         (npy([1.0, 2]).replace(b"(2,)", b"(-2,)").replace(b" \n", b"\n"), r"has the shape \(-2,\)"),
+        (npy([1.0, 2]).replace(b"(2,)", b"(-1,)").replace(b" \n", b"\n"), r"has the shape \(-1,\)"),
         (npy([1.0, 2], (2, 0))[:-3], r"cannot be read as a .npz file \(ValueError: (?!.*pickle)"),
     ],
 )

@@ -472,3 +472,8 @@ def test_a_column_of_bad_times_is_refused(tmp_path, times, message):
     (tmp_path / "a.csv").write_text("time,b\n" + rows)
     with pytest.raises(ValueError, match="time column 'time' " + message):
         assert open_recording(tmp_path / "a.csv", Layout(velocity=3)).duration
+
+
+def test_options_of_a_layout_are_given_by_name():
+    with pytest.raises(TypeError, match="positional argument"):
+        Layout(["b"])

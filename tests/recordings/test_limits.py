@@ -11,7 +11,7 @@ from emacm.recordings.file_columns import FileColumns
 from emacm.recordings.inputs import described
 from emacm.recordings.prewhitening import prewhitened
 from emacm.recordings.readers import settled
-from emacm.recordings.sample_times import rate_of_times
+from emacm.recordings.sample_times import _rounding, rate_of_times
 
 ZEROS = np.zeros(40)
 
@@ -256,3 +256,10 @@ def test_of_several_gaps_the_first_is_named_beside_the_usual_interval():
 def test_a_file_without_columns_has_none_to_suggest():
     with pytest.raises(ValueError, match=r"it has no column 'z'; its columns are \[\]\. .*: 'z'\."):
         FileColumns({}).find("z")
+
+
+@pytest.mark.parametrize(("share", "decimal"), [(0.89, 1e-6), (0.91, 1e-5)])
+def test_times_are_rounded_to_a_decimal_that_the_smallest_step_reaches(share, decimal):
+    steps = np.full(2000, 1e-4)
+    steps[1500] = share * 1e-5  # after the samples whose last digit is looked for
+    assert _rounding(np.r_[0, np.cumsum(steps)], steps) == pytest.approx(decimal)

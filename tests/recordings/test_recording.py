@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
+import emacm.recordings.recording
 from emacm import Recording
 from emacm._kernels import using
 from emacm.recordings import digests
@@ -975,3 +976,19 @@ def test_the_repr_counts_revolutions_there_and_back():
     angle = 2 * np.pi * np.r_[np.linspace(0, 3, 31), np.linspace(3, 1, 21)[1:]]
     text = repr(Recording({"b": np.zeros(51)}, 10, angle=angle))
     assert text == "Recording(b 10 Hz; angle 10 Hz; 5.1 s, 5 revolutions)"
+
+
+def test_many_strokes_and_paths_are_not_kept(monkeypatch):
+    there = np.linspace(0, 40, 200)
+    angle = np.r_[there, there[-2::-1], there[1:]]
+
+    def kept(n, limits):
+        monkeypatch.setattr(emacm.recordings.recording, "_MANY", limits[0])
+        monkeypatch.setattr(emacm.recordings.recording, "_MANY_PATHS", limits[1])
+        run = Recording({"b": np.zeros(len(angle))}, 100, angle=angle)
+        assert len(run.strokes()) == len(run.paths()) == n
+        return run.strokes() is run.strokes(), run.paths() is run.paths()
+
+    assert kept(3, (3, 3)) == (True, True)
+    assert kept(3, (2, 3)) == (False, True)
+    assert kept(3, (3, 2)) == (True, False)
