@@ -351,11 +351,11 @@ def test_sidebands_are_found_on_an_axis_that_does_not_begin_at_0():
     assert whole.sidebands(psd[np.newaxis], fault, 0.04)["cage"] == pytest.approx(15)
 
 
-def test_a_fault_at_one_and_a_half_steps_of_the_shaft_is_separated():
+def test_half_a_step_is_at_the_shaft_and_one_and_a_half_steps_are_apart_from_it():
     orders = np.arange(0, 20.25, 0.25)  # exact in binary
     psd = np.where(np.isin(orders, [3, 6]), 100.0, 1.0)[np.newaxis]
-    for distance, level in ((0.375, 0), (0.374, 20)):
-        fault = FaultSeries("wear", (3 + distance, 6 + 2 * distance), True)
+    for lines, level in (((3.375, 6.75), 0), ((3.374, 6.748), 20), ((2.4375, 6.125), 10)):
+        fault = FaultSeries("wear", lines, True)
         measure = LineLevels(orders, [fault], 0.125, 4.0, without_shaft=True)
         assert measure.measure(psd)[0] == pytest.approx(level, abs=1e-9)
 
@@ -368,3 +368,21 @@ def test_a_sideband_at_the_second_line_is_not_taken():
     psd = spectrum([0.08])[np.newaxis]
     found = LineLevels(ORDERS, [fault], 0.0, 0.5).sidebands(psd, fault, 0.0)
     assert found == pytest.approx({"cage": 0})
+    third = FaultSeries("wear", (0.16,), False, "", (("cage", 0.04),))
+    found = LineLevels(ORDERS, [third], 0.0, 0.5).sidebands(
+        spectrum([0.12])[np.newaxis], third, 0.0
+    )
+    assert found == pytest.approx({"cage": 10})  # at 0.12 and 0.2
+
+
+def test_lines_two_steps_beside_the_shaft_are_found():
+    lines = (4.08, 8.16, 12.24)
+    fault = FaultSeries("wear", lines, True)
+    measure = LineLevels(ORDERS, [fault], 0.0, 0.5, without_shaft=True)
+    assert measure.measure(spectrum(lines)[np.newaxis])[0] == pytest.approx(20)
+
+
+def test_a_line_that_does_not_slip_is_not_searched_for_beside_its_order():
+    series = [FaultSeries("belt", (3.0,), False), FaultSeries("wear", (3.0,), True)]
+    measure = LineLevels(ORDERS, series, 0.03, 0.5)
+    assert measure.measure(spectrum([3.08])[np.newaxis])[0][0] == pytest.approx([0, 20])
