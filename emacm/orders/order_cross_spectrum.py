@@ -17,8 +17,7 @@ from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.cross_spectrum import FORMS, KINDS, CrossAverages, cross_averages
-from emacm.orders.padding import padded_lines
-from emacm.orders.segment_plan import too_short
+from emacm.orders.padding import padded_lines, too_short
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import names_of
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke

@@ -1,8 +1,8 @@
-"""Spectra of strokes that are shorter than a segment: padded with zeros."""
+"""Strokes that are shorter than a segment: padded with zeros, or an error."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,3 +80,17 @@ def padded_lines(
         window = window_values(plan.window, n_angles)
         lines = fft.rfft(detrended(signal, plan.detrend) * window, plan.n_per_segment)
         yield lines[:, np.newaxis, : plan.n_orders], plan.window_factor(window)
+
+
+def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
+    """Return the error for strokes, of so many samples, none of which is as long as a segment."""
+    if not lengths or plan.short == "pad":
+        remedy = "Leave it out"
+        if kind != "stroke":
+            remedy += ", or do not separate directions (by_direction=False)"
+        return ValueError(f"it has no {kind} of two samples. {remedy}.")
+    return ValueError(
+        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
+        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
+        f"revolutions (or n_per_segment) of {who}, set short='pad', or leave it out."
+    )

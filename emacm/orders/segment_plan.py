@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from emacm import _kernels
-from emacm.orders.padding import padded
+from emacm.orders.padding import padded, too_short
 from emacm.orders.windows import detrended
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.shaft.motion import blocks as blocks_of
@@ -200,9 +199,10 @@ class SegmentPlan:
         weight : float
             Their weight.
         """
-        loops, factor = _kernels.loops, self.window_factor(self.weights)
+        factor = self.window_factor(self.weights)
         for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
-            for lines in self._lines(loops, section, first, n_segments):
+            for transforms in self._transforms(section, first, n_segments):
+                lines = transforms[..., : self.n_orders]
                 yield lines, factor * lines.shape[1]
             del section  # before the next one is made
 
@@ -223,39 +223,49 @@ class SegmentPlan:
         -------
         ndarray of shape (n_channels, n_orders) or (n_channels, n_segments, n_orders)
         """
-        loops = _kernels.loops
-        if self.average == "mean" and self.detrend != "linear":
-            remove_mean = self.detrend == "constant"
-            return loops.segment_powers(
-                section, first, self.step, self.weights, n_segments, self.n_orders, remove_mean
-            )
-        batches = self._lines(loops, section, first, n_segments)
-        if self.average == "mean":
-            return sum(loops.powers(lines) for lines in batches)
-        return np.concatenate([lines.real**2 + lines.imag**2 for lines in batches], axis=1)
+        if self.average == "median":
+            batches = self._transforms(section, first, n_segments)
+            lines = (transforms[..., : self.n_orders] for transforms in batches)
+            return np.concatenate([part.real**2 + part.imag**2 for part in lines], axis=1)
+        loops, length = _kernels.loops, self.n_per_segment
+        decimated = None if self.detrend == "linear" else loops.low_pass(length, self.n_orders)
+        taps, gains, n_kept = decimated or (None, 1.0, length)
+        total = np.zeros((len(section), self.n_orders))
+        n_rows = max(1, loops.SEGMENT_BYTES // (8 * n_kept))  # less memory for long segments
+        for row in range(0, len(section), n_rows):
+            rows = slice(row, row + n_rows)
+            for transforms in self._transforms(section[rows], first, n_segments, taps, n_kept):
+                loops.add_powers(transforms, total[rows])
+                del transforms  # before the next ones are made
+        return total * gains
 
-    def _lines(
+    def _transforms(
         self,
-        loops: ModuleType,
         section: NDArray[np.floating],
         first: int,
         n_segments: int,
+        taps: NDArray[np.floating] | None = None,
+        n_kept: int | None = None,
     ) -> Iterator[Lines]:
-        """Yield the Fourier transforms of a few segments of all channels at a time."""
-        linear = self.detrend == "linear"
-        at_once = max(1, loops.SEGMENT_BYTES // (8 * self.n_per_segment * len(section)))
+        """Yield the Fourier transforms of a few segments of all channels at a time.
+
+        Of segments that are decimated, `n_kept` samples are kept.
+        """
+        loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
+        if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
+            stop = first + (n_segments - 1) * self.step + length
+            section, first = np.ascontiguousarray(section[:, first:stop], np.float64), 0
+        at_once = max(1, loops.SEGMENT_BYTES // (8 * (n_kept or length) * len(section)))
+        window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
-            segments = loops.windowed(
-                section,
-                first + start * self.step,
-                self.step,
-                np.ones_like(self.weights) if linear else self.weights,
-                min(at_once, n_segments - start),
-                self.detrend == "constant",
-            )
+            segments = np.empty((len(section), min(at_once, n_segments - start), n_kept or length))
+            cut = first + start * self.step, self.step, window, self.detrend == "constant"
+            loops.set_segments(section, *cut, taps, segments)
             if linear:
                 segments = detrended(segments, self.detrend) * self.weights
-            yield fft.rfft(segments, overwrite_x=True)[..., : self.n_orders]
+            transforms = [fft.rfft(segments, overwrite_x=True)]
+            del segments
+            yield transforms.pop()
 
     def window_factor(self, window: NDArray[np.floating]) -> float:
         """Return what the power of a windowed segment is divided by."""
@@ -351,20 +361,6 @@ def _median_bias(n_segments: int) -> float:
     """Median over mean of n exponential variables (Allen et al., arXiv gr-qc/0509116, App. B)."""
     even = 2 * np.arange(1, (n_segments - 1) // 2 + 1)
     return float(1 + np.sum(1 / (even + 1) - 1 / even))
-
-
-def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
-    """Return the error for strokes, of so many samples, none of which is as long as a segment."""
-    if not lengths or plan.short == "pad":
-        remedy = "Leave it out"
-        if kind != "stroke":
-            remedy += ", or do not separate directions (by_direction=False)"
-        return ValueError(f"it has no {kind} of two samples. {remedy}.")
-    return ValueError(
-        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
-        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
-        f"revolutions (or n_per_segment) of {who}, set short='pad', or leave it out."
-    )
 
 
 def check_range(powers: NDArray[np.floating], row: Any) -> None:

@@ -217,8 +217,11 @@ class FineGrid:
             return
         block = block.cut(int(inside[0]), int(inside[-1]) + 1)
         self._use(int(min(float(position.max()), limit)) + 1 + _WIDTH // 2)
-        place, grid = (sign / self._step, offset, _kernel_halves()), (self._grid, self._used)
-        self._loops.spread(block.travel, block.ends, *place, block.values, self.means, *grid)
+        place = sign / self._step, offset, _kernel_halves()
+        rows = block.values, self.means, self._grid
+        one_part = len(block.travel), np.array([self._used]), np.zeros(1, int)
+        made = _FIRST, _decimating_filter(), self._grid[:, :0], 0
+        self._loops.resample(block.travel, block.ends, *place, *rows, *one_part, *made)
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""

@@ -77,7 +77,9 @@ def test_spreading_agrees(compiled, rng, dtype, n_signals, scale, n_times):
     grids = np.zeros((2, n_signals, 290))  # the last samples lie beyond
     offset, ends = 2.5 if scale > 0 else 280.0, (-0.01, 100.01)
     for module, grid in zip((compiled, _kernels_numpy), grids, strict=True):
-        module.spread(travel, ends, scale, offset, _kernel_halves(), signals, means, grid, 280)
+        place, rows = (travel, ends, scale, offset, _kernel_halves()), (signals, means, grid)
+        one_part = n_times, np.array([280]), np.array([0])
+        module.resample(*place, *rows, *one_part, 2, _decimating_filter(), grid[:, :0], 0)
     assert np.all(grids[:, :, 280:] == 0)
     assert np.abs(grids).max() > 0
     agree(grids[0], grids[1])
@@ -99,7 +101,10 @@ def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtyp
         some = slice(300 * k, 300 * (k + 1))
         around = np.concatenate([ends[:1], travel, ends[1:]])[300 * k : 300 * (k + 1) + 2][[0, -1]]
         place = travel[some], tuple(around), 3.0, offset, _kernel_halves()
-        _kernels_numpy.spread(*place, [row[some] for row in signals], means, grids[2], used)
+        one_part = len(travel[some]), np.array([used]), np.array([0])
+        nothing = 2, _decimating_filter(), grids[2][:, :0], 0  # is decimated
+        rows = [row[some] for row in signals], means, grids[2]
+        _kernels_numpy.resample(*place, *rows, *one_part, *nothing)
         if n_outputs:
             taps = _decimating_filter()
             _kernels_numpy.decimate(grids[2], used, 2, taps, means, outputs[2], done, n_outputs)
@@ -202,7 +207,7 @@ def test_both_modules_offer_the_same_loops(compiled):
     def offered(module):
         return {name for name in module.__all__ if callable(getattr(module, name))}
 
-    assert len(offered(compiled)) == 14
+    assert len(offered(compiled)) == 13
     assert offered(compiled) == offered(_kernels_numpy)
     assert compiled.__all__ == _kernels_numpy.__all__
 

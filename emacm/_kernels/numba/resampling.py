@@ -21,24 +21,6 @@ Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
 
 
-def spread(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    n_points: int,
-) -> None:
-    """Add each sample, less the mean of its signal, to the grid points around it."""
-    rows = signals, means, grid
-    parts = len(travel), np.array([n_points]), np.zeros(1, np.int64)
-    nothing = np.empty(0), grid[:, :0]  # is decimated
-    resample(travel, ends, scale, offset, kernel, *rows, *parts, 0, *nothing, 0)
-
-
 def resample(
     travel: Array,
     ends: tuple[float, float],

@@ -32,45 +32,9 @@ _SHORTEST = 64  # samples; the low pass must not be longer
 Array = NDArray[np.floating]
 
 
-def segment_powers(
-    signals: Array,
-    first: int,
-    step: int,
-    window: Array,
-    n_segments: int,
-    n_lines: int,
-    remove_mean: bool,
-) -> Array:
-    """Sum the squared magnitude of the lowest spectral lines over segments, in float64."""
-    length = len(window)
-    taps, gains = _low_pass(length, n_lines) or (None, 1.0)
-    n_kept = length if taps is None else length // _DECIMATION
-    total = np.zeros((len(signals), n_lines))
-    if signals.dtype != np.float64 or not signals.flags.c_contiguous:  # convert what is read only
-        signals = signals[:, first : first + (n_segments - 1) * step + length].astype(np.float64)
-        first = 0
-    most = max(1, SEGMENT_BYTES // (8 * n_kept))  # segments of all rows
-    n_rows = min(len(signals), most)
-    for row in range(0, len(signals), n_rows):
-        part, sums = signals[row : row + n_rows], total[row : row + n_rows]
-        for start in range(0, n_segments, most // n_rows):
-            count = min(most // n_rows, n_segments - start)
-            cut = part, first + start * step, step, window, remove_mean
-            segments = np.empty((len(part), count, n_kept))
-            if taps is None:
-                _window(*cut, segments)
-            else:
-                _window_decimated(*cut, taps, segments)
-            _add_powers(fft.rfft(segments, overwrite_x=True), sums)
-    return total * gains
-
-
 @lru_cache(maxsize=64)
-def _low_pass(length: int, n_lines: int) -> tuple[Array, Array] | None:
-    """Return taps, and the factors of the powers; None where plain transforms are faster.
-
-    Shapes (n_taps,) and (n_lines,).
-    """
+def low_pass(length: int, n_lines: int) -> tuple[Array, Array, int] | None:
+    """Return what segments are filtered by; None where plain transforms are faster."""
     if length % _DECIMATION or length < _SHORTEST or n_lines > length * _HIGHEST:
         return None
     # sinh(sqrt(shape² - w²)) / sqrt(shape² - w²), the transform (Jackson et al.), is small beyond
@@ -80,7 +44,8 @@ def _low_pass(length: int, n_lines: int) -> tuple[Array, Array] | None:
     place = (2 * np.arange(n_taps) + 1) / n_taps - 1
     taps = np.i0(shape * np.sqrt(1 - place**2)) / np.i0(shape)
     response = fft.rfft(taps, length)[:n_lines]
-    return taps, _DECIMATION**2 / (response.real**2 + response.imag**2)
+    gains = _DECIMATION**2 / (response.real**2 + response.imag**2)
+    return taps, gains, length // _DECIMATION
 
 
 @compiled
@@ -93,28 +58,26 @@ def _mean(part, wanted):
 
 
 @compiled
-def _window(signals, first, step, window, remove_mean, segments):
-    length = len(window)
-    for c in range(len(signals)):
-        for s in range(segments.shape[1]):
-            part, segment = signals[c, first + s * step :][:length], segments[c, s]
-            mean = _mean(part, remove_mean)
-            for i in range(length):
-                segment[i] = (part[i] - mean) * window[i]
+def _window(part, mean, window, segment):
+    for i in range(len(window)):
+        segment[i] = (part[i] - mean) * window[i]
 
 
 @compiled
-def _window_decimated(signals, first, step, window, remove_mean, taps, segments):
-    length, overhang = len(window), len(taps) - 4
-    segment = np.empty(length + overhang)
+def set_segments(signals, first, step, window, remove_mean, taps, segments):
+    length = len(window)
+    overhang = 0 if taps is None else len(taps) - _DECIMATION
+    whole = np.empty(length + overhang)
     for c in range(len(signals)):
         for s in range(segments.shape[1]):
             part = signals[c, first + s * step :][:length]
             mean = _mean(part, remove_mean)
-            for i in range(length):
-                segment[i] = (part[i] - mean) * window[i]
-            segment[length:] = segment[:overhang]
-            _keep_every_fourth(segment, taps, segments[c, s])
+            if taps is None:
+                _window(part, mean, window, segments[c, s])
+            else:
+                _window(part, mean, window, whole)
+                whole[length:] = whole[:overhang]
+                _keep_every_fourth(whole, taps, segments[c, s])
 
 
 @compiled
@@ -138,7 +101,7 @@ def _keep_every_fourth(segment, taps, output):
 
 
 @compiled
-def _add_powers(transforms, total):
+def add_powers(transforms, total):
     for c in range(len(total)):
         row = total[c]
         for s in range(transforms.shape[1]):

@@ -12,27 +12,25 @@ from emacm._kernels.numpy.resampling import (
     interpolate_linear,
     interpolation_weights,
     resample,
-    spread,
     upsample,
 )
-from emacm._kernels.numpy.spectra import SEGMENT_BYTES, powers, segment_powers, windowed
+from emacm._kernels.numpy.spectra import SEGMENT_BYTES, add_powers, low_pass, set_segments
 
 __all__ = [
     "BLOCK",
     "READ_BLOCK",
     "SEGMENT_BYTES",
+    "add_powers",
     "decimate",
     "follow",
     "integrate",
     "interpolate_linear",
     "interpolation_weights",
     "limited_torque",
-    "powers",
+    "low_pass",
     "resample",
     "resonate",
-    "segment_powers",
     "set_checkpoints",
-    "spread",
+    "set_segments",
     "upsample",
-    "windowed",
 ]

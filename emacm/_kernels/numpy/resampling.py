@@ -12,7 +12,67 @@ Array = NDArray[np.floating]
 Indices = NDArray[np.int32]
 
 
-def spread(
+def resample(
+    travel: Array,
+    ends: tuple[float, float],
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    part: int,
+    n_points: Indices,
+    ready: Indices,
+    first: int,
+    taps: Array,
+    outputs: Array,
+    done: int,
+) -> None:
+    """Spread samples part by part, and decimate the grid as far as it is complete after each.
+
+    Each sample, less the mean of its signal, is added to the grid points around it.
+
+    Parameters
+    ----------
+    travel : ndarray of shape (n_times,)
+        Angle travelled [rad]; a sample is weighted by half the distance between its neighbours.
+    ends : (float, float)
+        Angle travelled at the neighbours of the first and the last sample [rad].
+    scale, offset : float
+        A sample lies at ``scale * travel + offset`` on the grid, before this is decimated; where
+        `scale` is negative it is a mirror image.
+    kernel : ndarray of shape (2, 6)
+        Weights of the outer and the inner grid point below the sample, as polynomials in its
+        position within the cell, -1/2..1/2; those of the points above are their mirror images.
+    signals : list of ndarray of shape (n_times,)
+        One for each row of the grid.
+    means : ndarray of shape (n_signals,)
+        Subtracted first.
+    grid : ndarray of shape (n_signals, n_held)
+        Changed in place. Samples any of whose points would lie outside are skipped.
+    part : int
+        Samples of a part; the last one may be shorter.
+    n_points : ndarray of shape (n_parts,)
+        Columns of the grid in use when a part is spread.
+    ready : ndarray of shape (n_parts,)
+        Outputs that are complete after a part.
+    first, taps, outputs, done
+        As for `decimate`.
+    """
+    near = np.concatenate([ends[:1], travel, ends[1:]])
+    for start, used, n_outputs in zip(range(0, len(travel), part), n_points, ready, strict=True):
+        stop = min(start + part, len(travel))
+        place = (near[start], near[stop + 1]), scale, offset, kernel
+        rows = [signal[start:stop] for signal in signals]
+        _spread(travel[start:stop], *place, rows, means, grid, used)
+        if n_outputs:
+            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            done += n_outputs
+            offset -= 2.0 * n_outputs
+
+
+def _spread(
     travel: Array,
     ends: tuple[float, float],
     scale: float,
@@ -23,28 +83,7 @@ def spread(
     grid: Array,
     n_points: int,
 ) -> None:
-    """Add each sample, less the mean of its signal, to the grid points around it.
-
-    Parameters
-    ----------
-    travel : ndarray of shape (n_times,)
-        Angle travelled [rad]; a sample is weighted by half the distance between its neighbours.
-    ends : (float, float)
-        Angle travelled at the neighbours of the first and the last sample [rad].
-    scale, offset : float
-        A sample lies at ``scale * travel + offset`` on the grid; where `scale` is negative it is a
-        mirror image.
-    kernel : ndarray of shape (2, 6)
-        Weights of the outer and the inner grid point below the sample, as polynomials in its
-        position within the cell, -1/2..1/2; those of the points above are their mirror images.
-    signals : list of ndarray of shape (n_times,)
-        One for each row of the grid.
-    means : ndarray of shape (n_signals,)
-        Subtracted first.
-    grid : ndarray of shape (n_signals, n_held)
-        Changed in place, in its first `n_points` columns. Samples any of whose points would lie
-        outside are skipped.
-    """
+    """Add each sample, less the mean of its signal, to the grid points around it."""
     weights, cells = _weights(travel, ends, scale, offset, kernel, n_points)
     first, last = int(cells.min()), int(cells.max())
     cells -= first
@@ -96,50 +135,6 @@ def _weights(
         np.subtract(even, odd, out=weights[3 - k])
     cell -= 1
     return weights, cell.astype(np.intp)
-
-
-def resample(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    part: int,
-    n_points: Indices,
-    ready: Indices,
-    first: int,
-    taps: Array,
-    outputs: Array,
-    done: int,
-) -> None:
-    """Spread samples part by part, and decimate the grid as far as it is complete after each.
-
-    Parameters
-    ----------
-    travel, ends, scale, offset, kernel, signals, means, grid
-        As for `spread`. `offset` holds before the grid is decimated.
-    part : int
-        Samples of a part; the last one may be shorter.
-    n_points : ndarray of shape (n_parts,)
-        Columns of the grid in use when a part is spread.
-    ready : ndarray of shape (n_parts,)
-        Outputs that are complete after a part.
-    first, taps, outputs, done
-        As for `decimate`.
-    """
-    near = np.concatenate([ends[:1], travel, ends[1:]])
-    for start, used, n_outputs in zip(range(0, len(travel), part), n_points, ready, strict=True):
-        stop = min(start + part, len(travel))
-        place = (near[start], near[stop + 1]), scale, offset, kernel
-        rows = [signal[start:stop] for signal in signals]
-        spread(travel[start:stop], *place, rows, means, grid, used)
-        if n_outputs:
-            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
-            done += n_outputs
-            offset -= 2.0 * n_outputs
 
 
 def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:

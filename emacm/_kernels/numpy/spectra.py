@@ -1,20 +1,42 @@
-"""Loops over the segments of Welch's method, in NumPy and SciPy."""
+"""Loops over the segments of Welch's method, in NumPy."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 SEGMENT_BYTES = 1 << 19  # of the segments transformed at a time: they should stay in cache
 
 Array = NDArray[np.floating]
 
 
-def windowed(
-    signals: Array, first: int, step: int, window: Array, n_segments: int, remove_mean: bool
-) -> Array:
-    """Cut signals into segments and multiply them by a window, in float64.
+def low_pass(length: int, n_lines: int) -> None:
+    """Return what segments are filtered by before they are decimated: nothing, as it is slower.
+
+    Parameters
+    ----------
+    length : int
+        Samples of a segment.
+    n_lines : int
+        Lowest spectral lines that are wanted.
+
+    Returns
+    -------
+    (ndarray of shape (n_taps,), ndarray of shape (n_lines,), int) or None
+        Taps, factors of the powers of the lines, and samples that are kept of a segment.
+    """
+
+
+def set_segments(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    remove_mean: bool,
+    taps: Array | None,
+    segments: Array,
+) -> None:
+    """Cut signals into segments and multiply them by a window.
 
     Parameters
     ----------
@@ -22,73 +44,36 @@ def windowed(
     first : int
         Start of the first segment.
     step : int
-        Samples from one segment to the next.
+        Samples from one segment to the next; the last one ends within the signals.
     window : ndarray of shape (n_per_segment,)
-    n_segments : int
-        Number of segments; the last one ends within the signals.
     remove_mean : bool
         Subtract the mean of each segment first.
-
-    Returns
-    -------
-    ndarray of shape (n_signals, n_segments, n_per_segment)
+    taps : ndarray or None
+        What `low_pass` returns: each segment is filtered by them, and decimated.
+    segments : ndarray of shape (n_signals, n_segments, n_per_segment)
+        What is set; of decimated segments, the last axis is shorter.
     """
-    part = signals[:, first : first + (n_segments - 1) * step + len(window)]
+    part = signals[:, first : first + (segments.shape[1] - 1) * step + len(window)]
     row, sample = part.strides
-    segments = np.lib.stride_tricks.as_strided(
-        part, (len(part), n_segments, len(window)), (row, step * sample, sample), writeable=False
+    cut = np.lib.stride_tricks.as_strided(
+        part, segments.shape, (row, step * sample, sample), writeable=False
     )
     if remove_mean:
-        segments = segments - segments.mean(axis=-1, keepdims=True, dtype=np.float64)
+        np.subtract(cut, cut.mean(axis=-1, keepdims=True), out=segments)
         segments *= window
-        return segments
-    return segments * window
+    else:
+        np.multiply(cut, window, out=segments)
 
 
-def powers(lines: NDArray[np.complexfloating]) -> Array:
-    """Sum the squared magnitude of spectral lines over segments.
+def add_powers(transforms: NDArray[np.complexfloating], total: Array) -> None:
+    """Add the squared magnitude of the lowest spectral lines of all segments.
 
     Parameters
     ----------
-    lines : ndarray of shape (n_signals, n_segments, n_lines)
+    transforms : ndarray of shape (n_signals, n_segments, n_all_lines)
         Fourier transforms.
-
-    Returns
-    -------
-    ndarray of shape (n_signals, n_lines)
+    total : ndarray of shape (n_signals, n_lines)
+        Changed in place.
     """
-    return (lines.real**2 + lines.imag**2).sum(axis=1)
-
-
-def segment_powers(
-    signals: Array,
-    first: int,
-    step: int,
-    window: Array,
-    n_segments: int,
-    n_lines: int,
-    remove_mean: bool,
-) -> Array:
-    """Sum the squared magnitude of the lowest spectral lines over segments, in float64.
-
-    Parameters
-    ----------
-    signals, first, step, window, n_segments, remove_mean
-        As for `windowed`.
-    n_lines : int
-        Lines wanted, at most ``n_per_segment // 2 + 1``.
-
-    Returns
-    -------
-    ndarray of shape (n_signals, n_lines)
-    """
-    total = np.zeros((len(signals), n_lines))
-    most = max(1, SEGMENT_BYTES // (8 * len(window)))  # segments of all rows
-    n_rows = min(len(signals), most)
-    for row in range(0, len(signals), n_rows):
-        rows = slice(row, row + n_rows)
-        for start in range(0, n_segments, most // n_rows):
-            count = min(most // n_rows, n_segments - start)
-            cut = signals[rows], first + start * step, step, window, count, remove_mean
-            total[rows] += powers(fft.rfft(windowed(*cut), overwrite_x=True)[..., :n_lines])
-    return total
+    lines = transforms[..., : total.shape[1]]
+    total += (lines.real**2 + lines.imag**2).sum(axis=1)

@@ -6,16 +6,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import fft
 
-from emacm._kernels.numpy import spectra as by_numpy
+from emacm import _kernels
+from emacm._kernels import using
+from emacm.orders.segment_plan import SegmentPlan
 
-spectra = pytest.importorskip(
-    "emacm._kernels.numba.spectra", reason="numba is not installed (extra 'fast')"
-)
-both_kernels = pytest.mark.parametrize("loops", [by_numpy, spectra], ids=["numpy", "numba"])
+pytest.importorskip("numba", reason="numba is not installed (extra 'fast')")
+both_kernels = pytest.mark.parametrize("name", ["numpy", "numba"])
 
 # Powers of two, primes, their multiples, a square.
 LENGTHS = [2, 8, 60, 63, 64, 100, 101, 131, 393, 524, 526, 997, 4 * 997, 4096, 101 * 101]
 LINES = {"lowest": 1 / 16, "few": 1 / 8, "all": 1 / 2}  # of a segment's samples
+
+
+def segment_powers(name, signals, first, step, window, n_segments, n_lines, remove_mean):
+    """Sum the powers of the lowest lines over segments, with the named loops."""
+    detrend = "constant" if remove_mean else None
+    options = window, window, detrend, "density", "mean", n_lines
+    plan = SegmentPlan(1.0, len(window), step, *options)
+    with using(name):
+        return plan.section_powers(signals, first, n_segments)
 
 
 def by_scipy(signals, first, step, window, n_segments, remove_mean):
@@ -30,23 +39,23 @@ def by_scipy(signals, first, step, window, n_segments, remove_mean):
 @pytest.mark.parametrize("n_lines", LINES)
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_powers_are_those_of_scipy_at_any_length(loops, length, dtype, n_lines):
+def test_powers_are_those_of_scipy_at_any_length(name, length, dtype, n_lines):
     signals = np.random.default_rng(length).standard_normal((2, 3 * length + 3)).astype(dtype)
     cut = signals, 3, max(1, length // 2), np.hanning(length + 2)[1:-1], 4
     wanted = max(1, int(length * LINES[n_lines])) + (n_lines != "lowest")
     expected = by_scipy(signals.astype(float), *cut[1:], True)[:, :wanted]
-    found = loops.segment_powers(*cut, wanted, True)
+    found = segment_powers(name, *cut, wanted, True)
     assert found.dtype == np.float64
     np.testing.assert_allclose(found, expected, atol=1e-13 * expected.max(), rtol=0)
 
 
 @both_kernels
 @pytest.mark.parametrize("length", [524, 600, 4096])
-def test_a_mean_far_above_a_signal_in_float32_changes_nothing(loops, length):
+def test_a_mean_far_above_a_signal_in_float32_changes_nothing(name, length):
     tone = np.cos(2 * np.pi * 10 / length * np.arange(4 * length))
     signals = (1e4 + tone).astype(np.float32)[np.newaxis]
     cut = 0, length, np.hanning(length), 4
-    found = loops.segment_powers(signals, *cut, length // 16, True)
+    found = segment_powers(name, signals, *cut, length // 16, True)
     expected = by_scipy(signals.astype(float), *cut, True)[:, : length // 16]
     np.testing.assert_allclose(found, expected, atol=1e-12 * expected.max())
 
@@ -67,7 +76,7 @@ def test_the_lowest_lines_are_those_of_scipy(quarter, share, step, window, remov
     n_lines = max(1, int(share * length / 16))
     cut = signals, 0, step, weights, 5
     expected = by_scipy(*cut, remove_mean)
-    found = spectra.segment_powers(*cut, n_lines, remove_mean)
+    found = segment_powers("numba", *cut, n_lines, remove_mean)
     np.testing.assert_allclose(found, expected[:, :n_lines], atol=1e-13 * expected.max(), rtol=0)
 
 
@@ -81,32 +90,33 @@ def test_no_tone_above_the_lines_wanted_aliases_onto_them(length):
         orders = np.union1d(orders[aliasing], orders[::7])
     turns = np.outer(orders, np.arange(length)) % length / length
     tones = np.sin(2 * np.pi * turns + 1)
-    powers = spectra.segment_powers(tones, 0, length, np.ones(length), 1, n_lines, False)
+    powers = segment_powers("numba", tones, 0, length, np.ones(length), 1, n_lines, False)
     assert np.sqrt(powers.max()) < 2e-14 * length / 2
 
 
 @both_kernels
-def test_each_of_the_lowest_lines_has_the_power_of_its_tone(loops):
+def test_each_of_the_lowest_lines_has_the_power_of_its_tone(name):
     lines = np.arange(1, 32)
     tones = np.sin(2 * np.pi / 512 * np.outer(lines, np.arange(512)))
-    powers = loops.segment_powers(tones, 0, 512, np.ones(512), 1, 32, True)
+    powers = segment_powers(name, tones, 0, 512, np.ones(512), 1, 32, True)
     np.testing.assert_allclose(powers, 256.0**2 * np.eye(32)[1:], atol=1e-12 * 256**2)
 
 
 @both_kernels
-def test_the_mean_is_kept_unless_it_is_to_be_removed(loops):
+def test_the_mean_is_kept_unless_it_is_to_be_removed(name):
     signals = np.full((1, 524), 2.0)
-    powers = loops.segment_powers(signals, 0, 524, np.ones(524), 1, 10, False)
+    powers = segment_powers(name, signals, 0, 524, np.ones(524), 1, 10, False)
     np.testing.assert_allclose(powers[0], [(2 * 524) ** 2] + [0] * 9, atol=1e-18 * 524**4)
 
 
 @both_kernels
 @pytest.mark.parametrize("size", [1, 3000, 100_000])
-def test_batches_of_rows_and_segments_add_up(loops, monkeypatch, size):
+def test_batches_of_rows_and_segments_add_up(name, monkeypatch, size):
     signals = np.random.default_rng(0).standard_normal((5, 4096))
     cut = signals, 0, 32, np.ones(64), 127
-    monkeypatch.setattr(loops, "SEGMENT_BYTES", size)
-    found = loops.segment_powers(*cut, 33, False)
+    with using(name):
+        monkeypatch.setattr(_kernels.loops, "SEGMENT_BYTES", size)
+    found = segment_powers(name, *cut, 33, False)
     np.testing.assert_allclose(found, by_scipy(*cut, False), rtol=1e-11)
 
 
@@ -122,31 +132,41 @@ def test_a_quarter_is_transformed_for_the_lowest_lines(monkeypatch, n_segments):
         return noted
 
     cut = np.ones((1, 8192)), 0, 4096, np.ones(4096), n_segments
-    spectra.segment_powers(*cut, 256, False)  # designs the low pass, by a transform
+    segment_powers("numba", *cut, 256, False)  # designs the low pass, by a transform
     for name in ("fft", "rfft"):
-        monkeypatch.setattr(spectra.fft, name, noting(getattr(spectra.fft, name)))
-    spectra.segment_powers(*cut, 256, False)
-    spectra.segment_powers(*cut, 257, False)
+        monkeypatch.setattr(fft, name, noting(getattr(fft, name)))
+    segment_powers("numba", *cut, 256, False)
+    segment_powers("numba", *cut, 257, False)
     assert lengths == [1024, 4096]
 
 
 @both_kernels
 @pytest.mark.parametrize("n_segments", [1, 2, 3, 8])
 @pytest.mark.parametrize("length", [9, 16, 75, 128])
-def test_segments_may_be_odd_in_number_and_in_length(loops, n_segments, length):
+def test_segments_may_be_odd_in_number_and_in_length(name, n_segments, length):
     signals = 3 + np.random.default_rng(0).standard_normal((3, 8 * length))
     cut = signals, 2, length // 2, np.hanning(length), n_segments
-    found = loops.segment_powers(*cut, length // 2 + 1, True)
+    found = segment_powers(name, *cut, length // 2 + 1, True)
     np.testing.assert_allclose(found, by_scipy(*cut, True), rtol=1e-11, atol=1e-20)
 
 
+@both_kernels
 @pytest.mark.parametrize("remove_mean", [True, False])
-def test_windowed_segments_are_those_of_the_signal(remove_mean):
-    signals = np.random.default_rng(0).standard_normal((2, 1000)).astype(np.float32) + 5
-    window = np.hanning(128)
-    found = by_numpy.windowed(signals, 7, 50, window, 17, remove_mean)
-    assert found.dtype == np.float64
-    assert found.shape == (2, 17, 128)
-    part = signals[1, 7 + 3 * 50 :][:128].astype(float)
+def test_windowed_segments_are_those_of_the_signal(name, remove_mean):
+    signals = np.random.default_rng(0).standard_normal((2, 1000)) + 5
+    window, found = np.hanning(128), np.empty((2, 17, 128))
+    with using(name):
+        _kernels.loops.set_segments(signals, 7, 50, window, remove_mean, None, found)
+    part = signals[1, 7 + 3 * 50 :][:128]
     expected = window * (part - remove_mean * part.mean())
     np.testing.assert_allclose(found[1, 3], expected, atol=1e-14)
+
+
+@both_kernels
+@pytest.mark.parametrize("arranged", [np.asfortranarray, lambda rows: rows[:, ::2], np.float32])
+def test_signals_may_lie_in_memory_in_any_way(name, arranged):
+    signals = arranged(np.random.default_rng(0).standard_normal((3, 1000)))
+    cut = 5, 32, np.hanning(64), 7
+    found = segment_powers(name, signals, *cut, 33, True)
+    exact = np.array(signals, np.float64, order="C")
+    np.testing.assert_array_equal(found, segment_powers(name, exact, *cut, 33, True))
