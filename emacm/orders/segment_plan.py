@@ -263,7 +263,7 @@ class SegmentPlan:
             loops.set_segments(section, *cut, taps, segments)
             if linear:
                 segments = detrended(segments, self.detrend) * self.weights
-            transforms = [fft.rfft(segments, overwrite_x=True)]
+            transforms = [fft.rfft(segments)]
             del segments
             yield transforms.pop()
 
