@@ -37,8 +37,6 @@ class ClassProducts:
 
     Attributes
     ----------
-    values : ndarray of shape (n_class, n_features)
-        The deviations, multiplied by the roots of the weights.
     usable : ndarray of bool, shape (n_groups,)
         Whether enough recordings remain without a group, and their products are accurate.
     """
@@ -47,8 +45,9 @@ class ClassProducts:
         self, values: Array, weight: Array, groups: NDArray[np.intp], every_group: list[int]
     ):
         self._n_features, self._roots = values.shape[1], np.sqrt(weight)
-        self.values = values * self._roots[:, np.newaxis]
-        self._products = self.values @ self.values.T
+        self._unit = np.abs(values).max() or 1.0  # so that no product overflows or underflows
+        self._values = values / self._unit * self._roots[:, np.newaxis]
+        self._products = self._values @ self._values.T
         self._remaining = groups != np.array(every_group)[:, np.newaxis]
         # The mean moves by the sum of the remaining values, times their shares.
         counts = self._remaining @ weight
@@ -91,17 +90,17 @@ class ClassProducts:
         """
         n_features, count = self._n_features, self._counts[place]
         total = self._traces[place] / (count - 1)
-        diagonal = coefficient * total / n_features
-        scale = (1 - coefficient) / (count - 1) / diagonal
-        if diagonal <= REGULAR * n_features * total:
+        if coefficient <= REGULAR * n_features**2:
             return None
+        scale = (1 - coefficient) / (count - 1) / (coefficient * total / n_features)
+        diagonal = coefficient * total / n_features * self._unit**2
         kept = np.flatnonzero(self._remaining[place])
         matrix = self._products.take(kept, axis=0).take(kept, axis=1)
         matrix *= scale
         matrix.flat[:: len(matrix) + 1] += 1.0
         root, _ = dpotrf(matrix.T, overwrite_a=1)  # the transposes are not copied
         sides = np.empty((len(deviations) + 1, len(kept)))
-        np.matmul(deviations, np.take(self.values, kept, axis=0).T, out=sides[:-1])
+        np.matmul(deviations, np.take(self._values, kept, axis=0).T, out=sides[:-1])
         sides[-1] = self._shares[place, kept]
         white = dtrsm(1.0, root, sides.T, trans_a=1, overwrite_b=1).T
         white, share = white[:-1], white[-1]
@@ -119,15 +118,16 @@ class ClassProducts:
         """As `shrunk_log_densities`, without shrinkage, with eigenvalues raised to a floor."""
         free = self._counts[place] - 1
         kept = np.flatnonzero(self._remaining[place])
-        shift = self._shares[place] @ self.values
-        values = self.values[kept] - np.multiply.outer(self._roots[kept], shift)
+        shift = self._shares[place] @ self._values
+        values = self._values[kept] - np.multiply.outer(self._roots[kept], shift)
         eigenvalues, vectors = np.linalg.eigh(values @ values.T)
-        large = eigenvalues > floor * free
-        eigenvalues, inner = eigenvalues[large], deviations @ (values.T @ vectors[:, large])
+        variances = eigenvalues / free * self._unit**2
+        large = variances > floor
+        directions = values.T @ (vectors[:, large] / np.sqrt(eigenvalues[large]))
         squares = np.einsum("rf,rf->r", deviations, deviations) / floor
-        squares -= inner**2 @ ((1 / floor - free / eigenvalues) / eigenvalues)
-        n_raised = self._n_features - len(eigenvalues)
-        log_determinant = np.log(eigenvalues / free).sum() + n_raised * np.log(floor)
+        squares -= np.square(deviations @ directions) @ (1 / floor - 1 / variances[large])
+        n_raised = self._n_features - np.count_nonzero(large)
+        log_determinant = np.log(variances[large]).sum() + n_raised * np.log(floor)
         constant = self._n_features * np.log(2 * np.pi) + log_determinant
         log_densities: Array = -0.5 * (squares + constant)
         return log_densities

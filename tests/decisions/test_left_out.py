@@ -94,6 +94,20 @@ def test_so_do_those_of_classes_with_fewer_recordings_than_features(
         assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-6)
 
 
+@pytest.mark.parametrize("covariance", ["full", "diag"])
+@pytest.mark.parametrize("shrinkage", [None, 0.3, "oas", "auto"])
+@pytest.mark.parametrize("unit", [1e-120, 1e120])
+def test_units_of_features_add_a_constant_to_log_densities(covariance, shrinkage, unit):
+    training = draw(9, n_recordings=40, n_features=20, n_classes=3, n_groups=4)
+    training.X[:] /= training.X.std(axis=0)
+    scaled = Training(training.X * unit, training.codes, training.groups, training.weight, 3)
+    found, expected = (
+        remaining(each, covariance, shrinkage).log_densities(covariance, shrinkage)
+        for each in (scaled, training)
+    )
+    assert_allclose(found, expected - 20 * np.log(unit), rtol=1e-9)
+
+
 @pytest.mark.parametrize("shrinkage", [0.3, "oas", "auto"])
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
 def test_common_covariances_follow_from_moments_of_any_kind(covariance, shrinkage):
