@@ -579,6 +579,8 @@ def test_limits_of_orders():
             order_bands({"belt": order})
     with pytest.raises(ValueError, match="it has no column 'order'"):
         order_bands(pd.DataFrame({"place": [1.0]}))
+    with pytest.raises(ValueError, match="it has no column 'slips'"):
+        order_bands(pd.DataFrame({"order": [1.0]}))
 
 
 def test_a_hundred_thousand_lines_are_the_most():

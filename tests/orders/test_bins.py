@@ -514,3 +514,14 @@ def test_orders_of_columns_without_names_need_a_highest_one_above_0():
     for top in (0, -1):
         with pytest.raises(ValueError, match=f"max_order must be .* above 0, got {top}"):
             BinTransformer(edges=[0, 1], max_order=top).fit(np.ones((1, 5)))
+
+
+@pytest.mark.parametrize("options", [{"bin_size": 0.5}, {"edges": [0.3, 0.7, 2.9]}])
+def test_columns_without_names_reach_to_the_highest_order(options):
+    psd = np.random.default_rng(0).gamma(2, size=(3, 13))
+    named = OrderTable(psd, [f"a@{k / 4}" for k in range(13)])
+    bins = BinTransformer(max_order=3, **options)
+    expected = np.asarray(bins.fit_transform(named))
+    np.testing.assert_allclose(bins.fit_transform(psd), expected, rtol=1e-12)
+    stated = BinTransformer(max_order=3, order_step=0.25, **options)
+    np.testing.assert_allclose(stated.fit_transform(psd), expected, rtol=1e-12)

@@ -217,3 +217,19 @@ def test_a_text_far_down_in_a_wide_file_is_named_without_a_warning_about_types(t
     layout = Layout(fs=2, channels=["c1"], velocity=3)
     with pytest.raises(TypeError, match="channel 'c1' must be numeric, got 'x' at sample 8200"):
         assert opened(tmp_path, "\n".join([names, *rows]), layout).duration
+
+
+@pytest.mark.parametrize(
+    ("names", "units", "columns"),
+    [
+        ("b;load", "g;kN", {"b", "load"}),  # no times: the second row has the units
+        ("Zeit;b", "s;g", {"b"}),
+        ("maker;place", "time;b", {"b"}),  # a name of times below others: these are names
+    ],
+)
+def test_of_two_rows_of_texts_the_second_has_units_unless_it_names_the_times(
+    tmp_path, names, units, columns
+):
+    text = f"{names}\n{units}\n0;1\n0,5;2\n1;4\n"
+    options = {} if "b" in columns and "load" not in columns else {"fs": 2}
+    assert set(opened(tmp_path, text, Layout(velocity=3, **options)).channels) == columns

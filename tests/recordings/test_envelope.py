@@ -475,6 +475,11 @@ def test_it_stands_in_a_search_over_bands():
         ({"band": (9, 1)}, ValueError, "from a lower to a higher"),
         ({"band": {"sound": (9, 1)}}, ValueError, "band of 'sound' must run from a lower"),
         ({"band": {"lvdt": BAND}}, ValueError, r"recording 0 .*has no channel 'lvdt'"),
+        (
+            {"band": {"sound": BAND}, "channels": ["current", "lvdt"]},
+            ValueError,
+            "^band names no band of channel 'current'",
+        ),
         ({"band": {}}, ValueError, "at least one channel"),
         ({"band": BAND, "channels": []}, ValueError, "at least one channel"),
         (

@@ -184,6 +184,8 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         ),
         (Layout(fs=9), {"c": ANGLE}, r"no shaft reference\. Set velocity='speed' .*={'speed': "),
         (Layout(fs=9, velocity=3), {"rpm": ANGLE}, r"column 'rpm' is named like .*channels=\['b'"),
+        (Layout(fs=9, velocity=3), {"rpm": ANGLE, "angle": ANGLE}, "column 'rpm' is named like"),
+        (Layout(fs=9), {"rpm": ANGLE, "angle": ANGLE}, "; 'rpm' looks like one"),
         (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"no column 'n'; its columns are \['b', 'c'\]"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"may give several names: 'n\|b'"),
@@ -477,3 +479,19 @@ def test_a_column_of_bad_times_is_refused(tmp_path, times, message):
 def test_options_of_a_layout_are_given_by_name():
     with pytest.raises(TypeError, match="positional argument"):
         Layout(["b"])
+
+
+def test_fields_of_a_pattern_do_not_reach_over_folders():
+    layout = Layout(meta="{unit}/{state}_{run:d}.mat")
+    assert layout.meta_of("x/A/worn_3.mat") == {"unit": "A", "state": "worn", "run": 3}
+    for path in ("worn_3.mat", "x/A/worn.mat"):
+        with pytest.raises(ValueError, match="does not match the pattern"):
+            layout.meta_of(path)
+    numbers = Layout(meta="{load:g}_{run:d}.mat")
+    assert numbers.meta_of("x/-2.5_007.mat") == {"load": -2.5, "run": 7}
+
+
+def test_the_state_of_a_layout_has_the_options_that_were_given():
+    layout = Layout(fs=100, velocity=3, units={"b": "g"})
+    assert layout.__getstate__() == {"fs": 100, "velocity": 3, "units": {"b": "g"}}
+    assert Layout().__getstate__() == {}

@@ -200,3 +200,8 @@ def test_an_array_is_offered_only_where_it_is_accepted(arrays, words):
 def test_a_missing_column_is_called_a_column():
     with pytest.raises(ValueError, match=r"recording 0 has no column 'run', only \['unit', 'load'"):
         read_meta(FRAME, "run")
+
+
+def test_rows_of_a_list_or_tuple_are_a_list():
+    for kind in (list, tuple, UserList):
+        assert chosen_rows(kind("abc"), np.array([2, 0])) == ["c", "a"]
