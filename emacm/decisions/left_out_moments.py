@@ -90,7 +90,8 @@ class RemainingMoments:
         self._variances: dict[bool, tuple[Array, NDArray[np.bool_]]] = {}
         self._standards: dict[int | None, tuple[Array, float]] = {}
         self._counts = np.zeros((len(groups), n_classes))
-        self._means, self._moved, self._squares = np.zeros((3, *self._counts.shape, n_features))
+        self._means, self._moved = np.zeros((2, *self._counts.shape, n_features))
+        self._squares = np.zeros((len(groups), 1 if moments.pooled else n_classes, n_features))
         for group in groups:
             self._leave_out(group)
         self._scatter = self._pooled_scatter()
@@ -110,8 +111,11 @@ class RemainingMoments:
         np.multiply(sums, np.sqrt(inverse), out=self._moved[place])
         if len(self.rows) <= AT_ONCE:
             self._kept[group] = self._lost_scatter(group, values)
+        squares = np.square(self._moved[place])
+        if self._moments.pooled:
+            member, squares = (each.sum(axis=0, keepdims=True) for each in (member, squares))
         np.matmul(member, np.square(values, out=values), out=self._squares[place])
-        self._squares[place] += np.square(self._moved[place])
+        self._squares[place] += squares
 
     def deviations(self, rows: NDArray[np.intp]) -> Array:
         """Return the deviations of recordings from the means of their classes."""
@@ -239,7 +243,8 @@ class RemainingMoments:
         squares = np.empty((len(groups), len(training.X)))
         for k in range(training.n_classes):
             rows = np.flatnonzero(training.codes == k)
-            values = self.deviations(rows)
+            values = np.take(training.X, rows, axis=0)
+            values -= self._moments.means[k]
             found = norms[:, k, np.newaxis] - 2 * scaled[:, k] @ values.T
             apart = [np.square(values - moved[number, k]) for number in far]
             found += inverse @ np.square(values, out=values).T
