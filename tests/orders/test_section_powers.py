@@ -141,6 +141,17 @@ def test_a_quarter_is_transformed_for_the_lowest_lines(monkeypatch, n_segments):
 
 
 @both_kernels
+@pytest.mark.parametrize("length", [2, 4, 6, 7, 8, 10, 12, 64, 72])
+def test_any_number_of_lines_may_be_wanted(name, length):
+    signals = np.random.default_rng(0).standard_normal((2, 4 * length))
+    cut = signals, 1, length // 2, np.hanning(length + 2)[1:-1], 5
+    expected = by_scipy(*cut, True)
+    for n_lines in range(1, length // 2 + 2):
+        found = segment_powers(name, *cut, n_lines, True)
+        np.testing.assert_allclose(found, expected[:, :n_lines], rtol=1e-11, atol=1e-20)
+
+
+@both_kernels
 @pytest.mark.parametrize("n_segments", [1, 2, 3, 8])
 @pytest.mark.parametrize("length", [9, 16, 75, 128])
 def test_segments_may_be_odd_in_number_and_in_length(name, n_segments, length):
