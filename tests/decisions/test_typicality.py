@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.special import logsumexp
+from scipy.special import logsumexp, pseudo_huber
 
 from emacm.decisions.gaussians import FLOOR, fit_gaussians
 from emacm.decisions.left_out import Remaining, Training
@@ -164,17 +164,29 @@ def test_overflowing_distances_are_the_least_typical():
     assert 0 < found[0] < 1e-9
 
 
-def test_squares_inside_and_outside_add_up_to_the_mahalanobis_distance():
+def test_squares_of_small_deviations_add_up_to_the_mahalanobis_distance():
     X, codes, groups = draw(9, n_groups=4)
     gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
     distances = fit(X, codes, groups).distances
+    near = gaussians.means[codes] + 0.1 * (X - gaussians.means[codes])
     # Each has 0.001 added, so that logarithms of small distances stay bounded.
-    inside, outside, largest = (np.exp(logs) - 1e-3 for logs in distances.log_squares(X))
-    squares = gaussians.squared_distances(X)
-    assert_allclose((inside + outside).T, squares, rtol=1e-6)
-    assert_array_equal(distances.nearest(X), squares.argmin(axis=1))
-    away = (X - gaussians.means[squares.argmin(axis=1)]) / distances.deviations
+    inside, outside, largest = (np.exp(logs) - 1e-3 for logs in distances.log_squares(near))
+    squares = gaussians.squared_distances(near)
+    assert_allclose(inside[codes, np.arange(len(X))] + outside, squares.min(axis=1), rtol=0.01)
+    assert_array_equal(distances.nearest(near), squares.argmin(axis=1))
+    away = (near - gaussians.means[codes]) / distances.deviations
     assert_allclose(largest, (away**2).max(axis=1), rtol=1e-6)
+
+
+def test_squares_outside_are_quadratic_for_small_deviations_and_linear_for_large_ones():
+    X, codes, groups = draw(9, n_groups=4)
+    distances = fit(X, codes, groups).distances
+    # Orthogonal to the differences between the means of the classes.
+    outward = np.linalg.svd(distances.directions.T)[2][-1]
+    steps = np.multiply.outer([0.05, 0.1, 1e3, 1e4], outward)
+    outside = np.exp(distances.log_squares(distances.means[0] + steps)[1]) - 1e-3
+    assert outside[1] / outside[0] == pytest.approx(4, rel=1e-2)
+    assert outside[3] / outside[2] == pytest.approx(10, rel=0.1)
 
 
 def test_variances_are_moderated_by_three_degrees_of_freedom():
@@ -195,13 +207,16 @@ def plain_logs(known, X, present):
     axes = np.linalg.qr(centred.T)[0][:, : len(means) - 1] if len(means) > 1 else root[:, :0]
     offsets = (X[:, np.newaxis] - means) @ root
     inside = np.sum((offsets @ axes) ** 2, axis=2)
-    outside = np.sum(offsets[:, 0] ** 2, axis=1) - inside[:, 0]
     total = S.diagonal() + means.var(axis=0)
     pairs = set(zip(known.codes, known.groups, strict=True))
     degrees = len(pairs) - len(set(known.codes))
     expected = np.mean(S.diagonal() / total) * total
     deviations = np.sqrt((degrees * S.diagonal() + 3 * expected) / (degrees + 3))
     away = (X - means[inside.argmin(axis=1)]) / deviations
+    # The pseudo-Huber function of scipy.special is half the square, and has the unit of its first
+    # argument squared.
+    reduced = np.sign(away) * np.sqrt(2 * pseudo_huber(3.0, away)) * deviations @ root
+    outside = np.sum(reduced**2, axis=1) - np.sum((reduced @ axes) ** 2, axis=1)
     every = np.full((len(X), known.n_classes), np.inf)
     every[:, present] = inside
     return np.log(every + 1e-3), np.log(outside + 1e-3), np.log((away**2).max(axis=1) + 1e-3)
@@ -223,7 +238,7 @@ def plain_typicality(training, new):
     fresh = plain_logs(training, new, np.arange(training.n_classes))
     directions = training.n_classes - 1
     used = [directions > 0, directions < training.X.shape[1], True]
-    slopes = (1.0, 0.5, 1.5) if directions else (None, 1.0, 1.0)
+    slopes = (1.0, 0.6, 1.5) if directions else (None, 1.0, 1.0)
     terms, terms_of_new = [], []
     for number, expected in enumerate((0.5, 0.15, 0.2)):
         values, mean = own[number], np.average(own[number], weights=weight)
@@ -260,16 +275,17 @@ def test_typicality_is_that_of_separate_fits_and_plain_formulas(n_classes, n_fea
 
 def test_rounding_far_from_the_origin_adds_no_direction():
     X, codes, groups = draw(18, n_groups=4)
-    assert fit(X + 1e9, codes, groups).distances.basis.shape == (9, 2)
+    assert fit(X + 1e9, codes, groups).distances.directions.shape == (9, 2)
 
 
 def test_classes_on_a_line_span_one_direction():
     X, codes, groups = draw(18, n_groups=4)
     means = np.array([X[codes == code].mean(axis=0) for code in range(3)])
     on_a_line = X - means[codes] + np.multiply.outer(codes, np.linspace(-2, 5, 9))
-    basis = fit(on_a_line, codes, groups).distances.basis
-    assert basis.shape == (9, 1)
-    assert basis.T @ basis == pytest.approx(1)
+    directions = fit(on_a_line, codes, groups).distances.directions
+    assert directions.shape == (9, 1)
+    covariance = pooled_gaussians(Training(on_a_line, codes, groups, np.ones(len(X)), 3))
+    assert directions.T @ covariance.covariances[0] @ directions == pytest.approx(1)
 
 
 def test_the_distance_to_one_class_has_the_slope_of_its_gradient():
