@@ -22,12 +22,7 @@ from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import LeftOut, Training
-from emacm.decisions.tails import (
-    Peaks,
-    StudentTail,
-    peaks_over_threshold,
-    student_tail,
-)
+from emacm.decisions.tails import Peaks, StudentTail, peaks_over_threshold, student_tail
 
 Array = NDArray[np.float64]
 
