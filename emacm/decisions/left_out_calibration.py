@@ -83,9 +83,10 @@ class LeftOutMixin:
         """Return the fraction of left-out training recordings that are at least as far away.
 
         Every training recording is judged by a model without its group. Distances to the nearest
-        class are measured inside and outside the discriminant space and for the largest deviation
-        of a single feature, with one covariance for all classes; beyond the farthest left-out
-        recordings their distribution has a modelled tail, which is wider the fewer they are.
+        class are measured inside and outside the discriminant space (where large deviations of few
+        features count less) and for the largest deviation of a single feature, with one covariance
+        for all classes; beyond the farthest left-out recordings their distribution has a modelled
+        tail, which is wider the fewer they are.
 
         Parameters
         ----------
