@@ -22,8 +22,8 @@ with 30 training units each, 2.0 % had a line above the limit: all recordings of
 
 The constants of typicality were chosen by leaving runs out within runs 1 to 4 and on simulated
 machines, among some 200 variants; runs 5 to 7 were evaluated ten times meanwhile, for earlier
-variants too. The temperature of least log loss is too high for runs 1 to 4, each left out in turn:
-0.5 to 0.7 times of it have less. With phase, no family is mistaken there, so that these runs do not
+variants too. The temperature is rather too high for runs 1 to 4, each left out in turn: 0.7 times
+of it has 3 to 6 % less log loss. With phase, no family is mistaken there, so that these runs do not
 tell what mistakes between families cost in later ones.
 
     python benchmarks/unknown.py [--data FILE] [--quick]
