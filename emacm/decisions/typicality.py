@@ -43,7 +43,6 @@ _EXPECTED = 0.5, 0.15, 0.2
 _N_EXPECTED = 5.0
 _EXPECTED_COMBINED = 0.85
 _LARGE = 3.0  # standard deviations of a feature, above which they count less outside
-_HUGE = 1e100  # standard deviations, whose square does not overflow
 _N_MODERATING = 3.0  # degrees of freedom of the expected variance of a feature
 
 
@@ -282,22 +281,21 @@ def _squares(
     inside = np.maximum(np.fmin(inside, _FARTHEST, out=inside), 0.0, out=inside)
     np.take(means, inside.argmin(axis=0), axis=0, out=away, mode="clip")
     np.subtract(X, away, out=away)
-    away /= deviations
-    largest = _reduce_large(away)
-    away *= deviations
+    largest = _reduce_large(away, deviations)
     inner = away @ directions
     white = whiten(away)
     outside = np.einsum("rf,rf->r", white, white) - np.einsum("rd,rd->r", inner, inner)
     outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
-    return inside, outside, np.fmin(largest**2, _FARTHEST)
+    return inside, outside, largest
 
 
-def _reduce_large(away: Array) -> Array:
-    """Make large deviations smaller, in place, and return the largest of each recording before.
+def _reduce_large(away: Array, deviations: Array) -> Array:
+    """Make large deviations smaller, in place, and return the largest square of each recording.
 
-    Their squares become those of the pseudo-Huber function ``2 d^2 (sqrt(1 + (z / d)^2) - 1)`` with
-    d = 3 standard deviations: z^2 where z is small, 2 d abs(z) where it is large. The squared
-    distance is then no longer determined by the few features of heavy tails [1]_, [2]_.
+    In standard deviations, their squares become those of the pseudo-Huber function ``2 d^2 (sqrt(1
+    + (z / d)^2) - 1)`` with d = 3: z^2 where z is small, 2 d abs(z) where it is large. The squared
+    distance is then no longer determined by the few features of heavy tails [1]_, [2]_. The largest
+    square is that of before.
 
     References
     ----------
@@ -306,9 +304,9 @@ def _reduce_large(away: Array) -> Array:
     .. [2] Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd edition (2003),
        section A6.8 (the pseudo-Huber function).
     """
-    sizes = np.abs(away)
-    largest = sizes.max(axis=1)
-    factor = np.square(np.minimum(sizes, _HUGE) / _LARGE, out=sizes)
+    factor = away * (1 / (_LARGE * deviations))
+    factor *= factor
+    largest = np.fmin(_LARGE**2 * factor.max(axis=1), _FARTHEST)
     factor += 1
     np.sqrt(factor, out=factor)
     factor += 1
