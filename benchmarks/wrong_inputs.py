@@ -214,14 +214,16 @@ def new_lines(amplitudes: Mapping[str, float]) -> dict[str, Kind]:
         One kind for each channel, order and factor.
     """
     return {
-        f"{channel}: {factor} x line at order {order:g}": _line(channel, order, factor * size)
+        f"{channel}: {factor} x line at order {order:g}": line(channel, order, factor * size)
         for channel, size in amplitudes.items()
         for order in ORDERS
         for factor in FACTORS
     }
 
 
-def _line(channel: str, order: float, amplitude: float) -> Kind:
+def line(channel: str, order: float, amplitude: float) -> Kind:
+    """Add a line at an order to a channel, of an amplitude in its unit."""
+
     def kind(recording: Recording, rng: np.random.Generator) -> Recording:
         signals = signals_of(recording)
         n_times, angle = len(signals[channel]), np.asarray(recording.angle)

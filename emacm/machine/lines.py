@@ -18,6 +18,7 @@ from scipy import ndimage
 from emacm._checks import check_count, check_number
 from emacm.machine.fault_orders import lines_of
 from emacm.machine.parts import Part
+from emacm.orders.line_heights import line_heights
 
 Array = NDArray[np.float64]
 
@@ -208,7 +209,7 @@ class LineLevels:
         ndarray of shape (n_rows, n_orders)
             0 where line and background are both 0.
         """
-        return _heights(psd, self._width)
+        return line_heights(psd, self._width)
 
     def measure(self, psd: Array) -> tuple[Array, Array, list[Array]]:
         """Measure the level of each series.
@@ -334,7 +335,7 @@ class LineLevels:
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
         spreads = _simulated_spreads(self._width)
-        spread = _spread(_heights(psd, self._width))
+        spread = _spread(line_heights(psd, self._width))
         return _SHAPES[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
@@ -344,16 +345,6 @@ class LineLevels:
             spectra = rng.standard_gamma(shape, (DRAWS, len(self.orders)))
             self._drawn[shape] = self.measure(spectra)[0]
         return self._drawn[shape]
-
-
-def _heights(psd: Array, width: int) -> Array:
-    """Return lines over the median of `width` lines around them [dB], of the shape of `psd`."""
-    half = width // 2
-    padded = np.pad(psd, ((0, 0), (half, half)), mode="reflect")
-    # As one row, for which SciPy has a fast algorithm; the padding keeps the rows apart.
-    floor = ndimage.median_filter(padded.ravel(), size=width).reshape(padded.shape)
-    tiny = np.finfo(np.float64).tiny
-    return 10 * np.log10(np.maximum(psd, tiny) / np.maximum(floor[:, half:-half], tiny))
 
 
 def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
@@ -376,7 +367,7 @@ def _simulated_spreads(width: int) -> Array:
     """Return the spread of simulated heights for each of the Gamma shapes."""
     rng = np.random.default_rng(_SEED)
     return _spread(
-        _heights(rng.standard_gamma(_SHAPES[:, np.newaxis], (len(_SHAPES), _LONG)), width)
+        line_heights(rng.standard_gamma(_SHAPES[:, np.newaxis], (len(_SHAPES), _LONG)), width)
     )
 
 

@@ -24,8 +24,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
 
     The units of channels and the range of level, speed, sampling rate, revolutions and highest
     valid order were stored by the `OrderResampler` of the model when it was fitted, and the largest
-    value of each spectral line by its `BinTransformer`. A `ConditionRouter` compares each recording
-    with the training recordings of its condition.
+    height of each spectral line over its background by its `BinTransformer`. A `ConditionRouter`
+    compares each recording with the training recordings of its condition.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
         For each recording, one sentence for each property outside its range; empty if there is
         none. Levels are stated from 3 dB beyond the range, speeds, lengths and valid orders from
         10 %, sampling rates from 0.1 %; if nothing else is stated, new spectral lines from
-        `BinTransformer.new_line_limit_`.
+        `BinTransformer.new_line_limits_`.
 
     Raises
     ------

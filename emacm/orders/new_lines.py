@@ -1,8 +1,13 @@
-"""New spectral lines: orders at which a spectrum is far above all those of the training.
+"""New spectral lines: orders at which a line is higher over its background than in the training.
 
 A bin contains several spectral lines. A new line beside a strong one raises their bin by little,
-but at its own order it may be far above everything in the training. What is far above is learned
-from the training: each recording, or group of recordings, is compared with all others.
+and a weak one hardly changes its own bin. Over the local background of its own recording, however,
+it may be far above everything in the training. The local background does not depend on load, speed,
+gain or state, as the level does. What is far above is learned from the training: each recording, or
+group of recordings, is compared with all others.
+
+The background is the lower quartile of the lines around one: the floor between dense lines.
+Structures wider than that are no lines: they fill bins, which show them.
 """
 
 from __future__ import annotations
@@ -11,28 +16,64 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emacm._checks import group_codes
 from emacm.orders.columns import OrderBlock
+from emacm.orders.line_heights import line_heights
 
 Array = NDArray[np.float64]
 
-_LEAST = 6.0  # dB; twice what is stated of the level of a channel
-_LEVEL = 0.01  # fraction of known recordings that may exceed the limit
+_LEAST = 4.0  # dB over the maximum, which a recording with less noise may also exceed
+_LEVEL = 0.02  # fraction of groups of known recordings that may exceed the limit
 _FEWEST = 5  # groups, from which a limit can be learned
 _FLOOR = 1e-12  # of the largest line of a channel: rounding errors lie below
-_LINE = 4  # adjacent orders that a line fills: the main lobe of a Hann window
+_SIDE, _LINES = 0.5, 8  # orders on either side of a line that are its background; at least lines
+_QUANTILE = 0.25  # of those: the floor between dense lines, where a median would be on them
+_DEEPEST = -20.0  # dB; valleys between lines, and order 0 without the mean
+_PRIOR = 5  # groups; weight of the spread that is common to the lines of a channel
+_LEAST_SPREAD = 0.8  # dB; about the scatter of heights in spectra of thirty segments
+_LOBE, _BELOW = 4, 10.0  # adjacent orders that a line fills (Hann window), down to so many dB
 _LISTED = 5  # statements about a recording, and recordings in a warning
 
 _collected: ContextVar[list[str] | None] = ContextVar("_collected", default=None)
 
 
-def line_maxima(psd: NDArray[np.floating], blocks: Sequence[OrderBlock]) -> Array:
-    """Return the largest value at each order.
+class KnownLines(NamedTuple):
+    """Lines of the training, of which a new one is far above.
+
+    Attributes
+    ----------
+    maxima : ndarray of shape (n_columns,)
+        Largest height over the local background at each order [dB], at least -20; inf where lines
+        are not compared: outside of the bins, and in channels without power or with negative
+        values, which are no power spectra.
+    limits : ndarray of shape (n_columns,)
+        Excess over it from which a line is new [dB], at least 4; inf with fewer than five groups.
+    """
+
+    maxima: Array
+    limits: Array
+
+
+def learn_lines(
+    psd: NDArray[np.floating],
+    blocks: Sequence[OrderBlock],
+    compared: NDArray[np.bool_],
+    groups: Any = None,
+) -> KnownLines:
+    """Learn the lines of the training, and the excess over them that two groups in a hundred have.
+
+    The excess of a group is that of its largest line over the maximum of all other groups at the
+    same order, in standard deviations of the maxima of those groups at that order. Orders at which
+    units differ, such as those of faults and of strong lines, thus have higher limits than the
+    background. As groups are few, the variance is averaged with the median of the channel, which
+    counts as five groups. Excesses above their median are treated as exponential (peaks over
+    a threshold [1]_) with a mean that is known from so many values only, so that the predictive
+    distribution of the next one is that of Lomax [2]_: with fewer groups the limit is higher.
 
     Parameters
     ----------
@@ -40,41 +81,14 @@ def line_maxima(psd: NDArray[np.floating], blocks: Sequence[OrderBlock]) -> Arra
         Power spectral densities of the training.
     blocks : sequence of OrderBlock
         Columns of each channel.
-
-    Returns
-    -------
-    ndarray of shape (n_columns,)
-        At least 1e-12 of the largest value of the channel; inf in a channel without power, whose
-        lines cannot be compared.
-    """
-    largest = psd.max(axis=0).astype(np.float64)
-    for block in blocks:
-        own = largest[block.columns]
-        largest[block.columns] = np.maximum(own, _FLOOR * own.max()) if own.max() > 0 else np.inf
-    return largest
-
-
-def excess_limit(psd: NDArray[np.floating], maxima: Array, groups: Any = None) -> float:
-    """Return the excess over the training maximum that one known recording in a hundred has.
-
-    The excess of a group is that of its largest line over the maximum of all other groups at the
-    same order. Excesses above their median are treated as exponential (peaks over a threshold [1]_)
-    with a mean that is known from so many values only, so that the predictive distribution of the
-    next one is that of Lomax [2]_: with fewer groups the limit is higher.
-
-    Parameters
-    ----------
-    psd : ndarray of shape (n_recordings, n_columns)
-        Power spectral densities of the training.
-    maxima : ndarray of shape (n_columns,)
-        Of `line_maxima`; inf for columns that are not compared.
+    compared : ndarray of shape (n_columns,)
+        Whether a column is within the bins.
     groups : array-like of shape (n_recordings,), optional
         Labels of recordings that were measured together. None: single recordings.
 
     Returns
     -------
-    float
-        Limit [dB], at least 6; inf with fewer than five groups.
+    KnownLines
 
     Raises
     ------
@@ -86,83 +100,38 @@ def excess_limit(psd: NDArray[np.floating], maxima: Array, groups: Any = None) -
     .. [1] Pickands, Statistical inference using extreme order statistics, Annals of Statistics
        3 (1975).
     .. [2] Geisser, Predictive Inference (1993), section 3.1.
-
-    Examples
-    --------
-    >>> psd = np.diag([1.0, 1.0, 1.0, 2.0, 4.0, 4.0]) + 1.0
-    >>> round(excess_limit(psd, psd.max(axis=0)), 1)
-    22.9
     """
-    by_group = psd if groups is None else _maxima_of_groups(psd, groups)
-    columns = np.flatnonzero(np.isfinite(maxima))
-    if len(by_group) < _FEWEST or not len(columns):
-        return np.inf
-    by_group, known = by_group[:, columns], maxima[columns]
-    ratios = (by_group / known).max(axis=1)  # of groups without any maximum; 1 with one
-    excess = 10 * np.log10(np.maximum(ratios, _FLOOR))
-    largest = by_group.argmax(axis=0)
-    by_group[largest, np.arange(len(columns))] = 0.0
-    others = np.maximum(by_group.max(axis=0), _FLOOR * known)
-    np.maximum.at(excess, largest, 10 * np.log10(known / others))
-    median = float(np.median(excess))
-    peaks = excess[excess > median] - median
-    if not len(peaks):
-        return max(median, _LEAST)
-    tail = len(peaks) * peaks.mean() * ((2 * _LEVEL) ** (-1 / len(peaks)) - 1)
-    return float(max(median + tail, _LEAST))
-
-
-def largest_medians(
-    psd: NDArray[np.floating], maxima: Array, blocks: Sequence[OrderBlock]
-) -> Array:
-    """Return the largest median of each channel relative to the line maxima.
-
-    Parameters
-    ----------
-    psd : ndarray of shape (n_recordings, n_columns)
-        Power spectral densities of the training.
-    maxima : ndarray of shape (n_columns,)
-        Of `line_maxima`.
-    blocks : sequence of OrderBlock
-        Columns of each channel.
-
-    Returns
-    -------
-    ndarray of shape (n_channels,)
-        Over all recordings [dB]; NaN for a channel that is not compared.
-    """
-    found = np.full(len(blocks), np.nan)
-    for number, block in enumerate(blocks):
-        columns = np.arange(len(maxima))[block.columns]
-        columns = columns[np.isfinite(maxima[columns])]
-        if len(columns):
-            medians = np.median(psd[:, columns] / maxima[columns], axis=1)
-            found[number] = 10 * np.log10(max(medians.max(), _FLOOR))
-    return found
+    codes = None if groups is None else group_codes(groups, len(psd))
+    known = KnownLines(np.full(psd.shape[1], np.inf), np.full(psd.shape[1], np.inf))
+    excess: Any = -np.inf
+    for block in blocks:
+        own, used = psd[:, block.columns], compared[block.columns]
+        if not used.any() or own.max() <= 0 or own.min() < 0:
+            continue
+        heights = _heights(own, block.orders)
+        highest = heights if codes is None else _maxima_of_groups(heights, codes)
+        known.maxima[block.columns] = np.where(used, highest.max(axis=0), np.inf)
+        if len(highest) >= _FEWEST:
+            spread, left_out = _left_out(highest)
+            known.limits[block.columns] = np.where(used, spread, np.inf)
+            excess = np.maximum(excess, left_out[:, used].max(axis=1))
+    if np.ndim(excess):
+        learned = np.isfinite(known.limits)
+        known.limits[learned] = np.maximum(_limit(excess) * known.limits[learned], _LEAST)
+    return known
 
 
 def state_new_lines(
-    psd: NDArray[np.floating],
-    maxima: Array,
-    limit: float,
-    medians: Array,
-    blocks: Sequence[OrderBlock],
+    psd: NDArray[np.floating], known: KnownLines, blocks: Sequence[OrderBlock]
 ) -> list[list[str]]:
-    """State at which orders recordings exceed the training maximum by more than a limit.
-
-    Where the whole spectrum of a channel is higher than in the training (a gain, or noise), its
-    lines are lowered accordingly first.
+    """State at which orders recordings have lines that the training does not have.
 
     Parameters
     ----------
     psd : ndarray of shape (n_recordings, n_columns)
         Power spectral densities.
-    maxima : ndarray of shape (n_columns,)
-        Of `line_maxima`.
-    limit : float
-        Of `excess_limit` [dB].
-    medians : ndarray of shape (n_channels,)
-        Of `largest_medians`.
+    known : KnownLines
+        Lines of the training.
     blocks : sequence of OrderBlock
         Columns of each channel.
 
@@ -171,15 +140,18 @@ def state_new_lines(
     list of list of str
         Of each recording, the line that is farthest above the maximum first.
     """
+    found: list[list[tuple[float, str]]] = [[] for _ in psd]
+    for block in blocks:
+        maxima, limits = known.maxima[block.columns], known.limits[block.columns]
+        if np.isinf(limits).all():
+            continue
+        heights = _heights(psd[:, block.columns], block.orders)
+        above = heights > maxima + limits
+        for row in np.flatnonzero(above.any(axis=1)):
+            found[row] += _of_channel(block, heights[row], maxima, above[row])
     stated = []
-    for row in psd:
-        found: list[tuple[float, str]] = []
-        with np.errstate(divide="ignore", invalid="ignore"):
-            excess = 10 * np.log10(row / maxima)
-        for block, median in zip(blocks, medians, strict=True):
-            found += _of_channel(block, excess[block.columns], limit, median)
-        found.sort(key=lambda pair: -pair[0])
-        texts = [text for _, text in found]
+    for pairs in found:
+        texts = [text for _, text in sorted(pairs, key=lambda pair: -pair[0])]
         more = len(texts) - _LISTED
         stated.append(texts[:_LISTED] + ([f"and at {more} more orders"] if more > 0 else []))
     return stated
@@ -212,27 +184,86 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
         warnings.warn("\n".join(lines), UserWarning, stacklevel=stacklevel + 1)
 
 
-def _maxima_of_groups(psd: NDArray[np.floating], groups: Any) -> NDArray[np.floating]:
+def _heights(psd: NDArray[np.floating], orders: NDArray[np.floating]) -> Array:
+    """Return the height of each line of a channel over its background [dB], at least -20."""
+    step = (orders[-1] - orders[0]) / max(len(orders) - 1, 1)
+    side = max(round(_SIDE / step), _LINES) if step > 0 else _LINES
+    floor = _FLOOR * psd.max(axis=1, keepdims=True)
+    heights = line_heights(np.maximum(psd, np.maximum(floor, 0.0)), 2 * side + 1, _QUANTILE)
+    return np.maximum(heights, _DEEPEST, out=heights)
+
+
+def _maxima_of_groups(heights: Array, codes: NDArray[np.intp]) -> Array:
     """Return the largest value of each group in each column, shape (n_groups, n_columns)."""
-    codes = group_codes(groups, len(psd))
     order = np.argsort(codes, kind="stable")
-    return np.maximum.reduceat(psd[order], np.unique(codes[order], return_index=True)[1], axis=0)
+    starts = np.unique(codes[order], return_index=True)[1]
+    return np.maximum.reduceat(heights[order], starts, axis=0)
+
+
+def _left_out(highest: Array) -> tuple[Array, Array]:
+    """Return the spread in each column, and the excess of each group over the others, in spreads.
+
+    Parameters
+    ----------
+    highest : ndarray of shape (n_groups, n_columns)
+        Maxima of groups [dB].
+
+    Returns
+    -------
+    spread : ndarray of shape (n_columns,)
+        In dB.
+    excess : ndarray of shape (n_groups, n_columns)
+        In spreads of the other groups.
+    """
+    n_groups, n_columns = highest.shape
+    squares = (highest - highest.mean(axis=0)) ** 2
+    total = squares.sum(axis=0)
+    common = _PRIOR * float(np.median(total)) / (n_groups - 1)
+    # The sum of squares about the mean of the others, without each group.
+    others = np.maximum(total - squares * (n_groups / (n_groups - 1)), 0.0)
+    columns, top = np.arange(n_columns), highest.argmax(axis=0)
+    second = np.partition(highest, -2, axis=0)[-2]
+    excess = highest - highest.max(axis=0)
+    excess[top, columns] = highest[top, columns] - second
+    excess /= np.maximum(np.sqrt((others + common) / (n_groups - 2 + _PRIOR)), _LEAST_SPREAD)
+    spread = np.sqrt((total + common) / (n_groups - 1 + _PRIOR))
+    return np.maximum(spread, _LEAST_SPREAD), excess
+
+
+def _limit(excess: Array) -> float:
+    """Return the excess that two groups in a hundred have, from those of left-out groups.
+
+    Examples
+    --------
+    >>> round(_limit(np.array([0.0, 0.0, 0.0, 1.0, 2.0, 2.0])), 2)
+    10.87
+    """
+    median = float(np.median(excess))
+    peaks = excess[excess > median] - median
+    if not len(peaks):
+        return max(median, 0.0)
+    tail = len(peaks) * peaks.mean() * ((2 * _LEVEL) ** (-1 / len(peaks)) - 1)
+    return max(median + float(tail), 0.0)
 
 
 def _of_channel(
-    block: OrderBlock, excess: Array, limit: float, median: float
+    block: OrderBlock, heights: Array, maxima: Array, above: NDArray[np.bool_]
 ) -> list[tuple[float, str]]:
     """Return the excess and a sentence for each range of adjacent orders above the limit."""
-    compared = excess[np.isfinite(excess)]
-    common = max(np.median(compared) - median, 0.0) if len(compared) else 0.0
-    above, name = excess - common > limit, f"of {block.channel!r}"
+    excess = heights - maxima
     edges = np.flatnonzero(np.diff(np.concatenate([[False], above, [False]])))
     found = []
     for start, stop in edges.reshape(-1, 2):
-        peak = start + int(excess[start:stop].argmax())
-        text = f"line at order {block.orders[peak]:.4g} {name}, {excess[peak]:.0f} dB"
-        if stop - start > _LINE:
-            span = f"{block.orders[start]:.4g} to {block.orders[stop - 1]:.4g}"
-            text = f"orders {span} {name}, up to {excess[peak]:.0f} dB"
-        found.append((float(excess[peak]), f"{text} above the training maximum"))
+        peak = start + int(heights[start:stop].argmax())
+        where, up_to = f"line at order {block.orders[peak]:.4g}", ""
+        if np.count_nonzero(heights[start:stop] > heights[peak] - _BELOW) > _LOBE:
+            where, up_to = (
+                f"orders {block.orders[start]:.4g} to {block.orders[stop - 1]:.4g}",
+                "up to ",
+            )
+        text = (
+            f"{where} of {block.channel!r}, {up_to}{heights[peak]:.0f} dB above the background and "
+            f"{excess[peak]:.0f} dB above the training maximum"
+        )
+        found.append((float(excess[peak]), text))
     return found

@@ -190,7 +190,10 @@ def with_new_line(seed, amplitude=1.0):
     return run(seed, change=lambda s: s | {"current": s["current"] + amplitude * wave})
 
 
-NEW_LINE = r"line at order 6\.[25]5? of 'current', \d+ dB above the training maximum"
+NEW_LINE = (
+    r"line at order 6\.[25]5? of 'current', \d+ dB above the background and \d+ dB above the "
+    "training maximum"
+)
 
 
 def test_a_new_line_beside_a_strong_one_is_stated_by_all_kinds_of_models():

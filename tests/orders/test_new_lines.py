@@ -12,10 +12,9 @@ from sklearn.tree import DecisionTreeClassifier
 from emacm import BinTransformer
 from emacm.orders.columns import OrderBlock, OrderTable, order_columns
 from emacm.orders.new_lines import (
+    KnownLines,
     collected_statements,
-    excess_limit,
-    largest_medians,
-    line_maxima,
+    learn_lines,
     state_new_lines,
 )
 
@@ -72,7 +71,7 @@ def test_a_new_line_in_the_bin_of_a_strong_line_is_stated_at_its_order(training,
     new = with_line(known, 4.5, 12, training)
     bins = [np.asarray(fitted.transform(table(psd))) for psd in (known, training)]
     spread = np.log10(bins[1]).std(axis=0)
-    with pytest.warns(UserWarning, match=r"line at order 4.5 of 'c0', \d+ dB above the training"):
+    with pytest.warns(UserWarning, match=r"line at order 4.5 of 'c0', \d+ dB above the background"):
         changed = np.asarray(fitted.transform(table(new)))
     assert (np.abs(np.log10(changed / bins[0])) < 2 * spread).all()  # the bins hardly show it
     assert all(any("order 4.5 " in text for text in texts) for texts in stated(fitted, new))
@@ -99,29 +98,44 @@ def test_at_most_two_per_cent_of_the_recordings_of_new_units_exceed_the_limit(n_
     assert np.mean(rates) <= 0.02
 
 
+def test_a_weak_line_is_stated_whatever_the_level_of_the_recording(training, fitted):
+    known = spectra(40, 2)
+    psd = known.copy()
+    psd[:, column(9)] *= 10**0.9  # 9 dB above the background
+    assert (psd[:, column(9)] < training[:, column(9)].max()).mean() > 0.1  # of quiet units
+    found = stated(fitted, psd)
+    assert np.mean(["order 9 " in "".join(texts) for texts in found]) > 0.95
+    assert stated(fitted, 1e4 * psd) == found  # a gain changes nothing
+    assert stated(fitted, known) == [[]] * len(known)
+
+
 def test_recordings_of_one_unit_are_left_out_together():
-    units = spectra(8, 3)
+    units = spectra(8, 3, n_segments=4)
     rng = np.random.default_rng(0)
     copies = np.repeat(units, 5, axis=0) * rng.gamma(5000, 1 / 5000, (40, units.shape[1]))
     groups = [f"unit {k // 5}" for k in range(40)]
-    single = BinTransformer(max_order=12).fit(table(copies)).new_line_limit_
-    together = BinTransformer(max_order=12).fit(table(copies), groups=groups).new_line_limit_
-    of_units = BinTransformer(max_order=12).fit(table(units)).new_line_limit_
-    assert single == 6.0
-    assert together == pytest.approx(of_units, rel=0.1)
-    assert together > 10
+    single = limits(BinTransformer(max_order=12).fit(table(copies)))
+    together = limits(BinTransformer(max_order=12).fit(table(copies), groups=groups))
+    of_units = limits(BinTransformer(max_order=12).fit(table(units)))
+    assert np.median(single) == 4
+    assert np.median(together) > 10
+    np.testing.assert_allclose(together, of_units, rtol=0.15)
+
+
+def limits(bins):
+    return bins.new_line_limits_[np.isfinite(bins.line_maxima_)]
 
 
 def test_fewer_than_five_groups_give_no_limit(training):
     for psd, groups in ((training[:4], None), (training, np.arange(60) % 4)):
         bins = BinTransformer(max_order=12).fit(table(psd), groups=groups)
-        assert np.isinf(bins.new_line_limit_)
-        assert stated(bins, 1e9 * training[:2]) == [[], []]
+        assert np.isinf(bins.new_line_limits_).all()
+        assert stated(bins, with_line(training[:2], 9, 60, training)) == [[], []]
 
 
 def test_equal_training_recordings_have_the_least_limit():
     psd = np.repeat(spectra(1, 0), 9, axis=0)
-    assert BinTransformer(max_order=12).fit(table(psd)).new_line_limit_ == 6.0
+    assert (limits(BinTransformer(max_order=12).fit(table(psd))) == 4).all()
 
 
 def test_lines_in_stop_bands_and_above_the_last_bin_are_not_compared(training):
@@ -140,16 +154,29 @@ def test_a_channel_without_signal_in_the_training_is_not_compared():
     assert stated(silent, spectra(1, 6)) == [[]]
 
 
+def test_a_channel_that_fails_has_no_new_lines():
+    bins = BinTransformer(max_order=12).fit(table(spectra(20, 5, n_channels=2)))
+    psd = spectra(1, 6, n_channels=2)
+    psd[:, len(ORDERS) :] = 0
+    assert stated(bins, psd) == [[]]
+
+
+def test_cross_spectra_are_not_compared():
+    signed = spectra(20, 5) * np.random.default_rng(0).choice([-1, 1], (20, len(ORDERS)))
+    bins = BinTransformer(max_order=12).fit(table(signed))
+    assert np.isinf(bins.line_maxima_).all()
+    assert stated(bins, spectra(1, 6)) == [[]]
+
+
 def test_a_wide_range_is_one_statement_and_a_whole_spectrum_none(training, fitted):
     known = spectra(1, 2)
-    wide, many = known.copy(), known.copy()
-    wide[:, column(6) : column(7) + 1] += 1e4
+    wide, many, loud = known.copy(), known.copy(), with_line(known, 9.0, 20, training)
+    wide[:, column(6) : column(6) + 7] *= 1e4
     many[:, column(5) :: 8] += 1e5
     assert stated(fitted, known * 1e4) == [[]]  # a gain
-    assert stated(fitted, with_line(known, 9.0, 20, training) * 30)[0][0].startswith(
-        "line at order"
-    )
-    assert stated(fitted, wide)[0][0].startswith("orders 6 to 7 of 'c0', up to ")
+    assert stated(fitted, loud * 30) == stated(fitted, loud)
+    assert stated(fitted, loud)[0][0].startswith("line at order 9 of 'c0', ")
+    assert stated(fitted, wide)[0][0].startswith("orders 6 to 6.75 of 'c0', up to ")
     texts = stated(fitted, many)[0]
     assert len(texts) == 6
     assert texts[-1] == "and at 3 more orders"
@@ -178,7 +205,7 @@ def test_one_group_for_each_recording_is_needed(training):
 def test_a_model_of_an_earlier_version_states_nothing(training, fitted):
     state = dict(vars(fitted))
     old = BinTransformer()
-    vars(old).update({k: v for k, v in state.items() if k not in ("line_maxima_",)})
+    vars(old).update({k: v for k, v in state.items() if k != "new_line_limits_"})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         old.transform(table(training * 1e6))
@@ -189,88 +216,114 @@ def test_with_metadata_routing_the_groups_of_a_search_reach_the_bins(training):
     with sklearn.config_context(enable_metadata_routing=True):
         pipe = make_pipeline(BinTransformer(max_order=12), DecisionTreeClassifier())
         search = GridSearchCV(pipe, {}, cv=GroupKFold(2)).fit(table(training), y, groups=groups)
-    own = BinTransformer(max_order=12).fit(table(training), groups=groups).new_line_limit_
-    assert search.best_estimator_[0].new_line_limit_ == own
+    own = BinTransformer(max_order=12).fit(table(training), groups=groups).new_line_limits_
+    np.testing.assert_array_equal(search.best_estimator_[0].new_line_limits_, own)
 
 
 # Numbers, computed in another way
 
 
-@pytest.mark.parametrize(("n_groups", "n_columns"), [(5, 2), (7, 2), (8, 40), (30, 3)])
-def test_the_limit_is_that_of_each_group_beside_all_others(n_groups, n_columns):
-    psd = np.random.default_rng(n_groups).gamma(2, size=(n_groups, n_columns)) ** 3
-    psd[: n_groups - 1, 1] = 0  # a line of a single group
-    psd *= 1e5
-    maxima = psd.max(axis=0)
-    others = [
-        np.maximum(np.delete(psd, k, axis=0).max(axis=0), 1e-12 * maxima) for k in range(n_groups)
-    ]
-    excess = 10 * np.log10((psd / others).max(axis=1))
+def heights_of(psd, side=8):
+    """Lines over the lower quartile of eight lines on either side, mirrored at the ends [dB]."""
+    padded = np.pad(psd, ((0, 0), (side, side)), mode="reflect")
+    around = np.sort([padded[:, k : k + psd.shape[1]] for k in range(2 * side + 1)], axis=0)
+    return np.maximum(10 * np.log10(psd / around[(2 * side + 1) // 4]), -20)
+
+
+@pytest.mark.parametrize("n_groups", [5, 7, 8, 30])
+def test_the_limits_are_those_of_each_group_beside_all_others(n_groups):
+    psd = np.random.default_rng(n_groups).gamma(2, size=(n_groups, 40)) ** 3
+    block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
+    heights = heights_of(psd)
+    common = np.median(heights.var(axis=0, ddof=1))
+
+    def spread(highest):
+        n = len(highest) - 1
+        return np.maximum(np.sqrt((n * highest.var(axis=0, ddof=1) + 5 * common) / (n + 5)), 0.8)
+
+    others = [np.delete(heights, k, axis=0) for k in range(n_groups)]
+    excess = np.array(
+        [
+            ((own - rest.max(axis=0)) / spread(rest)).max()
+            for own, rest in zip(heights, others, strict=True)
+        ]
+    )
     median = np.median(excess)
     peaks = excess[excess > median] - median
-    # Lomax: P(excess > limit) = half (1 + limit / sum)^-n, which is to be 0.01.
-    limit = median + peaks.sum() * (50 ** (1 / len(peaks)) - 1)
-    assert excess_limit(psd, psd.max(axis=0)) == pytest.approx(max(limit, 6))
-    assert limit > 6
+    # Lomax: P(excess > limit) = half (1 + limit / sum)^-n, which is to be 0.02.
+    limit = median + peaks.sum() * (25 ** (1 / len(peaks)) - 1)
+    known = learn_lines(psd, [block], np.full(40, True))
+    np.testing.assert_allclose(known.maxima, heights.max(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(known.limits, np.maximum(limit * spread(heights), 4), rtol=1e-9)
+    assert known.limits.min() > 4
+
     rows = np.repeat(psd, 3, axis=0) * np.tile([0.5, 1, 0.2], n_groups)[:, np.newaxis]
     labels = np.repeat([f"unit {9 * k % 31}" for k in range(n_groups)], 3)
     mixed = np.random.default_rng(0).permutation(len(rows))
-    found = excess_limit(rows[mixed], psd.max(axis=0), labels[mixed])
-    assert found == pytest.approx(limit)
-    assert excess_limit(psd[:4], psd[:4].max(axis=0)) == np.inf
+    found = learn_lines(rows[mixed], [block], np.full(40, True), labels[mixed])
+    np.testing.assert_allclose(found.maxima, known.maxima, atol=1e-9)
+    np.testing.assert_allclose(found.limits, known.limits, rtol=1e-9)
+    assert np.isinf(learn_lines(psd[:4], [block], np.full(40, True)).limits).all()
 
 
-def test_columns_that_are_not_compared_do_not_change_the_limit():
-    psd = np.random.default_rng(3).gamma(2, size=(9, 6)) ** 3
-    maxima = psd.max(axis=0)
-    maxima[[0, 4]] = np.inf
-    kept = [1, 2, 3, 5]
-    assert excess_limit(psd, maxima) == excess_limit(psd[:, kept], maxima[kept])
-    assert excess_limit(psd, np.full(6, np.inf)) == np.inf
+def test_one_limit_in_spreads_holds_for_all_channels_and_only_within_the_bins():
+    psd = np.random.default_rng(3).gamma(2, size=(9, 60)) ** 3
+    blocks = [
+        OrderBlock(name, np.arange(30) / 4, slice(k, k + 30)) for name, k in (("z", 0), ("a", 30))
+    ]
+    every = np.full(60, True)
+    both, first = learn_lines(psd, blocks, every), learn_lines(psd, blocks[:1], every)
+    np.testing.assert_array_equal(both.maxima[:30], first.maxima[:30])
+    assert np.isinf(first.limits[30:]).all()
+    ratio = both.limits[:30] / first.limits[:30]
+    assert np.ptp(ratio) < 1e-9
+    some = every & (np.arange(60) % 30 < 20)
+    within = learn_lines(psd, blocks, some)
+    assert np.isinf(within.maxima[~some]).all()
+    assert np.isinf(within.limits[~some]).all()
+    np.testing.assert_array_equal(within.maxima[some], both.maxima[some])
 
 
-BLOCKS = (
-    OrderBlock("z", np.array([0.0, 0.5, 1.0, 1.5]), slice(0, 4)),
-    OrderBlock("a", np.array([0.0, 2.0, 4.0]), slice(4, 7)),
-)
+def test_the_background_is_half_an_order_and_at_least_eight_lines_on_either_side():
+    rng = np.random.default_rng(0)
+    for step, side in ((1.0, 8), (1 / 16, 8), (1 / 20, 10), (1 / 64, 32)):
+        psd = rng.gamma(3, size=(3, 200))
+        block = OrderBlock("z", np.arange(200) * step, slice(0, 200))
+        known = learn_lines(psd, [block], np.full(200, True))
+        np.testing.assert_allclose(known.maxima, heights_of(psd, side).max(axis=0), atol=1e-9)
 
 
-def test_the_least_maximum_is_a_trillionth_of_the_largest_of_its_channel():
-    psd = np.array([[0.0, 5, 2, 1e-20, 0, 3e4, 1], [0.0, 4, 8, 0, 0, 2e4, 1]])
-    expected = [8e-12, 5, 8, 8e-12, 3e-8, 3e4, 1]
-    np.testing.assert_allclose(line_maxima(psd, BLOCKS), expected, rtol=1e-12)
-    psd[:, 4:] = 0
-    expected[4:] = [np.inf] * 3
-    np.testing.assert_allclose(line_maxima(psd, BLOCKS), expected, rtol=1e-12)
+def test_lines_below_a_trillionth_of_the_largest_are_rounding_errors():
+    psd = np.full((2, 40), 1e-20)
+    psd[:, 5], psd[:, 20] = 1.0, 1e-15
+    psd[1, 30] = 1e-9
+    block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
+    maxima = learn_lines(psd, [block], np.full(40, True)).maxima
+    assert {k: round(v, 9) for k, v in enumerate(maxima) if v > 0} == {5: 120, 30: 30}
 
 
-def test_the_largest_median_is_that_of_one_recording_relative_to_the_maxima():
-    maxima = np.array([10.0, 10, 10, np.inf, np.inf, np.inf, np.inf])
-    psd = np.array([[1, 2, 9, 99, 1, 1, 1], [9, 4, 1, 99, 1, 1, 1], [3, 3, 1, 99, 1, 1, 1.0]])
-    found = largest_medians(psd, maxima, BLOCKS)
-    assert found == pytest.approx([10 * np.log10(0.4), np.nan], nan_ok=True)
-    assert largest_medians(0 * psd, maxima, BLOCKS)[0] == -120
+def of_heights(*decibels):
+    """A spectrum of 40 lines, the first of which lie so far above the others."""
+    psd = np.ones(40)
+    psd[np.arange(len(decibels)) * 3] = 10 ** (np.array(decibels) / 10)
+    return psd
 
 
-def excess_of(*decibels):
-    """A spectrum that lies so far above maxima of 2."""
-    return 2.0 * 10 ** (np.array(decibels) / 10)
+LINES = OrderBlock("z", np.arange(40) / 6, slice(0, 40))
 
 
 @pytest.mark.parametrize(
-    ("decibels", "median", "texts"),
+    ("decibels", "texts"),
     [
-        ([-3, 9, -2, 0], -3.0, ["line at order 0.5 of 'z', 9 dB"]),  # 1 dB higher as a whole
-        ([9.4, -9, -9, 12], -3.0, ["line at order 1.5 of 'z', 12 dB", "line at order 0 of 'z', 9"]),
-        ([6.9, -9, 6.1, 7], -3.0, []),  # the rest, too, is higher
-        ([6.9, -9, -9, -9], -3.0, ["line at order 0 of 'z', 7 dB"]),
-        ([5.9, -9, -9, -9], -3.0, []),
+        ([0, 9], ["line at order 0.5 of 'z', 9 dB above the background and 7 dB above the"]),
+        ([9.4, 0, 0, 12], ["line at order 1.5 of 'z', 12 dB", "line at order 0 of 'z', 9"]),
+        ([8.1, 0, 7.9], ["line at order 0 of 'z', 8 dB above the background and 6 dB"]),
+        ([7.9], []),
     ],
 )
-def test_lines_above_the_limit_are_stated_the_farthest_first(decibels, median, texts):
-    maxima = np.array([2.0] * 4 + [np.inf] * 3)  # a second channel, which is not compared
-    psd = np.r_[excess_of(*decibels), [1.0, 1e9, 1]][np.newaxis]
-    (found,) = state_new_lines(psd, maxima, 6.0, np.array([median, np.nan]), BLOCKS)
+def test_lines_above_the_limit_are_stated_the_farthest_first(decibels, texts):
+    known = KnownLines(np.full(40, 2.0), np.full(40, 6.0))
+    (found,) = state_new_lines(of_heights(*decibels)[np.newaxis], known, [LINES])
     assert len(found) == len(texts)
     for text, start in zip(found, texts, strict=True):
         assert text.startswith(start)
@@ -278,40 +331,56 @@ def test_lines_above_the_limit_are_stated_the_farthest_first(decibels, median, t
 
 
 @pytest.mark.parametrize(
-    ("n_lines", "start"), [(4, "line at order 1.75 "), (5, "orders 1 to 2 of 'z', up to 13 dB ")]
+    ("n_lines", "start"),
+    [(4, "line at order 1.75 "), (5, "orders 1 to 2 of 'z', up to 23 dB above the background")],
 )
-def test_more_than_four_adjacent_orders_are_a_range(n_lines, start):
+def test_more_than_four_adjacent_high_orders_are_a_range(n_lines, start):
     block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
-    psd = np.full(40, 0.1)
-    psd[4 : 4 + n_lines] = 10
-    psd[7] = 20
-    ((text,),) = state_new_lines(psd[np.newaxis], np.ones(40), 6.0, np.array([-10.0]), [block])
+    psd = np.ones(40)
+    psd[4 : 4 + n_lines] = 100
+    psd[7] = 200
+    known = KnownLines(np.zeros(40), np.full(40, 6.0))
+    ((text,),) = state_new_lines(psd[np.newaxis], known, [block])
     assert text.startswith(start)
+
+
+def test_the_skirt_of_a_strong_line_is_part_of_the_line():
+    block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
+    psd = 1 + 1e6 * np.exp(-2.0 * np.abs(np.arange(40) - 20.0))
+    known = KnownLines(np.zeros(40), np.full(40, 6.0))
+    ((text,),) = state_new_lines(psd[np.newaxis], known, [block])
+    assert text.startswith("line at order 5 of 'z', 51 dB above the background")
 
 
 @pytest.mark.parametrize(("n_lines", "last"), [(5, "line"), (6, "and at 1 more orders")])
 def test_five_statements_are_made_of_a_recording(n_lines, last):
-    block = OrderBlock("z", np.arange(40.0), slice(0, 40))
-    psd = np.full(40, 0.1)
-    psd[2 : 2 + 4 * n_lines : 4] = 10
-    (texts,) = state_new_lines(psd[np.newaxis], np.ones(40), 6.0, np.array([-10.0]), [block])
+    known = KnownLines(np.zeros(40), np.full(40, 6.0))
+    (texts,) = state_new_lines(of_heights(*[10] * n_lines)[np.newaxis], known, [LINES])
     assert texts[-1].startswith(last)
     assert len(texts) == n_lines
 
 
 def test_only_recordings_with_new_lines_are_warned_of():
-    same = np.repeat(spectra(1, 0), 9, axis=0)
+    same = np.repeat(np.ones((1, len(ORDERS))), 9, axis=0)
     bins = BinTransformer(max_order=12).fit(table(same))
-    assert bins.new_line_limit_ == 6.0
     rows = np.repeat(same[:1], 4, axis=0)
-    rows[2, column(9)] *= 10**0.61  # 6.1 dB
-    rows[1, column(9)] *= 10**0.59
+    rows[2, column(9)] *= 10**0.41  # 4.1 dB
+    rows[1, column(9)] *= 10**0.39
     with pytest.warns(UserWarning, match="line at order 9 ") as caught:
         bins.transform(table(rows))
     assert str(caught[0].message) == (
-        "recording 2: line at order 9 of 'c0', 6 dB above the training maximum"
+        "recording 2: line at order 9 of 'c0', 4 dB above the background and 4 dB above the "
+        "training maximum"
     )
     assert caught[0].filename == __file__
+
+
+def test_fitting_and_transforming_at_once_gives_the_same_bins(training):
+    at_once = BinTransformer(max_order=12)
+    bins = at_once.fit_transform(table(training), groups=np.arange(60) % 10)
+    apart = BinTransformer(max_order=12).fit(table(training), groups=np.arange(60) % 10)
+    np.testing.assert_array_equal(np.asarray(bins), np.asarray(apart.transform(table(training))))
+    np.testing.assert_array_equal(at_once.new_line_limits_, apart.new_line_limits_)
 
 
 def test_lines_of_a_table_without_names_are_compared():
@@ -319,7 +388,7 @@ def test_lines_of_a_table_without_names_are_compared():
     bins = BinTransformer(max_order=12, order_step=0.125).fit(same)
     new = same[:1].copy()
     new[0, column(9)] *= 100
-    with pytest.warns(UserWarning, match="recording 0: line at order 9 of 'signal', 20 dB above"):
+    with pytest.warns(UserWarning, match="recording 0: line at order 9 of 'signal'.* 20 dB above"):
         bins.transform(new)
 
 
