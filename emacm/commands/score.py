@@ -44,13 +44,13 @@ def run(options: argparse.Namespace) -> int:
     if options.watch is not None and not options.watch > 0:
         raise ValueError(f"--watch must be a number of seconds above 0, got {options.watch}.")
     layout, model = Layout.from_toml(options.layout), load_model(options.model)
-    classes = check_model(model)
+    check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
     settings = (digest_of_file(options.model), layout.key, repr(layout.meta))
     costs = options.cost.read_text(encoding="utf-8") if options.cost else None
     settings_digest = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
-    columns = [*score_columns(classes), "digest"]
+    columns = [*score_columns(model), "digest"]
     work = _Work(model, layout, columns, settings_digest, options)
     if options.watch is None:
         check_paths(options.paths)

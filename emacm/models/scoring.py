@@ -17,7 +17,7 @@ from emacm._progress import n_parallel, run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
-from emacm.decisions.pipelines import before_the_last_step, search_estimator
+from emacm.decisions.pipelines import before_the_last_step, final_estimator, search_estimator
 from emacm.decisions.risks import decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.models.model_files import parts_of
@@ -56,7 +56,10 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         - ``decision``: decision of least expected cost,
         - ``expected_cost`` of this decision, in the unit of the costs,
         - ``typicality``, if the model has it (fitted with ``unknown`` or ``groups``),
-        - ``P(<class>)``: posterior probability of each class,
+        - ``P(<state>)``: probability of each class and of the unknown state, if the model has one
+          (`truths_`). They add up to 1: beside the decision "unknown", ``P(unknown)`` is large and
+          the others are small, although `predict_proba`, which is conditional on the true state
+          being one of the classes, may be certain of one of them,
         - ``warnings``: findings of `OrderResampler.quality`,
         - ``outside_training``: properties outside the range of the training recordings, see
           `outside_training`, and what deviates where the decision is the unknown state,
@@ -84,13 +87,14 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
     >>> table["decision"].tolist()[:2], table["error"][2]
     (['healthy', 'worn'], 'expected a recording, got None.')
     """
-    classes = check_model(model)
+    check_model(model)
+    columns = score_columns(model)
     if hasattr(recordings, "__len__") and not len(recordings):
-        return pd.DataFrame(columns=score_columns(classes))
+        return pd.DataFrame(columns=columns)
     entries = as_list(recordings)
     names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
     rows = scored_rows(model, [partial(_itself, entry) for entry in entries], names, n_jobs)
-    return pd.DataFrame(rows, columns=score_columns(classes))
+    return pd.DataFrame(rows, columns=columns)
 
 
 def check_model(model: Any) -> list[Any]:
@@ -111,10 +115,16 @@ def check_model(model: Any) -> list[Any]:
     return list(model.classes_)
 
 
-def score_columns(classes: Sequence[Any]) -> list[str]:
-    """Return the columns of the table of `score`."""
+def score_columns(model: Any) -> list[str]:
+    """Return the columns of the table of `score` for a fitted model."""
     first = ["recording", "decision", "expected_cost", "typicality"]
-    return [*first, *(f"P({c})" for c in classes), "warnings", "outside_training", "error"]
+    states = [f"P({state})" for state in _states(model)]
+    return [*first, *states, "warnings", "outside_training", "error"]
+
+
+def _states(model: Any) -> list[Any]:
+    """Return the classes of a fitted model, and its unknown state if it has one."""
+    return list(np.asarray(getattr(final_estimator(model), "truths_", model.classes_)).tolist())
 
 
 def scored_rows(
@@ -169,7 +179,7 @@ def _rows(model: Any, sources: Sequence[Callable[[], Any]], names: Sequence[Any]
 
 def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[Row]:
     """Yield an empty row when the features are known (unless there are none), then the row."""
-    empty = dict.fromkeys(score_columns(model.classes_), np.nan)
+    empty = dict.fromkeys(score_columns(model), np.nan)
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
     row = empty | texts | {"recording": name}
     recording = None
@@ -204,24 +214,22 @@ def _release(recording: Any) -> None:
 
 
 def _decision(model: Any, final: Any, table: Any) -> tuple[Row, bool]:
-    """Return decision, cost, typicality and posterior, and whether it decides "unknown"."""
-    probabilities = final.predict_proba(table)
-    posterior = dict(zip(final.classes_.tolist(), probabilities[0], strict=True))
-    row: Row = {
-        f"P({c})": float(posterior.get(c, 0.0)) for c in np.asarray(model.classes_).tolist()
-    }
+    """Return decision, cost, typicality and probabilities, and whether it decides "unknown"."""
+    probabilities, known, row = final.predict_proba(table), final.classes_, Row()
     typicality = None
     if hasattr(final, "typicality"):
         with suppress(ValueError):  # the model has no typicality; the features are valid
             typicality = final.typicality(table)
             row["typicality"] = float(typicality[0])
     if isinstance(final, LeastRiskMixin):
-        truths = final.truth_proba(table, probabilities, typicality)
+        probabilities, known = final.truth_proba(table, probabilities, typicality), final.truths_
         cost = final.cost_
-        row["expected_cost"] = float(risks_of(truths, cost)[0].min())
-        decision = final.decisions_[decide(truths, cost)[0]]
+        row["expected_cost"] = float(risks_of(probabilities, cost)[0].min())
+        decision = final.decisions_[decide(probabilities, cost)[0]]
     else:
         decision = final.predict(table)[0]
+    of_state = dict(zip(known.tolist(), probabilities[0], strict=True))
+    row |= {f"P({state})": float(of_state.get(state, 0.0)) for state in _states(model)}
     row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
     unknown = getattr(final, "unknown", None)
     return row, unknown is not None and bool(row["decision"] == unknown)

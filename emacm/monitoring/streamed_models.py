@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
+from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.pipelines import search_estimator
 from emacm.monitoring.stream_quality import StreamQuality
 from emacm.orders.new_lines import collected_statements
@@ -37,7 +38,8 @@ class Reading:
     features : ndarray of shape (n_features,), or None
         Input of the classifier. None if the interval holds no segment of Welch's method.
     posterior : dict of label to float
-        Posterior probability of each class; empty without features or classifier.
+        Probability of each class, and of the unknown state if the classifier has one (they add up
+        to 1); empty without features or classifier.
     decision : label or None
         Decision of the classifier.
     risk : dict of label to float
@@ -134,7 +136,10 @@ class StreamedModel:
         final = self.classifier
         if final is None:
             return Reading(start, time, features, {}, None, {}, None)
-        posterior = _labelled(final.classes_, final.predict_proba(table)[0])
+        probabilities, states = final.predict_proba(table), final.classes_
+        if isinstance(final, LeastRiskMixin):
+            probabilities, states = final.truth_proba(table, probabilities), final.truths_
+        posterior = _labelled(states, probabilities[0])
         risk = _labelled(final.decisions_, final.risk(table)[0]) if hasattr(final, "risk") else {}
         typicality = None
         if hasattr(final, "typicality"):
