@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from emacm.machine.fault_lines import FaultLines
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import training_statements
 from emacm.models.scoring import measured_quality, scored_rows
+from emacm.orders.new_lines import collected_statements
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import Facts, model_facts, recording_facts
 from emacm.reports.order_spectra import order_spectra
@@ -150,14 +151,15 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # what they say is on the page
         recording = source()
-        verdict = verdict_on(settings.model, recording, row, settings.healthy)
+        with collected_statements() as new_lines:
+            verdict = verdict_on(settings.model, recording, row, settings.healthy)
         page = Page(name, str(verdict.decision), verdict.kind, sentences=verdict.sentences)
         page.recording, page.model_facts = recording_facts(recording, name), facts
         page.units = recording.units
         steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
         page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
         page.action = _action(settings, str(verdict.decision))
-        _add_warnings(page, settings.model, recording)
+        _add_warnings(page, settings.model, recording, new_lines)
         page.normal += verdict.normal
         _add_findings(page, settings, recording, verdict)
     return page
@@ -169,7 +171,7 @@ def _action(settings: Settings, decision: str) -> str:
     return settings.actions.get(decision, "none is given for this decision")
 
 
-def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
+def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Sequence[str]) -> None:
     """State what is wrong with a recording, or that nothing is."""
     found = training_statements(model, [recording])
     statements = [] if found is None else found[0]
@@ -183,7 +185,9 @@ def _add_warnings(page: Page, model: Any, recording: Recording) -> None:
             page.notes.append(f"As in the training: {finding.text}.")
         else:
             defects.append(finding.text)
-    page.first = [*defects, *(statement.text for statement in statements)]
+    # Another speed, gain or rate changes all lines.
+    outside = [statement.text for statement in statements] or new_lines
+    page.first = [*defects, *outside]
     page.doubtful = bool(defects) or any(statement.severe for statement in statements)
     if measured is not None and not measured[1].findings:
         page.normal.append("channels without clipping, interruption or constant values")

@@ -110,6 +110,17 @@ def test_an_unknown_state_states_what_deviates_and_that_it_is_not_known():
     assert "4 to 4.5" in {row.orders for row in found.rows}
 
 
+def test_a_weak_new_line_is_stated_although_the_decision_is_healthy():
+    known = recording("healthy", 93)
+    wave = 0.2 * np.sin(4.2 * 110.0 * np.arange(9000) / 2000)
+    signals = {"vib": known.signals["vib"] + wave, "amps": known.signals["amps"]}
+    found = page(bins_model(), Recording(signals, 2000, velocity=110.0, units=known.units))
+    assert (found.decision, found.kind, found.doubtful) == ("healthy", "healthy", False)
+    (text,) = found.first
+    assert text.startswith("line at order 4.188 of 'vib', ")
+    assert text.endswith(" dB above the training maximum")
+
+
 def test_wrong_input_is_stated_first_and_makes_the_decision_doubtful():
     found = page(bins_model(), recording("outer race", 95, gain=1000))
     assert found.doubtful
