@@ -83,8 +83,8 @@ class BinTransformer(OrderTableTransformer):
     therefore compares each spectral line, relative to the background of its own recording, with its
     maximum in the training, and warns of new ones. How weak a line is recognised depends on the
     noise at its order: of lines at random orders in the vibration of simulated units, with 0.02,
-    0.05, 0.1, 0.2 and 0.5 times the amplitude of the whole signal, 8, 28, 64, 71 and 89 %; in their
-    current, from 0.01 times on, at least 95 %. A line remains unknown where some state of the
+    0.05, 0.1, 0.2 and 0.5 times the amplitude of the whole signal, 9, 29, 63, 68 and 88 %; in their
+    current, from 0.01 times on, at least 96 %. A line remains unknown where some state of the
     training has one of that height, and with few units (``benchmarks/unknown.py``).
 
     Examples
