@@ -386,3 +386,11 @@ def test_a_line_that_does_not_slip_is_not_searched_for_beside_its_order():
     series = [FaultSeries("belt", (3.0,), False), FaultSeries("wear", (3.0,), True)]
     measure = LineLevels(ORDERS, series, 0.03, 0.5)
     assert measure.measure(spectrum([3.08])[np.newaxis])[0][0] == pytest.approx([0, 20])
+
+
+@pytest.mark.parametrize("whole", [1, 2, 7])
+def test_a_harmonic_of_the_shaft_within_the_slip_is_not_the_fault(whole):
+    fault = FaultSeries("wear", (whole + 0.08,), True)
+    measure = LineLevels(ORDERS, [fault], 0.09, 0.5, without_shaft=True)
+    assert measure.measure(spectrum([whole])[np.newaxis])[0] == pytest.approx(0)
+    assert measure.measure(spectrum([whole + 0.08])[np.newaxis])[0] == pytest.approx(20)
