@@ -420,8 +420,11 @@ def test_within_a_single_segment_the_order_of_whitening_and_filtering_is_irrelev
     np.testing.assert_allclose(found[:][inner], expected, atol=5e-4 * expected.max())
 
 
-def test_a_filter_as_long_as_the_fade_is_applied_to_the_whitened_signal():
+def test_a_filter_longer_than_the_fade_is_applied_to_the_whitened_signal():
+    longest = EnvelopeSeries(WhitenedSeries(noise(), FS), FS, (1500.0, 2050.0))
+    assert (2 * longest.reach, longest._whitened is None) == (256, False)
     series = EnvelopeSeries(WhitenedSeries(noise(), FS), FS, (1000.0, 1500.0))
+    assert series._whitened is None
     assert 2 * series.reach > WhitenedSeries(noise(), FS).fade
     np.testing.assert_array_equal(series[:], in_two_steps(noise(), (1000.0, 1500.0)))
 
@@ -488,3 +491,13 @@ def test_blocks_that_are_read_one_by_one_are_computed_once(monkeypatch, backward
         assert len(series[start : start + 1000]) == 1000
     assert len(counted) > 2
     assert sum(counted) == series._n_segments
+
+
+@pytest.mark.parametrize("n_times", [30_703, 30_704, 30_705])
+def test_a_signal_that_ends_with_a_group_of_segments_is_read_to_its_end(n_times):
+    series = WhitenedSeries(noise(n_times), 100.0)
+    assert series._n_group == 128
+    assert series._n_segments == 128 + (n_times == 30_705)
+    whole = series[:]
+    assert whole[-500:].std() == pytest.approx(1, abs=0.15)
+    np.testing.assert_array_equal(series[n_times - 7 : n_times], whole[-7:])

@@ -992,3 +992,15 @@ def test_many_strokes_and_paths_are_not_kept(monkeypatch):
     assert kept(3, (3, 3)) == (True, True)
     assert kept(3, (2, 3)) == (False, True)
     assert kept(3, (3, 2)) == (True, False)
+
+
+@pytest.mark.parametrize(("nanoseconds", "accepted"), [(8, True), (12, False)])
+def test_one_sample_between_indices_holds_to_one_part_in_a_billion(nanoseconds, accepted):
+    frame = table(clock(fs=0.1))
+    later = frame.index + pd.Timedelta(10, "s") + pd.Timedelta(nanoseconds, "ns")
+    shaft = pd.Series(np.full(400, 3.0), index=later)
+    if accepted:
+        assert Recording(frame, 0.1, velocity=shaft).duration == 4000
+    else:
+        with pytest.raises(ValueError, match="have different indices"):
+            Recording(frame, 0.1, velocity=shaft)
