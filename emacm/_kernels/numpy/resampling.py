@@ -63,55 +63,33 @@ def resample(
     near = np.concatenate([ends[:1], travel, ends[1:]])
     for start, used, n_outputs in zip(range(0, len(travel), part), n_points, ready, strict=True):
         stop = min(start + part, len(travel))
-        place = (near[start], near[stop + 1]), scale, offset, kernel
-        rows = [signal[start:stop] for signal in signals]
-        _spread(travel[start:stop], *place, rows, means, grid, used)
+        weights, cells = _weights(near[start : stop + 2], scale, offset, kernel, used)
+        low, high = int(cells.min()), int(cells.max())
+        cells -= low
+        n_cells = high - low + 1
+        for signal, mean, line in zip(signals, means, grid, strict=True):
+            values = np.subtract(signal[start:stop], mean, dtype=np.float64)
+            added = np.zeros(n_cells + 3)
+            for k in range(4):
+                added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
+            line[low : high + 4] += added
         if n_outputs:
             decimate(grid, used, first, taps, means, outputs, done, n_outputs)
             done += n_outputs
             offset -= 2.0 * n_outputs
 
 
-def _spread(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    signals: list[Array],
-    means: Array,
-    grid: Array,
-    n_points: int,
-) -> None:
-    """Add each sample, less the mean of its signal, to the grid points around it."""
-    weights, cells = _weights(travel, ends, scale, offset, kernel, n_points)
-    first, last = int(cells.min()), int(cells.max())
-    cells -= first
-    n_cells = last - first + 1
-    for row, mean, line in zip(signals, means, grid, strict=True):
-        values = np.subtract(row, mean, dtype=np.float64)
-        added = np.zeros(n_cells + 3)
-        for k in range(4):
-            added[k : k + n_cells] += np.bincount(cells, weights[k] * values, n_cells)
-        line[first : last + 4] += added
-
-
 def _weights(
-    travel: Array,
-    ends: tuple[float, float],
-    scale: float,
-    offset: float,
-    kernel: Array,
-    n_points: int,
+    near: Array, scale: float, offset: float, kernel: Array, n_points: int
 ) -> tuple[Array, NDArray[np.intp]]:
     """Return the weights of four grid points, shape (4, n_times), and the lowest of the points.
 
-    Most of the time is spent on memory, so arrays are changed in place.
+    `near` is the angle travelled at the samples and at one more on either side. Most of the time
+    is spent on memory, so arrays are changed in place.
     """
-    position = scale * travel
+    position = scale * near[1:-1]
     position += offset
-    padded = np.concatenate([ends[:1], travel, ends[1:]])
-    width = padded[2:] - padded[:-2]
+    width = near[2:] - near[:-2]
     width *= 0.5 * abs(scale)
     cell = np.floor(position)
     outside = (cell < 1) | (cell >= n_points - 2)
