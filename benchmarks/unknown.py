@@ -398,7 +398,7 @@ def speed() -> str:
     Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (9 ms)
     do not: fits of "tied" without "auto" take 4.7 times as long, of "full" with "auto" 4.4, with
     None 4.3, with "oas" 5.6, with a number 5.9, of "diag" with "auto" 3.7, with "oas" 4.2, with a
-    number or None 6.4; `predict` takes 1.1 ("full") to 1.8 times as long.
+    number or None 6.4; `predict` takes 1.1 ("full") to 2.0 ("diag") times as long.
     """
     rng = np.random.default_rng(0)
     codes, groups = np.arange(1300) % 13, rng.integers(0, 7, 1300)
