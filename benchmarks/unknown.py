@@ -396,9 +396,9 @@ def speed() -> str:
     """Return the time of fit and predict with an unknown state, relative to without.
 
     Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (9 ms)
-    do not: fits of "tied" without "auto" take 4.7 times as long, of "full" with "auto" 4.4, with
-    None 4.3, with "oas" 5.6, with a number 5.9, of "diag" with "auto" 3.7, with "oas" 4.2, with a
-    number or None 6.4; `predict` takes 1.1 ("full") to 2.0 ("diag") times as long.
+    do not: fits of "tied" without "auto" take 4.7 times as long, of "full" with None 4.3, with
+    "auto" 4.4, with "oas" 5.6, with a number 6.0, of "diag" with "auto" 3.6, with "oas" 4.3, with a
+    number or None 6.4; `predict` takes 1.1 ("full") to 1.9 times as long.
     """
     rng = np.random.default_rng(0)
     codes, groups = np.arange(1300) % 13, rng.integers(0, 7, 1300)
