@@ -395,10 +395,10 @@ def learned_amplitudes(X: Array, states: NDArray[Any], pipeline: Any) -> dict[st
 def speed() -> str:
     """Return the time of fit and predict with an unknown state, relative to without.
 
-    Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (9 ms)
-    do not: fits of "tied" without "auto" take 4.7 times as long, of "full" with None 4.3, with
-    "auto" 4.4, with "oas" 5.6, with a number 6.0, of "diag" with "auto" 3.6, with "oas" 4.3, with a
-    number or None 6.4; `predict` takes 1.1 ("full") to 1.9 times as long.
+    Of the classifier of `actuator_recipe`. A plain fit of others takes less, the distances (10 ms)
+    do not: fits of "tied" without "auto" take 5.2 times as long, of "full" with None 4.6, with
+    "auto" 4.4, with "oas" 6.0, with a number 6.4, of "diag" with "auto" 3.8, with "oas" 4.7, with a
+    number or None 7.2; `predict` takes 1.2 ("full") to 2.0 times as long.
     """
     rng = np.random.default_rng(0)
     codes, groups = np.arange(1300) % 13, rng.integers(0, 7, 1300)
