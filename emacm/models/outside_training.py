@@ -17,6 +17,7 @@ from emacm.orders.new_lines import collected_statements
 from emacm.recordings.inputs import as_list
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.training_range import Statement
+from emacm.stroke_features.transformer import StrokeFeatures
 
 
 def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
@@ -30,7 +31,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     Parameters
     ----------
     model : OrderResampler, Pipeline, ConditionRouter or fitted search
-        Fitted; contains an `OrderResampler`.
+        Fitted; contains an `OrderResampler`, or features computed from strokes over time, for which
+        the direction of rotation is stated.
     recordings : list of Recording
         Recordings as for `predict` of the model.
 
@@ -39,13 +41,14 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     list of list of str
         For each recording, one sentence for each property outside its range; empty if there is
         none. Levels are stated from 3 dB beyond the range, speeds, lengths and valid orders from
-        10 %, sampling rates from 0.1 %; if nothing else is stated, new spectral lines from
+        10 %, sampling rates from 0.1 %, a direction of rotation that the training does not have
+        from 10 % of the revolutions; if nothing else is stated, new spectral lines from
         `BinTransformer.new_line_limits_`.
 
     Raises
     ------
     TypeError
-        If the model contains no `OrderResampler`.
+        If the model contains neither.
     ValueError
         If the model is not fitted, or a recording is invalid (the message gives its number).
 
@@ -110,7 +113,7 @@ def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | Non
         None without an `OrderResampler`.
     """
     model = search_estimator(model)
-    if isinstance(model, OrderResampler):
+    if isinstance(model, OrderResampler | StrokeFeatures):
         return model.outside_training(X)
     if isinstance(model, ConditionRouter):
         parts = [

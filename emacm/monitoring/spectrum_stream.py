@@ -287,7 +287,8 @@ class SpectrumStream:
         for stroke, gone in zip(shaft.strokes, done, strict=True):
             if gone and stroke.length > 0 and stroke.stroke.direction in _SIGNS[settings.direction]:
                 speeds = settings.ratio * stroke.lowest, settings.ratio * stroke.highest
-                self.quality.add_stroke(settings.ratio * stroke.length, *speeds)
+                turned = settings.ratio * stroke.length
+                self.quality.add_stroke(turned, *speeds, stroke.stroke.direction)
         shaft.strokes = [s for s, gone in zip(shaft.strokes, done, strict=True) if not gone]
         self._streams = [s for s, gone in zip(self._streams, done, strict=True) if not gone]
         return self._forget()

@@ -31,7 +31,8 @@ class StreamQuality:
         # Of each group: samples seen; weight, weighted sums and sums of squares of its channels.
         self._seen = [0] * len(groups)
         self._sums = [np.zeros((3, len(channels))) for _, channels in groups]
-        self._strokes = np.zeros(5)  # number, revolutions, longest, lowest and highest speed
+        # Number, revolutions, longest, lowest and highest speed, revolutions forward.
+        self._strokes = np.zeros(6)
         self._strokes[3] = np.inf
 
     def add_samples(self, group: int, rows: Array) -> None:
@@ -47,12 +48,13 @@ class StreamQuality:
             sums = [(len(row), float(np.add.reduce(row)), float(row.dot(row))) for row in part]
             self._sums[group] += weight * np.array(sums).T
 
-    def add_stroke(self, turned: float, lowest: float, highest: float) -> None:
-        """Take up a stroke: angle [rad] and speeds [rad/s] of the shaft of interest."""
+    def add_stroke(self, turned: float, lowest: float, highest: float, direction: int) -> None:
+        """Take up a stroke: angle [rad], speeds [rad/s] and direction of the shaft of interest."""
         revolutions = turned / (2 * np.pi)
-        n, total, longest, low, high = self._strokes
+        n, total, longest, low, high, forward = self._strokes
         speeds = min(low, lowest), max(high, highest)
-        self._strokes[:] = n + 1, total + revolutions, max(longest, revolutions), *speeds
+        forward += revolutions if direction > 0 else 0.0
+        self._strokes[:] = n + 1, total + revolutions, max(longest, revolutions), *speeds, forward
 
     def quality(self, names: Sequence[str]) -> Quality:
         """Return the properties of all that was taken up; `names` are those of the channels."""
@@ -63,7 +65,7 @@ class StreamQuality:
             for k, channel in enumerate(channels):
                 rates[names[channel]] = fs
                 levels[names[channel]] = float(np.sqrt(max(variance[k], 0.0)))
-        n_strokes, revolutions, longest, slowest, fastest = self._strokes.tolist()
+        n_strokes, revolutions, longest, slowest, fastest, forward = self._strokes.tolist()
         row = {
             "revolutions": revolutions,
             "strokes": n_strokes,
@@ -73,7 +75,9 @@ class StreamQuality:
             "max_order": np.pi * min(rates.values()) / fastest if fastest else np.inf,
         }
         ordered = {name: levels[name] for name in names}
-        return Quality(row, {name: rates[name] for name in names}, ordered, {}, (), False)
+        share = forward / revolutions if revolutions else np.nan
+        ordered_rates = {name: rates[name] for name in names}
+        return Quality(row, ordered_rates, ordered, {}, (), False, share)
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""

@@ -208,7 +208,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         UserWarning
             If the shaft reference has an isolated jump of more than `theta_s`; if `quality` warns
             of something that no recording of `fit` has; if a level is 20 dB outside the range of
-            these recordings, a channel is in another unit, or a speed seems to be.
+            these recordings, a channel is in another unit, or a speed seems to be, or the shaft
+            turns in a direction in which it did not in any of them.
         """
         check_is_fitted(self)
         self._check_parameters()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from emacm.recordings.recording import Recording
 from emacm.resampling.channel_checks import check_channel
 from emacm.resampling.fine_grid import PASS
+from emacm.shaft.paths import ShaftPath
 
 _MANY = 10  # strokes of less than a revolution that look like noise
 
@@ -38,6 +39,8 @@ class Quality(NamedTuple):
         Warnings about the recording.
     has_jump : bool
         Whether the shaft reference has an isolated jump of any size, which no real motion has.
+    forward : float
+        Fraction of the revolutions that are forward; NaN without strokes.
     """
 
     row: dict[str, float]
@@ -46,6 +49,7 @@ class Quality(NamedTuple):
     units: dict[str, str]
     findings: tuple[Finding, ...]
     has_jump: bool
+    forward: float = np.nan
 
     @property
     def warnings(self) -> str:
@@ -135,7 +139,14 @@ def _quality(
     rates = {name: recording.fs[name] for name in channels}
     levels = {name: check.level for name, check in checks.items()}
     units = {name: unit for name, unit in recording.units.items() if name in channels}
-    return Quality(row, rates, levels, units, tuple(found), jump > 0)
+    return Quality(row, rates, levels, units, tuple(found), jump > 0, forward_share(paths))
+
+
+def forward_share(paths: Sequence[ShaftPath]) -> float:
+    """Return the fraction of the travel along strokes that is forward; NaN without strokes."""
+    turned = sum(path.length for path in paths)
+    forward = sum(path.length for path in paths if path.direction > 0)
+    return float(forward / turned) if turned else np.nan
 
 
 def _highest_frequency(recording: Recording, channel: str) -> float:

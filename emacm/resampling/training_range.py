@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ Range = tuple[float, float]
 
 _LEVEL, _FAR_LEVEL = 3.0, 20.0  # dB beyond the range: what is stated, and what is severe
 _SPEED = 1.1  # factor beyond the range
+_OTHER_WAY, _ASIDE = 0.1, 0.01  # fractions of the revolutions: what is stated, what is noise
 _RATE = 1e-3  # relative difference of sampling rates, more than that of two clocks
 _LISTED = 5  # recordings that a warning lists
 _SPEED_UNITS = (  # speed in this unit over speed in rad/s
@@ -46,11 +47,12 @@ def training_range(qualities: Sequence[Quality]) -> dict[str, Range]:
     -------
     dict of str to (float, float)
         "revolutions", "longest_stroke", "slowest", "fastest", "max_order" as the columns of
-        `OrderResampler.quality`; "fs of <channel>" [Hz] and "level of <channel>" (root mean square
-        about the mean, in the unit of the channel).
+        `OrderResampler.quality`; "forward" (fraction of the revolutions); "fs of <channel>" [Hz]
+        and "level of <channel>" (root mean square about the mean, in the unit of the channel).
     """
     names = ("revolutions", "longest_stroke", "slowest", "fastest", "max_order")
     values = {name: [q.row[name] for q in qualities] for name in names}
+    values["forward"] = [q.forward for q in qualities]
     for channel in qualities[0].levels:
         values[f"fs of {channel}"] = [q.rates[channel] for q in qualities]
         values[f"level of {channel}"] = [q.levels[channel] for q in qualities]
@@ -72,7 +74,8 @@ def outside_range(
     """State which properties of a recording are outside the training range.
 
     Levels are stated from 3 dB beyond the range, speeds from 10 %, shorter recordings and lower
-    valid orders from 10 %, other sampling rates from 0.1 %.
+    valid orders from 10 %, other sampling rates from 0.1 %, a direction of rotation that the
+    training does not have from 10 % of the revolutions.
 
     Parameters
     ----------
@@ -90,6 +93,7 @@ def outside_range(
     return [
         *_units(quality.units, units),
         *([] if quality.has_jump else _speed(quality.row, known)),
+        *direction_statements(quality.forward, known.get("forward")),  # None in older models
         *_rates(quality.rates, known),
         *_too_short(quality.row, known),
         *_levels(quality.levels, known),
@@ -120,14 +124,34 @@ def warn_of_severe(
     stacklevel : int
         Of the caller.
     """
-    lines = []
-    for index, (recording, quality) in enumerate(zip(recordings, qualities, strict=True)):
+    stated = []
+    for quality in qualities:
         # A jump has a warning of its own, and makes the highest speed meaningless.
         left_out = {*findings, "jump"} | ({"order", "speed"} if quality.has_jump else set())
         texts = [f.text for f in quality.findings if f.kind not in left_out]
-        texts += [s.text for s in outside_range(quality, known, units) if s.severe]
-        if texts:
-            lines.append(f"{described(recording, index)}: {'; '.join(texts)}")
+        stated.append(texts + [s.text for s in outside_range(quality, known, units) if s.severe])
+    warn_of_statements(recordings, stated, stacklevel=stacklevel + 1)
+
+
+def warn_of_statements(
+    recordings: Sequence[Any], stated: Sequence[Sequence[str]], *, stacklevel: int
+) -> None:
+    """Warn once of all recordings of which something is stated.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The recordings that are to be judged.
+    stated : sequence of sequence of str
+        Sentences about each.
+    stacklevel : int
+        Of the caller.
+    """
+    lines = [
+        f"{described(recording, index)}: {'; '.join(texts)}"
+        for index, (recording, texts) in enumerate(zip(recordings, stated, strict=True))
+        if texts
+    ]
     if lines:
         more = [f"and {len(lines) - _LISTED} more recordings"] if len(lines) > _LISTED else []
         text = "\n".join([*lines[:_LISTED], *more])
@@ -154,6 +178,47 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
             f"{_span(low, high)} rad/s{hint}"
         )
     return [Statement(text, bool(units))]  # other speeds may be intended
+
+
+def direction_statements(forward: float, known: Range | None) -> list[Statement]:
+    """State that a recording turns in a direction in which no recording of the training turns.
+
+    Parameters
+    ----------
+    forward : float
+        Fraction of the revolutions that are forward; NaN without strokes.
+    known : (float, float) or None
+        Its range in the training.
+
+    Returns
+    -------
+    list of Statement
+
+    Examples
+    --------
+    >>> direction_statements(0.0, (1.0, 1.0))[0].text[:60]
+    'the shaft turns in reverse, in the training only forward: ch'
+    """
+    if known is None:
+        return []
+    if known[0] >= 1 - _ASIDE:
+        way, only, kept, new = "in reverse", "only forward", "forward", 1 - forward
+    elif known[1] <= _ASIDE:
+        way, only, kept, new = "forward", "only in reverse", "reverse", forward
+    else:
+        return []
+    if not new >= _OTHER_WAY:  # it may be NaN
+        return []
+    text = (
+        f"the shaft turns {way}, in the training {only}: check the sign of the shaft reference, or "
+        f"train on both directions"
+    )
+    if new < 1 - _OTHER_WAY:
+        text = (
+            f"{100 * new:.0f} % of the revolutions are {way}, in the training {only}: keep one "
+            f"direction by OrderResampler(direction={kept!r}), or train on both"
+        )
+    return [Statement(text, True)]
 
 
 def _units(units: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> Iterator[Statement]:

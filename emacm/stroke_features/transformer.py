@@ -29,6 +29,13 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.quality import forward_share
+from emacm.resampling.training_range import (
+    Range,
+    Statement,
+    direction_statements,
+    warn_of_statements,
+)
 from emacm.stroke_features.signals import StrokeSignal, StrokeSignals, cut_into_strokes
 
 Row = Recording | AngleRecording
@@ -76,6 +83,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self.channels_ = chosen_channels(self.channels, rows[0].channels)
         self._over_angle = isinstance(rows[0], AngleRecording)
         self.by_direction_ = self._separates_directions(rows)
+        self._known_forward = self._range_of_directions(rows)
         self._check_rows(rows)
         names = [":".join(key) for key in self._keys()]
         if len(set(names)) < len(names):
@@ -104,13 +112,40 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         TypeError, ValueError
             If X is invalid, or a recording has no stroke for a column; the message gives the
             recording, the channel and the direction.
+
+        Warns
+        -----
+        UserWarning
+            If recordings over time turn in a direction in which none of `fit` turns, and directions
+            are not separate. Of recordings over the shaft angle, `OrderResampler` warns.
         """
         check_is_fitted(self)
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
+        statements = self.outside_training(rows)
+        warn_of_statements(rows, [[s.text for s in own] for own in statements], stacklevel=3)
         features = run(self._row, rows, names=names_of(rows), n_jobs=self.n_jobs)
         return np.array(features, dtype=np.float64)
+
+    def outside_training(self, X: Any) -> list[list[Statement]]:
+        """State in which directions recordings turn, but none of `fit`.
+
+        Parameters
+        ----------
+        X : list of Recording, or output of OrderResampler
+            Recordings; nothing is stated of those over the shaft angle, as `OrderResampler` does.
+
+        Returns
+        -------
+        list of list of Statement
+            For each recording.
+        """
+        check_is_fitted(self)
+        known = getattr(self, "_known_forward", None)  # which older model files do not have
+        if known is None:
+            return [[] for _ in X]
+        return [direction_statements(self._forward(row), known) for row in X]
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.
@@ -164,6 +199,18 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         if self.by_direction != "auto":
             return bool(self.by_direction)
         return any({1, -1} <= self._directions(row) for row in rows)
+
+    def _range_of_directions(self, rows: Sequence[Row]) -> Range | None:
+        """Return the range of the share that is forward, if directions are to be compared."""
+        if self.by_direction_ or self._over_angle:
+            return None
+        shares = [self._forward(row) for row in rows]
+        return min(shares), max(shares)
+
+    def _forward(self, row: Row) -> float:
+        paths = row.paths("strokes", self.min_speed) if isinstance(row, Recording) else []
+        least = 2 * np.pi * self.min_revolutions
+        return forward_share([path for path in paths if path.length >= least])
 
     def _directions(self, row: Row) -> set[int]:
         """Return the directions of the strokes that are not too short."""

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -21,6 +22,9 @@ from emacm import (
     OrderPSD,
     OrderResampler,
     Recording,
+    RecordingStatistics,
+    ShaftHarmonics,
+    SynchronousAverage,
     describe_model,
     load_model,
     outside_training,
@@ -351,3 +355,67 @@ def test_the_range_is_stored_with_the_model():
     pd.testing.assert_series_equal(
         pd.Series(loaded[0].training_range_), pd.Series(model[0].training_range_)
     )
+
+
+# Directions of rotation
+
+
+def turning(seed, ways):
+    """Return a recording whose shaft turns 15 revolutions in each of some directions."""
+    rng = np.random.default_rng(seed)
+    velocity = np.concatenate([way * np.full(6000, SPEED) for way in ways])
+    signals = {name: rng.standard_normal(len(velocity)) for name in CHANNELS}
+    return Recording(signals, FS, velocity=velocity)
+
+
+FEATURES = [
+    make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4, by_direction="auto")),
+    make_pipeline(OrderResampler(2 * np.pi / 32), RecordingStatistics(by_direction="auto")),
+    RecordingStatistics(by_direction="auto"),
+    ShaftHarmonics((1,), phase=None, by_direction="auto"),
+    make_pipeline(
+        OrderResampler(2 * np.pi / 32),
+        SynchronousAverage(by_direction="auto"),
+    ),
+]
+
+
+@pytest.mark.parametrize("features", FEATURES)
+@pytest.mark.parametrize(
+    ("known", "new", "text"),
+    [
+        (1, (-1,), "the shaft turns in reverse, in the training only forward: check the sign"),
+        (-1, (1,), "the shaft turns forward, in the training only in reverse: check the sign"),
+        (1, (1, -1), "50 % of the revolutions are in reverse, in the training only forward: keep"),
+        (-1, (1, -1), "50 % of the revolutions are forward, in the training only in reverse"),
+    ],
+)
+def test_a_direction_that_the_training_does_not_have_is_stated_and_warned_of(
+    features, known, new, text
+):
+    model = make_pipeline(clone(features), DecisionTreeClassifier(random_state=0))
+    X, y = [turning(seed, (known,)) for seed in range(6)], ["healthy", "worn"] * 3
+    model.fit(X, y)
+    assert outside_training(model, X) == [[]] * 6
+    stated = outside_training(model, [turning(9, new)])[0]
+    assert sum(text in sentence for sentence in stated) == 1
+    with pytest.warns(UserWarning, match=f"recording 1: .*{text}"):
+        model.predict([X[0], turning(9, new)])
+
+
+def test_directions_of_the_training_and_short_moves_are_not_stated():
+    separate = [turning(seed, (way,)) for seed, way in enumerate((1, -1, 1, -1))]
+    rocking = turning(0, (1,) * 10 + (-1,))  # 9 % of the revolutions
+    for X, new in (
+        (separate, turning(9, (1, -1))),
+        ([turning(1, (1, -1)), turning(2, (1, -1))], turning(9, (-1,))),
+        ([turning(1, (1,)), turning(2, (1,))], rocking),
+    ):
+        statistics = RecordingStatistics(by_direction=False).fit(X)
+        assert outside_training(statistics, [new]) == [[]]
+        resampler = OrderResampler(2 * np.pi / 32).fit(X)
+        assert not any("in the training only" in text for text in about_all(resampler, new))
+
+
+def about_all(model, recording):
+    return outside_training(model, [recording])[0]
