@@ -147,7 +147,8 @@ class BinTransformer(OrderTableTransformer):
         operator, used = _operator(axes, self.bins_, tuple(stops))
         self.operator_ = operator.copy()
         self._columns_out = _columns(tuple(block.channel for block in blocks), tuple(bins))
-        self.line_maxima_, self.new_line_limits_ = learn_lines(psd, blocks, used, groups)
+        known = learn_lines(psd, blocks, used, groups)
+        self.line_maxima_, self.new_line_limits_, self._largest_lines = known
         return self
 
     def transform(self, X: Any) -> NDArray[np.floating]:
@@ -212,7 +213,9 @@ class BinTransformer(OrderTableTransformer):
         if limits is None or np.isinf(limits).all():
             return []
         blocks = self._blocks(getattr(self, "feature_names_in_", None))
-        return state_new_lines(psd, KnownLines(self.line_maxima_, limits), blocks)
+        return state_new_lines(
+            psd, KnownLines(self.line_maxima_, limits, self._largest_lines), blocks
+        )
 
     def _blocks(self, names: Sequence[Any] | None) -> tuple[OrderBlock, ...]:
         """Return the order axis of each channel."""

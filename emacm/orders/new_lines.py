@@ -53,10 +53,13 @@ class KnownLines(NamedTuple):
         values, which are no power spectra.
     limits : ndarray of shape (n_columns,)
         Excess over it from which a line is new [dB], at least 4; inf with fewer than five groups.
+    largest : ndarray of shape (n_channels,)
+        Largest line of each channel, in the unit of the spectra.
     """
 
     maxima: Array
     limits: Array
+    largest: Array
 
 
 def learn_lines(
@@ -102,7 +105,8 @@ def learn_lines(
     .. [2] Geisser, Predictive Inference (1993), section 3.1.
     """
     codes = None if groups is None else group_codes(groups, len(psd))
-    known = KnownLines(np.full(psd.shape[1], np.inf), np.full(psd.shape[1], np.inf))
+    largest = np.array([psd[:, block.columns].max() for block in blocks], dtype=np.float64)
+    known = KnownLines(np.full(psd.shape[1], np.inf), np.full(psd.shape[1], np.inf), largest)
     excess: Any = -np.inf
     for block in blocks:
         own, used = psd[:, block.columns], compared[block.columns]
@@ -141,12 +145,14 @@ def state_new_lines(
         Of each recording, the line that is farthest above the maximum first.
     """
     found: list[list[tuple[float, str]]] = [[] for _ in psd]
-    for block in blocks:
+    for block, largest in zip(blocks, known.largest, strict=True):
         maxima, limits = known.maxima[block.columns], known.limits[block.columns]
         if np.isinf(limits).all():
             continue
         heights = _heights(psd[:, block.columns], block.orders)
-        above = heights > maxima + limits
+        # A dead channel has only rounding errors.
+        is_alive = psd[:, block.columns].max(axis=1, keepdims=True) > _FLOOR * largest
+        above = (heights > maxima + limits) & is_alive
         for row in np.flatnonzero(above.any(axis=1)):
             found[row] += _of_channel(block, heights[row], maxima, above[row])
     stated = []
