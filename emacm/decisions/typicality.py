@@ -30,7 +30,7 @@ LEAST = np.finfo(np.float64).tiny  # typicality is positive, however far a recor
 _RESOLUTION = 1e-3  # squared distance, in standard deviations, below which all are equally near
 _FARTHEST = np.finfo(np.float64).max / 4  # replaces squared distances that overflow
 _INDEPENDENT = 1e-3  # relative length above which a direction need not be looked for
-_BLOCK = 256  # recordings at a time, whose intermediate results stay in the cache
+_BLOCK = 1024  # recordings at a time, so that large tables take no more memory
 # Slope and offset of each distance, in units of its mean excess, chosen by leaving runs out
 # within runs 1 to 4 of a real actuator (benchmarks/unknown.py): a deviation outside the
 # discriminant space counts less, that of a single feature only if it is extreme.
