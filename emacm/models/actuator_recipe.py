@@ -72,6 +72,8 @@ def actuator_recipe(
         measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
         passes them; without groups, single recordings are left out, with a warning that
         near-duplicates make the model over-confident. None, for both, is the method of the thesis.
+        These groups do not reach the limits of new spectral lines; with scikit-learn's metadata
+        routing they do, see `BinTransformer.fit`.
         With fewer than six groups of each class, a new spectral line, and with two also a channel
         without a signal, may still be given a class.
     revolutions : float

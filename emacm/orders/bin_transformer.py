@@ -126,7 +126,12 @@ class BinTransformer(OrderTableTransformer):
         y : ignored
         groups : array-like of shape (n_recordings,), optional
             Labels of recordings that were measured together (unit, run): they are left out together
-            to determine `new_line_limits_`. None: single recordings are left out.
+            to determine `new_line_limits_`. None: single recordings are left out; if those of a
+            unit are alike, the limits are then too low, and lines of a new unit may be stated.
+            A `FeatureUnion` passes groups to its members, at any depth, only with scikit-learn's
+            metadata routing (``sklearn.set_config(enable_metadata_routing=True)``): call
+            ``set_fit_request(groups=True)`` of the classifier, and ``fit(X, y, groups=units)`` of
+            the pipeline.
 
         Returns
         -------

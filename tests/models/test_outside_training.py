@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+import sklearn
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import FeatureUnion, make_pipeline
@@ -219,6 +220,39 @@ def test_a_new_line_beside_a_strong_one_is_stated_by_all_kinds_of_models():
         assert re.fullmatch(NEW_LINE, score(model, [with_new_line(9)])["outside_training"][0])
         with pytest.warns(UserWarning, match="recording 1: " + NEW_LINE):
             model.predict([run(10), with_new_line(9)])
+
+
+def test_with_metadata_routing_groups_reach_the_bins_in_a_union():
+    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(12)], ["healthy", "worn"] * 6
+    units = np.arange(12) // 2
+
+    def union():
+        bins = make_pipeline(
+            OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12)
+        )
+        classifier = CostSensitiveGaussianBayes(
+            covariance="tied", shrinkage="auto", unknown="unknown"
+        )
+        return make_pipeline(
+            FeatureUnion([("one", bins), ("other", FeatureUnion([("bins", clone(bins))]))]),
+            FunctionTransformer(np.log10),
+            classifier,
+        )
+
+    def limits(model):
+        one, other = (part for _, part in model[0].transformer_list)
+        return [bins[-1].new_line_limits_ for bins in (one, other.transformer_list[0][1])]
+
+    features = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4)).fit_transform(X)
+    own = BinTransformer(max_order=12).fit(features, groups=units).new_line_limits_
+    with sklearn.config_context(enable_metadata_routing=True):
+        model = union()
+        model[-1].set_fit_request(groups=True)
+        model.fit(X, y, groups=units)
+    for found in limits(model):
+        np.testing.assert_array_equal(found, own)
+    plain = union().fit(X, y, costsensitivegaussianbayes__groups=units)
+    assert (limits(plain)[0] != own).any()  # single recordings were left out
 
 
 def test_beside_another_gain_no_lines_are_stated():
