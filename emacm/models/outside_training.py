@@ -10,7 +10,7 @@ from typing import Any
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import before_the_last_step, search_estimator
+from emacm.decisions.pipelines import search_estimator
 from emacm.models.model_files import parts_of
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.new_lines import collected_statements
@@ -85,23 +85,35 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
 def new_lines(model: Any, recording: Any) -> list[str]:
     """Return the statements of each `BinTransformer` in a model about one recording."""
     with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
-        if any(isinstance(part, BinTransformer) for part in parts_of(model)):
-            _compute_features(model, [recording])
+        _state_lines(model, [recording])
     return found
 
 
-def _compute_features(model: Any, X: Any) -> None:
-    """Apply all transformers of a fitted model."""
-    final, table = before_the_last_step(model, X)
-    if isinstance(final, ConditionRouter):
-        _compute_features(final.models_of(table)[0], table)
-    elif hasattr(final, "transform"):
-        final.transform(table)
+def _has_bins(model: Any) -> bool:
+    return any(isinstance(part, BinTransformer) for part in parts_of(model))
+
+
+def _state_lines(model: Any, X: Any) -> None:
+    """Apply what leads to the bins of a fitted model, and these; they state new lines."""
+    model = search_estimator(model)
+    if isinstance(model, str) or not _has_bins(model):
+        return
+    if isinstance(model, Pipeline):
+        steps = [step for _, step in model.steps if step not in (None, "passthrough")]
+        last = max(number for number, step in enumerate(steps) if _has_bins(step))
+        for step in steps[:last]:
+            X = step.transform(X)
+        _state_lines(steps[last], X)
+    elif isinstance(model, FeatureUnion):
+        for _, member in model.transformer_list:
+            _state_lines(member, X)
+    elif isinstance(model, ConditionRouter):
+        _state_lines(model.models_of(X)[0], X)
+    elif hasattr(model, "transform"):
+        model.transform(X)
     else:
-        inner = [*getattr(final, "estimators_", []), getattr(final, "estimator_", None)]
-        for part in inner:
-            if part is not None:
-                _compute_features(part, table)
+        for part in [*getattr(model, "estimators_", []), getattr(model, "estimator_", None)]:
+            _state_lines(part, X)
 
 
 def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:

@@ -278,6 +278,25 @@ def test_score_estimates_a_spectrum_once(monkeypatch):
     assert len(counted) == 2
 
 
+def test_only_features_that_lead_to_bins_are_computed_and_those_once(monkeypatch):
+    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(8)], ["healthy", "worn"] * 4
+    bins = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12))
+    others = RecordingStatistics(by_direction=False)
+    union = FeatureUnion([("bins", bins), ("others", others), ("none", "drop")])
+    model = make_pipeline(union, StandardScaler(), DecisionTreeClassifier()).fit(X, y)
+    counted = []
+    for kind in (OrderPSD, BinTransformer, RecordingStatistics, StandardScaler):
+        original = kind.transform
+
+        def counting(self, *given, original=original):
+            counted.append(type(self).__name__)
+            return original(self, *given)
+
+        monkeypatch.setattr(kind, "transform", counting)
+    assert re.fullmatch(NEW_LINE, about(with_new_line(9), model))
+    assert counted == ["OrderPSD", "BinTransformer"]
+
+
 def test_a_recording_without_a_segment_is_stated_to_be_short():
     model = fitted()[0]
     assert about(run(9, n=N // 10), model).endswith("revolutions, in the training at least 29.92")
