@@ -150,9 +150,9 @@ def state_new_lines(
         if np.isinf(limits).all():
             continue
         heights = _heights(psd[:, block.columns], block.orders)
-        # A dead channel has only rounding errors.
+        # What is not above the background is no line; a dead channel has only rounding errors.
         is_alive = psd[:, block.columns].max(axis=1, keepdims=True) > _FLOOR * largest
-        above = (heights > maxima + limits) & is_alive
+        above = (heights > np.maximum(maxima + limits, _LEAST)) & is_alive
         for row in np.flatnonzero(above.any(axis=1)):
             found[row] += _of_channel(block, heights[row], maxima, above[row])
     stated = []

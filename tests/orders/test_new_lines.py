@@ -162,6 +162,13 @@ def test_a_channel_that_fails_has_no_new_lines():
         assert stated(bins, psd) == [[]]
 
 
+@pytest.mark.parametrize(("decibels", "n_stated"), [(3.9, 0), (4.1, 1)])
+def test_what_is_not_above_the_background_is_no_line(decibels, n_stated):
+    known = KnownLines(np.full(40, -15.0), np.full(40, 6.0), np.ones(1))
+    (found,) = state_new_lines(of_heights(decibels)[np.newaxis], known, [LINES])
+    assert len(found) == n_stated
+
+
 def test_cross_spectra_are_not_compared():
     signed = spectra(20, 5) * np.random.default_rng(0).choice([-1, 1], (20, len(ORDERS)))
     bins = BinTransformer(max_order=12).fit(table(signed))
