@@ -564,3 +564,15 @@ def test_a_constant_may_vary_by_one_part_in_100_million(factor, has_power):
     else:
         with pytest.raises(ValueError, match="channel 'z' has no power"):
             OrderCrossSpectrum(8).fit_transform(rows)
+
+
+@pytest.mark.parametrize("first", [1000, 3000])
+def test_the_longest_stroke_is_stated_where_none_holds_a_segment(first):
+    velocity = np.r_[np.full(first, 30.0), np.full(4000 - first, -30.0)]
+    signals = {"z": np.sin(np.arange(4000.0)), "a": np.cos(np.arange(4000.0))}
+    rows = OrderResampler(TURN / 32).fit_transform([Recording(signals, 400, velocity=velocity)])
+    turns = max(stroke.n_angles for stroke in rows[0].strokes) / 32
+    assert turns == pytest.approx(3000 / 400 * 30 / TURN, rel=0.01)
+    for estimator in (OrderPSD(1000), OrderCrossSpectrum(1000)):
+        with pytest.raises(ValueError, match=f"its longest stroke holds {turns:.4g}"):
+            estimator.fit_transform(rows)

@@ -1004,3 +1004,13 @@ def test_one_sample_between_indices_holds_to_one_part_in_a_billion(nanoseconds, 
     else:
         with pytest.raises(ValueError, match="have different indices"):
             Recording(frame, 0.1, velocity=shaft)
+
+
+@pytest.mark.parametrize(("share", "accepted"), [(0.009, True), (0.011, False)])
+def test_an_angle_in_float64_resolves_a_hundredth_of_its_steps(share, accepted):
+    angle = 1e8 + np.spacing(1e8) / share * np.arange(1000)
+    if accepted:
+        assert len(Recording({"b": np.zeros(1000)}, 10, angle=angle).angle) == 1000
+    else:
+        with pytest.raises(ValueError, match=r"float64 resolves 1\.5e-08 rad"):
+            Recording({"b": np.zeros(1000)}, 10, angle=angle)
