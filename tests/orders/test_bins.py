@@ -525,3 +525,12 @@ def test_columns_without_names_reach_to_the_highest_order(options):
     np.testing.assert_allclose(bins.fit_transform(psd), expected, rtol=1e-12)
     stated = BinTransformer(max_order=3, order_step=0.25, **options)
     np.testing.assert_allclose(stated.fit_transform(psd), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 3, 7])
+def test_bins_that_are_computed_in_groups_are_those_of_one_group(at_once, monkeypatch):
+    orders, edges = np.arange(25) / 4, bin_edges(0.5, 6)
+    expected = bin_operator(orders, edges, stop_bands=[(1.1, 1.3), (3.9, 5.2)])
+    monkeypatch.setattr("emacm.orders.bins._AT_ONCE", at_once * len(orders))
+    found = bin_operator(orders, edges, stop_bands=[(1.1, 1.3), (3.9, 5.2)])
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
