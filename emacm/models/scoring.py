@@ -17,7 +17,7 @@ from emacm._progress import n_parallel, run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.least_risk_mixin import LeastRiskMixin
-from emacm.decisions.pipelines import before_the_last_step, final_estimator, search_estimator
+from emacm.decisions.pipelines import before_the_last_step, search_estimator
 from emacm.decisions.risks import decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.models.model_files import parts_of
@@ -56,10 +56,10 @@ def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataF
         - ``decision``: decision of least expected cost,
         - ``expected_cost`` of this decision, in the unit of the costs,
         - ``typicality``, if the model has it (fitted with ``unknown`` or ``groups``),
-        - ``P(<state>)``: probability of each class and of the unknown state, if the model has one
-          (`truths_`). They add up to 1: beside the decision "unknown", ``P(unknown)`` is large and
-          the others are small, although `predict_proba`, which is conditional on the true state
-          being one of the classes, may be certain of one of them,
+        - ``P(<class>)``: posterior probability of each class. If the model has an unknown state,
+          they add up to 1 less its probability: all are small beside the decision "unknown",
+          although `predict_proba`, which is conditional on the true state being one of the
+          classes, may be certain of one of them,
         - ``warnings``: findings of `OrderResampler.quality`,
         - ``outside_training``: properties outside the range of the training recordings, see
           `outside_training`, and what deviates where the decision is the unknown state,
@@ -118,13 +118,8 @@ def check_model(model: Any) -> list[Any]:
 def score_columns(model: Any) -> list[str]:
     """Return the columns of the table of `score` for a fitted model."""
     first = ["recording", "decision", "expected_cost", "typicality"]
-    states = [f"P({state})" for state in _states(model)]
-    return [*first, *states, "warnings", "outside_training", "error"]
-
-
-def _states(model: Any) -> list[Any]:
-    """Return the classes of a fitted model, and its unknown state if it has one."""
-    return list(np.asarray(getattr(final_estimator(model), "truths_", model.classes_)).tolist())
+    posteriors = [f"P({c})" for c in np.asarray(model.classes_).tolist()]
+    return [*first, *posteriors, "warnings", "outside_training", "error"]
 
 
 def scored_rows(
@@ -229,7 +224,8 @@ def _decision(model: Any, final: Any, table: Any) -> tuple[Row, bool]:
     else:
         decision = final.predict(table)[0]
     of_state = dict(zip(known.tolist(), probabilities[0], strict=True))
-    row |= {f"P({state})": float(of_state.get(state, 0.0)) for state in _states(model)}
+    classes = np.asarray(model.classes_).tolist()
+    row |= {f"P({label})": float(of_state.get(label, 0.0)) for label in classes}
     row["decision"] = decision.item() if isinstance(decision, np.generic) else decision
     unknown = getattr(final, "unknown", None)
     return row, unknown is not None and bool(row["decision"] == unknown)
