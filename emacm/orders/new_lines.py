@@ -184,10 +184,14 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
         found += [text for own in statements for text in own if text not in found]
         return
     lines = [f"recording {index}: {'; '.join(own)}" for index, own in enumerate(statements) if own]
+    expected = (
+        f"({len(lines)} of {len(statements)}; of recordings like those of the training, about "
+        f"{100 * _LEVEL:.0f} in 100 have such lines)"
+    )
     if len(lines) > _LISTED:
         lines = [*lines[:_LISTED], f"and {len(lines) - _LISTED} more recordings"]
     if lines:
-        warnings.warn("\n".join(lines), UserWarning, stacklevel=stacklevel + 1)
+        warnings.warn("\n".join([*lines, expected]), UserWarning, stacklevel=stacklevel + 1)
 
 
 def _heights(psd: NDArray[np.floating], orders: NDArray[np.floating]) -> Array:
