@@ -2,6 +2,7 @@
 
 import os
 import time
+from hashlib import file_digest
 
 import numpy as np
 import pytest
@@ -110,3 +111,36 @@ def test_a_digest_does_not_depend_on_how_an_array_is_read(n_times):
     expected = digests.sha256("färben".encode() + inner).hexdigest()
     assert content_digest("färben", [samples]) == expected
     assert content_digest("färben", [np.repeat(samples, 2)[::2]]) == expected
+
+
+@pytest.mark.parametrize(("seconds", "n_read"), [(-1e9, 1), (1e9, 2)])
+def test_a_file_is_read_once_for_its_digest_if_it_was_not_just_written(
+    tmp_path, monkeypatch, seconds, n_read
+):
+    read, path = [], tmp_path / "a.bin"
+    path.write_bytes(b"one")
+
+    def counting(file, kind):
+        read.append(kind)
+        return file_digest(file, kind)
+
+    monkeypatch.setattr(digests, "file_digest", counting)
+    monkeypatch.setattr(digests, "_SETTLED", seconds)
+    assert digest_of_file(path) == digest_of_file(path) == digests.sha256(b"one").hexdigest()
+    assert len(read) == n_read
+
+
+def test_the_digest_of_a_file_that_is_written_to_meanwhile_is_not_kept(tmp_path, monkeypatch):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"one")
+
+    def writing(file, kind):
+        found = file_digest(file, kind)
+        path.write_bytes(path.read_bytes() + b" more")
+        return found
+
+    monkeypatch.setattr(digests, "_SETTLED", -1e9)
+    kept = dict(digests._digests_of_files)
+    monkeypatch.setattr(digests, "file_digest", writing)
+    assert digest_of_file(path) == digests.sha256(b"one").hexdigest()
+    assert kept == digests._digests_of_files

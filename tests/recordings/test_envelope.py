@@ -396,6 +396,13 @@ def test_a_squared_envelope_out_of_range_is_refused(dtype, scale):
     assert not envelope(0 * values, FS, BAND).any()
 
 
+def test_a_squared_envelope_that_leaves_the_range_only_for_a_while_is_refused():
+    values = tone(2000)[:2000].copy()
+    values[900:1100] *= 1e160
+    with pytest.raises(ValueError, match="exceeds the range of float64"):
+        envelope(values, FS, BAND)
+
+
 def test_a_description_holds_that_of_the_inner_series():
     inner = EnvelopeSeries(noise(5000), FS, BAND)
     outer = EnvelopeSeries(inner, FS, (200.0, 400.0), squared=False)

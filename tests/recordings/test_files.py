@@ -702,3 +702,19 @@ def test_what_is_not_kept_can_be_dropped_without_effect():
 def test_known_types_are_listed_by_name(tmp_path):
     with pytest.raises(ValueError, match=r"one of the types \['.csv', '.h5', '.hdf5', '.mat', "):
         RecordingFolder(tmp_path, LAYOUT)
+
+
+def test_content_is_read_once_though_it_is_too_large_to_be_kept_with_others(npz, monkeypatch):
+    monkeypatch.setattr("emacm.recordings.files._recent", Recent(1))
+    opened = open_recording(npz, LAYOUT)
+    assert opened.content() is opened.content()
+    first = opened.content()
+    opened.release()
+    assert opened.content() is not first
+
+
+def test_the_content_of_a_file_has_its_meta(npz):
+    opened = open_recording(
+        npz, Layout(**LAYOUT.__getstate__() | {"meta": {npz.name: {"load": 3}}})
+    )
+    assert opened.content().meta == opened.meta == {"load": 3}

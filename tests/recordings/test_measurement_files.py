@@ -129,7 +129,9 @@ OTHERS = ("orddenom_spec_data_type", "z_axis_spec_data_type")
 def test_uff_58_binary(tmp_path):
     pyuff = library("pyuff")
     file = pyuff.UFF(str(tmp_path / "a.uff"))
-    for name, values, unit in (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm")):
+    plain, none = ("plain", VIB, ""), ("none", AMP, "NONE")
+    given = (("vib", VIB, "g"), ("amp", AMP, "A"), ("speed", SPEED, "rpm"), plain, none)
+    for name, values, unit in given:
         one = {"type": 58, "binary": 1, "func_type": 1, "id1": name, "data": values}
         one |= {"rsp_node": 1, "rsp_dir": 1, "ref_node": 1, "ref_dir": 1, "abscissa_spacing": 1}
         one |= {"x": np.arange(N) / 12_000, "ordinate_axis_units_lab": unit}

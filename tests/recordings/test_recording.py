@@ -1014,3 +1014,21 @@ def test_an_angle_in_float64_resolves_a_hundredth_of_its_steps(share, accepted):
     else:
         with pytest.raises(ValueError, match=r"float64 resolves 1\.5e-08 rad"):
             Recording({"b": np.zeros(1000)}, 10, angle=angle)
+
+
+def test_a_single_channel_of_infinite_length_is_refused():
+    for rates in ({"a": 10.0, "b": 1e-320}, {"a": 1e-320, "b": 10.0}):
+        with pytest.raises(ValueError, match="make recordings of infinite length"):
+            Recording({"a": np.zeros(3), "b": np.zeros(3)}, rates, velocity=3.0, shaft_fs=10)
+
+
+def test_a_clock_of_one_and_a_half_sampling_intervals_is_no_contradiction():
+    seconds = np.floor(np.arange(400) / 1.5) * 0.015
+    index = pd.Timestamp("2024-05-01") + pd.to_timedelta(seconds, unit="s")
+    assert Recording(table(index), 100, velocity=np.full(400, 3.0)).duration == 4
+
+
+def test_a_number_is_not_the_same_content_as_nan():
+    assert same_content(np.nan, np.nan)
+    assert not same_content(np.nan, 1.0)
+    assert not same_content(1.0, np.nan)
