@@ -246,7 +246,7 @@ def _limit(excess: Array) -> float:
     Examples
     --------
     >>> round(_limit(np.array([0.0, 0.0, 0.0, 1.0, 2.0, 2.0])), 2)
-    10.87
+    7.23
     """
     median = float(np.median(excess))
     peaks = excess[excess > median] - median
