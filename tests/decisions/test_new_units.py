@@ -303,6 +303,12 @@ def test_sets_follow_priors_and_coverage(model):
     assert rare.prediction_sets(later)[:, 2].mean() > model.prediction_sets(later)[:, 2].mean()
 
 
+@pytest.mark.parametrize(("coverage", "words"), [(0.0, "above 0"), (1.0, "below 1")])
+def test_a_coverage_is_between_0_and_1(model, coverage, words):
+    with pytest.raises(ValueError, match=f"coverage must be .*{words}"):
+        model.prediction_sets(fleet(seed=9)[0], coverage)
+
+
 def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
     # Unit 0 has three recordings, of probability 0.2; units 1 to 9 one each, of 0.45 down to 0.05.
     own = np.array([0.2] * 3 + [0.45, 0.4, 0.35, 0.3, 0.25, 0.15, 0.12, 0.1, 0.05])

@@ -86,6 +86,11 @@ def test_each_caveat_has_its_limit(changes, words):
     assert re.search(words, caveat)
 
 
+def test_without_a_random_split_none_is_optimistic():
+    table = pd.DataFrame([QUIET], ["by run"])
+    assert scheme_caveats([Scheme("by run", [], UNIT)], table, RULE) == []
+
+
 def test_few_recordings_without_groups_are_one_caveat_and_one_group_needs_no_interval():
     (caveat,) = caveats_of(groups=3, resampled="recording")
     assert "bootstrap over single recordings" in caveat

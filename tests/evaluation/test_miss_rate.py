@@ -271,6 +271,7 @@ def test_groups_reach_a_classifier_that_leaves_them_out():
     [
         ({"rate": 0.0}, "rate must be .* above 0"),
         ({"confidence": 1.0}, "confidence must be .* below 1"),
+        ({"confidence": 0.0}, "confidence must be .* above 0"),
         ({"healthy": "good"}, "healthy='good' is neither a class nor a family"),
         ({"groups": None}, "groups must give the unit of each recording"),
         ({"groups": [1, 2]}, "groups must hold one label for each of 240 recordings"),
