@@ -299,7 +299,8 @@ def _check_same_time(
 ) -> None:
     other, other_index, other_rate = first
     if _is_time(index) and type(index) is type(other_index):
-        apart = abs((index[0] - other_index[0]).total_seconds())
+        # Not by total_seconds, which some versions of pandas round to microseconds.
+        apart = abs((index[0] - other_index[0]) / pd.Timedelta(1, "s"))
         differ = apart > max(1 / rate, 1 / other_rate) * (1 + 1e-9)
         places = f"{name} starts at {index[0]}, {other} at {other_index[0]}"
     else:
