@@ -12,7 +12,6 @@ Structures wider than that are no lines: they fill bins, which show them.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from emacm._checks import group_codes
 from emacm.orders.columns import OrderBlock
 from emacm.orders.line_heights import line_heights
+from emacm.resampling.training_range import warn_of_statements
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _DEEPEST = -20.0  # dB; valleys between lines, and order 0 without the mean
 _PRIOR = 5  # groups; weight of the spread that is common to the lines of a channel
 _LEAST_SPREAD = 0.8  # dB; about the scatter of heights in spectra of thirty segments
 _LOBE, _BELOW = 4, 10.0  # adjacent orders that a line fills (Hann window), down to so many dB
-_LISTED = 5  # statements about a recording, and recordings in a warning
+_LISTED = 5  # statements about a recording
 
 _collected: ContextVar[list[str] | None] = ContextVar("_collected", default=None)
 
@@ -183,15 +183,12 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
     if found is not None:
         found += [text for own in statements for text in own if text not in found]
         return
-    lines = [f"recording {index}: {'; '.join(own)}" for index, own in enumerate(statements) if own]
-    expected = (
-        f"({len(lines)} of {len(statements)}; of recordings like those of the training, about "
-        f"{100 * _LEVEL:.0f} in 100 have such lines)"
+    note = (
+        f"({sum(map(bool, statements))} of {len(statements)}; of recordings like those of the "
+        f"training, about {100 * _LEVEL:.0f} in 100 have such lines)"
     )
-    if len(lines) > _LISTED:
-        lines = [*lines[:_LISTED], f"and {len(lines) - _LISTED} more recordings"]
-    if lines:
-        warnings.warn("\n".join([*lines, expected]), UserWarning, stacklevel=stacklevel + 1)
+    rows = [None] * len(statements)
+    warn_of_statements(rows, statements, note=note, stacklevel=stacklevel + 1)
 
 
 def _heights(psd: NDArray[np.floating], orders: NDArray[np.floating]) -> Array:

@@ -134,18 +134,20 @@ def warn_of_severe(
 
 
 def warn_of_statements(
-    recordings: Sequence[Any], stated: Sequence[Sequence[str]], *, stacklevel: int
+    recordings: Sequence[Any], stated: Sequence[Sequence[str]], *, stacklevel: int, note: str = ""
 ) -> None:
     """Warn once of all recordings of which something is stated.
 
     Parameters
     ----------
-    recordings : sequence of Recording
-        The recordings that are to be judged.
+    recordings : sequence
+        The recordings that are to be judged, or rows of features, which have no meta.
     stated : sequence of sequence of str
         Sentences about each.
     stacklevel : int
         Of the caller.
+    note : str
+        Last line of the warning.
     """
     lines = [
         f"{described(recording, index)}: {'; '.join(texts)}"
@@ -154,7 +156,7 @@ def warn_of_statements(
     ]
     if lines:
         more = [f"and {len(lines) - _LISTED} more recordings"] if len(lines) > _LISTED else []
-        text = "\n".join([*lines[:_LISTED], *more])
+        text = "\n".join([*lines[:_LISTED], *more, *([note] if note else [])])
         warnings.warn(text, UserWarning, stacklevel=stacklevel + 1)
 
 
