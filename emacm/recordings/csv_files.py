@@ -24,7 +24,10 @@ _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by defa
     {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
 )
 _HEAD = 200  # lines in which separator and header are looked for
+_BESIDE = "\0"  # begins the names of blank columns at the right, which no header can have
 _LAST = 3  # rows of these, which show how many values a row has
+_TOO_MANY = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # of pandas
+_UNCLOSED = re.compile(r"EOF inside string starting at row (\d+)")
 _QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
 _MOST_COLUMNS = 10_000
 _STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"
@@ -83,7 +86,7 @@ class TextTable(NamedTuple):
     preamble : list of str
         These lines.
     n_blank : int
-        Number of columns without names and values at the right, which are not read.
+        Number of columns without names and values at the right, of which there are several.
     """
 
     names: list[str]
@@ -107,26 +110,62 @@ class TextTable(NamedTuple):
         Returns
         -------
         FileColumns
+
+        Raises
+        ------
+        RefusedFileError
+            If a row has more values than there are names, or an open quotation mark.
         """
-        table = pd.read_csv(
-            source,
-            sep=self.separator or r"\s+",
-            decimal=self.decimal,
-            header=None,
-            names=self.names,
-            index_col=False,
-            low_memory=False,
-            usecols=range(len(self.names)) if self.n_blank else None,
-            **_EXACT,
-            **options,
-        )
+        beside = [f"{_BESIDE}{number}" for number in range(self.n_blank)]
+        try:
+            table = pd.read_csv(
+                source,
+                sep=self.separator or r"\s+",
+                decimal=self.decimal,
+                header=None,
+                names=[*self.names, *beside],
+                index_col=False,
+                low_memory=False,
+                **_EXACT,
+                **options,
+            )
+        except pd.errors.ParserError as error:
+            raise _refused_row(str(error), is_file=bool(options)) from error
         blank = table.isna().all(axis=1).to_numpy()[::-1]
         table = table.iloc[: len(table) - (int(blank.argmin()) if not blank.all() else 0)]
+        _check_nothing_beside(table)
         unnamed = [name for name in self.names if not name and table[name].isna().all()]
         columns = {name: _numbers(table[name]) for name in self.names if name not in unnamed}
         content = FileColumns(columns, units=dict(zip(self.names, self.units, strict=False)))
         _add_stated_numbers(content, self.preamble)
         return content
+
+
+def _refused_row(error: str, *, is_file: bool) -> ValueError:
+    """Return what is wrong with a row that pandas refuses; rows of a stream have no line."""
+    too_many, unclosed = _TOO_MANY.search(error), _UNCLOSED.search(error)
+    if too_many:
+        n_names, line, n_values = too_many.groups()
+        what = f"has {n_values} values, but there are {n_names} columns"
+    elif unclosed:
+        line, what = int(unclosed[1]) + 1, "has a quotation mark that is not closed"
+    else:
+        return ValueError(error)
+    where = f"line {line}" if is_file else "a row"
+    return RefusedFileError(f"{where} {what}. Correct the line, or leave the file out.")
+
+
+def _check_nothing_beside(table: pd.DataFrame) -> None:
+    """Refuse numbers to the right of the named columns: their row was shifted, or cut wrongly."""
+    for name in table:
+        if name and not name.startswith(_BESIDE):
+            continue
+        places = np.flatnonzero(pd.to_numeric(table[name], errors="coerce").notna())
+        if 0 < len(places) < len(table):
+            raise RefusedFileError(
+                f"sample {places[0]} has the number {table[name].iloc[places[0]]} in a column "
+                f"without a name. Correct its row, or name the column."
+            )
 
 
 def text_table(head: Sequence[str]) -> TextTable:

@@ -147,6 +147,16 @@ def test_invalid_rows_are_reported_with_their_time_and_skipped(here, capsys):
     np.testing.assert_allclose(intervals, [(0, 2.3), (2.4, 4.2), (4.3, 6.0)])
 
 
+def test_rows_with_too_many_values_are_skipped(here, capsys):
+    rows = rows_of(True, 20)
+    rows[2345] = "0.5,9,9\n"
+    (here / "bad.csv").write_text("vib,speed\n" + "".join(rows))
+    assert run("--idle", "0", source="bad.csv") == 3
+    (error,) = [line["error"] for line in printed(capsys) if "error" in line]
+    assert error.startswith("a row has 3 values, but there are 2 columns. Correct the line")
+    assert error.endswith("The samples from 2.3 s to 2.4 s are skipped.")
+
+
 def test_blank_lines_are_no_rows(here, capsys):
     rows = rows_of(True, 20)
     rows[2000:2000] = ["\n"] * 150

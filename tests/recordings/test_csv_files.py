@@ -132,13 +132,19 @@ def test_blank_cells_within_a_recording_are_an_error(tmp_path):
 
 
 NAMES = Layout(fs=2, velocity=3)
+BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank columns
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "Expected 2 fields in line 3, saw 3"),
-        ("b,c\n1,2\n3,4\n5,6,7\n8,9\n", "Expected 2 fields in line 4, saw 3"),
+        ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "line 3 has 3 values, but there are 2 columns. Correct"),
+        ("# a\n\nb,c\n1,2\n\n3,4,\n5,6\n8,9\n", "line 6 has 3 values, but there are 2 columns"),
+        ("b c\n1 2\n3 4\n5 6 7\n8 9\n", "line 4 has 3 values, but there are 2 columns"),
+        ('b,c\n1,2\n3,"4\n5,6\n', "line 3 has a quotation mark that is not closed. Correct"),
+        (f"{BLANK}3,4,,5,\n", "sample 300 has the number 5.0 in a column without a name. Correct"),
+        ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has the number 8.0 in a column without a"),
+        (f"{BLANK}3,4,,,,\n6,7,,,\n", "line 302 has 6 values, but there are 5 columns"),
         ("place: left\n\tc\n1\t2\n3\t4\n", r"its header \['', 'c'\] has no name for a column"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] has no name for a column"),
         ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
@@ -162,6 +168,7 @@ def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):
         ("# x, y, z\n1,2\n", None),  # a single row
         ("# 1, 2\nb,c\n3,4\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # numbers in a comment
         ("b,c,\n3,4,\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # a blank column of one row only
+        (f"{BLANK}3,4,,note,\n", {"b": [1] * 300 + [3], "c": [2] * 300 + [4]}),
     ],
 )
 def test_comments_and_blank_columns_are_no_data(tmp_path, text, columns):
