@@ -343,7 +343,9 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     def _truth_proba(self, X: Any) -> Array:
         X = self._checked_features(X)
         posterior = np.exp(self._log_posterior(X))
-        return self.truth_proba(X, posterior, None if self.unknown is None else self._typicality(X))
+        if self.unknown is None:
+            return posterior
+        return self.truth_proba(X, posterior, self._typicality(X))
 
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)

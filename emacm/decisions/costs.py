@@ -291,7 +291,7 @@ def _from_mapping(
     named = dict.fromkeys(plain_labels(decision for decision, _ in cost))
     _check_named(list(named))
     rows = known + [decision for decision in named if decision not in known]
-    table = np.full((len(rows), len(known)), None, dtype=object)
+    table = np.full((len(rows), len(known)), None)
     table[: len(known)] = 1.0 - np.eye(len(known))
     for (decision, truth), value in cost.items():
         if truth not in known:

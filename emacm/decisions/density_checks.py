@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.decisions.gaussians import FLOOR
-from emacm.decisions.moments import ClassMoments
+from emacm.decisions.moments import ClassMoments, diagonals
 
 _FEWER = "Use fewer features (by PCA), or more recordings, at least two per class."
 _REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
@@ -54,7 +54,7 @@ def check_densities(
             "The largest variance of the features is 0: all recordings have the same features, so "
             "classes cannot be separated. Check the features."
         )
-    scattered = moments.scatter.reshape(len(moments.scatter), -1).any(axis=1)
+    scattered = diagonals(moments.scatter).any(axis=1)
     thin = (moments.divisors <= 0) & scattered
     if thin.any():
         raise ValueError(

@@ -158,7 +158,7 @@ def numbered_hint(known: Sequence[Any], named: Sequence[Any]) -> str:
     >>> numbered_hint(["healthy", "worn"], ["wron"])
     ''
     """
-    if list(known) != list(range(len(known))) or not all(isinstance(k, str) for k in named):
+    if list(known) != list(range(len(known))) or not any(isinstance(k, str) for k in named):
         return ""
     return (
         " Some meta-estimators of scikit-learn replace the classes by numbers before they fit "

@@ -242,10 +242,12 @@ class Remaining:
         coefficients: Array | None = None,
     ) -> None:
         """Find the log densities of a group under some classes, whose recordings are a part."""
-        (covariance, shrinkage), rows = kind, self._rows[group]
+        (covariance, shrinkage), rows, training = kind, self._rows[group], self._training
         variances_only = covariance == "diag" and part is self
         which = {"pooled": not variances_only, "variances_only": variances_only}
-        moments = part._left.without(group, **which)
+        n_remaining = len(part._training.X) - len(part._rows.get(group, ()))
+        singular = n_remaining <= training.X.shape[1] + part._training.n_classes
+        moments = part._left.without(group, **which, anew=singular and not shrinkage)
         seen = (moments.counts > 0) & (moments.divisors > 0)
         if not seen.any():
             return

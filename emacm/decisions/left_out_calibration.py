@@ -196,9 +196,9 @@ def _temperature(training: Training, log_densities: Array) -> float:
     judged = np.isfinite(log_densities[np.arange(len(training.X)), training.codes])
     if not judged.any():
         raise ValueError(
-            "no class has recordings in two groups, so that no recording can be judged by others "
-            "of its class. Give groups= with at least two groups in one class, or a number as "
-            "temperature."
+            "no class has enough recordings in two groups, so that no recording can be judged by "
+            "others of its class. Give groups= with at least two groups in one class, or a number "
+            "as temperature."
         )
     codes, weight = training.codes[judged], training.weight[judged]
     counts = np.bincount(training.codes, training.weight, training.n_classes)

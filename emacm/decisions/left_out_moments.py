@@ -152,14 +152,18 @@ class RemainingMoments:
             total, lost, counts = self._moments.scatter, self._squares, self._counts
             if pooled:
                 total, lost = self._scatter, lost.sum(axis=1, keepdims=True)
-                counts = counts.sum(axis=1, keepdims=True)
             left = diagonals(total) - lost
             bad: NDArray[np.bool_] = np.any(left < _CANCELLED * diagonals(total), axis=2)
             self._variances[pooled] = left, np.asarray((bad & (counts > 0)).any(axis=1))
         return self._variances[pooled]
 
     def without(
-        self, group: int | None, *, pooled: bool = True, variances_only: bool = False
+        self,
+        group: int | None,
+        *,
+        pooled: bool = True,
+        variances_only: bool = False,
+        anew: bool = False,
     ) -> ClassMoments:
         """Return moments of all recordings but those of a group, of a kind of `class_moments`.
 
@@ -169,6 +173,8 @@ class RemainingMoments:
             Number of the group. None, or the number of another one: all recordings.
         pooled, variances_only : bool
             As for `class_moments`; the scatter of each class has variances only.
+        anew : bool
+            Without a difference, whose rounding hides that a scatter is singular.
         """
         scatter = self._scatter if pooled else self._moments.scatter
         if group is None or group not in self._place:
@@ -176,7 +182,7 @@ class RemainingMoments:
             return ClassMoments(self._moments.counts, self._moments.means, scatter, pooled)
         place = self._place[group]
         variances, inaccurate = self._remaining_variances(pooled)
-        if inaccurate[place]:  # rounding errors dominate the difference
+        if anew or inaccurate[place]:  # rounding errors dominate the difference
             others = self.training.take(self.training.groups != group)
             return others.moments(pooled=pooled, variances_only=variances_only)
         scatter = variances[place] if variances_only else scatter - self._lost_scatter(group)

@@ -224,7 +224,7 @@ def shrink(
     array([[[2.5, 0.5],
             [0.5, 1.5]]])
     """
-    share, factors = np.reshape(coefficients, (-1, 1)), np.reshape(factors, (-1, 1))
+    share, factors = (np.atleast_1d(each)[:, np.newaxis] for each in (coefficients, factors))
     scaled = diagonals(covariances) * (factors / squared_scales)
     target = share * (scaled.sum(axis=1, keepdims=True) / scaled.shape[1]) * squared_scales
     kept = (1 - share) * factors

@@ -160,10 +160,9 @@ def peaks_over_threshold(values: Array, weight: Array, expected: float, n_expect
     """
     order = np.argsort(values)
     values, weight = values[order], weight[order]
-    weight_from = np.append(np.cumsum(weight[::-1])[::-1], 0.0)
     # The least value above which at most a fifth of the weight lies.
-    first = int(np.argmax(weight_from <= _TAIL * weight_from[0] * (1 + 1e-12)))
-    threshold = float(values[first - 1])
+    above = weight.sum() - np.cumsum(weight)
+    threshold = float(values[np.argmax(above <= _TAIL * weight.sum() * (1 + 1e-12))])
     beyond = values > threshold
     n_peaks = float(weight[beyond].sum())
     excess = float(weight[beyond] @ (values[beyond] - threshold))

@@ -146,7 +146,8 @@ def test_labels_of_families_keep_their_kind():
         (["a"], {}, TypeError, "families must map each state to its family.*got "),
         ({}, {}, ValueError, "at least one family, got none"),
         ({"a": []}, {}, ValueError, "no states for the family 'a'"),
-        ({"a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
+        ({"c": "y", "a": ["x"], "b": ["x"]}, {}, ValueError, "Write 'c': "),
+        ({"c": ["y"], "a": ["x"], "b": ["x"]}, {}, ValueError, "state 'x' into 'a' and into 'b'"),
         ({"a": ["x", "x"]}, {}, ValueError, "state 'x' into 'a' and into 'a'"),
         ({"a": ["x", "y"], "b": "z"}, {}, ValueError, r"ambiguous.*'b': 'z'.*Write 'b': \['z'\]"),
         ({"x": "a", "y": None}, {}, ValueError, "every state .* the state 'y' of the family None"),
@@ -212,6 +213,17 @@ def test_a_class_without_a_family_is_named():
 
 def test_a_range_is_a_collection_of_states():
     assert family_mapping({"low": range(2), "high": [7]}) == {0: "low", 1: "low", 7: "high"}
+
+
+def test_states_may_be_any_number_and_any_tuple():
+    assert family_mapping({0: "ok", 1: "bad"}) == {0: "ok", 1: "bad"}
+    states = {("ball", 1): "ball", ("ball", 2): "ball", ("nut", 1): "nut"}
+    frame = family_costs(states)
+    assert (type(frame.index), type(frame.columns)) == (pd.Index, pd.Index)
+    assert frame.columns.tolist() == list(states)
+    assert frame.loc["nut"].tolist() == [1, 1, 0]
+    to_tuples = family_costs(pd.Series([("a", 1), ("b", 2)], index=["x", "y"]))
+    assert type(to_tuples.index) is pd.Index
 
 
 def test_labels_of_numpy_are_those_of_python():

@@ -93,7 +93,7 @@ def test_weights_of_1_are_1_but_for_rounding(place, sign):
     weight = np.ones(2)
     weight[place] += sign * 5e-10
     check_unweighted(weight)
-    weight[place] += sign * 1e-7
+    weight[place] = 1 + sign * 1.12e-8
     with pytest.raises(ValueError, match="cannot be used with sample weights other than 1"):
         check_unweighted(weight)
 

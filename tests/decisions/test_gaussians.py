@@ -62,7 +62,7 @@ def test_a_tied_covariance_divides_by_recordings_less_classes():
     np.testing.assert_allclose(fit_gaussians(moments).covariances, [expected], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("roundings", "singular"), [(0.5, True), (2, False)])
+@pytest.mark.parametrize(("roundings", "singular"), [(0.95, True), (1.05, False)])
 def test_a_covariance_is_singular_within_the_rounding_of_its_size(roundings, singular):
     # Two of n features correlate by 1 - gap: the eigenvalues are gap, 2 - gap and n - 2 ones.
     n_features = 40
@@ -329,6 +329,9 @@ def test_distances_whose_terms_overflow_with_both_signs_are_infinite():
     squares = classes.squared_distances(np.array([[1e300, 1e300], [0.0, 0.0]]))
     assert np.isposinf(squares[0]).all()
     assert np.isfinite(squares[1]).all()
+    for kind in ({}, {"pooled": True}):  # of one recording too, without a warning
+        classes = fit_gaussians(class_moments(1e-100 * X, codes, 3, **kind))
+        assert np.isposinf(classes.squared_distances(np.full((1, 2), 1e300))).all()
 
 
 def test_all_arguments_reach_the_moments_and_the_coefficients():
@@ -490,6 +493,13 @@ def test_a_large_enough_bound_replaces_the_estimate_of_the_condition(gap, least,
     if not singular:
         np.testing.assert_allclose(root @ root.T, S, rtol=1e-12)
         assert not np.triu(root, 1).any()
+
+
+def test_a_variance_that_is_no_number_is_singular():
+    for place in range(2):
+        S = np.eye(2)
+        S[place, place] = np.nan
+        assert cholesky_root(S) is None
 
 
 def test_variances_of_zero_are_raised_or_have_no_density():

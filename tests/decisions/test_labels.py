@@ -61,6 +61,13 @@ def test_labels_that_are_complete_are_accepted():
         check_classes(labels)
 
 
+def test_what_is_no_list_of_labels_is_left_to_scikit_learn():
+    check_classes(np.array("worn", dtype=object))
+    for fit in ("fit", "partial_fit"):
+        with pytest.raises(ValueError, match="y should be a 1d array"):
+            FITS[fit](np.array("worn", dtype=object))
+
+
 def test_mixed_labels_keep_their_types():
     assert label_list([0, "inspect"]) == [0, "inspect"]
     assert label_list(np.array([2, 1])) == [2, 1]

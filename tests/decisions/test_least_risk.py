@@ -10,7 +10,7 @@ from scipy.special import log_softmax
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.exceptions import NotFittedError
+from sklearn.exceptions import DataConversionWarning, NotFittedError
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -313,13 +313,24 @@ def test_a_class_that_the_estimator_excludes_cannot_be_given_a_prior():
         model.fit(X, Y)
 
 
-def test_a_posterior_that_is_nan_is_refused():
-    class Undefined(GaussianNB):
+def test_the_first_posterior_with_any_nan_is_named():
+    class Gaps(GaussianNB):
         def predict_log_proba(self, X):
-            return np.where(np.arange(len(X))[:, np.newaxis] == 2, np.nan, np.zeros(3))
+            logs = super().predict_log_proba(X)
+            logs[1:, 2] = np.nan
+            return logs
 
-    with pytest.raises(ValueError, match="posterior of recording 2 is NaN"):
-        LeastRiskClassifier(Undefined()).fit(X, Y).predict(LATER)
+    with pytest.raises(ValueError, match="posterior of recording 1 is NaN"):
+        LeastRiskClassifier(Gaps()).fit(X, Y).predict(LATER)
+
+
+@pytest.mark.parametrize("model", [LeastRiskClassifier(GaussianNB()), CostSensitiveGaussianBayes()])
+def test_classes_in_a_column_are_taken_with_a_warning_and_infinite_ones_are_refused(model):
+    with pytest.warns(DataConversionWarning, match="column-vector y was passed"):
+        model.fit(X, Y[:, np.newaxis])
+    numbers = np.where(Y == "dry", np.inf, 1.0)
+    with pytest.raises(ValueError, match="contains infinity"):
+        model.fit(X, numbers)
 
 
 def test_numbers_and_names_of_features_are_the_estimators():

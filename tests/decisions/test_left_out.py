@@ -264,3 +264,107 @@ def test_densities_are_accurate_for_classes_that_are_close_and_far_apart(covaria
     rows = training.groups == 1
     expected = fitted_anew(training.take(~rows), covariance, 0.0)
     assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-6)
+
+
+def awkward(n_features, *, weighted=False, units=1.0):
+    """Groups of 1 to 14 recordings; class 1 in one group, class 2 with one recording elsewhere.
+
+    Class 3 has one or two recordings without groups 0 and 1, class 0 a constant feature.
+    """
+    rng = np.random.default_rng(n_features)
+    codes = np.array([0] * 20 + [1] * 4 + [2] * 3 + [3] * 3)
+    groups = np.array([*rng.permutation([0] * 9 + [1] * 5 + [2] * 4 + [3, 5]), 4, 4, 4, 4])
+    groups = np.append(groups, [0, 0, 5, 0, 1, 1])
+    X = rng.normal(size=(30, n_features)) @ rng.normal(size=(n_features, n_features))
+    X += 4 * rng.normal(size=(4, n_features))[codes]
+    if n_features > 1:
+        X[codes == 0, 0] = 1.5
+    weight = rng.choice([1.0, 1.5, 2.75], 30) if weighted else np.ones(30)
+    return Training(X * units, codes, groups, weight, 4)
+
+
+AWKWARD = [
+    (covariance, shrinkage, weighted)
+    for covariance in ("full", "tied", "diag")
+    for shrinkage in (None, 0.0, 0.3, 1.0, "oas", "auto")
+    for weighted in (False, True)
+    if (shrinkage, weighted) != ("auto", True)
+]
+
+
+@pytest.mark.parametrize("n_features", [1, 2, 5])
+@pytest.mark.parametrize(("covariance", "shrinkage", "weighted"), AWKWARD)
+def test_awkward_groups_are_judged_by_a_fit_to_the_others(
+    covariance, shrinkage, weighted, n_features
+):
+    # The coefficient "auto" of two recordings is 0 but for rounding, which decides on singularity.
+    training, kind = awkward(n_features, weighted=weighted), (covariance, shrinkage)
+    found = remaining(training, covariance, shrinkage).log_densities(covariance, shrinkage)
+    for group in range(6):
+        rows = training.groups == group
+        others = training.take(~rows)
+        counts = np.bincount(others.codes, others.weight, 4)
+        seen = counts > (0 if covariance == "tied" else 1)
+        compared = seen & ((counts != 2) | (kind != ("full", "auto")))
+        expected = fitted_anew(others, covariance, shrinkage or 0.0).log_densities(training.X[rows])
+        assert_array_equal(np.isneginf(found[rows]).all(axis=0), ~seen)
+        assert_allclose(found[rows][:, compared], expected[:, compared], rtol=1e-5)
+
+
+@pytest.mark.parametrize("shrinkage", [None, 1e-15, 0.3, 1.0, "oas", "auto"])
+@pytest.mark.parametrize("units", [1.0, [1e3, 1e6, 1e6, 1.0, 1e-3]])
+@pytest.mark.parametrize("dependent", [False, True])
+def test_common_covariances_equal_those_of_a_fit_to_the_others(shrinkage, units, dependent):
+    training = awkward(5)
+    if dependent:
+        training.X[:, 2] = training.X[:, 1]
+        training.X[:, 4] = training.X[:, 3] - training.X[:, 1]
+    training.X[:] *= units
+    left = remaining(training)
+    for part in left.left_out_gaussians(shrinkage):
+        others = training.take(training.groups != training.groups[part.rows[0]])
+        expected = fitted_anew(others, "tied", shrinkage or 0.0)
+        assert_array_equal(part.seen, np.bincount(others.codes, minlength=4) > 0)
+        assert_allclose(part.means[part.seen], expected.means[part.seen], rtol=1e-9)
+        scales = np.sqrt(expected.covariances[0].diagonal())
+        covariance = part.root @ part.root.T / np.outer(scales, scales)
+        standard = expected.covariances[0] / np.outer(scales, scales)
+        assert_allclose(covariance, standard, rtol=1e-6, atol=1e-9)
+        assert_array_equal(np.triu(part.root, 1), 0)
+        assert_array_equal(part.X, training.X[part.rows])
+    whole = left.all_gaussians(shrinkage)
+    expected = fitted_anew(training, "tied", shrinkage or 0.0)
+    assert_array_equal(whole.singular, expected.singular)
+    assert_allclose(whole.covariances, expected.covariances, rtol=1e-6)
+
+
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+@pytest.mark.parametrize("shrinkage", [None, 0.3, "oas", "auto"])
+def test_one_remaining_recording_of_each_class_gives_no_covariance(covariance, shrinkage):
+    X = np.random.default_rng(2).normal(size=(4, 2))
+    codes, groups = np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1])
+    left = remaining(Training(X, codes, groups, np.ones(4), 2), covariance, shrinkage)
+    assert list(left.left_out_gaussians("auto")) == []
+    assert_array_equal(left.log_densities(covariance, shrinkage), -np.inf)
+
+
+@pytest.mark.parametrize("shrinkage", [0.3, "auto"])
+def test_more_groups_than_are_kept_at_once_are_left_out_one_by_one(shrinkage):
+    training = draw(6, n_recordings=60, n_groups=40)
+    found = {part.rows[0]: part for part in remaining(training).left_out_gaussians(shrinkage)}
+    assert len(found) == len(np.unique(training.groups)) > 16
+    for first, part in found.items():
+        others = training.take(training.groups != training.groups[first])
+        expected = fitted_anew(others, "tied", shrinkage)
+        assert_allclose(part.root @ part.root.T, expected.covariances[0], rtol=1e-8)
+        assert_array_equal(part.rows, np.flatnonzero(training.groups == training.groups[first]))
+
+
+def test_a_class_of_one_group_with_large_weights_is_not_seen_without_it():
+    once = draw(4)
+    once.groups[once.codes == 1] = 7
+    once.groups[once.codes != 1] %= 3
+    weight = 1e9 * np.random.default_rng(0).random(len(once.X))
+    training = Training(once.X, once.codes, once.groups, weight, 3)
+    found = remaining(training, "tied").log_densities("tied", 0.2)
+    assert_array_equal(np.isfinite(found[:, 1]), once.groups != 7)

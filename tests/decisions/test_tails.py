@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
-from emacm.decisions.tails import student_tail
+from emacm.decisions.tails import Peaks, peaks_over_threshold, student_tail
 
 VALUES = st.lists(st.floats(-50, 50), min_size=1, max_size=40)
 
@@ -91,3 +91,14 @@ def test_equal_values_have_a_survival_that_still_falls():
     tail = student_tail(np.full(6, 2.0), np.ones(6))
     assert_array_equal(tail.survival(np.array([1.0, 2.0])), 1)
     assert tail.survival(np.array([3.0])) < 0.01
+
+
+def test_the_threshold_is_the_least_value_above_which_a_fifth_of_the_weight_lies():
+    values, weight = np.array([1.0, 2.0, 2.0, 3.0, 5.0]), np.array([4.0, 2.0, 2.0, 1.0, 1.0])
+    assert peaks_over_threshold(values, weight, 1.0, 0.0) == Peaks(2.0, 2.0, 2.0)
+    # Nearly all of the weight at the largest value, above which there is none: one peak.
+    heavy = peaks_over_threshold(np.array([9.0, 1.0]), np.array([90.0, 10.0]), 0.3, 5.0)
+    assert heavy == Peaks(9.0, 1.0, 0.3)
+    # Two tenths are a fifth, but for rounding.
+    tenths = peaks_over_threshold(np.arange(10.0), np.full(10, 0.1), 1.0, 0.0)
+    assert tenths.threshold == 7.0

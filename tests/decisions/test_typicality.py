@@ -153,6 +153,26 @@ def test_a_constant_feature_is_no_obstacle_and_its_change_is_found():
     assert (typicality(changed) < 0.01).all()
 
 
+def test_a_singular_covariance_gives_the_distances_of_its_gaussians():
+    rng = np.random.default_rng(21)
+    signs, codes = np.tile([1.0, -1.0], 12), np.repeat([0, 1, 2], 8)
+    places, groups = 3 * rng.normal(size=(3, 5)), np.arange(24) // 2 % 4
+    X = places[codes] + np.multiply.outer(signs, rng.normal(size=5))  # along one direction
+    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(24), 3))
+    assert gaussians.singular.all()
+    distances = fit(X, codes, groups).distances
+    factor = distances.factor
+    assert_array_equal(np.tril(factor, -1), 0)
+    inverse = gaussians.factors[0] @ gaussians.factors[0].T
+    assert_allclose(factor @ factor.T, inverse, rtol=1e-6, atol=1e-9 * np.abs(inverse).max())
+    expected = gaussians.squared_distances(X)
+    for code in range(3):
+        found = distances.squares(X, code)
+        assert_allclose(found, expected[:, code], rtol=1e-6, atol=1e-6)
+    # Means that differ by far more than the floor are nearest to themselves.
+    assert_array_equal(distances.nearest(X), codes)
+
+
 def test_it_is_deterministic():
     X, codes, groups = draw(12)
     assert_array_equal(fit(X, codes, groups)(X), fit(X, codes, groups)(X))

@@ -29,9 +29,10 @@ def test_the_evidence_stays_below_the_bound_of_sellke_bayarri_and_berger(p):
     assert evidence_for_unknown(np.array(p)) < -1 / (np.e * p * np.log(p))
 
 
-def test_the_evidence_is_smooth_where_the_formula_changes():
-    p = np.exp(-np.array([0.99e-4, 1.01e-4]))
-    assert_allclose(*evidence_for_unknown(p), rtol=1e-6)
+def test_the_evidence_is_accurate_where_the_formula_changes():
+    surprise = np.array([1e-6, 0.5e-4, 0.99e-4, 1.1e-4, 1.2e-4, 1.4e-4])
+    series = 0.5 + surprise / 6 + surprise**2 / 24
+    assert_allclose(evidence_for_unknown(np.exp(-surprise)), series, rtol=9e-10)
     assert evidence_for_unknown(np.array(1.0)) == 0.5
 
 

@@ -452,8 +452,10 @@ def test_a_number_as_temperature_scales_the_log_densities():
     soft = CostSensitiveGaussianBayes(priors="uniform", temperature=4.0).fit(X, y)
     ratio = np.diff(sharp.predict_log_proba(X)) / np.diff(soft.predict_log_proba(X))
     np.testing.assert_allclose(ratio, 4)
+    gradient = sharp.log_density_gradient(X)
     sharp.set_params(temperature=4.0)
     np.testing.assert_array_equal(sharp.predict_proba(X), soft.predict_proba(X))
+    np.testing.assert_allclose(sharp.log_density_gradient(X), gradient / 4)
 
 
 def test_temperature_by_groups_reduces_the_log_loss_of_new_units():
@@ -474,6 +476,48 @@ def test_one_unit_per_class_is_an_error_that_names_the_remedy():
     X, y, _ = draw(18)
     with pytest.raises(ValueError, match=r"no class has recordings in two groups.*groups="):
         CostSensitiveGaussianBayes(unknown="unknown").fit(X, y, groups=y)
+
+
+def test_a_temperature_needs_a_class_whose_covariance_remains_without_a_group():
+    X, y = np.array([[0.0], [1.0], [5.0], [6.0], [8.0]]), ["dry", "dry", "new", "new", "new"]
+    model = CostSensitiveGaussianBayes(temperature="groups")
+    with pytest.raises(ValueError, match=r"enough recordings in two groups.* or a number as"):
+        model.fit(X, y, groups=[0, 1, 2, 2, 2])
+    tied = clone(model).set_params(covariance="tied").fit(X, y, groups=[0, 1, 2, 2, 2])
+    assert tied.temperature_ > 0
+
+
+def test_recordings_without_weight_take_no_part_in_the_calibration():
+    X, y, units = draw(20)
+    X = np.vstack([X, 9 * FAR, 5 * FAR, X[:5] + 3])
+    y, units = np.append(y, ["worn", "dry", *y[:5]]), np.append(units, ["u1", "u2", *units[:5]])
+    weight = np.ones(len(X))
+    weight[63:] = 0.0
+    model = CostSensitiveGaussianBayes(shrinkage=0.1, unknown="unknown", temperature="groups")
+    weighted = clone(model).fit(X, y, weight, groups=units)
+    without = clone(model).fit(X[:63], y[:63], groups=units[:63])
+    assert weighted.temperature_ == pytest.approx(without.temperature_)
+    np.testing.assert_allclose(weighted.typicality(X), without.typicality(X))
+    np.testing.assert_array_equal(weighted.feature_range_, without.feature_range_)
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.float32])
+def test_features_of_any_kind_of_number_are_those_of_double_precision(kind):
+    X, y, units = draw(21)
+    X = np.round(20 * X).astype(kind)
+    model = CostSensitiveGaussianBayes(unknown="unknown", temperature="groups")
+    found = clone(model).fit(X, y, groups=units)
+    expected = clone(model).fit(X.astype(float), y, groups=units)
+    assert found.temperature_ == expected.temperature_
+    for method in ("unknown_proba", "predict_proba", "log_density_gradient", "typicality"):
+        first, second = getattr(found, method)(X), getattr(expected, method)(X.astype(float))
+        np.testing.assert_array_equal(first, second)
+        assert first.dtype == np.float64
+    parts, whole = (
+        CostSensitiveGaussianBayes().partial_fit(table, y, CLASSES)
+        for table in (X, X.astype(float))
+    )
+    np.testing.assert_array_equal(parts.covariances_, whole.covariances_)
 
 
 def test_groups_of_another_length_or_with_gaps_are_errors():
