@@ -120,7 +120,7 @@ def check_classes(y: Any) -> None:
     Raises
     ------
     ValueError
-        If a label is None, NaN, pandas.NA or NaT; the message gives the recording.
+        If a label is masked, None, NaN, pandas.NA or NaT; the message gives the recording.
     TypeError
         If text and other labels are mixed.
 
@@ -128,6 +128,12 @@ def check_classes(y: Any) -> None:
     --------
     >>> check_classes(["healthy", "worn"])
     """
+    if np.ma.is_masked(y):  # NumPy drops the mask, and what lies under it would be the class
+        index = int(np.argmax(np.ma.getmaskarray(y)))
+        raise ValueError(
+            f"y must contain the class of every recording, but recording {index} has a masked one. "
+            f"Leave such recordings out."
+        )
     entries = y if isinstance(y, list | tuple) else np.asarray(y)
     if isinstance(entries, np.ndarray) and (entries.dtype.kind in "biuUS" or entries.ndim != 1):
         return

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from emacm.decisions.fit_checks import has_unknown
+from emacm.decisions.fit_checks import check_temperature, has_unknown
 from emacm.decisions.gaussians import GaussianClasses
 from emacm.decisions.left_out import Remaining, Training
 from emacm.decisions.moments import ClassMoments
@@ -65,6 +65,7 @@ class LeftOutMixin:
     @property
     def temperature_(self) -> float:
         """Temperature of the densities in effect."""
+        check_temperature(self.temperature)  # it may have been set after `fit`
         if isinstance(self.temperature, str):
             return self._calibrated("temperature")
         return 1.0 if self.temperature is None else float(self.temperature)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, check_real_array, check_signal
-from emacm.orders.columns import number_name
+from emacm.orders.columns import number_name, parse_bin_columns, parse_order_columns
 
 Band = tuple[float, float]
 
@@ -80,7 +80,7 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
     TypeError
         If an edge is not a number or a name not a string.
     ValueError
-        If edges do not increase, are negative or not finite.
+        If edges do not increase, are negative or not finite, or a band is named like other orders.
     """
     if isinstance(edges, Mapping):
         if not edges:
@@ -88,7 +88,10 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         for name in edges:
             if not isinstance(name, str) or not name:
                 raise TypeError(f"bands in edges must be named by strings, got {name!r}.")
-        return {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
+        bands = {name: _check_band(band, f"band {name!r} of edges") for name, band in edges.items()}
+        for name, band in bands.items():
+            _check_name(name, band)
+        return bands
     values = check_real_array(edges, "edges")
     if values.ndim != 1 or len(values) < 2:
         raise ValueError(
@@ -276,6 +279,18 @@ def _check_band(band: Any, name: str) -> Band:
     if not low < high:
         raise ValueError(f"{name} must run from a lower to a higher order, got {band!r}.")
     return low, high
+
+
+def _check_name(name: str, band: Band) -> None:
+    """Refuse a name from which another channel or other orders would be read in a column."""
+    (block,) = parse_bin_columns([f"@{name}"]) or ()
+    is_order = parse_order_columns([f"@{name}"]) is not None
+    is_other = block.bands is not None and tuple(block.bands[0]) != band
+    if "@" in name or is_order or is_other:
+        raise ValueError(
+            f"band {name!r} of edges, with the orders {band[0]:g} to {band[1]:g}, is named like "
+            f"other orders or another channel. Name it by a word, such as 'BPFI'."
+        )
 
 
 def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:

@@ -42,8 +42,9 @@ def test_a_recording_without_a_class_is_named(fit, form, missing):
         pd.Series([0, 0, 1, pd.NA, 1], dtype="Int64"),
         np.array(["2024-01-01", "2024-01-01", "2024-01-02", "NaT", "2024-01-02"], "datetime64[D]"),
         np.array([0.0, 0.0, 1.0, np.nan, 1.0]),
+        np.ma.array([0, 0, 1, 1, 1], mask=[0, 0, 0, 1, 0]),
     ],
-    ids=["string", "category", "Int64", "datetime64", "float"],
+    ids=["string", "category", "Int64", "datetime64", "float", "masked"],
 )
 def test_a_missing_class_in_a_typed_column_is_named(fit, labels):
     with pytest.raises(ValueError, match=r"recording 3 has .*Leave such recordings out"):

@@ -45,6 +45,24 @@ def fitted(covariance="tied", shrinkage="auto", seed=0, **options):
     return model.fit(*draw(seed)[:2], groups=draw(seed)[2])
 
 
+@pytest.mark.parametrize(
+    ("temperature", "message"),
+    [
+        (0, "must be a number above 0, got 0"),
+        (-1.0, "above 0, got -1"),
+        (np.inf, "above 0, got inf"),
+        ("auto", "temperature as a word must be one of 'groups'; got 'auto'"),
+    ],
+)
+def test_a_temperature_that_is_set_after_fit_is_checked(temperature, message):
+    X, y, units = draw(0)
+    outer = LeastRiskClassifier(CostSensitiveGaussianBayes(), temperature=2.0).fit(X, y)
+    units_apart = NewUnitClassifier(temperature=2.0).fit(X, y, groups=units)
+    for model in (fitted(), outer, units_apart):
+        with pytest.raises(ValueError, match=message):
+            model.set_params(temperature=temperature).predict_proba(X)
+
+
 # Decisions
 
 

@@ -124,6 +124,17 @@ CASES = [
         "named by strings",
         "6",
     ),
+    *(
+        Case(
+            f"a band named {name}",
+            lambda name=name: bins(edges={name: (5, 6)}),
+            V,
+            f"band {name!r} of edges",
+            "orders 5 to 6",
+            "by a word",
+        )
+        for name in ("6-7", "5.5", "sideband@5")
+    ),
     Case("a negative band", lambda: bins(edges={"x": (-1, 6)}), V, "band 'x'", "at least 0", "-1"),
     Case(
         "a stop band that is not nested",
