@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.utils.validation import has_fit_parameter
 
+from emacm._checks import located
 from emacm.decisions.left_out_calibration import LeftOutCalibration
 from emacm.decisions.tails import StudentTail, student_tail
 from emacm.decisions.temperature import fit_temperature
@@ -120,7 +121,8 @@ class Refits:
         """Fit the detector to some recordings, with their weights if it accepts weights."""
         weighted = has_fit_parameter(detector, "sample_weight") and (self.weight != 1).any()
         options = {"sample_weight": self.weight[rows]} if weighted else {}
-        return clone(detector).fit(chosen_rows(self.X, rows), **options)
+        with located("detector (its input is that of the estimator: recordings need a pipeline)"):
+            return clone(detector).fit(chosen_rows(self.X, rows), **options)
 
 
 def parts_of(codes: NDArray[np.intp]) -> NDArray[np.intp]:

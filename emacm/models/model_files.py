@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
 from emacm._saved import values_as_lists
@@ -51,6 +52,8 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     ------
     ImportError
         If skops is not installed (extra ``models``).
+    NotFittedError
+        If the model is not fitted.
     TypeError
         If the model contains something that cannot be stored without pickle; the message names
         it. ``joblib.dump`` stores any model, in files that execute code.
@@ -77,6 +80,7 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
         raise TypeError(f"model must be a fitted estimator, got {type(model).__name__}.")
     if note is not None and not isinstance(note, str):
         raise TypeError(f"note must be a text, got {note!r}.")
+    check_is_fitted(model)
     skops = _skops()
     with values_as_lists():
         try:

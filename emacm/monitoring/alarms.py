@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_finite_readings, check_number
+from emacm._checks import check_finite_readings, check_number, check_table
 from emacm._saved import SavedEstimator
 from emacm.monitoring.baseline_run_length import RunLength, stated_run_length
 from emacm.monitoring.run_lengths import (
@@ -227,6 +227,7 @@ class _Chart(SavedEstimator):
         return f"{self!r} with limit {self.limit_:.12g} and baseline {baseline}"
 
     def _table(self, X: Any, **options: Any) -> Array:
+        check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, **options)
         check_finite_readings(X, self)
         return X
@@ -312,13 +313,15 @@ class EWMA(_Chart):
         self.arl = arl
 
     def _run_length(self, limit: float, shift: float) -> float:
-        check_number(self.weight, "weight", above=0, at_most=1)
-        return ewma_run_length(self.weight, limit, shift)
+        return ewma_run_length(self._checked_weight(), limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
         # In units of its standard deviation in the long run, sqrt(weight / (2 - weight)).
-        gain = np.sqrt(self.weight * (2 - self.weight))
-        return (1 - self.weight) * statistic + gain * standardised
+        weight = self._checked_weight()
+        return (1 - weight) * statistic + np.sqrt(weight * (2 - weight)) * standardised
+
+    def _checked_weight(self) -> float:
+        return check_number(self.weight, "weight", above=0, at_most=1)
 
     def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
         return np.abs(statistic) > limit
@@ -374,11 +377,13 @@ class CUSUM(_Chart):
         self.arl = arl
 
     def _run_length(self, limit: float, shift: float) -> float:
-        check_number(self.reference, "reference", at_least=0, at_most=10)
-        return cusum_run_length(self.reference, limit, shift)
+        return cusum_run_length(self._checked_reference(), limit, shift)
 
     def _next(self, statistic: Array, standardised: Array) -> Array:
-        return np.maximum(0.0, statistic + standardised - self.reference)
+        return np.maximum(0.0, statistic + standardised - self._checked_reference())
+
+    def _checked_reference(self) -> float:
+        return check_number(self.reference, "reference", at_least=0, at_most=10)
 
     def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
         return statistic > limit

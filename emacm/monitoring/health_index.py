@@ -13,7 +13,7 @@ from sklearn.base import TransformerMixin
 from sklearn.covariance import LedoitWolf
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_count, check_number
+from emacm._checks import check_count, check_number, check_table
 from emacm._saved import SavedEstimator
 from emacm.recordings.meta import read_meta
 
@@ -117,6 +117,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         if self.false_alarm is not None:
             check_number(self.false_alarm, "false_alarm", above=0, below=1)
         check_count(self.min_baseline, "min_baseline", at_least=2)
+        check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
         if groups is None:
             warnings.warn(
@@ -251,6 +252,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
 
     def _checked(self, X: Any, units: Any) -> tuple[Array, list[Any] | None]:
         check_is_fitted(self)
+        check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         return X, None if units is None else read_meta(X, units, role="units", arrays=True)
 

@@ -16,6 +16,8 @@ from emacm._checks import (
     check_finite_readings,
     check_number,
     check_real_array,
+    check_table,
+    check_unmasked,
 )
 from emacm._saved import SavedEstimator
 from emacm.monitoring.conformal_units import check_coverage, units_needed
@@ -165,6 +167,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         self._check_parameters()
         options: Any = {"dtype": np.float64, "ensure_all_finite": False}
+        check_table(X)
+        check_unmasked(y, "y")
         X, y = validate_data(self, X, y, y_numeric=True, ensure_min_samples=2, **options)
         y = np.asarray(y, dtype=np.float64)
         self._check_values(X)
@@ -373,6 +377,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
 
     def _followed(self, X: Any, groups: Any) -> tuple[list[History], int]:
         check_is_fitted(self)
+        check_table(X)
         X = validate_data(self, X, dtype=np.float64, ensure_all_finite=False, reset=False)
         self._check_values(X)
         return read_histories(X, groups, self.onset, self.consecutive), len(X)

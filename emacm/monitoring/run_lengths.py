@@ -108,9 +108,11 @@ def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> fl
     """
     low, high = 1e-3, 1.0
     if run_length(low) >= arl:
+        shortest = min(run_length(low), _LONGEST)
+        remedy = "Give a longer one" if shortest < LONGEST else "Give a smaller reference"
         raise ValueError(
             f"no limit of this {what} has an average run length of {arl:g}; the shortest is "
-            f"{run_length(low):.3g} readings. Give a longer one."
+            f"{shortest:.3g} readings{' or more' if shortest == _LONGEST else ''}. {remedy}."
         )
     while run_length(high) < arl:
         high *= 1.5

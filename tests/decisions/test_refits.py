@@ -14,7 +14,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KernelDensity
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
@@ -267,6 +267,15 @@ def test_invalid_parameters_are_errors(options, message):
     X, y, units = draw(10)
     with pytest.raises((TypeError, ValueError), match=message):
         detected(**options).fit(X, y, groups=units)
+
+
+def test_a_detector_that_cannot_read_the_input_is_named():
+    X, y, units = draw(10)
+    frame = pd.DataFrame(X, columns=list("abc")).assign(place=["left"] * len(X))
+    columns = make_pipeline(FunctionTransformer(lambda X: X[["a", "b"]]), GaussianNB())
+    model = LeastRiskClassifier(columns, unknown="unknown", detector=KernelDensity())
+    with pytest.raises(ValueError, match=r"detector \(its input is that of .*a pipeline\): could"):
+        model.fit(frame, y, groups=units)
 
 
 def test_one_group_per_class_is_an_error():

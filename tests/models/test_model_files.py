@@ -12,6 +12,8 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
@@ -287,6 +289,12 @@ def test_foreign_types_are_refused_by_name(tmp_path, step, message):
 def test_what_is_no_model_is_refused(tmp_path, model, note):
     with pytest.raises(TypeError, match="must be"):
         save_model(model, tmp_path / "model.emacm", note=note)
+
+
+def test_a_model_that_is_not_fitted_is_refused(tmp_path):
+    for model in (BAYES, make_pipeline(StandardScaler(), BAYES)):
+        with pytest.raises(NotFittedError, match="not fitted yet"):
+            save_model(clone(model), tmp_path / "model.emacm")
 
 
 def test_a_missing_file_is_an_error(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from fractions import Fraction
 
 import numpy as np
 import pandas as pd
@@ -200,7 +201,8 @@ def test_parameter_and_function_arl_do_not_disturb_each_other():
         (CUSUM(-1.0), "reference must be a number at least 0"),
         (CUSUM(0.5, limit=4.0, arl=500), "give limit or arl, got both"),
         (EWMA(0.2, arl=1.0), "arl must be a number above 1"),
-        (CUSUM(0.5, arl=1.2), "the shortest is"),
+        (CUSUM(0.5, arl=1.2), r"the shortest is 3.24 readings. Give a longer one"),
+        (CUSUM(9.0, arl=500), r"the shortest is 1e\+12 readings or more. Give a smaller ref"),
     ],
 )
 def test_an_invalid_parameter_is_named(chart, message):
@@ -216,6 +218,14 @@ def test_invalid_readings_are_named():
         EWMA().fit(np.eye(2)).update([[1.0, 2.0, 3.0]])
     with pytest.raises(ValueError, match=r"got NaN in reading 0, column 'rms'. Leave it out"):
         chart.update(pd.DataFrame({"rms": [np.nan], "crest": [1.0]}))
+    with pytest.raises(TypeError, match="X has masked samples"):
+        EWMA().fit(np.ma.masked_less(np.eye(3), 0.5))
+
+
+def test_a_weight_may_be_any_number():
+    readings = np.random.default_rng(5).standard_normal((60, 2))
+    plain, exact = (EWMA(weight, 3.0).fit(readings) for weight in (0.2, Fraction(1, 5)))
+    np.testing.assert_allclose(exact.update(readings).statistic, plain.update(readings).statistic)
 
 
 def test_the_state_of_another_chart_or_a_damaged_one_is_refused():

@@ -169,6 +169,14 @@ def test_invalid_labels_are_refused(options, error, message):
         HealthIndex().fit(healthy(np.random.default_rng(0)), **({"groups": range(24)} | options))
 
 
+def test_masked_features_are_refused():
+    X = healthy(np.random.default_rng(0))
+    index = HealthIndex(0.2).fit(X, groups=range(24))
+    for call in (index.transform, lambda X: HealthIndex(0.2).fit(X, groups=range(24))):
+        with pytest.raises(TypeError, match="X has masked samples"):
+            call(np.ma.masked_greater(X, 1.0))
+
+
 @pytest.mark.parametrize("false_alarm", [0, 1, "low"])
 def test_an_invalid_rate_is_refused(false_alarm):
     with pytest.raises((ValueError, TypeError), match="false_alarm"):

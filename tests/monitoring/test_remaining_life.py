@@ -294,6 +294,15 @@ def test_a_reading_that_is_not_finite_is_named(value):
         fitted.predict(pd.DataFrame({"age": [3.0, 4.0], "level": [-40.0, value]}))
 
 
+def test_masked_readings_and_lives_are_refused():
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    with pytest.raises(TypeError, match="X has masked samples"):
+        fitted.predict(np.ma.masked_greater(X, 5.0))
+    with pytest.raises(TypeError, match="y has masked samples"):
+        model("weibull").fit(X, np.ma.masked_greater(y, 5.0), groups=groups)
+
+
 def test_what_is_outside_the_fit_is_stated():
     X, y, groups, _ = followed(range(12))
     fitted = model("weibull").fit(X, y, groups=groups)
