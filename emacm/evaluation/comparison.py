@@ -216,13 +216,14 @@ def _scheme(named: Mapping[str, Evaluation], scheme: str | None) -> str:
 
 
 def _held_out(evaluation: Evaluation, scheme: str) -> pd.DataFrame:
-    return evaluation.predictions[evaluation.predictions["scheme"] == scheme]
+    """Return the decisions of a scheme in an order that does not depend on that of its folds."""
+    held = evaluation.predictions[evaluation.predictions["scheme"] == scheme]
+    return held.sort_values(["recording", "fold"])
 
 
 def _unpaired(base: Evaluation, other: Evaluation, scheme: str) -> str:
     """Return why two evaluations are not paired; empty if they are."""
-    order = ["recording", "fold"]
-    first, second = (_held_out(each, scheme).sort_values(order) for each in (base, other))
+    first, second = (_held_out(each, scheme) for each in (base, other))
     if len(first) != len(second):
         return f"they have {len(second)} and {len(first)} recordings held out."
     for column, what in {
@@ -274,8 +275,7 @@ def _differences(
     row: dict[str, float] = {}
     for name, ours, theirs in zip(names, *drawn, strict=True):
         estimate = cell_mean(*second[name]) - cell_mean(*first[name])
-        # A figure of merit without any recording has no draws.
-        difference = theirs - ours if len(ours) and len(theirs) else np.empty(0)
+        difference = theirs - ours  # both are empty for a figure of merit without any recording
         if first[name].combine is gap_of_cells:  # resampling adds to an absolute value
             difference = difference - np.nanmean(difference) + estimate
         n_groups = len(np.unique(groups[first[name].cells >= 0]))

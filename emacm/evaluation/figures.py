@@ -77,7 +77,7 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     }
     if rule.healthy is not None:
         is_healthy = (judged["true_label"] == rule.healthy).to_numpy()
-        called_healthy = (judged["decided_label"] == rule.healthy).to_numpy()
+        called_healthy = judged["decided_label"].isin(rule.cleared).to_numpy()
         called_faulty = judged["decided_label"].isin(rule.alarms).to_numpy() & ~called_healthy
         among_healthy, among_faulty = np.where(is_healthy, 0, -1), np.where(is_healthy, -1, 0)
         inspected = ~(called_healthy | called_faulty)

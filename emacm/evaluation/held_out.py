@@ -167,11 +167,12 @@ def _fitted(
 ) -> Any:
     known, classes = np.unique(y[fold.train]), np.unique(y)
     model = narrow_costs(clone(estimator), known.tolist(), classes.tolist())
-    given = model.get_params(deep=True) if len(known) < len(classes) else {}
-    priors = {name: each for name, each in given.items() if name.rpartition("__")[2] == "priors"}
-    model.set_params(
-        **{name: priors_of_some(each, known, classes) for name, each in priors.items()}
-    )
+    narrow = {
+        name: priors_of_some(value, known, classes)
+        for name, value in model.get_params().items()
+        if name.rpartition("__")[2] == "priors"
+    }
+    model.set_params(**narrow)
     options = groups_options(model, None if groups is None else groups[fold.train])
     return model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
 

@@ -26,7 +26,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, located
 from emacm.decisions.labels import label_array, label_list, label_positions
-from emacm.decisions.metrics import label_of
 from emacm.decisions.pipelines import before_the_last_step, groups_options
 from emacm.decisions.risks import decide, risks_of
 from emacm.evaluation.figures import figure_row, tallies
@@ -203,7 +202,7 @@ def miss_rate_limit(
         judged = rule.judge(states, chosen)
         rates = {k: tally for k, tally in tallies(judged, rule).items() if "rate" in k}
         rows[name] = figure_row(rates, units.labels, **bootstrap)
-        rows[name]["missed_by_unit"] = weight @ (judged["decided_label"] == rule.healthy)
+        rows[name]["missed_by_unit"] = weight @ judged["decided_label"].isin(rule.cleared)
     table = pd.DataFrame.from_dict(rows, orient="index")
     return MissRateLimit(limit, factor, table, rate, confidence, n_units)
 
@@ -261,7 +260,7 @@ def _left_out_posteriors(
 
 def _missed_costs(cost: pd.DataFrame, rule: ScoringRule) -> Array:
     """Return what missed detections cost more than the cheapest decision, 0 for other entries."""
-    missed = np.array([label_of(row, rule.correct) == rule.healthy for row in cost.index])
+    missed = cost.index.isin(rule.cleared)
     faults = np.array([rule.family_of[state] != rule.healthy for state in cost.columns])
     excess = np.where(np.outer(missed, faults), cost.to_numpy() - cost.to_numpy().min(axis=0), 0.0)
     free = np.outer(missed, faults) & (excess <= 0)

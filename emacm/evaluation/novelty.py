@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -103,7 +103,7 @@ def score_novelty(
         if not scheme.impossible and all(fold.typicality is not None for fold in folds)
     ]
     predictions = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-    table = novelty_table(predictions, rule.healthy, bootstrap) if parts else pd.DataFrame()
+    table = novelty_table(predictions, rule.cleared, bootstrap) if parts else pd.DataFrame()
     return Novelty(table, predictions, refused)
 
 
@@ -151,7 +151,7 @@ def novelty_predictions(
 
 
 def novelty_table(
-    predictions: pd.DataFrame, healthy: Any, bootstrap: Mapping[str, Any]
+    predictions: pd.DataFrame, cleared: Collection[Any], bootstrap: Mapping[str, Any]
 ) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
@@ -159,8 +159,8 @@ def novelty_table(
     ----------
     predictions : DataFrame
         From `novelty_predictions`.
-    healthy : object
-        Healthy label; None if it was not given.
+    cleared : collection
+        Decisions that are correct for the healthy state; empty if it was not given.
     bootstrap : mapping
         Options of `emacm.evaluation.bootstrap.group_intervals`.
 
@@ -175,8 +175,8 @@ def novelty_table(
         flagged = (part["typicality"] <= FLAGGED).to_numpy(float)
         known, unknown = np.where(is_unknown, -1, 0), np.where(is_unknown, 0, -1)
         found = {"known_flagged": (flagged, known), "unknown_flagged": (flagged, unknown)}
-        if healthy is not None:
-            called_healthy = (part["decided_label"] == healthy).to_numpy(float)
+        if cleared:
+            called_healthy = part["decided_label"].isin(cleared).to_numpy(float)
             found["unknown_called_healthy"] = (called_healthy, unknown)
         groups = part["group"].to_numpy()
         row: dict[str, Any] = {"left_out": family}

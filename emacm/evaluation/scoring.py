@@ -72,6 +72,12 @@ class ScoringRule:
         faults = [name for name, label in self.family_of.items() if label not in others]
         return {decision for name in faults for decision in self.correct[name]}
 
+    @property
+    def cleared(self) -> set[Any]:
+        """Decisions that are correct for the healthy state: on a fault, missed detections."""
+        healthy = [name for name, label in self.family_of.items() if label == self.healthy]
+        return {decision for name in healthy for decision in self.correct[name]}
+
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
         """Return label, correctness and cost of each decision.
 

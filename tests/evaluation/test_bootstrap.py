@@ -15,6 +15,7 @@ from emacm.evaluation.bootstrap import (
     gap_of_cells,
     group_draws,
     group_intervals,
+    mean_of_cells,
 )
 
 
@@ -211,3 +212,34 @@ def test_defaults_are_2000_draws_of_seed_0_and_95_percent():
     assert stated.tolist() == [list(draw_interval(drawn, values.mean(), 30))]
     (times,), (first,) = bootstrap.drawn_groups(3, 100, 0), bootstrap.drawn_groups(3, 100)
     assert times.tolist() == first.tolist()
+
+
+def test_one_group_is_drawn_alone_and_no_recordings_have_no_draws():
+    values, cells = [[0.0, 1.0, 1.0], [5.0, 2.0, 3.0]], [[0, 0, 0], [1, 0, -1]]
+    first, second = group_draws(values, cells, ["a"] * 3, n_resamples=100)
+    assert first.tolist() == pytest.approx([2 / 3] * 100)
+    assert second.tolist() == [3.5] * 100
+    (none,) = group_draws(np.empty((1, 0)), np.empty((1, 0), int), [], n_resamples=100)
+    assert none.shape == (0,)
+    assert np.isnan(cell_mean([], np.empty(0, int)))
+
+
+@pytest.mark.parametrize("n_combine", [1, 3])
+def test_each_figure_of_merit_has_its_own_combination(n_combine):
+    values, cells = np.ones((2, 4)), np.zeros((2, 4), int)
+    with pytest.raises(ValueError, match="zip"):
+        group_draws(values, cells, [*"abcd"], combine=[mean_of_cells] * n_combine)
+
+
+def test_figures_of_different_cells_in_one_call_are_those_of_separate_calls():
+    rng = np.random.default_rng(11)
+    values, groups = rng.normal(size=(3, 60)), rng.integers(0, 7, 60)
+    cells = np.array([rng.integers(-1, 3, 60), np.zeros(60, int), rng.integers(-1, 2, 60)])
+    combine = [gap_of_cells, mean_of_cells, gap_of_cells]
+    together = group_draws(values, cells, groups, combine=combine, n_resamples=150)
+    for place, drawn in enumerate(together):
+        one = slice(place, place + 1)
+        (alone,) = group_draws(
+            values[one], cells[one], groups, combine=combine[one], n_resamples=150
+        )
+        assert drawn == pytest.approx(alone, nan_ok=True)

@@ -144,6 +144,7 @@ def test_balanced_accuracy_differs_as_that_of_scikit_learn(found):
         ({"units": True}, "the groups (runs, units) differ"),
         ({"seen": "new"}, "the true classes differ"),
         ({"healthy": "dry"}, "their labels or healthy labels differ"),
+        ({"families": ["dry", "worn"]}, "their labels or healthy labels differ"),
     ],
 )
 def test_unpaired_evaluations_have_no_difference_and_a_caveat_says_why(found, change, words):
@@ -153,6 +154,8 @@ def test_unpaired_evaluations_have_no_difference_and_a_caveat_says_why(found, ch
         y = np.where(np.arange(len(y)) == 3, "worn", y)
     runs = pd.Series(runs + 100 * ("units" in change), name="run")[rows]
     options = {"healthy": change.get("healthy", "new"), "n_splits": change.get("n_splits", 20)}
+    if "families" in change:
+        options["families"] = {"new": ["new"], "faulty": change["families"]}
     other = evaluate(GaussianNB(), X["current"][rows], y[rows], runs=runs, **options)
     scheme = "random split" if "n_splits" in change else "by run"
     comparison = compare({"one": found["current"], "two": other}, scheme=scheme)
@@ -194,6 +197,51 @@ def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():
         ValueError, match=r"a scheme in common .*'1': \['random split'\], '2': \['by"
     ):
         compare([some, only])
+
+
+def test_the_order_of_the_schemes_is_that_of_the_first_evaluation():
+    X, y, runs = sensors()
+    first = evaluate(GaussianNB(), X["current"], y, runs=runs, units=runs // 2, n_resamples=100)
+    turned = dict(reversed(first.confusions.items()))
+    second = replace(first, confusions=turned)
+    assert (compare([first, second]).scheme, compare([second, first]).scheme) == ("by run",) * 2
+    second = replace(first, confusions={name: turned[name] for name in ("by unit", "random split")})
+    assert compare([first, second]).scheme == "by unit"
+    assert compare([second, first]).scheme == "random split"
+
+
+@pytest.mark.parametrize("seed", [3, 0, None])
+def test_draws_of_differences_have_the_seed_number_and_confidence_of_the_reference(seed):
+    X, y, runs = sensors()
+    options = {"runs": runs, "n_splits": 20, "n_resamples": 150, "confidence": 0.7}
+    first, second = (
+        evaluate(GaussianNB(), each, y, random_state=seed, **options) for each in X.values()
+    )
+    second = replace(second, confidence=0.9, bootstrap={"n_resamples": 100, "random_state": 8})
+    row = compare([first, second], scheme="by run").differences.loc["2"]
+    held = [each.predictions.query("scheme == 'by run'") for each in (first, second)]
+    right = np.array([part.sort_values("recording")["correct"] for part in held], float)
+    (drawn,) = group_draws(
+        np.diff(right, axis=0), np.zeros((1, 70), int), runs, n_resamples=150,
+        random_state=seed or 0,
+    )  # fmt: skip
+    difference = np.diff(right.mean(axis=1))[0]
+    limits = draw_interval(drawn, difference, 14, confidence=0.7)
+    found = row[["accuracy", "accuracy_low", "accuracy_high"]].tolist()
+    assert found == pytest.approx([difference, *limits], abs=1e-12)
+
+
+def test_the_order_in_which_recordings_are_held_out_changes_no_difference():
+    X, y, runs = sensors()
+    train, test = np.flatnonzero(runs < 6), np.flatnonzero(runs >= 6)
+    options = {"runs": runs, "healthy": "new", "n_resamples": 100}
+    first, second, turned = (
+        evaluate(GaussianNB(), X[name], y, splits={"later": (train, held_out)}, **options)
+        for name, held_out in [("vibration", test), ("current", test), ("current", test[::-1])]
+    )
+    same, other = (compare([first, each], scheme="later") for each in (second, turned))
+    assert same.caveats == other.caveats == []
+    pd.testing.assert_frame_equal(same.differences, other.differences, rtol=1e-9, atol=1e-12)
 
 
 def test_priors_that_differ_prevent_a_comparison_of_costs():

@@ -7,6 +7,8 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.sparse
+from joblib.parallel import SequentialBackend
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.ensemble import VotingClassifier
 from sklearn.metrics import balanced_accuracy_score, log_loss
@@ -178,6 +180,21 @@ def test_every_decision_that_is_correct_for_a_fault_is_a_false_alarm_on_a_health
     assert row["accuracy"] == 6 / 12
     assert row["balanced_accuracy"] == pytest.approx((3 / 7 + 3 / 5) / 2)
     assert found.confusions["random split"].index.tolist() == ["fly", "ground", "repair", "inspect"]
+
+
+def test_every_decision_that_is_correct_for_the_healthy_state_misses_a_fault():
+    rows, columns = ["inspect", "cruise", "fly", "ground"], ["worn", "new"]
+    cost = pd.DataFrame([[0.3, 0.2], [5, 0], [9, 0], [0, 1]], index=rows, columns=columns)
+    y = ["worn"] * 7 + ["new"] * 5
+    answers = ["fly", "cruise", "ground", "inspect", "ground", "fly", "ground"]
+    answers += ["fly", "cruise", "ground", "inspect", "fly"]
+    found = echoed(y, answers, healthy="new", cost=cost, n_splits=2)
+    row = found.table.loc["random split"]
+    assert found.scoring.cleared == {"fly", "cruise"}
+    assert row["missed_detection_rate"] == 3 / 7
+    assert row["false_alarm_rate"] == 1 / 5
+    assert row["inspection_rate"] == 1 / 5
+    assert row["accuracy"] == 6 / 12
 
 
 def test_without_a_healthy_class_no_rate_is_computed():
@@ -527,6 +544,43 @@ def test_the_same_seed_gives_the_same_result():
     assert not one.predictions["recording"].equals(other.predictions["recording"])
 
 
+@pytest.mark.parametrize("seed", [None, 2**32 - 1])
+def test_the_smallest_and_largest_options_are_allowed(seed):
+    X, y, runs = sub_states(n_runs=2)
+    options = {"n_splits": 2, "n_resamples": 100, "random_state": seed}
+    found = evaluate(GaussianNB(), X, y, runs=runs, **options)
+    assert found.table["folds"].tolist() == [2, 2]
+    assert found.bootstrap == {"confidence": 0.95, "n_resamples": 100, "random_state": seed}
+
+
+def test_folds_are_processed_in_processes_unless_the_user_chooses_otherwise(monkeypatch):
+    seen = []
+
+    def noted(prefer, n_jobs):
+        seen.append((prefer, n_jobs))
+        return SequentialBackend(), 1
+
+    monkeypatch.setattr("emacm._progress._backend", noted)
+    X, y, _ = sub_states(n_runs=2)
+    evaluate(GaussianNB(), X, y, n_splits=2, n_jobs=3)
+    assert ("processes", 3) in seen
+
+
+def test_a_sparse_matrix_is_evaluated_as_the_array():
+    X, y, runs = sub_states(n_runs=3)
+    options = {"runs": runs, "n_splits": 3, "n_resamples": 100}
+    model = KNeighborsClassifier(3)
+    assert_equal_results(
+        evaluate(model, scipy.sparse.csr_matrix(X), y, **options), evaluate(model, X, y, **options)
+    )
+
+
+def test_measured_values_are_no_classes():
+    X, y, _ = sub_states()
+    with pytest.raises(ValueError, match=r"(?i)unknown label type: '?continuous"):
+        evaluate(GaussianNB(), X, np.linspace(0.5, 9.7, len(y)))
+
+
 @pytest.mark.slow
 def test_processes_change_no_result():
     X, y, runs = sub_states(width=2.0)
@@ -707,7 +761,8 @@ def test_progress_is_reported_to_stderr(capsys):
     evaluate(GaussianNB(), X, y, runs=runs, n_splits=3, verbose=True)
     output = capsys.readouterr()
     assert output.out == ""
-    assert re.search(r"6/6|6 out of +6", output.err)  # folds: three at random, three runs
+    # Folds: three at random, three runs. The second text is that of joblib, without tqdm.
+    assert re.search(r"6/6 .*fold|6 out of +6", output.err)
     evaluate(GaussianNB(), X, y, runs=runs, n_splits=3)
     assert capsys.readouterr().err == ""
 

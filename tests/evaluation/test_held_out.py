@@ -1,6 +1,7 @@
 """Facts about the folds, what a classifier is given in each, and what is kept of its results."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -100,6 +101,8 @@ def test_what_a_fold_has_no_class_of_leaves_costs_and_priors():
 
 def test_groups_reach_only_a_classifier_that_learns_from_them():
     decided_by(Noted(), scheme_of([0], [1]), groups=UNITS.labels)
+    assert [groups for *_, groups in FITTED] == [None, None]
+    decided_by(Noted(unknown="odd"), scheme_of([0], [1]))
     assert [groups for *_, groups in FITTED] == [None, None]
 
 
@@ -236,6 +239,11 @@ def test_a_row_of_a_family_left_out_is_that_of_its_recording():
     assert found.refused == {"dry": "Too few."}
     pd.testing.assert_frame_equal(found.predictions, held)
     assert found.table.index.tolist() == ["worn"]
+    assert found.table.loc["worn", "unknown_called_healthy"] == 0
+    turned = score_novelty([scheme], [decided], Y, replace(rule, healthy="worn"), BOOTSTRAP)
+    assert turned.table.loc["worn", "unknown_called_healthy"] == 1
+    without = score_novelty([scheme], [decided], Y, replace(rule, healthy=None), BOOTSTRAP)
+    assert "unknown_called_healthy" not in without.table
     none = score_novelty([scheme], [[decided[0], half[1]]], Y, rule, BOOTSTRAP)
     assert none.table.empty
     assert none.predictions.empty

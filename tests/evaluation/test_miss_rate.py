@@ -10,6 +10,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
+from emacm.evaluation import miss_rate
 from emacm.evaluation.miss_rate import miss_rate_limit
 from emacm.evaluation.provable_rates import check_units, largest_missed
 
@@ -96,6 +97,63 @@ def test_the_rates_of_the_given_cost_are_those_of_evaluate():
     assert len(rates) == 9
     found, expected = limit.table.loc["given cost", rates], result.table.loc["later", rates]
     pd.testing.assert_series_equal(found.astype(float), expected.astype(float), check_names=False)
+
+
+@pytest.mark.parametrize("scale", [2.0**-530, 2.0**480])
+def test_the_factor_does_not_depend_on_the_unit_of_the_cost(scale):
+    X, y, units = fleet(120, 2, 0)
+    cost = np.array([[0.0, 3.0], [1.0, 0.0]])
+    limits = [
+        miss_rate_limit(
+            CostSensitiveGaussianBayes(each).fit(X, y), X, y, units, 0.06, healthy="healthy"
+        )
+        for each in (cost, cost * scale)
+    ]
+    assert limits[0].factor == limits[1].factor > 1.1
+    with pytest.raises(ValueError, match="no cost of missed detections attains"):
+        miss_rate_limit(
+            CostSensitiveGaussianBayes(cost * 1e149 * 3).fit(X, y), X, y, units, 0.06,
+            healthy="healthy",
+        )  # fmt: skip
+
+
+def test_the_factor_multiplies_what_a_missed_detection_costs_more_than_the_cheapest_decision():
+    # Two decisions are right for the healthy state, and no decision is free for a fault.
+    rows, states = ["cruise", "fly", "ground"], ["dry", "healthy", "worn"]
+    cost = pd.DataFrame([[0.9, 0, 0.75], [1.5, 0, 0.6], [0.5, 1, 0.25]], rows, states)
+    X, y, _ = three_states(90, 0)
+    new, truths, of = three_states(240, 1)
+    model = CostSensitiveGaussianBayes(cost).fit(X, y)
+    limit = miss_rate_limit(model, new, truths, of, rate=0.05, healthy="healthy")
+    cheapest = np.array([0.5, 0, 0.25])
+    excess = (cost - cheapest).loc[["cruise", "fly"]] * limit.factor
+    assert limit.factor > 1
+    assert {"cruise", "fly"} < set(model.predict(new))
+    assert limit.cost.loc["ground"].tolist() == [0.5, 1, 0.25]
+    assert (limit.cost - cheapest).loc[["cruise", "fly"]].to_numpy() == pytest.approx(
+        excess.to_numpy() * [1, 0, 1]
+    )
+
+    def missed(factor):
+        changed = cost.copy()
+        changed.loc[["cruise", "fly"], ["dry", "worn"]] += (factor - 1) * (cost - cheapest).loc[
+            ["cruise", "fly"], ["dry", "worn"]
+        ]
+        decided = CostSensitiveGaussianBayes(changed).fit(X, y).predict(new)
+        return np.mean(decided[truths != "healthy"] != "ground")
+
+    allowed = largest_missed(160, 0.05, 0.95)
+    assert missed(limit.factor) <= allowed < missed(limit.factor * (1 - 1.5e-6))
+    assert limit.table.loc["limit", "missed_by_unit"] == pytest.approx(missed(limit.factor))
+
+
+def test_a_fraction_equal_to_the_allowed_one_is_allowed():
+    critical, weight = np.array([4.0, 0.5, 3.0, 2.0]), np.array([0.25, 0.25, 0.125, 0.375])
+    for allowed, factor in ((0.75, 1.0), (0.375, 2.0), (0.25, 3.0), (0.2, 4.0)):
+        found = miss_rate._least_factor(critical, weight, allowed - miss_rate._ROUNDING)
+        assert allowed - miss_rate._ROUNDING + miss_rate._ROUNDING == allowed
+        assert found == pytest.approx(factor, rel=2e-6)
+        assert (found > factor) == (factor > 1)
 
 
 def test_a_rate_that_holds_already_changes_no_cost():
@@ -272,6 +330,8 @@ def test_groups_reach_a_classifier_that_leaves_them_out():
         ({"rate": 0.0}, "rate must be .* above 0"),
         ({"confidence": 1.0}, "confidence must be .* below 1"),
         ({"confidence": 0.0}, "confidence must be .* above 0"),
+        ({"rate": 1.0, "groups": None}, "rate must be .* below 1, got 1"),  # before all others
+        ({"confidence": 0.0, "groups": None}, "confidence must be .* above 0"),
         ({"healthy": "good"}, "healthy='good' is neither a class nor a family"),
         ({"groups": None}, "groups must give the unit of each recording"),
         ({"groups": [1, 2]}, "groups must hold one label for each of 240 recordings"),
@@ -295,6 +355,12 @@ def test_what_no_cost_can_attain():
     certain = CostSensitiveGaussianBayes(priors={"healthy": 1, "worn": 0}).fit(X, y)
     with pytest.raises(ValueError, match="probability 0 for 120 of 120 faulty recordings"):
         miss_rate_limit(certain, X, y, units, 0.1, healthy="healthy")
+    # Deciding "worn" is as good, but "healthy" is decided, whatever a missed detection costs.
+    tied = {("worn", "healthy"): 0.0}
+    tied = CostSensitiveGaussianBayes(tied, priors={"healthy": 1, "worn": 0}).fit(X, y)
+    assert (tied.predict(X) == "healthy").all()
+    with pytest.raises(ValueError, match="probability 0 for 120 of 120 faulty recordings"):
+        miss_rate_limit(tied, X, y, units, 0.1, healthy="healthy")
     with pytest.raises(TypeError, match=r"GaussianNB has no cost_. Use LeastRiskClassifier"):
         miss_rate_limit(GaussianNB().fit(X, y), X, y, units, 0.1, healthy="healthy")
     with pytest.raises(ValueError, match=r"units cannot be left out in turn: In 1 of .* Give a"):
@@ -302,6 +368,34 @@ def test_what_no_cost_can_attain():
             CostSensitiveGaussianBayes(), X, np.where(units == 3, "dry", y), units, 0.1,
             healthy="healthy",
         )  # fmt: skip
+
+
+def test_too_few_units_are_refused_before_the_model_is_used():
+    X, y, units = fleet(28, 2, 0)
+    with pytest.raises(ValueError, match="28 units with faults cannot prove"):
+        miss_rate_limit(None, X, y, units, 0.1, healthy="healthy")
+
+
+def test_a_fault_may_have_the_label_0():
+    X, y, units = three_states(150, 0)
+    y = np.array([{"healthy": 1, "worn": 0, "dry": 2}[state] for state in y])
+    model = CostSensitiveGaussianBayes().fit(X, y)
+    row = miss_rate_limit(model, X, y, units, 0.2, healthy=1).table.loc["given cost"]
+    decided = model.predict(X)[y == 1]
+    assert np.mean(decided == 0) > 0
+    assert (row["false_alarm_rate"], row["inspection_rate"]) == (np.mean(decided != 1), 0)
+
+
+def test_one_unit_of_several_recordings_excludes_the_exact_test():
+    model = CostSensitiveGaussianBayes().fit(*fleet(90, 2, 0, between=2.0)[:2])
+    X, y, units = fleet(100, 1, 1, between=2.0)
+    rows = np.append(np.arange(100), 1)  # a faulty one
+    allowed = [largest_missed(50, 0.2, 0.95, exact=exact) for exact in (False, True)]
+    assert allowed[0] < 5 / 50 == allowed[1]
+    for chosen, most in ((rows, allowed[0]), (rows[:-1], allowed[1])):
+        limit = miss_rate_limit(model, X[chosen], y[chosen], units[chosen], 0.2, healthy="healthy")
+        missed = limit.table.loc["limit", "missed_by_unit"]
+        assert most - 1 / 50 < missed <= most + 1e-9
 
 
 @pytest.mark.parametrize(

@@ -100,21 +100,23 @@ BOOTSTRAP = {"confidence": 0.95, "n_resamples": 200, "random_state": 0}
 
 
 def test_rates_are_counted_among_the_known_and_the_unknown_separately():
-    row = novelty_table(PREDICTIONS, "new", BOOTSTRAP).loc["dry"]
+    row = novelty_table(PREDICTIONS, {"new"}, BOOTSTRAP).loc["dry"]
     assert row["known_flagged"] == 1 / 4
     assert row["unknown_flagged"] == 1 / 3
     assert row["unknown_called_healthy"] == 1 / 3
     # 0.3: above 0.01 and 0.2, equal to 0.3 | 0.005: below all four | 0.0101: above 0.01 only
     assert row["auroc"] == pytest.approx((1 + 0.5 + 4 + 3) / 12)
     assert (row["known"], row["unknown"]) == (4, 3)
-    without = novelty_table(PREDICTIONS, None, BOOTSTRAP)
+    both = novelty_table(PREDICTIONS, {"new", "worn"}, BOOTSTRAP).loc["dry"]
+    assert both["unknown_called_healthy"] == 2 / 3
+    without = novelty_table(PREDICTIONS, (), BOOTSTRAP)
     assert "unknown_called_healthy" not in without
 
 
 def test_families_are_in_the_order_in_which_they_were_left_out():
     both = pd.concat([PREDICTIONS.assign(left_out="worn"), PREDICTIONS])
-    assert novelty_table(both, "new", BOOTSTRAP).index.tolist() == ["worn", "dry"]
-    columns = novelty_table(both, "new", BOOTSTRAP).columns
+    assert novelty_table(both, {"new"}, BOOTSTRAP).index.tolist() == ["worn", "dry"]
+    columns = novelty_table(both, {"new"}, BOOTSTRAP).columns
     figures = ("auroc", "known_flagged", "unknown_flagged", "unknown_called_healthy")
     ends = ("", "_low", "_high")
     expected = [f"{name}{end}" for name in figures for end in ends]
@@ -123,7 +125,7 @@ def test_families_are_in_the_order_in_which_they_were_left_out():
 
 def test_groups_of_one_kind_only_have_no_interval():
     one_unit = PREDICTIONS.assign(group=[1, 1, 2, 2, 3, 3, 3])
-    row = novelty_table(one_unit, "new", BOOTSTRAP).loc["dry"]
+    row = novelty_table(one_unit, {"new"}, BOOTSTRAP).loc["dry"]
     assert np.isnan([row["auroc_low"], row["unknown_flagged_high"]]).all()
     assert not np.isnan(row["known_flagged_low"])
 
@@ -136,7 +138,7 @@ def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n
     typicality = np.round(rng.random(len(groups)) * np.where(is_unknown, 0.7, 1), 2)
     table = {"left_out": "dry", "is_unknown": is_unknown, "typicality": typicality}
     predictions = pd.DataFrame(table | {"group": groups, "decided_label": "new"})
-    row = novelty_table(predictions, None, BOOTSTRAP).loc["dry"]
+    row = novelty_table(predictions, (), BOOTSTRAP).loc["dry"]
     (times,) = drawn_groups(n_known + n_unknown, 200, 0)
     mine, theirs = typicality[is_unknown, np.newaxis], typicality[~is_unknown]
     won = (mine < theirs) + 0.5 * (mine == theirs)
