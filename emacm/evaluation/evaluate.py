@@ -131,9 +131,10 @@ def evaluate(
         healthy, or any other that is correct for the healthy state). Mean cost of a decision on
         these recordings (``expected_cost``), in the unit of `cost`. With `predict_proba`: mean cost
         that was paid (``realised_cost``) and mean cost that the probabilities predict for the same
-        decisions (``predicted_cost``), where the true classes have the classifier's `priors` as weights; log loss [nats], Brier score (0 to 2)
-        and expected calibration error (0 to 1): the mean over the recordings of the difference of
-        confidence and frequency in ten bins of equal width of the highest posterior [1]_.
+        decisions (``predicted_cost``), where the true classes have the classifier's `priors` as
+        weights; log loss [nats], Brier score (0 to 2) and expected calibration error (0 to 1): the
+        mean over the recordings of the difference of confidence and frequency in ten bins of equal
+        width of the highest posterior [1]_.
 
     Warns
     -----
