@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_finite_readings, check_number, check_table
+from emacm._checks import check_finite_readings, check_number, check_table, column_sizes
 from emacm._saved import SavedEstimator
 from emacm.monitoring.baseline_run_length import RunLength, stated_run_length
 from emacm.monitoring.run_lengths import (
@@ -109,8 +109,10 @@ class _Chart(SavedEstimator):
         X = self._table(X, ensure_min_samples=2)
         numbers = _group_numbers(groups, X)
         order = np.argsort(numbers, kind="stable")
-        self.mean_ = X.mean(axis=0)
-        scale = X.std(axis=0, ddof=1)
+        sizes = column_sizes(X)
+        X = X / sizes
+        self.mean_ = X.mean(axis=0) * sizes
+        scale = X.std(axis=0, ddof=1) * sizes
         constant = scale <= 1e-12 * np.abs(self.mean_)
         if constant.all():
             raise ValueError(

@@ -13,9 +13,9 @@ from sklearn.base import TransformerMixin
 from sklearn.covariance import LedoitWolf
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_count, check_number, check_table
+from emacm._checks import check_count, check_number, check_table, column_sizes
 from emacm._saved import SavedEstimator
-from emacm.recordings.meta import read_meta
+from emacm.recordings.meta import read_grouping, read_meta
 
 Array = NDArray[np.float64]
 
@@ -130,6 +130,8 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         rows = list(range(len(X)))
         blocks = rows if groups is None else read_meta(X, groups, role="groups", arrays=True)
         self._baselines = _Baselines.of(X, own, self.min_baseline)
+        if not self._baselines.total.any():
+            raise ValueError(f"X has no variation in any of {X.shape[1]} features. Use others.")
         self.units_ = tuple(self._baselines.means)
         self.left_out_ = pd.DataFrame(
             [*_without_groups(X, own, blocks, self.min_baseline)],
@@ -237,6 +239,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         """Return the rows of `trend` in the order of X."""
         X, own = self._checked(X, units)
         when = read_meta(X, times, role="times", arrays=True)
+        read_grouping(times, X, "times", "time")  # refuses times without an order
         labels = ["all"] * len(X) if own is None else own
         limits = {unit: self.limit(unit) for unit in dict.fromkeys(labels)}
         index = self._baselines.distances(X, own)
@@ -284,7 +287,7 @@ class _Baselines:
         """Estimate the baselines of healthy recordings."""
         if units is None:
             mean = X.mean(axis=0)
-            factor = _factor(X - mean, len(X) - 1)
+            factor = _factor(X - mean, X, len(X) - 1)
             return cls({}, mean, len(X), factor, factor)
         labels = pd.Index(units)
         codes, names = pd.factorize(labels)
@@ -298,8 +301,8 @@ class _Baselines:
             for k, name in enumerate(names.tolist())
             if counts[k] >= min_baseline
         }
-        within = _factor(X - means[codes], len(X) - len(names))
-        total = _factor(X - mean, max(len(X) - 1, 1))
+        within = _factor(X - means[codes], X, len(X) - len(names))
+        total = _factor(X - mean, X, max(len(X) - 1, 1))
         return cls(own, mean, len(names), within, total)
 
     def distances(self, X: Array, units: list[Any] | None) -> Array:
@@ -311,18 +314,25 @@ class _Baselines:
             known = unit is not None and unit in self.means
             mean, count = self.means[unit] if known else (self.mean, self.n_units)
             factor = self.within if known else self.total
-            white = (X[rows] - mean) @ factor
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares = np.sum(((X[rows] - mean) @ factor) ** 2, axis=1)
+            if not np.isfinite(squares).all():
+                raise ValueError(
+                    f"the features of recording {np.flatnonzero(rows)[~np.isfinite(squares)][0]} "
+                    f"are so far away that distances overflow. Check them and their units."
+                )
             used = max(np.count_nonzero(factor.any(axis=1)), 1)
             # A baseline of few recordings is itself uncertain.
-            found[rows] = np.sqrt(np.sum(white**2, axis=1) / used / (1 + 1 / count))
+            found[rows] = np.sqrt(squares / used / (1 + 1 / count))
         return found
 
 
-def _factor(residuals: Array, divisor: int) -> Array:
+def _factor(residuals: Array, X: Array, divisor: int) -> Array:
     """Return P with P P' = inverse of the shrunk covariance of residuals; 0 for constant ones."""
     count, width = residuals.shape
-    scale = np.sqrt(np.sum(residuals**2, axis=0) / max(divisor, 1))
-    used = scale > 1e-12 * (np.abs(residuals).max(initial=0.0) + np.finfo(np.float64).tiny)
+    sizes = column_sizes(X)
+    scale = np.sqrt(np.sum((residuals / sizes) ** 2, axis=0) / max(divisor, 1)) * sizes
+    used = scale > 1e-12 * sizes
     factor = np.zeros((width, width))
     if divisor < 1 or not used.any():
         return factor

@@ -222,6 +222,16 @@ def test_invalid_readings_are_named():
         EWMA().fit(np.ma.masked_less(np.eye(3), 0.5))
 
 
+@pytest.mark.parametrize("exponent", [-1000, -600, 600, 1000])
+def test_readings_may_be_in_any_unit(exponent):
+    readings = np.random.default_rng(6).standard_normal((60, 2))
+    factors = np.ldexp(1.0, [exponent, 0])
+    plain, scaled = (EWMA(0.2, 3.0).fit(x) for x in (readings, readings * factors))
+    assert scaled.run_length_ == plain.run_length_
+    found = scaled.update(readings * factors).statistic
+    np.testing.assert_array_equal(found, plain.update(readings).statistic)
+
+
 def test_a_weight_may_be_any_number():
     readings = np.random.default_rng(5).standard_normal((60, 2))
     plain, exact = (EWMA(weight, 3.0).fit(readings) for weight in (0.2, Fraction(1, 5)))

@@ -169,6 +169,40 @@ def test_invalid_labels_are_refused(options, error, message):
         HealthIndex().fit(healthy(np.random.default_rng(0)), **({"groups": range(24)} | options))
 
 
+@pytest.mark.parametrize("exponents", [(0, 0, -50, 50), (600, 600, -600, -600), (0, 0, 0, -900)])
+def test_features_may_be_in_any_units(exponents):
+    X, units = healthy(np.random.default_rng(0)), np.arange(24) // 6
+    factors = np.ldexp(1.0, exponents)
+    plain, scaled = (
+        HealthIndex(0.2, min_baseline=3).fit(x, groups=range(24), units=units)
+        for x in (X, X * factors)
+    )
+    new = X[:5] + 1.0
+    np.testing.assert_array_equal(scaled.transform(new * factors), plain.transform(new))
+    np.testing.assert_array_equal(
+        scaled.transform(new * factors, units[:5]), plain.transform(new, units[:5])
+    )
+
+
+def test_features_without_variation_or_too_far_away_are_refused():
+    with pytest.raises(ValueError, match=r"no variation in any of 4 features. Use"):
+        HealthIndex(0.2).fit(np.ones((24, 4)), groups=range(24))
+    X = healthy(np.random.default_rng(0))
+    index = HealthIndex(0.2).fit(X, groups=range(24))
+    with pytest.raises(ValueError, match="features of recording 1 are so far away"):
+        index.transform([X[0], np.full(4, 1e300)])
+
+
+@pytest.mark.parametrize(
+    "times", [[1, "a", 3], [pd.Timestamp("2024", tz="UTC"), pd.Timestamp("2025"), pd.Timestamp(0)]]
+)
+def test_times_without_an_order_are_refused(times):
+    X = healthy(np.random.default_rng(0))
+    index = HealthIndex(0.2).fit(X, groups=range(24))
+    with pytest.raises(TypeError, match="times must hold labels of one kind, got"):
+        index.trend(X[:3], times)
+
+
 def test_masked_features_are_refused():
     X = healthy(np.random.default_rng(0))
     index = HealthIndex(0.2).fit(X, groups=range(24))
