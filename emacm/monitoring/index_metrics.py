@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import rankdata
 
-from emacm._checks import check_finite, check_real_array
+from emacm._checks import check_finite, check_real_array, column_sizes
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,8 @@ def trendability(indices: Sequence[ArrayLike], *, ranks: bool = False) -> float:
     for number, row in enumerate(rows):
         if np.ptp(row) == 0:
             raise ValueError(f"the index of unit {number} is constant; it has no trend.")
-    rows = [rankdata(row) for row in rows] if ranks else rows
+    # In units of each, whose squares are finite whatever the unit of an index is.
+    rows = [rankdata(row) if ranks else row / column_sizes(row) for row in rows]
     return float(np.abs(np.corrcoef(rows)).min())
 
 

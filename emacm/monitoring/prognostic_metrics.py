@@ -216,9 +216,10 @@ def crps(true: ArrayLike, draws: ArrayLike) -> Array:
     """
     true = check_real_array(true, "true").astype(np.float64)
     x = np.sort(check_real_array(draws, "draws").astype(np.float64), axis=-1)
-    if x.ndim != 2 or true.shape != x.shape[:1]:
+    if x.ndim != 2 or true.shape != x.shape[:1] or not x.shape[1]:
         raise ValueError(
-            f"draws must have one row for each of {true.size} true values, got shape {x.shape}."
+            f"draws must have one row for each of {true.size} true values, and at least one draw "
+            f"in each, got shape {x.shape}."
         )
     if not (np.isfinite(true).all() and np.isfinite(x).all()):
         raise ValueError("true and draws must be finite. Replace infinite lives by a longest one.")
@@ -254,20 +255,27 @@ def coverage_by_unit(
     Raises
     ------
     TypeError, ValueError
-        If the lengths differ or `true` is not finite.
+        If the lengths differ, `true` is not finite, a limit is NaN or `lower` above `upper`.
 
     Examples
     --------
     >>> coverage_by_unit([5, 6, 2], [4, 4, 3], [7, 9, 8], ["B", "B", "A"])["coverage"].to_dict()
     {'A': 0.0, 'B': 1.0, 'all': 0.5}
     """
+    confidence = check_number(confidence, "confidence", above=0, below=1)
     true = check_real_array(true, "true").astype(np.float64)
     check_finite(true, "true")
-    low, high = (np.asarray(limit, dtype=np.float64) for limit in (lower, upper))
+    low = check_real_array(lower, "lower").astype(np.float64)
+    high = check_real_array(upper, "upper").astype(np.float64)
     if not true.shape == low.shape == high.shape:
         raise ValueError(
             f"true, lower and upper must have the same length, got shapes {true.shape}, "
             f"{low.shape} and {high.shape}."
+        )
+    if not (low <= high).all():
+        row = int(np.argmin(low <= high))
+        raise ValueError(
+            f"lower must be at most upper, got {low[row]:g} and {high[row]:g} in row {row}."
         )
     grouping = read_grouping(groups, true, "groups", "unit")
     if grouping is None:

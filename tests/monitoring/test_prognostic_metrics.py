@@ -61,6 +61,8 @@ def test_indices_have_the_known_metrics():
     assert trendability([rising, -5 * rising[::3]]) == pytest.approx(1)
     assert trendability([rising, rising**3], ranks=True) == pytest.approx(1)
     assert trendability([rising, np.sin(np.linspace(0, 2 * np.pi, 9)) ** 2]) < 0.2
+    scaled = [1e200 * rising, 1e-200 * rising**3]
+    assert trendability(scaled) == pytest.approx(trendability([rising, rising**3]), rel=1e-12)
     assert prognosability([rising, rising + 7 * (rising == 0)]) == 1
     assert prognosability([[0, 4.0], [0, 6.0]]) == pytest.approx(np.exp(-np.sqrt(2) / 5))
 
@@ -90,7 +92,11 @@ def test_coverage_counts_units_and_not_readings():
         (lambda: trendability([[1.0, 2.0], [3.0, 3.0]]), "unit 1 is constant"),
         (lambda: monotonicity([[1.0]]), "at least two readings"),
         (lambda: crps([1.0], [[np.inf, 1.0]]), "must be finite"),
+        (lambda: crps([1.0], np.empty((1, 0))), "at least one draw in each, got shape"),
         (lambda: coverage_by_unit([1.0], [0.0, 0.0], [1.0], ["A"]), "the same length"),
+        (lambda: coverage_by_unit([1.0, 1], [0.0, 3], [1.0, 2], "AB"), "got 3 and 2 in row 1"),
+        (lambda: coverage_by_unit([1.0], [np.nan], [1.0], ["A"]), "got nan and 1 in row 0"),
+        (lambda: coverage_by_unit([1.0], [0], [1], ["A"], confidence=1), "confidence must be"),
     ],
 )
 def test_invalid_values_are_refused(call, message):
