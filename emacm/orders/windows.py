@@ -65,7 +65,7 @@ def detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floati
 def _named_window(window: Any, length: int) -> NDArray[np.floating]:
     try:
         values = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
-    except (ValueError, TypeError, IndexError, AttributeError) as error:
+    except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
         raise ValueError(
             f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
             f"('kaiser', 8.0); got {window!r}: {error}"

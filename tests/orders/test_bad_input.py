@@ -261,7 +261,16 @@ CASES = [
             repr(window),
             "scipy.signal.get_window",
         )
-        for window in ["best", ("best", 3), "kaiser", ("kaiser",), ("kaiser", "x"), ("hann", 3), ()]
+        for window in [
+            "best",
+            ("best", 3),
+            "kaiser",
+            ("kaiser",),
+            ("kaiser", "x"),
+            ("kaiser", 10**400),
+            ("hann", 3),
+            (),
+        ]
     ],
     Case("a window of nan", lambda: psd(window=("kaiser", np.nan)), V, "window", "finite"),
     Case(
