@@ -94,7 +94,7 @@ def cost_parameters(estimator: Any) -> dict[str, Any]:
     >>> cost_parameters(make_pipeline(CostSensitiveGaussianBayes(cost={("a", "b"): 10})))
     {'costsensitivegaussianbayes__cost': {('a', 'b'): 10}}
     """
-    parameters = estimator.get_params(deep=True) if hasattr(estimator, "get_params") else {}
+    parameters = estimator.get_params() if hasattr(estimator, "get_params") else {}
     return {name: value for name, value in parameters.items() if name.rpartition("__")[2] == "cost"}
 
 
@@ -157,7 +157,7 @@ def _of_deciders(estimator: Any, name: str) -> dict[str, Any]:
     """
     owners = [cost.removesuffix("cost") for cost in cost_parameters(estimator)]
     outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
-    given = estimator.get_params(deep=True) if owners else {}
+    given = estimator.get_params() if owners else {}
     names = [owner + name for owner in outer if given.get(owner + name) is not None]
     return {name: given[name] for name in names}
 

@@ -168,7 +168,7 @@ class LeastRiskClassifier(
             fit_params = self._groups_of_estimator(groups) | fit_params
         fit_params = self._fit_params(sample_weight, fit_params)
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
-        weight = positive_weights(weights[0] if weights else None, len(y))
+        weight = positive_weights(weights[-1] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)
         truth_priors(self.priors, classes, counts, self.unknown)
         fitted = clone(self.estimator).fit(X, y, **fit_params)

@@ -141,7 +141,7 @@ def groups_are_units(estimator: Any) -> bool:
     [False, True]
     """
     last = final_estimator(estimator)
-    inner = None if hasattr(last, "groups_are_units") else getattr(last, "estimator", None)
+    inner = getattr(last, "estimator", None)
     return getattr(last, "groups_are_units", False) if inner is None else groups_are_units(inner)
 
 

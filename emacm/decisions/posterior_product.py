@@ -125,8 +125,8 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
                 fitted[name] = LeastRiskClassifier(member).fit(X, y, sample_weight, known)
         self._members = fitted
         self.classes_ = next(iter(fitted.values())).classes_
-        self.estimators_ = [member.estimator_ for member in fitted.values()]
-        self.named_estimators_ = Bunch(**dict(zip(fitted, self.estimators_, strict=True)))
+        self.named_estimators_ = Bunch(**{name: m.estimator_ for name, m in fitted.items()})
+        self.estimators_ = list(self.named_estimators_.values())
         self._cost_table()
         self._check_priors()
         return self
@@ -139,8 +139,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     @property
     def priors_(self) -> Array:
         """Prior probabilities in effect, shape (n_classes,)."""
-        own = self.member_priors_[0]
-        return own if self.priors is None else class_priors(self.priors, self.classes_, own)
+        return class_priors(self.priors, self.classes_, self.member_priors_[0])
 
     def predict_log_proba(self, X):
         """Return the logarithm of the combined posterior, shape (n_recordings, n_classes)."""
@@ -209,7 +208,7 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
         return members
 
     def _check_priors(self) -> None:
-        own = dict(zip(self._members, self.member_priors_, strict=True))
+        own = {name: member.priors_ for name, member in self._members.items()}
         if self.priors is None:
             check_equal_priors(own, self.classes_)
         for name, prior in own.items():

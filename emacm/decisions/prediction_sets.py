@@ -87,7 +87,7 @@ def probability_threshold(
         )
     with np.errstate(divide="ignore"):
         posterior = softmax(left_out.log_densities / temperature + np.log(priors), axis=1)
-    own = np.take_along_axis(posterior, left_out.codes[:, np.newaxis], axis=1)[:, 0]
+    own = posterior[np.arange(len(posterior)), left_out.codes]
     own[own == posterior.max(axis=1)] = 1.0  # always in the set
     weight = 1 / np.bincount(numbers)[numbers]
     shares = np.bincount(left_out.codes, weight, len(priors))

@@ -71,7 +71,5 @@ def unknown_probability(typicality: Array, prior: float) -> Array:
     >>> unknown_probability(np.array([1.0, 0.01, 1e-6]), 0.01).round(3)
     array([0.005, 0.043, 0.981])
     """
-    if prior == 1:
-        return np.ones_like(typicality)
-    odds = prior / (1 - prior) * evidence_for_unknown(typicality)
-    return np.where(np.isinf(odds), 1.0, odds / (1 + odds))
+    unknown = prior * evidence_for_unknown(typicality)
+    return unknown / (1 - prior + unknown)

@@ -47,6 +47,15 @@ def test_measurements_are_no_classes(fit):
         fit(np.arange(8.0).reshape(4, 2), [0.5, 0.5, 1.5, 1.5])
 
 
+def test_each_recording_has_a_class_and_priors_fit_before_a_classifier_is_fitted():
+    with pytest.raises(ValueError, match=r"inconsistent numbers of samples: \[4, 3\]"):
+        LeastRiskClassifier(Trusting()).fit(np.zeros((4, 2)), ["dry", "new", "new"])
+    trusting = Trusting()
+    trusting.fit = None
+    with pytest.raises(ValueError, match="must add up to 1"):
+        LeastRiskClassifier(trusting, priors=[0.5, 0.6]).fit(np.zeros((2, 2)), CLASSES)
+
+
 def test_two_recordings_are_enough_and_one_is_not():
     model = CostSensitiveGaussianBayes().fit([[1.0], [3.0]], ["new", "new"])
     assert model.covariances_.tolist() == [[[2.0]]]

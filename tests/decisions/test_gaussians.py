@@ -1,5 +1,6 @@
 """Facts about Gaussian classes: moments, shrinkage, singular covariances, densities."""
 
+import math
 import re
 
 import numpy as np
@@ -63,13 +64,14 @@ def test_a_tied_covariance_divides_by_recordings_less_classes():
 
 
 @pytest.mark.parametrize(("roundings", "singular"), [(0.95, True), (1.05, False)])
-def test_a_covariance_is_singular_within_the_rounding_of_its_size(roundings, singular):
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_a_covariance_is_singular_within_the_rounding_of_its_size(roundings, singular, unit):
     # Two of n features correlate by 1 - gap: the eigenvalues are gap, 2 - gap and n - 2 ones.
     n_features = 40
     gap = 2 * roundings * 10 * n_features * np.finfo(float).eps
     covariance = np.eye(n_features)
     covariance[3, 7] = covariance[7, 3] = 1 - gap
-    assert is_singular(covariance) is singular
+    assert is_singular(covariance * unit**2) is singular
 
 
 def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
@@ -110,6 +112,18 @@ def test_moments_of_two_kinds_do_not_merge():
         ValueError, match=r"same kind of scatter, got the shapes \(3, 4, 4\) and \(1, 4, 4\)"
     ):
         class_moments(X, codes, 3).merge(class_moments(X, codes, 3, pooled=True))
+    one = np.zeros(60, int)
+    for first, second in ((KINDS[0], KINDS[2]), (KINDS[1], KINDS[3]), (KINDS[0], KINDS[1])):
+        with pytest.raises(ValueError, match="same kind of scatter"):
+            class_moments(X, one, 1, **first).merge(class_moments(X, one, 1, **second))
+
+
+def test_means_are_accurate_to_the_last_digits():
+    X = 1e6 + np.random.default_rng(4).normal(size=(4000, 2))
+    weight = np.random.default_rng(5).integers(1, 4, 4000).astype(float)
+    found = class_moments(X, np.zeros(4000, int), 1, sample_weight=weight).means[0]
+    exact = [math.fsum(column * weight) / weight.sum() for column in X.T]
+    np.testing.assert_allclose(found, exact, rtol=1e-15)
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.1, 7))
@@ -132,8 +146,9 @@ def test_features_whose_square_overflows_are_refused_with_their_position():
 def test_the_largest_features_and_the_smallest_deviations_are_allowed():
     X = np.array([[1e150, 0.0], [-1e150, 1e-140], [0.0, 2e-140]])
     assert np.isfinite(class_moments(X, np.zeros(3, int), 1).scatter).all()
-    X[1:, 1] = 3e-140, 1.5e-140
-    class_moments(X, np.zeros(3, int), 1)
+    for few in ((3e-140, 1.5e-140), (1.8e-140, 1.8e-140), (1.8e-140, 0.0)):
+        X[1:, 1] = few  # the largest deviation is negative, or positive
+        class_moments(X, np.zeros(3, int), 1)
     for sign, place in ((1, (1, 0)), (-1, (2, 1))):
         bad = np.zeros((3, 2))
         bad[place] = sign * 1.001e150
@@ -423,6 +438,14 @@ def test_an_eigenvalue_beyond_the_range_of_noise_is_that_which_its_origin_causes
     origin = found[1] / level
     assert level * origin * (1 + ratio / (origin - 1)) == pytest.approx(largest, rel=1e-10)
     np.testing.assert_allclose(found[[0, 2, 3, 4]], (4 + largest - found[1]) / 4, rtol=1e-10)
+
+
+def test_eigenvalues_are_corrected_alike_in_any_unit():
+    for values in ([9.0, 1.4, 1.1, 0.9, 0.6], [5.0, 4.0, 3.0, 2.0, 0.1, 0.05], [3.0, 1.0]):
+        expected = population_eigenvalues(values, 12)
+        for unit in (1e-9, 1e-3, 1e3, 1e9):
+            found = population_eigenvalues(unit * np.array(values), 12)
+            np.testing.assert_allclose(found, unit * expected, rtol=1e-10)
 
 
 def test_eigenvalues_of_which_most_are_0_or_all_are_stay_finite():

@@ -82,6 +82,11 @@ def test_mixed_labels_keep_their_types():
     assert label_array(["b", 1], ["b", "a"]).tolist() == ["b", 1]
 
 
+def test_labels_of_a_series_are_those_of_its_array():
+    days = pd.Series(pd.to_datetime(["2024-01-02", "2024-01-01"]))
+    assert label_list(days) == label_list(days.to_numpy()) == days.to_numpy().tolist()
+
+
 def test_labels_form_one_dimension():
     with pytest.raises(ValueError, match=r"y must be one-dimensional, got shape \(1, 2\)"):
         label_list([["a", "b"]])

@@ -249,6 +249,23 @@ def test_weights_reach_the_estimator_and_its_prior():
     )
 
 
+def test_priors_are_weighted_as_the_last_step():
+    weight, of_scaler = np.where(Y == "dry", 3.0, 1.0), np.linspace(1, 2, len(X))
+    model = LeastRiskClassifier(make_pipeline(StandardScaler(), LogisticRegression()))
+    model.fit(X, Y, weight, standardscaler__sample_weight=of_scaler)
+    np.testing.assert_allclose(model.priors_, np.array([27, 20, 14]) / 61)
+
+
+def test_decisions_keep_one_type_whatever_is_decided():
+    numbers = np.searchsorted(sorted(STATES), Y)
+    cost = {("inspect", k): 0.3 for k in range(3)}
+    model = CostSensitiveGaussianBayes(cost).fit(X, numbers)
+    certain = model.means_[[2]] + [[5.0, 0, 0]]
+    assert model.predict(certain).tolist() == [2]
+    assert model.predict(certain).dtype == object
+    assert set(model.predict(LATER)) == {0, 1, 2, "inspect"}
+
+
 def test_arguments_of_fit_reach_a_step_and_are_routed():
     pipe = make_pipeline(StandardScaler(), GaussianNB())
     weight = np.arange(len(Y)) % 4
@@ -329,7 +346,7 @@ def test_classes_in_a_column_are_taken_with_a_warning_and_infinite_ones_are_refu
     with pytest.warns(DataConversionWarning, match="column-vector y was passed"):
         model.fit(X, Y[:, np.newaxis])
     numbers = np.where(Y == "dry", np.inf, 1.0)
-    with pytest.raises(ValueError, match="contains infinity"):
+    with pytest.raises(ValueError, match="Input y contains infinity"):
         model.fit(X, numbers)
 
 

@@ -75,7 +75,7 @@ def test_densities_without_a_group_equal_those_of_a_fit_to_the_others(seed, cova
 
 
 @pytest.mark.parametrize("covariance", ["full", "diag"])
-@pytest.mark.parametrize("shrinkage", [None, 1e-5, 0.02, 0.3, 1.0, "oas"])
+@pytest.mark.parametrize("shrinkage", [None, 1e-15, 1e-5, 0.02, 0.3, 1.0, "oas"])
 @pytest.mark.parametrize(("outlier", "n_features"), [(1.0, 20), (1e7, 20), (1.0, 60)])
 def test_so_do_those_of_classes_with_fewer_recordings_than_features(
     covariance, shrinkage, outlier, n_features
@@ -368,3 +368,26 @@ def test_a_class_of_one_group_with_large_weights_is_not_seen_without_it():
     training = Training(once.X, once.codes, once.groups, weight, 3)
     found = remaining(training, "tied").log_densities("tied", 0.2)
     assert_array_equal(np.isfinite(found[:, 1]), once.groups != 7)
+
+
+@pytest.mark.parametrize("covariance", ["full", "diag"])
+@pytest.mark.parametrize("shrinkage", [None, 0.3, "oas"])
+def test_equal_recordings_are_raised_to_the_floor_and_a_total_weight_of_1_is_too_little(
+    covariance, shrinkage
+):
+    rng = np.random.default_rng(5)
+    codes = np.repeat([0, 1, 2], [12, 3, 4])
+    groups = np.append(np.arange(15) % 3, [0, 0, 1, 1])
+    X = rng.normal(size=(19, 6))
+    X[codes == 1] = X[12]
+    training = Training(X, codes, groups, np.where(codes == 2, 0.5, 1.0), 3)
+    found = remaining(training, covariance, shrinkage).log_densities(covariance, shrinkage)
+    for group in range(3):
+        rows = groups == group
+        expected = fitted_anew(training.take(~rows), covariance, shrinkage or 0.0)
+        densities = expected.log_densities(X[rows])
+        assert_allclose(found[rows][:, :2], densities[:, :2], rtol=1e-6)
+        if group < 2:
+            assert_array_equal(found[rows, 2], -np.inf)
+        else:
+            assert_allclose(found[rows, 2], densities[:, 2], rtol=1e-6)

@@ -98,6 +98,11 @@ def test_costs_that_differ_by_rounding_are_equally_cheap():
     assert correct_decisions(["fly", "ground"], [4, 2], cost)[4] == ("fly", "ground")
 
 
+def test_rounding_is_that_of_the_costs_of_one_class():
+    correct = correct_decisions(["fly", "ground"], [4, 2], [[0.0, 7e9], [1e-6, 1e9]])
+    assert (correct[4], correct[2]) == (("fly",), ("ground",))
+
+
 def test_where_all_decisions_are_free_each_of_them_is_correct():
     correct = correct_decisions(["fly", "ground"], [4, 2], [[0.0, 7.0], [0.0, 1.0]])
     assert correct[4] == ("fly", "ground")

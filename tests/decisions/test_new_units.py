@@ -158,6 +158,33 @@ def test_densities_of_a_unit_are_those_of_scipy():
     np.testing.assert_allclose(again.means, together.means, atol=1e-12)
 
 
+@pytest.mark.parametrize("n_features", [1, 3])
+def test_units_without_a_difference_have_the_covariance_within_classes(n_features):
+    rng = np.random.default_rng(4)
+    units, codes = np.repeat(np.arange(6), 4), np.repeat([0, 1, 0, 1, 0, 1], 4)
+    X = rng.normal(size=(24, n_features))
+    X -= np.array([X[units == unit].mean(axis=0) for unit in range(6)])[units]
+    X += 5 * codes[:, np.newaxis]
+    plain = np.cov(rng.normal(size=(9, n_features)).T).reshape(n_features, n_features)
+    levels = fit_unit_levels(X, codes, units, plain, 0.0)
+    assert not levels.covariances.any()
+    assert not levels.between.any()
+    np.testing.assert_allclose(levels.within, plain)
+    # Differences between classes are shrunk, the level of all of them is not.
+    levels_of_classes = levels.directions @ levels.means[:, :2]
+    np.testing.assert_allclose(levels_of_classes.mean(axis=1), 2.5)
+
+
+def test_one_degree_of_freedom_is_enough():
+    X, none = np.array([[1.0], [4.0], [9.0]]), np.zeros(3, int)
+    parts = unit_scatter(X, none, np.array([0, 0, 1]))
+    assert parts.within == pytest.approx(np.array([[4.5]]))  # 2 * 1.5^2
+    assert parts.between == pytest.approx(np.array([[2 * (2.5 - 14 / 3) ** 2 + (9 - 14 / 3) ** 2]]))
+    assert (parts.between_divisor, parts.multiplicity) == (1, pytest.approx(3 - 5 / 3))
+    with pytest.raises(ValueError, match="no unit has recordings beyond one"):
+        unit_scatter(X, none, np.arange(3))
+
+
 def test_one_class_alone_has_levels_too():
     X, _, units, *_ = dense(n_features=1)
     codes = np.zeros(18, int)

@@ -137,3 +137,5 @@ def test_one_step_before_the_last_is_enough_to_change_the_input():
     final, table = before_the_last_step(model, X)
     np.testing.assert_array_equal(table, X**2)
     assert final is model[-1]
+    longer = make_pipeline(FunctionTransformer(np.square), FunctionTransformer(np.sqrt), model)
+    np.testing.assert_allclose(before_the_last_step(longer.fit(X, Y), X)[1], X**2)

@@ -35,6 +35,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
+    NewUnitClassifier,
     OrderPSD,
     OrderResampler,
     PosteriorProduct,
@@ -227,6 +228,8 @@ def test_different_priors_of_members_are_refused_unless_one_is_stated():
     with pytest.raises(ValueError, match=message):
         fused.fit(X, y)
     fused.set_params(priors="uniform").fit(X, y)
+    with pytest.raises(ValueError, match=message):
+        fused.set_params(priors=None).predict(X)
 
 
 def test_priors_that_differ_in_two_classes_only_are_different():
@@ -299,6 +302,8 @@ def test_parameters_of_members_are_those_of_voting():
     names = set(VotingClassifier(members).get_params())
     names -= {"voting", "flatten_transform", "verbose", "weights", "n_jobs"}
     assert set(PosteriorProduct(members).get_params()) - {"priors", "cost"} == names
+    odd = PosteriorProduct([("a", "drop"), ("b", GaussianNB())]).get_params()
+    assert (odd["a"], odd["b__priors"]) == ("drop", None)
 
 
 def test_members_and_their_parameters_are_set_by_name():
@@ -556,8 +561,11 @@ def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
             ValueError,
             r"pair \(name, classifier\), got \[\(1, ",
         ),
+        ({"estimators": [("a", GaussianNB()), (1, None)]}, ValueError, r"pair \(name, classifier"),
+        ({"estimators": [("a", GaussianNB()), "abc"]}, ValueError, r"pair \(name, classifier"),
         ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
         ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
+        ({"estimators": [(n, GaussianNB()) for n in ("a", "b__c")]}, ValueError, "no '__'"),
         (
             {"estimators": [("cost", GaussianNB())]},
             ValueError,
@@ -655,5 +663,7 @@ def test_members_that_learn_from_groups_get_them():
     alone = clone(of_groups).fit(X, y, costsensitivegaussianbayes__groups=units)
     assert product.needs_groups
     assert not product.groups_are_units
+    new_units = ("new", NewUnitClassifier())
+    assert PosteriorProduct([*product.estimators, new_units]).groups_are_units
     assert product.named_estimators_["current"][-1].temperature_ == alone[-1].temperature_
     assert product.named_estimators_["position"][-1].temperature_ == 1

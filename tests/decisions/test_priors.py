@@ -76,6 +76,6 @@ def test_members_have_equal_priors_but_for_rounding():
         check_equal_priors({"a": first, "b": np.full(3, 1 / 3)}, CLASSES)
     limit = {"a": np.array([0.0, 1.0]), "b": np.array([1e-6, 1 - 9e-7])}  # 1e-6, to the last bit
     check_equal_priors(limit, CLASSES[:2])
-    for step in ([0, 2e-6, -1e-7], [0, 1e-7, -2e-6]):
+    for step in ([0, 1.2e-6, -1e-7], [0, 1e-7, -1.2e-6]):
         with pytest.raises(ValueError, match=r"'a' has \[0.2, 0.3, 0.5\], 'd' has \[0.2, 0\.3"):
             check_equal_priors({"a": first} | others | {"d": first + step}, CLASSES)

@@ -110,3 +110,11 @@ def test_risks_tie_within_a_fraction_of_the_least(gap):
         posterior = [[0.5, scale * (1 + gap), scale]]
         cost = [[0.0, 1, 0], [0, 0, 1], [1, 1, 1]]
         assert least_risk(posterior, cost) == [0 if gap < 1e-12 else 1]
+
+
+def test_canonical_costs_are_from_0_to_1_in_any_unit_and_from_any_zero():
+    for unit in (1e-300, 1e-9, 1.0, 1e300):
+        found = canonical_cost(unit * np.array([[5.0, 20.0], [7.0, 15.0], [6.0, 16.0]]))
+        np.testing.assert_allclose(found, [[0, 1], [0.4, 0], [0.2, 0.2]], rtol=1e-12)
+    np.testing.assert_array_equal(canonical_cost([[3, 4], [3, 4]]), 0)
+    np.testing.assert_array_equal(canonical_cost([[0, 0], [0, 0]]), 0)

@@ -72,6 +72,8 @@ def test_perfect_separation_and_pure_contradiction_end_at_the_limits():
     scores, weight, priors = np.array([[0.0, -5.0], [-5.0, 0.0]]), np.ones(2), np.full(2, 0.5)
     assert fit_temperature(scores, np.array([0, 1]), weight, priors) == pytest.approx(1e-6)
     assert fit_temperature(scores, np.array([1, 0]), weight, priors) == pytest.approx(1e6)
+    small = 1e-10 * scores  # the loss falls up to the limit
+    assert fit_temperature(small, np.array([0, 1]), weight, priors) == pytest.approx(1e-6)
 
 
 def test_one_class_or_no_recording_has_no_temperature():

@@ -286,7 +286,7 @@ def test_without_an_unknown_state_the_cost_is_that_of_the_classes():
 
 
 def test_a_decision_with_a_cost_for_the_unknown_state_only_is_an_error():
-    with pytest.raises(ValueError, match=r"'inspect'.*every class"):
+    with pytest.raises(ValueError, match=r"'inspect', .* classes \['dry', 'healthy', 'worn'\]: it"):
         truth_cost_table({("inspect", "new"): 0.1}, CLASSES, "new")
 
 
@@ -307,6 +307,8 @@ def test_priors_may_contain_the_unknown_state():
         of_classes, of_unknown = truth_priors(priors, CLASSES, np.ones(3), "new")
         np.testing.assert_allclose(of_classes, [0.1, 0.7, 0.2])
         assert of_unknown == pytest.approx(0.1)
+    of_classes, of_unknown = truth_priors([0.0, 0.5, 0.4, 0.1], CLASSES, np.ones(3), "new")
+    np.testing.assert_allclose(of_classes, [0, 5 / 9, 4 / 9])
     for priors in (None, "uniform", [0.2, 0.3, 0.5], {"worn": 0.5, "dry": 0.2, "healthy": 0.3}):
         assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
 
