@@ -109,8 +109,8 @@ def _values(key: Any, X: Any) -> list[Any]:
 def _sampling_rates(recording: Any) -> Any:
     """Return the sampling rate, or those of the channels if they differ [Hz]."""
     rates = recording.fs
-    distinct = sorted(set(rates.values())) if isinstance(rates, Mapping) else [rates]
-    return distinct[0] if len(distinct) == 1 else tuple(sorted(rates.items()))
+    distinct = set(rates.values()) if isinstance(rates, Mapping) else {rates}
+    return distinct.pop() if len(distinct) == 1 else tuple(sorted(rates.items()))
 
 
 def _levels(values: list[Any]) -> NDArray[np.intp]:

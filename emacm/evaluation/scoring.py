@@ -219,13 +219,11 @@ def scoring_rule(
         raise ValueError(f"unknown = {unknown!r} is a class with recordings. Choose another label.")
     if families is not None:
         correct = correct_families(family_mapping(families, names))
-    elif cost is not None:
+    else:
         decisions, _, matrix = _table(cost, names, unknown)
         is_known = np.array([decision != unknown for decision in decisions])
         known = [decision for decision in decisions if decision != unknown]
         correct = correct_decisions(known, names, matrix[is_known, : len(names)])
-    else:
-        correct = {name: (name,) for name in names}
     order = names
     if families is not None:
         listed = list(dict.fromkeys(decisions[0] for decisions in correct.values()))

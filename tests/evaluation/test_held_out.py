@@ -196,6 +196,10 @@ def test_schemes_that_cannot_be_scored_have_a_row_of_nothing():
     assert list(found.confusions) == ["by hand"]
     assert found.predictions.index.tolist() == list(range(5))
     assert (found.confidence, found.caveats) == (0.9, [])
+    twice = gather([scheme, replace(scheme, name="again")], [decided] * 2, Y, rule, BOOTSTRAP)
+    assert twice.predictions.index.tolist() == list(range(10))
+    assert twice.calibration.index.tolist() == list(range(2 * len(found.calibration)))
+    assert twice.table.index.tolist() == ["by hand", "again"]
     nothing = gather([impossible], [[]], Y, rule, BOOTSTRAP)
     assert nothing.predictions.empty
     assert nothing.calibration.empty
@@ -233,6 +237,13 @@ def test_a_row_of_a_family_left_out_is_that_of_its_recording():
     assert held["is_unknown"].tolist() == [False, False, True, False, True]
     largest = expected[["P(dry)", "P(new)", "P(worn)"]].max(axis=1)
     assert held["confidence"].tolist() == pytest.approx(largest.tolist())
+    stated = [[[0.2, 0.5, 0.3], [0.0, 0.1, 0.9]], [[0.6, 0.3, 0.1], [0.4, 0.3, 0.3], [1.0, 0, 0]]]
+    other = [
+        replace(fold, posterior=pd.DataFrame(table, columns=CLASSES))
+        for fold, table in zip(decided, stated, strict=True)
+    ]
+    of_labels = novelty_predictions(scheme, other, Y, rule)["confidence"]
+    assert of_labels.tolist() == [0.5, 0.9, 0.6, 0.4, 1.0]
     half = [Decided(each.decisions, each.posterior) for each in decided]
     refused = Scheme("dry", [], UNITS, "Too few.")
     found = score_novelty([refused, scheme], [[], decided], Y, rule, BOOTSTRAP)
@@ -244,6 +255,10 @@ def test_a_row_of_a_family_left_out_is_that_of_its_recording():
     assert turned.table.loc["worn", "unknown_called_healthy"] == 1
     without = score_novelty([scheme], [decided], Y, replace(rule, healthy=None), BOOTSTRAP)
     assert "unknown_called_healthy" not in without.table
+    pair = [scheme, replace(scheme, name="dry")]
+    both = score_novelty(pair, [decided, decided], Y, rule, BOOTSTRAP).predictions
+    assert both.index.tolist() == list(range(10))
+    assert both["left_out"].tolist() == ["worn"] * 5 + ["dry"] * 5
     none = score_novelty([scheme], [[decided[0], half[1]]], Y, rule, BOOTSTRAP)
     assert none.table.empty
     assert none.predictions.empty
@@ -273,6 +288,12 @@ def test_a_label_that_is_held_out_without_training_is_named():
     found = given_scheme("later", [masks, ([0, 2], [3])], Y, None, labels, UNITS)
     assert "In 1 of 2 folds a label is absent from training: without fold 0, tr" in found.impossible
     assert [fold.train.tolist() for fold in found.folds] == [[0, 1], [0, 2]]
+    two = group_scheme(Y, ["c", "b", "a", *"ccccc"], UNITS, UNITS, n_splits=None, seed=0)
+    assert two.impossible == (
+        "In 2 of 4 folds a label is absent from training: without unit 5, training has no 'b'."
+    )
+    several = given_scheme("s", [([4], range(4))], Y, None, ["c", "b", "a", *"ccccc"], UNITS)
+    assert "without fold 0, training has no 'b'." in several.impossible
     one = group_scheme(Y, labels, Grouping("bench", np.full(8, 3)), UNITS, n_splits=2, seed=0)
     assert one.impossible == "There is only one bench, 3; two are required."
     assert (one.name, one.folds, one.resampled) == ("by bench", [], UNITS)
@@ -283,6 +304,8 @@ def test_groups_are_left_out_together_only_if_there_are_more_than_folds(n_splits
     y = np.tile(["new", "worn"], 4)
     scheme = group_scheme(y, y.tolist(), UNITS, UNITS, n_splits=n_splits, seed=0)
     assert (len(scheme.folds), scheme.impossible, scheme.name) == (n_folds, "", "by unit")
+    if n_folds == 4:  # one at a time, in their order
+        assert [fold.left_out for fold in scheme.folds] == [f"unit {k}" for k in (5, 6, 7, 8)]
     for fold in scheme.folds:
         left_out = np.unique(UNITS.labels[fold.test])
         assert fold.left_out == "unit " + ", ".join(map(str, left_out))
@@ -321,7 +344,9 @@ def test_up_to_four_groups_left_out_are_listed(n_groups, listed):
         (([5, -1], [1]), "train must contain positions 0 to 7, got -1 to 5"),
         (([0], [3, 8]), "test must contain positions 0 to 7, got 3 to 8"),
         (([0, 4, 4], [1]), "train has recording 4 more than once"),
+        (([6, 4, 0, 6, 4], [1]), "train has recording 4 more than once"),
         (([0, 3, 4], [5, 4]), "fold 0 has recording 4 in train and in test"),
+        (([0, 3, 4], [4, 3]), "fold 0 has recording 3 in train and in test"),
     ],
 )
 def test_a_fold_has_two_parts_of_different_recordings(pair, message):
@@ -358,6 +383,39 @@ def test_runs_are_resampled_before_units_and_single_recordings():
         resampled({"runs": runs}, {"by run": later["later"]})
     with pytest.raises(TypeError, match="splits must map names to splits"):
         resampled({}, [later["later"]])
+
+
+def test_two_names_that_are_taken_are_refused_by_the_first():
+    groupings = {"runs": UNITS, "units": None, "conditions": None}
+    pair = (np.arange(4), np.arange(4, 8))
+    with pytest.raises(ValueError, match="two hold-out schemes have the name 'random split'"):
+        all_schemes(Y, ["a"] * 8, groupings, {RANDOM: pair, "by unit": pair}, 3, 0)
+
+
+def test_no_scheme_is_the_strictest_if_none_can_be_scored():
+    groupings = {"runs": None, "units": UNITS}
+    schemes = [Scheme(name, [], UNITS, "No.") for name in (RANDOM, "by unit")]
+    assert strictest_scheme(schemes, groupings) is None
+    assert strictest_scheme([*schemes[1:], Scheme(RANDOM, [], UNITS)], groupings).name == RANDOM
+
+
+class Splitter:
+    """Notes what it is given, and holds out the second half."""
+
+    def split(self, X, y, groups):
+        self.given = X, y, groups
+        yield np.arange(4), np.arange(4, 8)
+
+
+def test_a_splitter_is_given_a_table_the_classes_and_the_runs():
+    for runs in (None, UNITS):
+        groupings = {"runs": runs, "units": None, "conditions": None}
+        splitter = Splitter()
+        *_, scheme = all_schemes(Y, ["a"] * 8, groupings, {"halves": splitter}, 3, 0)
+        X, y, groups = splitter.given
+        assert (X.shape, y.tolist()) == ((8, 1), Y.tolist())
+        assert groups is (None if runs is None else UNITS.labels)
+        assert [fold.test.tolist() for fold in scheme.folds] == [[4, 5, 6, 7]]
 
 
 def test_only_conditions_may_be_refused_and_all_of_them_are_left_out_one_at_a_time():

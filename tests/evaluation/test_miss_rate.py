@@ -407,6 +407,14 @@ def test_too_few_units_are_refused_with_the_rate_that_they_prove(n_units, messag
         check_units(n_units, 0.1, 0.95)
 
 
+@pytest.mark.parametrize(("excess", "n_units"), [(0.8e-9, 3), (1.2e-9, 4)])
+def test_only_rounding_is_tolerated_in_the_number_of_units(excess, n_units):
+    confidence = 1 - 0.5 ** (3 + excess)
+    check_units(n_units, 0.5, confidence)
+    with pytest.raises(ValueError, match=f"It takes {n_units} units"):
+        check_units(n_units - 1, 0.5, confidence)
+
+
 @pytest.mark.parametrize("rate", [0.01, 0.1, 0.3, 0.5])
 @pytest.mark.parametrize("n_units", [1, 2, 3, 5, 7, 11, 13, 17])
 def test_as_many_units_as_needed_are_enough_whatever_the_rounding(n_units, rate):

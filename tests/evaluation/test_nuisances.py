@@ -159,6 +159,25 @@ def test_a_different_sampling_rate_of_one_channel_is_another_level():
     two = Recording(signals, {"current": 50, "vibration": 100}, velocity=np.ones(100), shaft_fs=50)
     same = Recording({"current": np.zeros(100)}, 50, velocity=np.ones(100))
     assert read_nuisances(("fs",), [two, same, two])[0].levels.tolist() == [0, 1, 0]
+    # Equal rates are one level, whatever the channels and their order.
+    turned = Recording(
+        dict(reversed(signals.items())), {"vibration": 100, "current": 50}, velocity=np.ones(100),
+        shaft_fs=50,
+    )  # fmt: skip
+    other = Recording({"torque": np.zeros(100)}, 50, velocity=np.ones(100))
+    levels = read_nuisances(("fs",), [two, same, turned, other])[0].levels
+    assert levels.tolist() == [0, 1, 0, 1]
+
+
+def test_other_objects_may_have_one_sampling_rate():
+    class Signal:
+        def __init__(self, fs):
+            self.fs = fs
+
+    (found,) = read_nuisances(("fs",), [Signal(50.0), Signal(25.0), Signal(50.0)])
+    assert found.levels.tolist() == [0, 1, 0]
+    with pytest.raises(ValueError, match=r"recording 1: the value of nuisances\(\) is None"):
+        read_nuisances(("fs",), [Signal(50.0), Signal(None)])
 
 
 def test_many_numbers_are_divided_into_ten_levels_of_equally_many_recordings():
@@ -312,6 +331,43 @@ def test_labels_that_no_training_recording_has_are_not_predicted_and_ties_are_sh
     levels, labels = np.array([0, 0, 1, 1, 0, 0, 2]), np.array([0, 1, 0, 1, 2, 0, 1])
     scheme = Scheme("s", [Fold(np.arange(4), np.array([4, 5, 6]))], Grouping("r", levels))
     assert predict_by_level(levels, labels, scheme)[0].tolist() == [0, 0.5, 0.5]
+    alone = Scheme("s", [Fold(np.array([1, 2]), np.array([0, 3]))], Grouping("r", levels))
+    # One training recording of label 1 (level 0) and one of label 0 (level 1); both tests differ.
+    assert predict_by_level(levels, labels, alone)[0].tolist() == [0, 0]
+    turned = Scheme("s", [Fold(np.array([0, 3]), np.array([1, 2, 4]))], Grouping("r", levels))
+    assert predict_by_level(levels, labels, turned)[0].tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("n_levels", [1, 2])
+def test_draws_with_one_label_only_have_its_fraction(n_levels):
+    # Each of six runs has one label, so that some draws have one label or one level only.
+    runs = np.repeat(np.arange(6), 4)
+    labels = np.where(runs < 3, "worn", "new")
+    right = np.array([0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1, 1, 1, 1])
+    levels = np.arange(24) % n_levels
+    held = pd.DataFrame({"recording": np.arange(24), "correct": right.astype(bool), "group": runs})
+    nuisance = Nuisance("day", levels)
+    held["scheme"] = "by run"
+    row = nuisance_table([nuisance], None, labels, held, BOOTSTRAP).iloc[0]
+    (times,) = drawn_groups(6, 400, 1)
+    drawn = []
+    for weight in times[:, runs]:
+        cells = [weight * (levels == k) * (labels == name) for k in range(n_levels)
+                 for name in ("worn", "new")]  # fmt: skip
+        drawn.append(np.mean([cell @ right / cell.sum() for cell in cells if cell.sum()]))
+    assert min(drawn) < 0.2  # "worn" only
+    assert max(drawn) > 0.85  # "new" only
+    expected = np.mean([right[(levels == k) & (labels == name)].mean()
+                        for k in range(n_levels) for name in ("worn", "new")])  # fmt: skip
+    assert row["within"] == pytest.approx(expected)
+    limits = draw_interval(np.array(drawn), expected, 6, confidence=0.9)
+    assert (row["within_low"], row["within_high"]) == pytest.approx(limits)
+
+
+def test_without_decisions_or_nuisances_there_are_no_rows():
+    runs, labels, held = judged_runs()
+    assert nuisance_table([Nuisance("run", runs)], None, labels, pd.DataFrame(), BOOTSTRAP).empty
+    assert nuisance_table([], None, labels, held, BOOTSTRAP).empty
 
 
 def test_numbers_and_dates_of_more_than_ten_values_are_divided_and_others_never():

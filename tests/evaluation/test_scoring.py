@@ -105,6 +105,9 @@ def test_costs_between_families_may_have_an_unknown_state():
     rule = scoring_rule(CLASSES, families=families, cost=cost, unknown="unknown", healthy="new")
     found = rule.judge(["dry", "new", "worn"], ["new", "unknown", "unknown"])
     assert found["cost"].tolist() == [8, 2, 1]
+    posterior = pd.DataFrame([[0.2, 0.5, 0.3]] * 3, columns=CLASSES)
+    costs = rule.predicted_costs(["new", "fault", "unknown"], posterior, np.full(3, 0.4))
+    assert costs == pytest.approx([0.6 * 8 * 0.5 + 0.4 * 9, 0.6 * 3 * 0.5 + 0.4, 0.6 * 1.5])
 
 
 FAMILIES = {"worn": ["dry", "worn 1"], "new": ["new"]}
@@ -136,6 +139,15 @@ def test_classes_of_one_family_are_together_whatever_the_order_in_which_they_are
     assert rule.labels == ["worn", "ok"]
     assert rule.costs[1] == STATES.tolist()
     assert rule.judge(["dry", "new"], ["ok", "worn"])["cost"].tolist() == [7, 1]
+    # Decisions on families, true classes that differ in cost; and a decision that is no family.
+    by_class = {("ok", "dry"): 7, ("ok", "worn 1"): 3, ("ok", "new"): 0}
+    by_class |= {("worn", "dry"): 0, ("worn", "worn 1"): 0, ("worn", "new"): 2}
+    rule = scoring_rule(STATES, families=family_of, cost=by_class)
+    costs = rule.judge(["dry", "worn 1", "new", "dry"], ["ok", "ok", "worn", "worn"])["cost"]
+    assert costs.tolist() == [7, 3, 2, 0]
+    look = {("look", "worn"): 0.5, ("look", "ok"): 0.25}
+    rule = scoring_rule(STATES, families=family_of, cost=look)
+    assert rule.judge(["dry", "new"], ["look", "look"])["cost"].tolist() == [0.5, 0.25]
     alone = {"worn": ["worn"], "new": ["new"]}
     of_classes = {("new", "worn"): 7, ("worn", "new"): 2}
     decisions, truths, matrix = scoring_rule(CLASSES[1:], families=alone, cost=of_classes).costs
