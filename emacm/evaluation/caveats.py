@@ -21,7 +21,9 @@ _CAVEATS = (
         "{}. Rely on the split that holds out what will be new in service.",
     ),
     (
-        lambda row, _: row.get("realised_cost_low", 0) > row.get("predicted_cost_high", np.inf),
+        lambda row, _: (
+            row.get("realised_cost_low", np.nan) > row.get("predicted_cost_high", np.nan)
+        ),
         "The realised cost of {} is above the cost that the posterior probabilities predict: they "
         'are over-confident. See temperature="groups".',
     ),

@@ -19,7 +19,7 @@ from emacm.evaluation.scoring import ScoringRule
 _COSTS = ("expected_cost", "realised_cost", "predicted_cost")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Comparison:
     """Result of `compare`; printed as its caveats, followed by figures of merit and differences.
 

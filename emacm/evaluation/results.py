@@ -23,7 +23,7 @@ _NOVELTY = {
 WIDTH = 98  # characters of a printed line
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class Evaluation:
     """Result of `evaluate`; printed as its caveats, followed by its figures of merit.
 

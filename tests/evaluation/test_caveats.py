@@ -96,6 +96,15 @@ def test_few_recordings_without_groups_are_one_caveat_and_one_group_needs_no_int
     assert "bootstrap over single recordings" in caveat
     (caveat,) = caveats_of(groups=1, balanced_accuracy_low=np.nan)
     assert "fewer than 10 groups" in caveat
+    first, second = caveats_of(groups=2, balanced_accuracy_low=np.nan)
+    assert "fewer than 10 groups" in first
+    assert "Balanced accuracy has no confidence interval in 'by run'" in second
+
+
+def test_without_probabilities_no_cost_is_realised_above_the_predicted_one():
+    without = {key: value for key, value in QUIET.items() if "_cost_" not in key}
+    table = pd.DataFrame([without], ["by run"])
+    assert scheme_caveats([Scheme("by run", [], UNIT)], table, RULE) == []
 
 
 def test_caveats_are_in_the_order_of_their_seriousness():

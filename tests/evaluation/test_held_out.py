@@ -200,6 +200,8 @@ def test_schemes_that_cannot_be_scored_have_a_row_of_nothing():
     assert twice.predictions.index.tolist() == list(range(10))
     assert twice.calibration.index.tolist() == list(range(2 * len(found.calibration)))
     assert twice.table.index.tolist() == ["by hand", "again"]
+    with pytest.raises(ValueError, match="zip"):
+        gather([scheme, impossible], [decided], Y, rule, BOOTSTRAP)
     nothing = gather([impossible], [[]], Y, rule, BOOTSTRAP)
     assert nothing.predictions.empty
     assert nothing.calibration.empty
@@ -259,6 +261,8 @@ def test_a_row_of_a_family_left_out_is_that_of_its_recording():
     both = score_novelty(pair, [decided, decided], Y, rule, BOOTSTRAP).predictions
     assert both.index.tolist() == list(range(10))
     assert both["left_out"].tolist() == ["worn"] * 5 + ["dry"] * 5
+    with pytest.raises(ValueError, match="zip"):
+        score_novelty(pair, [decided], Y, rule, BOOTSTRAP)
     none = score_novelty([scheme], [[decided[0], half[1]]], Y, rule, BOOTSTRAP)
     assert none.table.empty
     assert none.predictions.empty

@@ -110,11 +110,15 @@ def test_the_factor_does_not_depend_on_the_unit_of_the_cost(scale):
         for each in (cost, cost * scale)
     ]
     assert limits[0].factor == limits[1].factor > 1.1
-    with pytest.raises(ValueError, match="no cost of missed detections attains"):
-        miss_rate_limit(
-            CostSensitiveGaussianBayes(cost * 1e149 * 3).fit(X, y), X, y, units, 0.06,
-            healthy="healthy",
-        )  # fmt: skip
+    # The largest cost that is returned is 1e150.
+    for largest, possible in ((0.9e150, True), (1.1e150, False)):
+        model = CostSensitiveGaussianBayes(cost * (largest / 3 / limits[0].factor)).fit(X, y)
+        if possible:
+            limit = miss_rate_limit(model, X, y, units, 0.06, healthy="healthy")
+            assert limit.cost.to_numpy().max() == pytest.approx(largest)
+        else:
+            with pytest.raises(ValueError, match="no cost of missed detections attains"):
+                miss_rate_limit(model, X, y, units, 0.06, healthy="healthy")
 
 
 def test_the_factor_multiplies_what_a_missed_detection_costs_more_than_the_cheapest_decision():
@@ -150,10 +154,10 @@ def test_the_factor_multiplies_what_a_missed_detection_costs_more_than_the_cheap
 def test_a_fraction_equal_to_the_allowed_one_is_allowed():
     critical, weight = np.array([4.0, 0.5, 3.0, 2.0]), np.array([0.25, 0.25, 0.125, 0.375])
     for allowed, factor in ((0.75, 1.0), (0.375, 2.0), (0.25, 3.0), (0.2, 4.0)):
-        found = miss_rate._least_factor(critical, weight, allowed - miss_rate._ROUNDING)
-        assert allowed - miss_rate._ROUNDING + miss_rate._ROUNDING == allowed
-        assert found == pytest.approx(factor, rel=2e-6)
-        assert (found > factor) == (factor > 1)
+        found = miss_rate._least_factor(critical, weight, allowed - 1e-9)
+        assert allowed - 1e-9 + 1e-9 == allowed
+        assert found == pytest.approx(factor * (1 + 1e-6 * (factor > 1)), rel=1e-9)
+    assert miss_rate._least_factor(critical, weight, 0.75 - 1.2e-9) == pytest.approx(2, rel=1e-5)
 
 
 def test_a_rate_that_holds_already_changes_no_cost():

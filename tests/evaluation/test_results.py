@@ -1,11 +1,20 @@
 """What is printed of an evaluation."""
 
+from dataclasses import FrozenInstanceError, fields
+
 import numpy as np
 import pandas as pd
+import pytest
 
 from emacm.evaluation.comparison import Comparison
+from emacm.evaluation.held_out import Decided
+from emacm.evaluation.miss_rate import MissRateLimit
+from emacm.evaluation.nuisances import Nuisance
 from emacm.evaluation.results import Evaluation, as_texts
+from emacm.evaluation.scheme_scores import SchemeScore
+from emacm.evaluation.schemes import Fold, Scheme
 from emacm.evaluation.scoring import scoring_rule
+from emacm.recordings.meta import Grouping
 
 SCHEMES = pd.Index(["random split", "by run"], name="scheme")
 TABLE = pd.DataFrame(
@@ -47,6 +56,25 @@ def evaluation(**changes):
 def novelty():
     row = {f"{name}{end}": v for name, v in NOVELTY.items() for end in ("", "_low", "_high")}
     return pd.DataFrame([row], ["dry"])
+
+
+def test_results_cannot_be_changed():
+    differences = pd.DataFrame(index=["b"])
+    group = Grouping("run", np.arange(2))
+    fold = Fold(np.array([0]), np.array([1]))
+    scheme = Scheme("s", [fold], group)
+    results = [
+        evaluation(), Comparison(TABLE, differences, [], "by run", "a", 0.5), fold, scheme,
+        Decided(["new"]), Nuisance("day", np.array([0])), scoring_rule(np.array(["new", "worn"])),
+        SchemeScore({}, *[pd.DataFrame()] * 3),
+        MissRateLimit(TABLE, 1.0, TABLE, 0.01, 0.95, 300),
+    ]  # fmt: skip
+    for result in results:
+        name = fields(result)[0].name
+        with pytest.raises(FrozenInstanceError):
+            setattr(result, name, None)
+    assert results[1].healthy is None
+    assert (fold.left_out, scheme.impossible, scheme.may_refuse) == ("", "", ())
 
 
 def test_figures_have_three_digits_and_their_limits_in_brackets():
