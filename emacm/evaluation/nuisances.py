@@ -119,7 +119,7 @@ def _levels(values: list[Any]) -> NDArray[np.intp]:
     is_ordered |= pd.api.types.is_datetime64_any_dtype(numbers)
     if is_ordered and numbers.nunique() > _MOST_LEVELS:
         edges = numbers.quantile(np.arange(1, _MOST_LEVELS) / _MOST_LEVELS).unique()
-        return np.searchsorted(edges, numbers, side="left").astype(np.intp)
+        return np.searchsorted(edges, numbers).astype(np.intp)
     return pd.factorize(np.fromiter(values, object, len(values)))[0].astype(np.intp)
 
 

@@ -58,6 +58,12 @@ def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
     assert most_probable(probabilities, [0, 0, 0, 0])[2].tolist() == [6, 7, 9, 5]
 
 
+def test_only_rounding_moves_a_probability_to_the_bin_above():
+    of_first = np.array([0.6 - 0.8e-10, 0.6 - 1.2e-10, 1 - 1e-12])
+    probabilities = np.column_stack([of_first, 1 - of_first])
+    assert most_probable(probabilities, [0, 0, 0])[2].tolist() == [6, 5, 9]
+
+
 def test_the_mean_of_a_bin_lies_within_it():
     curve = reliability(*stated(500, 3), n_bins=7)
     assert np.allclose(curve["to"] - curve["from"], 1 / 7)

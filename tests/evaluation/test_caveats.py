@@ -32,6 +32,8 @@ def test_several_units_of_each_label_leave_one_caveat():
     assert caveat.startswith("Each unit has one label: 'A' only 'new', 'B' only 'worn'")
     assert "'C' only 'new' and 1 more." in caveat
     assert "'D'" not in caveat
+    (caveat,) = confounding_caveats(["new", "worn", "new"], ["A", "B", "C"], "unit")[1:]
+    assert "'B' only 'worn', 'C' only 'new'. With the same" in caveat
 
 
 def test_units_that_were_new_and_worn_leave_no_caveat():

@@ -793,6 +793,46 @@ def test_a_class_of_one_recording_cannot_be_held_out():
     assert "'random split' cannot be scored" in found.caveats[0]
 
 
+class Wary(ClassifierMixin, BaseEstimator):
+    """Has an unknown state, and decides by chance."""
+
+    def __init__(self, cost=None, unknown="odd"):
+        self.cost, self.unknown = cost, unknown
+
+    def fit(self, X, y, groups=None):
+        self.classes_ = np.unique(y)
+        return self
+
+    def predict(self, X):
+        return self.classes_[np.arange(len(X)) % len(self.classes_)]
+
+    def predict_proba(self, X):
+        return np.full((len(X), len(self.classes_)), 1 / len(self.classes_))
+
+    def typicality(self, X):
+        return np.linspace(0, 1, len(X))
+
+    def unknown_proba(self, X):
+        return np.zeros(len(X))
+
+
+@pytest.mark.parametrize(("n_splits", "n_folds"), [(10, 5), (3, 3)])
+def test_each_family_is_left_out_in_at_most_five_folds(n_splits, n_folds):
+    units = np.repeat(np.arange(24), 2)
+    y = np.array(["new", "worn", "dry"])[units % 3]
+    options = {"units": units, "n_splits": n_splits, "n_resamples": 100}
+    found = evaluate(Wary(), np.zeros((48, 1)), y, healthy="new", **options)
+    folds = found.novelty_predictions.groupby("left_out")["fold"].nunique()
+    assert folds.to_dict() == {"dry": n_folds, "worn": n_folds}
+    assert found.table.loc["by unit", "folds"] == n_splits
+
+
+def test_no_family_is_left_out_if_no_split_can_be_scored():
+    found = evaluate(Wary(), np.zeros((3, 1)), ["a", "a", "b"], n_resamples=100)
+    assert found.novelty.empty
+    assert "'random split' cannot be scored" in found.caveats[0]
+
+
 def test_a_classifier_with_an_unknown_state_leaves_out_units_of_the_training_data():
     rng = np.random.default_rng(2)
     units = np.repeat(np.arange(8), 5)

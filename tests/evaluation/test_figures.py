@@ -8,7 +8,14 @@ import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
 
 from emacm import CostSensitiveGaussianBayes
-from emacm.evaluation.bootstrap import cell_mean, gap_of_cells, group_draws, group_intervals
+from emacm.evaluation.bootstrap import (
+    cell_mean,
+    draw_interval,
+    drawn_groups,
+    gap_of_cells,
+    group_draws,
+    group_intervals,
+)
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.figures import (
     FIGURES,
@@ -82,6 +89,28 @@ def test_costs_in_service_weight_the_classes_by_the_priors_of_the_classifier():
     assert row["expected_cost"] == pytest.approx(11.7 / 8)
     held = found.predictions.groupby("truth")["predicted_cost"].mean()
     assert row["predicted_cost"] == pytest.approx(0.9 * held["new"] + 0.1 * held["worn"])
+
+
+def test_costs_in_service_have_the_interval_of_the_weighted_mean():
+    judged, rule = judged_families()
+    held = judged.assign(predicted_cost=1.0, **{"P(worn)": 0.75, "P(new)": 0.25})
+    priors = {"dry": 0.5, "new": 0.3, "spalled": 0.2}
+    groups = np.array([3, 3, 1, 1, 4, 0, 4])
+    row = figure_row(tallies(held, replace(rule, priors=priors)), groups, **BOOTSTRAP)
+    cost, truths = held["cost"].to_numpy(), held["truth"].to_numpy()
+    (times,) = drawn_groups(4, 300, 2)
+    drawn = []
+    for weight in times[:, np.unique(groups, return_inverse=True)[1]]:
+        of = {name: weight * (truths == name) for name in priors}
+        known = all(each.sum() for each in of.values())
+        means = [share * (of[name] @ cost / of[name].sum()) for name, share in priors.items()
+                 ] if known else [np.nan]  # fmt: skip
+        drawn.append(sum(means))
+    assert 0.1 < np.isnan(drawn).mean() < 0.9
+    estimate = 0.5 * 4.5 / 3 + 0.3 * 1.5 / 3 + 0.2 * 0
+    assert row["realised_cost"] == pytest.approx(estimate)
+    limits = draw_interval(np.array(drawn), estimate, 4, (0, 4), 0.9)
+    assert (row["realised_cost_low"], row["realised_cost_high"]) == pytest.approx(limits)
 
 
 def test_without_a_cost_the_predicted_cost_is_the_predicted_error_rate():

@@ -182,6 +182,36 @@ def test_results_without_probabilities_or_typicality_have_no_such_columns():
     assert found.predictions.columns[-1] == "predicted_cost"
 
 
+class Nameless(Noted):
+    """Does not say which classes it knows, and is one of two things that it needs to be unknown."""
+
+    classes_ = property(lambda self: getattr(self, "_missing"), lambda self, value: None)  # noqa: B009
+    unknown_proba = property(lambda self: getattr(self, "_missing"))  # noqa: B009
+
+    def predict(self, X):
+        return np.array(["new"] * len(X))
+
+    def predict_proba(self, X):
+        return np.tile([0.25, 0.75], (len(X), 1))
+
+
+def test_classes_that_are_not_stated_are_those_of_the_training_data():
+    all_but_worn = Fold(np.array([0, 1, 3, 5]), np.array([2, 6]))
+    _, ((found,),) = decided_by(Nameless(), Scheme("s", [all_but_worn], UNITS))
+    assert found.posterior.to_dict("list") == {"dry": [0.25, 0.25], "new": [0.75, 0.75]}
+    assert found.typicality is found.unknown_proba is None
+
+
+def test_the_table_has_all_figures_if_one_scheme_only_has_probabilities():
+    scheme, decided, rule = by_hand()
+    other = replace(scheme, name="another"), [Decided(fold.decisions) for fold in decided]
+    for pairs in ([(scheme, decided), other], [other, (scheme, decided)]):
+        table = gather(*zip(*pairs, strict=True), Y, rule, BOOTSTRAP).table
+        assert np.isnan(table.loc["another", "log_loss"])
+        assert table.loc["by hand", "log_loss"] > 0
+        assert table.loc["another", "accuracy"] == table.loc["by hand", "accuracy"]
+
+
 def test_schemes_that_cannot_be_scored_have_a_row_of_nothing():
     scheme, decided, rule = by_hand()
     impossible = Scheme("by run", [], Grouping("run", Y), "There is one run.")

@@ -215,6 +215,12 @@ def test_the_bound_of_means_is_at_least_those_of_hoeffding_and_bentkus():
     assert np.e * binom.cdf(np.ceil(n_units * fraction), n_units, rate) >= 0.05
 
 
+def test_a_probability_equal_to_the_level_is_enough():
+    assert largest_missed(2, 0.5, 0.75, exact=True) == 0  # 0.5^2 = 1 - 0.75
+    assert largest_missed(2, 0.5, 0.75) == 0
+    assert largest_missed(2, 0.5, 0.76, exact=True) == -0.5
+
+
 def test_many_recordings_do_not_replace_units():
     X, y, units = fleet(40, 50, 1)
     model = CostSensitiveGaussianBayes().fit(X, y)

@@ -46,6 +46,9 @@ def test_the_probability_of_the_unknown_state_is_part_of_the_predicted_cost():
     assert found.tolist() == pytest.approx([of_new, 0.5 * 0.3 + 0.5 * 0.3])
     known = rule.predicted_costs(["new", "inspect"], posterior)
     assert known.tolist() == pytest.approx([3.1, 0.3])
+    without = scoring_rule(CLASSES, cost={("new", "worn"): 10})
+    found = without.predicted_costs(["new", "worn"], posterior, np.array([0.2, 0.5]))
+    assert found.tolist() == pytest.approx([3.1, 0.5])  # it knows no unknown state
     # A class that is absent from the training data has no column: its probability is 0.
     some = rule.predicted_costs(["new", "inspect"], posterior.drop(columns="dry"))
     assert some.tolist() == pytest.approx([0.3 * 10, 0.5 * 0.3])
