@@ -128,6 +128,7 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     """
     if not content.columns:
         raise ValueError(_without_signal(content))
+    _check_units(content, layout)
     if "|" in layout.key:
         layout = with_names_of(layout, content.has)
     times = _time_column(content, layout)
@@ -143,6 +144,18 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
         "units": {name: unit for name, unit in units.items() if unit},
     }
     return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+
+
+def _check_units(content: FileColumns, layout: Layout) -> None:
+    """Refuse the unit of a name that occurs nowhere: mistyped, it would not be applied."""
+    parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
+    for name in layout.units:
+        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
+        if not (is_named or name in ("velocity", "speed", "angle") or content.has(name)):
+            raise ValueError(
+                f"units names {name!r}, which is no column or channel; the columns are "
+                f"{_listed(list(content.columns))}. Correct the name, or leave it out."
+            )
 
 
 def _without_signal(content: FileColumns) -> str:

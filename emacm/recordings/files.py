@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -323,6 +323,11 @@ class RecordingFolder(Sequence[Recording]):
     def __init__(
         self, folder: str | os.PathLike[str], layout: Layout, pattern: str = "**/*"
     ) -> None:
+        if not isinstance(pattern, str) or not pattern or PurePath(pattern).is_absolute():
+            raise ValueError(
+                f"pattern must be a text relative to the folder, such as '**/*.csv', got "
+                f"{pattern!r}."
+            )
         self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")

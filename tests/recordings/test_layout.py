@@ -207,6 +207,11 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (Layout(fs="rate", velocity=3), {}, "no column 'rate'"),
         (Layout(fs=9, velocity=3, channels=["b", "c"]), {}, "no column 'c'"),
         (Layout(fs=9, velocity=3, units={"b": "g"}), {"b [m/s²]": ANGLE}, "unit 'g' for 'b', but"),
+        (
+            Layout(fs=9, velocity="n", units={"nn": "rpm"}),
+            {"n": ANGLE},
+            r"units names 'nn', which is no column or channel; the columns are \['b', 'n'\]. Corr",
+        ),
         (Layout(fs=9, velocity=3), {"c": ANGLE[:7]}, "durations must agree"),
         (
             Layout(fs=9, velocity=3, channels=["load"]),
@@ -221,6 +226,14 @@ def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
 ):
     first = {} if any(name.startswith("b") for name in columns) else {"b": VIBRATION}
     refused(tmp_path, layout, message, **first, **columns)
+
+
+def test_units_may_name_alternatives_that_a_file_does_not_have(tmp_path):
+    units = {"n": "rpm", "speed": "rev/s", "velocity": "rpm", "drive": "g", "c": "A"}
+    layout = Layout(fs=500, velocity="speed|n", channels={"drive": "b|a"}, units=units)
+    recording = opened(tmp_path, layout, b=VIBRATION, n=np.full(N, 60.0), c=VIBRATION)
+    np.testing.assert_allclose(recording.velocity, 2 * np.pi)
+    assert dict(recording.units) == {"drive": "g"}
 
 
 # Times
