@@ -442,7 +442,7 @@ FAILURES = {
         "a.csv",
         lambda p: csv(p, text=FRAME.to_csv(index=False) + "1,2,3,4\n"),
         LAYOUT,
-        "Expected 3 fields in line 3002, saw 4",
+        "line 3002 has 4 values, but there are 3 columns",
     ),
     "bytes of an npz changed": ("a.npz", flipped, LAYOUT, "Bad CRC-32 for file 'vib.npy'"),
     "array of negative length": (
