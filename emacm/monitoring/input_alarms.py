@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,8 @@ class InputAlarm:
             Introduction to Probability Theory, vol. 1, section XIII.7.
         """
         p, length = self.typicality, self.consecutive
-        return (1 - p**length) / ((1 - p) * p**length)
+        likelihood = p**length  # 0 for a run that is too long to happen
+        return (1 - likelihood) / ((1 - p) * likelihood) if likelihood else np.inf
 
     def update(self, readings: pd.DataFrame) -> pd.DataFrame:
         """Continue with one or several readings.
@@ -123,7 +125,11 @@ class InputAlarm:
                 found.append(f"{name.replace('_', ' ')}: {text}")
         if row.get("decision") == self.unknown:
             found.append("unknown state")
-        typicality = row.get("typicality", np.nan)
+        typicality = row.get("typicality")
+        if typicality is None:
+            typicality = np.nan
+        elif not isinstance(typicality, Real):
+            raise TypeError(f"typicality must be a number, got {typicality!r}. Convert the column.")
         self.n_untypical_ = self.n_untypical_ + 1 if typicality <= self.typicality else 0
         if self.n_untypical_ >= self.consecutive:
             found.append(f"{self.n_untypical_} successive untypical readings")

@@ -116,7 +116,7 @@ class OrderMonitor:
         check_channel_names(self._channels, self._model.resampler.channels_, "the stream")
         self._rates = check_rates(fs, self._channels)
         self._shaft_fs = check_shaft_rate(shaft_fs, self._rates)
-        self._max_speed = check_number(max_speed, "max_speed", above=0, unit="rad/s")
+        self._max_speed = check_number(max_speed, "max_speed", above=0, at_most=1e6, unit="rad/s")
         self._every = None if every is None else check_number(every, "every", above=0)
         self._unit = check_choice(unit, "unit", UNITS)
         self._groups = {  # channels of one rate are held together

@@ -37,6 +37,8 @@ class ReadingAlarms:
     """
 
     def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
+        if not isinstance(charts, Mapping | None):
+            raise TypeError(f"alarms must map features to charts, got {charts!r}.")
         self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
         self.charts: dict[str, str] = {}
         self._features = model.feature_names() if charts else []

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
 
-from emacm._checks import check_choice, check_count, check_number, check_signal
+from emacm._checks import check_choice, check_count, check_number, check_signal, located
 
 Angle = NDArray[np.float64]
 
@@ -71,9 +71,7 @@ def pulse_times(
         hysteresis = (high - low) / 4 if hysteresis is None else hysteresis
     level = check_number(threshold, "threshold")
     half = check_number(hysteresis, "hysteresis", at_least=0) / 2
-    sign = 1.0 if edge == "rising" else -1.0
-    height = sign * (signal - level)
-
+    height = (signal - level) * (1.0 if edge == "rising" else -1.0)
     decided = np.flatnonzero((height >= half) | (height <= -half))
     above = height[decided] >= half
     fired = decided[1:][above[1:] & ~above[:-1]]
@@ -165,8 +163,8 @@ def angle_from_pulses(
     Raises
     ------
     ValueError, TypeError
-        If the times are not finite and increasing, fewer than two lie in the recording, a gap
-        is longer than ten intervals, or, with ``repair=False``, an interval is suspicious.
+        If the times are not finite and increasing, fewer than two lie in the recording, a gap (at
+        an end, too) exceeds ten intervals, or, with ``repair=False``, an interval is suspicious.
 
     References
     ----------
@@ -188,11 +186,13 @@ def angle_from_pulses(
     check_choice(repair, "repair", (True, False))
     _check_pulses(pulses, instants[-1])
     kept, double = _without_doubles(pulses)
+    _check_gap(kept[0] / (kept[1] - kept[0]), f"before the first pulse at {kept[0]:.6g} s")
+    due = (instants[-1] - kept[-1]) / (kept[-1] - kept[-2])
+    _check_gap(due, f"after the last pulse at {kept[-1]:.6g} s")
     number, missing = _numbered(kept)
     if not repair:
         _check_unrepaired(pulses, missing, double)
-    angle = _interpolated(kept, number / per_rev * 2 * np.pi, instants)
-    return TachoAngle(angle, missing, double)
+    return TachoAngle(_interpolated(kept, number / per_rev * 2 * np.pi, instants), missing, double)
 
 
 def angle_from_tacho(
@@ -210,14 +210,10 @@ def angle_from_tacho(
 
     Parameters
     ----------
-    tacho : array_like of shape (n_times,)
-        Raw tacho channel, in any unit.
-    fs : float
-        Sampling rate [Hz].
+    tacho, fs, threshold, hysteresis
+        See `pulse_times`.
     pulses_per_rev, repair
         See `angle_from_pulses`.
-    threshold, hysteresis
-        See `pulse_times`.
 
     Returns
     -------
@@ -235,8 +231,9 @@ def angle_from_tacho(
     TachoAngle(20 samples, 4.75 revolutions, 0 missing, 0 double)
     """
     times = pulse_times(tacho, fs, threshold=threshold, hysteresis=hysteresis)
-    n_times = len(np.asarray(tacho))
-    return angle_from_pulses(times, fs, n_times, pulses_per_rev=pulses_per_rev, repair=repair)
+    n = len(np.asarray(tacho))
+    with located("the pulses of tacho"):
+        return angle_from_pulses(times, fs, n, pulses_per_rev=pulses_per_rev, repair=repair)
 
 
 def _tacho_levels(signal: Angle) -> tuple[float, float]:
@@ -376,13 +373,16 @@ def _parts_due(pulses: Angle, parts: NDArray[np.int64], index: int) -> int:
     number = np.concatenate(([0], np.cumsum(steps)))
     terms = np.column_stack([np.vander(time, degree + 1), -after.astype(np.float64)])
     due = float(np.linalg.lstsq(terms, number, rcond=None)[0][-1])
+    _check_gap(due, f"after pulse {index} at {pulses[index]:.6g} s")
+    return max(1, round(due))
+
+
+def _check_gap(due: float, place: str) -> None:
     if due > _MOST_PARTS:
         raise ValueError(
             f"times must leave gaps of at most {_MOST_PARTS} intervals, got one of {due:.4g} "
-            f"after pulse {index} at {pulses[index]:.6g} s: a standstill or a sensor lost. "
-            f"Cut the recording there."
+            f"{place}: a standstill or a sensor lost. Cut the recording there."
         )
-    return max(1, round(due))
 
 
 def _interpolated(pulses: Angle, angle: Angle, instants: Angle) -> Angle:

@@ -403,6 +403,8 @@ def test_charts_of_features_and_of_the_expected_cost_give_alarms():
         monitor_of(model, recording, alarms={"cost": low})
     with pytest.raises(TypeError, match="must be a fitted EWMA or CUSUM"):
         monitor_of(model, recording, alarms={"expected_cost": EWMA(0.2)})
+    with pytest.raises(TypeError, match="alarms must map features to charts, got"):
+        monitor_of(model, recording, alarms=[low])
 
 
 # Errors

@@ -281,6 +281,18 @@ def test_a_standstill_is_an_error_that_says_where():
         angle_from_pulses(pulses, 1, 60)
 
 
+def test_ends_without_pulses_are_gaps():
+    pulses = np.arange(10.0) + 12
+    assert len(angle_from_pulses(pulses - 2, 1, 30).angle) == 30
+    with pytest.raises(ValueError, match=r"got one of 12 before the first pulse at 12 s: a stand"):
+        angle_from_pulses(pulses, 1, 30)
+    with pytest.raises(ValueError, match=r"got one of 18 after the last pulse at 11 s: a standst"):
+        angle_from_pulses(pulses - 10, 1, 30)
+    lost = np.tile([0.0, 0, 1, 1], 20) * (np.arange(80) < 30)
+    with pytest.raises(ValueError, match=r"the pulses of tacho: times must leave gaps of at most"):
+        angle_from_tacho(lost, 4)
+
+
 def test_a_raw_channel_in_place_of_pulse_times_is_told_apart():
     with pytest.raises(
         ValueError, match=r"got 0 after 5 at pulse 2. If this is a raw tacho channel"
