@@ -114,7 +114,8 @@ def read_part(path: Path, recording_id: str) -> FileColumns:
     Returns
     -------
     FileColumns
-        A column for each channel, with its rate and unit; the speed, if it is known, as a number.
+        A column for each channel, with its rate and unit; the speed as a number, if the channels
+        that state it agree.
     """
     parquet = optional_library("pyarrow.parquet", "Parquet")
     table = _metadata(path)
@@ -132,8 +133,9 @@ def read_part(path: Path, recording_id: str) -> FileColumns:
         content.rates[row["channel"]] = float(row["fs"])
         if row.get("unit") not in (None, "unknown", "counts", "normalized"):
             content.units[row["channel"]] = row["unit"]
-    speed = pd.to_numeric(rows.get("speed_rpm", pd.Series([np.nan])), errors="coerce").iloc[0]
-    if np.isfinite(speed):
-        content.numbers["speed_rpm"] = float(speed)
+    stated = pd.to_numeric(rows.get("speed_rpm", pd.Series(dtype=float)), errors="coerce")
+    speeds = stated[np.isfinite(stated)].unique()
+    if len(speeds) == 1:  # channels that contradict one another leave it unknown
+        content.numbers["speed_rpm"] = float(speeds.item())
         content.units["speed_rpm"] = "rpm"
     return content

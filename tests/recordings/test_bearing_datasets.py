@@ -179,6 +179,20 @@ def test_a_column_of_both_names_keeps_that_of_the_present_version(tmp_path):
     np.testing.assert_allclose(run.velocity, 2 * np.pi)
 
 
+@pytest.mark.parametrize("speeds", [(60.0, None), (None, 60.0), (60.0, 90.0), (None, None)])
+def test_the_speed_is_known_if_the_channels_that_state_it_agree(tmp_path, speeds):
+    facts = [
+        {"recording_id": "r", "channel": name, "fs": 10, "speed_rpm": speed}
+        for name, speed in zip("ab", speeds, strict=True)
+    ]
+    (run,) = open_bearing_dataset(in_one_group(tmp_path, facts, [[1.0, 2.0], [3.0, 4.0]]))
+    if speeds.count(60.0) == speeds.count(None) == 1:
+        np.testing.assert_allclose(run.velocity, 2 * np.pi)
+    else:
+        with pytest.raises(ValueError, match="has no column 'speed_rpm'"):
+            assert run.duration
+
+
 def test_a_missing_sample_is_an_error_with_its_number(tmp_path):
     fact = {"recording_id": "r", "channel": "b", "fs": 10, "speed_rpm": 60}
     folder = in_one_group(tmp_path, [fact, fact | {"recording_id": "s"}], [[1.0, 2], [1.0, None]])

@@ -185,6 +185,14 @@ def test_what_has_no_kurtogram_is_refused(signal, options, error, match):
         kurtogram(signal, FS, **options)
 
 
+def test_the_fewest_samples_have_a_kurtogram():
+    shortest = kurtogram(noise(128), FS, levels=1)
+    assert shortest.centres[0].tolist() == (FS * np.array([2, 3, 4, 5, 6]) / 16).tolist()
+    assert shortest.kurtosis[0].shape == (5,)
+    found = kurtogram(noise(320), FS)
+    assert len(found.kurtosis) == 1
+
+
 def test_too_few_segments_are_refused():
     with pytest.raises(ValueError, match="1000 samples, fewer than 8 segments of 256"):
         spectral_kurtosis(noise(1000), FS)
