@@ -96,9 +96,10 @@ def test_another_classifier_with_an_unknown_state_is_scored_alike():
     assert found.predictions["typicality"].between(0, 1).all()
 
 
-def test_an_unknown_state_with_the_label_of_a_class_is_refused():
+@pytest.mark.parametrize("families", [None, {"new": ["new"], "faulty": ["dry", "worn"]}])
+def test_an_unknown_state_with_the_label_of_a_class_is_refused(families):
     with pytest.raises(ValueError, match="unknown = 'dry' is a class with recordings"):
-        scoring_rule(CLASSES, unknown="dry")
+        scoring_rule(CLASSES, unknown="dry", families=families)
 
 
 def test_costs_between_families_may_have_an_unknown_state():
