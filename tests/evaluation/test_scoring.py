@@ -200,6 +200,14 @@ def test_costs_of_families_are_those_of_their_classes():
     assert rule.predicted_costs(["look"], posterior) == pytest.approx(0.5 * 0.4 + 0.5 * 0.5)
 
 
+def test_a_cost_without_names_is_one_of_classes_whatever_its_numbers():
+    cost = [(0, 1), (5, 0)]  # not pairs of a decision and a family
+    rule = scoring_rule(np.array(["a", "b"]), families={"a": 1, "b": 0}, cost=cost)
+    decisions, truths, matrix = rule.costs
+    assert (decisions, truths, matrix.tolist()) == (["a", "b"], ["a", "b"], [[0, 1], [5, 0]])
+    assert rule.judge(["a", "b", "a"], ["b", "a", "a"])["cost"].tolist() == [5, 1, 0]
+
+
 def test_without_costs_wrong_decisions_are_counted():
     rule = scoring_rule(STATES, families=FAMILIES, unknown="odd")
     found = rule.judge(["dry", "new", "new"], ["worn 1", "odd", "new"])
