@@ -7,6 +7,7 @@ than memory costs no more than a short one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,10 @@ _CLIPPED, _HELD = 3, 16  # equal samples in succession: at the extremes, and any
 _STRETCHES = 5  # fewer may be coincidence, or the machine at rest
 _FEW = 1e-3  # fraction of equal neighbours below which nothing is clipped or lost
 _SHARP = 0.3  # of the usual step: a signal that comes to rest has smaller ones
+_GAP, _CHANCE = 64, 1e-6  # equal samples of a single gap; probability of so many by coincidence
+_ROUGH = 0.1  # of the standard deviation; usual step of a signal that has no plateaus
+_FINE = 0.02  # of the usual step; smallest step of a signal that noise changes even at standstill
+_SINGLE = 5  # single samples of 0 for each value next to 0, of which there are twice as many
 _DIGITAL = 0.9  # fraction of time at constant values above which a signal is a switch
 
 
@@ -42,7 +47,9 @@ class ChannelCheck(NamedTuple):
     text: str
 
 
-def check_channel(series: Series, name: str) -> ChannelCheck:
+def check_channel(
+    series: Series, name: str, turning: Sequence[tuple[float, float]] = ()
+) -> ChannelCheck:
     """Return the level and the defect of one channel.
 
     Parameters
@@ -51,6 +58,8 @@ def check_channel(series: Series, name: str) -> ChannelCheck:
         The channel.
     name : str
         Its name.
+    turning : sequence of (float, float)
+        Begin and end of each stroke of the shaft, as fractions of the duration.
 
     Returns
     -------
@@ -61,8 +70,10 @@ def check_channel(series: Series, name: str) -> ChannelCheck:
     A channel is clipped if it stays at its largest or smallest value at least five times for three
     or more samples, and reaches this value by steps of the usual size. A coarsely quantised signal
     with a smooth maximum reaches it by small steps, so it is not clipped. Drop-outs are stretches
-    of 16 or more equal samples, at any value, that begin and end with such steps. Signals with few
-    values (switches) are left out.
+    of 16 or more equal samples, at any value, that begin and end with such steps. A single one of
+    64 or more is sufficient where the shaft turns, if the signal has no plateaus and so many equal
+    samples are no coincidence. Single samples of exactly 0 are drop-outs if they are five times as
+    frequent as the two values next to 0. Signals with few values (switches) are left out.
 
     Examples
     --------
@@ -74,34 +85,55 @@ def check_channel(series: Series, name: str) -> ChannelCheck:
     """
     if isinstance(series, LazySeries) and series.sources:
         series = series.sources[0]
-    rows = _sampled(series)
-    largest = float(np.abs(rows).max())
+    rows, starts = _sampled(series)
+    largest, n = float(np.abs(rows).max()), len(series)
     if np.ptp(rows) == 0 and all(np.ptp(b) == 0 and b[0] == rows[0, 0] for _, b in blocks(series)):
         return ChannelCheck(
             0.0, "constant", f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
         )
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
-    defect, where = _flat_stretches(scaled)
+    defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning])
+    zeros = 0.0 if defect else _single_zeros(scaled)
+    if zeros:
+        defect, where = "drop-outs", zeros
     text = {
         "": "",
         "clipped": f"channel {name!r} is clipped at {where * largest:.4g}",
         "drop-outs": f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time "
-        f"it is constant",
+        f"it is {'a single 0' if zeros else 'constant'}",
     }[defect]
     return ChannelCheck(float(scaled.std()) * largest, defect, text)
 
 
-def _sampled(series: Series) -> Array:
-    """Return blocks of a channel, evenly spread, shape (n_blocks, n_times)."""
+def _sampled(series: Series) -> tuple[Array, NDArray[np.intp]]:
+    """Return blocks of a channel, evenly spread, shape (n_blocks, n_times), and their begins."""
     length = len(series)
     if length <= _BLOCKS * _BLOCK:
-        return np.asarray(series[:], np.float64)[np.newaxis]
-    starts = np.linspace(0, length - _BLOCK, _BLOCKS).astype(int).tolist()
-    return np.array([series[start : start + _BLOCK] for start in starts], np.float64)
+        return np.asarray(series[:], np.float64)[np.newaxis], np.zeros(1, np.intp)
+    starts = np.linspace(0, length - _BLOCK, _BLOCKS).astype(np.intp)
+    blocks_of = [series[start : start + _BLOCK] for start in starts.tolist()]
+    return np.array(blocks_of, np.float64), starts
 
 
-def _flat_stretches(rows: Array) -> tuple[str, float]:
-    """Return the defect, and the value it is clipped at or the fraction of time it is constant."""
+def _flat_stretches(
+    rows: Array, starts: NDArray[np.intp], turning: Sequence[tuple[float, float]]
+) -> tuple[str, float]:
+    """Return the defect, and the value it is clipped at or the fraction of time it is constant.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (n_blocks, n_times)
+        Blocks of the channel.
+    starts : ndarray of shape (n_blocks,)
+        Samples at which they begin.
+    turning : sequence of (float, float)
+        Samples at which strokes of the shaft begin and end.
+
+    Returns
+    -------
+    defect : {"", "clipped", "drop-outs"}
+    where : float
+    """
     steps = np.abs(np.diff(rows, axis=1))
     equal = steps == 0
     if equal.mean() < _FEW or equal.all():
@@ -112,7 +144,8 @@ def _flat_stretches(rows: Array) -> tuple[str, float]:
     changes = np.diff(flat)
     first, last = np.flatnonzero(changes == 1), np.flatnonzero(changes == -1)
     around = np.hstack([edge, steps, edge]).ravel()  # the outermost steps are not known
-    sharp = np.maximum(around[first], around[last + 1]) > _sharp_step(steps[~equal])
+    outer, step = np.array([around[first], around[last + 1]]), _sharp_step(steps[~equal])
+    sharp = outer.max(axis=0) > step
     lengths = last - first + 1  # samples
     width = rows.shape[1] + 1
     values = rows[first // width, first % width]
@@ -122,8 +155,40 @@ def _flat_stretches(rows: Array) -> tuple[str, float]:
             return "clipped", float(extreme)
     held = lengths >= _HELD
     share = float(lengths[held].sum() / rows.size)
-    lost = np.count_nonzero(held & sharp) >= _STRETCHES and 0.01 < share < _DIGITAL
-    return ("drop-outs", share) if lost else ("", 0.0)
+    if np.count_nonzero(held & sharp) >= _STRETCHES and 0.01 < share < _DIGITAL:
+        return "drop-outs", share
+    # A single gap: while the shaft turns, of a signal whose samples differ otherwise.
+    long = lengths >= _GAP
+    usual = float(np.median(steps[~equal]))
+    n_equal = int((lengths[long] - 1).sum())
+    if not long.any() or usual < _ROUGH * rows.std():
+        return "", 0.0
+    often = max((equal.sum() - n_equal) / (equal.size - n_equal), 1 / equal.size)
+    is_rare = np.log(equal.size) + (lengths - 1) * np.log(often) < np.log(_CHANCE)
+    begin = starts[first // width] + first % width
+    turns = np.zeros(len(first), dtype=bool)
+    for low, high in turning:
+        turns |= (begin >= low) & (begin + lengths <= high)
+    is_cut = ((outer > step) | (outer == 0)).all(axis=0) & sharp
+    if steps[~equal].min() <= _FINE * usual:
+        is_cut[:] = True
+    share = float(lengths[long & is_rare & turns & is_cut].sum() / rows.size)
+    return ("drop-outs", share) if 0.01 < share < _DIGITAL else ("", 0.0)
+
+
+def _single_zeros(rows: Array) -> float:
+    """Return the fraction of single samples of exactly 0 between others; 0 if it may be chance."""
+    is_zero = rows[:, 1:-1] == 0
+    if is_zero.mean() < _FEW:
+        return 0.0
+    steps = np.abs(np.diff(rows, axis=1))
+    step = _sharp_step(steps[steps > 0]) if steps.any() else np.inf
+    least = np.minimum(steps[:, :-1], steps[:, 1:])[is_zero]
+    others = np.abs(rows[rows != 0])
+    n_next = np.count_nonzero(others <= 1.5 * others.min(initial=np.inf))
+    if np.count_nonzero(least > step) <= max(_SINGLE * n_next, _FEW * rows.size):
+        return 0.0
+    return np.count_nonzero(least) / rows.size
 
 
 def _sharp_step(steps: Any) -> float:

@@ -134,7 +134,12 @@ def _quality(
     jump, text = jump_warning(recording)
     if jump * ratio > theta_s:
         found.append(Finding("jump", text))
-    checks = {name: check_channel(recording.series[name], name) for name in channels}
+    duration = len(velocity) / fs
+    turning = [
+        (path.start_time / duration, (path.start_time + path.n_times / fs) / duration)
+        for path in paths
+    ]
+    checks = {name: check_channel(recording.series[name], name, turning) for name in channels}
     found += [Finding(check.defect, check.text) for check in checks.values() if check.defect]
     rates = {name: recording.fs[name] for name in channels}
     levels = {name: check.level for name, check in checks.items()}

@@ -11,8 +11,8 @@ NOISE = RNG.standard_normal(len(TIMES))
 TONE = 3.0 * np.sin(2 * np.pi * 33.3 * TIMES) + 0.4
 
 
-def defect(values):
-    return check_channel(np.asarray(values, float), "current").defect
+def defect(values, turning=((0.0, 1.0),)):
+    return check_channel(np.asarray(values, float), "current", turning).defect
 
 
 def test_the_level_is_the_root_mean_square_about_the_mean():
@@ -44,6 +44,12 @@ GOOD = {
     "three voltages": np.round(1.4 * np.sin(2 * np.pi * 30 * TIMES)),
     "a staircase": np.repeat(NOISE[::50], 50),
     "a ramp": TIMES,
+    "a ramp with a plateau": np.clip(TIMES, 1.0, 3.0) + 0.1 * np.minimum(TIMES, 1.0),
+    "a switch that is closed once": np.where((TIMES > 2) & (TIMES < 3), 0.0, TIMES * 1000 // 7 % 2),
+    "noise of 3 bits that comes to rest": np.round(2 * NOISE * np.abs(TIMES - 2.5).clip(0, 1)),
+    "noise of 10 bits": np.round(100 * NOISE),
+    "rectified noise": np.abs(np.round(100 * NOISE)),
+    "pulses of one sample": np.where(np.arange(len(TIMES)) % 7, 5.0, 0.0),
 }
 
 
@@ -62,6 +68,21 @@ BAD = {
     "a tone of 12 bits, clipped": (np.clip(np.round(TONE * 500) / 500, -2, 2), "clipped"),
     "noise with drop-outs": (np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "drop-outs"),
     "a tone with drop-outs": (np.where((2.3 * TIMES) % 1 < 0.1, 0.0, TONE), "drop-outs"),
+    "noise with one gap": (np.where(abs(TIMES - 2) < 0.1, 0.0, NOISE), "drop-outs"),
+    "noise that ends": (np.where(TIMES > 4.9, 0.3, NOISE), "drop-outs"),
+    "noise of 6 bits with one gap": (
+        np.where(abs(TIMES - 2) < 0.1, 0.0, np.round(8 * NOISE)),
+        "drop-outs",
+    ),
+    "a fast tone with one gap": (
+        np.where(abs(TIMES - 2) < 0.1, 0.0, np.sin(2 * np.pi * 333.3 * TIMES)),
+        "drop-outs",
+    ),
+    "noise with single zeros": (np.where(np.arange(len(TIMES)) % 97, NOISE, 0.0), "drop-outs"),
+    "noise of 10 bits with single zeros": (
+        np.where(np.arange(len(TIMES)) % 11, np.round(100 * NOISE), 0.0),
+        "drop-outs",
+    ),
     "a tone that sticks": (np.where((2.3 * TIMES) % 1 < 0.1, 1.7, TONE), "drop-outs"),
 }
 
@@ -69,6 +90,21 @@ BAD = {
 @pytest.mark.parametrize(("values", "expected"), BAD.values(), ids=BAD)
 def test_a_defect_is_recognised(values, expected):
     assert defect(values) == expected
+
+
+def test_a_single_gap_is_a_defect_only_while_the_shaft_turns():
+    gap = np.where(abs(TIMES - 2) < 0.1, 0.0, NOISE)
+    assert defect(gap, turning=()) == ""
+    assert defect(gap, turning=[(0.0, 0.37), (0.43, 1.0)]) == ""  # from 1.9 to 2.1 s of 5 s
+    assert defect(gap, turning=[(0.0, 0.3), (0.35, 1.0)]) == "drop-outs"
+
+
+def test_a_gap_longer_than_the_blocks_of_a_long_channel_is_recognised():
+    long = np.tile(NOISE, 20)
+    long[400_000:500_000] = 0.0
+    assert defect(long) == "drop-outs"
+    assert "in 9.4 % of the time it is constant" in check_channel(long, "x", [(0, 1)]).text
+    assert defect(long, turning=[(0.0, 0.45), (0.45, 1.0)]) == "drop-outs"
 
 
 def test_a_channel_that_wakes_between_the_sampled_blocks_is_not_constant():
@@ -82,3 +118,5 @@ def test_the_sentence_gives_channel_and_value():
     assert text == "channel 'current' is clipped at 2"
     lost = check_channel(np.where((2 * TIMES) % 1 < 0.2, 0.0, NOISE), "current").text
     assert "channel 'current' has drop-outs: in 2" in lost
+    zeros = check_channel(np.where(np.arange(len(TIMES)) % 50, NOISE, 0.0), "current").text
+    assert zeros == "channel 'current' has drop-outs: in 2 % of the time it is a single 0"
