@@ -25,7 +25,6 @@ _SHARP = 0.3  # of the usual step: a signal that comes to rest has smaller ones
 _GAP, _CHANCE = 64, 1e-6  # equal samples of a single gap; probability of so many by coincidence
 _ROUGH = 0.1  # of the standard deviation; usual step of a signal that has no plateaus
 _FINE = 0.02  # of the usual step; smallest step of a signal that noise changes even at standstill
-_SINGLE = 5  # single samples of 0 for each value next to 0, of which there are twice as many
 _DIGITAL = 0.9  # fraction of time at constant values above which a signal is a switch
 
 
@@ -72,8 +71,7 @@ def check_channel(
     with a smooth maximum reaches it by small steps, so it is not clipped. Drop-outs are stretches
     of 16 or more equal samples, at any value, that begin and end with such steps. A single one of
     64 or more is sufficient where the shaft turns, if the signal has no plateaus and so many equal
-    samples are no coincidence. Single samples of exactly 0 are drop-outs if they are five times as
-    frequent as the two values next to 0. Signals with few values (switches) are left out.
+    samples are no coincidence. Signals with few values (switches) are left out.
 
     Examples
     --------
@@ -93,14 +91,11 @@ def check_channel(
         )
     scaled = rows / largest if largest > 0 else rows  # squares of any finite value
     defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning])
-    zeros = 0.0 if defect else _single_zeros(scaled)
-    if zeros:
-        defect, where = "drop-outs", zeros
     text = {
         "": "",
         "clipped": f"channel {name!r} is clipped at {where * largest:.4g}",
         "drop-outs": f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time "
-        f"it is {'a single 0' if zeros else 'constant'}",
+        f"it is constant",
     }[defect]
     return ChannelCheck(float(scaled.std()) * largest, defect, text)
 
@@ -164,31 +159,15 @@ def _flat_stretches(
     if not long.any() or usual < _ROUGH * rows.std():
         return "", 0.0
     often = max((equal.sum() - n_equal) / (equal.size - n_equal), 1 / equal.size)
-    is_rare = np.log(equal.size) + (lengths - 1) * np.log(often) < np.log(_CHANCE)
     begin = starts[first // width] + first % width
-    turns = np.zeros(len(first), dtype=bool)
+    turned = np.zeros(len(first))  # samples of each stretch within strokes
     for low, high in turning:
-        turns |= (begin >= low) & (begin + lengths <= high)
+        turned += np.clip(np.minimum(begin + lengths, high) - np.maximum(begin, low), 0, None)
+    is_rare = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(_CHANCE)
     is_cut = ((outer > step) | (outer == 0)).all(axis=0) & sharp
-    if steps[~equal].min() <= _FINE * usual:
-        is_cut[:] = True
-    share = float(lengths[long & is_rare & turns & is_cut].sum() / rows.size)
+    is_cut |= float(steps[~equal].min()) <= _FINE * usual
+    share = float(turned[(turned >= _GAP) & is_rare & is_cut].sum() / rows.size)
     return ("drop-outs", share) if 0.01 < share < _DIGITAL else ("", 0.0)
-
-
-def _single_zeros(rows: Array) -> float:
-    """Return the fraction of single samples of exactly 0 between others; 0 if it may be chance."""
-    is_zero = rows[:, 1:-1] == 0
-    if is_zero.mean() < _FEW:
-        return 0.0
-    steps = np.abs(np.diff(rows, axis=1))
-    step = _sharp_step(steps[steps > 0]) if steps.any() else np.inf
-    least = np.minimum(steps[:, :-1], steps[:, 1:])[is_zero]
-    others = np.abs(rows[rows != 0])
-    n_next = np.count_nonzero(others <= 1.5 * others.min(initial=np.inf))
-    if np.count_nonzero(least > step) <= max(_SINGLE * n_next, _FEW * rows.size):
-        return 0.0
-    return np.count_nonzero(least) / rows.size
 
 
 def _sharp_step(steps: Any) -> float:
