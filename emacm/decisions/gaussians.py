@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _BLOCK = 4096  # recordings at a time, so that large tables take no more memory
 
 REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
-_FAR = 1e6  # squared distance of means above which expanded squares lose digits
+FAR = 1e6  # squared distance of means above which expanded squares lose digits
 FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
 
@@ -269,7 +269,8 @@ def solved_log_densities(
     """Logarithms of Gaussian densities, Eq. (2.44), or None if a covariance is singular.
 
     For few recordings less work than `GaussianClasses.log_densities`: the factor of a covariance is
-    not inverted, and squares of differences are expanded.
+    not inverted, and squares of differences are expanded, which is the more accurate, the nearer
+    the means are to the origin.
 
     Parameters
     ----------
@@ -292,9 +293,6 @@ def solved_log_densities(
     >>> solved_log_densities(np.array([[1.0, 1.0]]), np.zeros((1, 2)), covariance).round(3)
     array([[-3.088]])
     """
-    centre, n_recordings = means.mean(axis=0), len(X)
-    white = np.concatenate([X, means])
-    white -= centre
     weights = np.ones((1, X.shape[1]))
     if covariances.ndim == 2:
         if not (covariances > 0).all():
@@ -306,13 +304,12 @@ def solved_log_densities(
             return None
         log_determinants = 2 * np.log(np.diagonal(root)).sum()
         # The transposes are not copied.
-        white = dtrsm(1.0, root.T, white.T, trans_a=1, overwrite_b=1).T
-    X, means = white[:n_recordings], white[n_recordings:]
+        X, means = (dtrsm(1.0, root.T, rows.T, trans_a=1).T for rows in (X, means))
     weighted = means * weights
     norms = (means * weighted).sum(axis=1)
-    if norms.max() < _FAR:
+    if norms.max() < FAR:
         squares = X @ (-2 * weighted).T + norms
-        squares += np.square(X, out=X) @ weights.T
+        squares += np.square(X) @ weights.T
     else:
         pairs = zip(means, np.broadcast_to(weights, means.shape), strict=True)
         squares = np.array([np.square(X - mean) @ weight for mean, weight in pairs]).T

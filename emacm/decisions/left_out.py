@@ -13,9 +13,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpotrs
 
 from emacm._checks import group_codes
 from emacm.decisions.gaussians import (
+    FAR,
     FLOOR,
     GaussianClasses,
     cholesky_root,
@@ -23,10 +26,10 @@ from emacm.decisions.gaussians import (
     shrunk_covariances,
     solved_log_densities,
 )
-from emacm.decisions.left_out_moments import RemainingMoments, Training
+from emacm.decisions.left_out_moments import RemainingMoments, Training, of_rows
 from emacm.decisions.left_out_products import ClassProducts
 from emacm.decisions.moments import ClassMoments
-from emacm.decisions.shrinkage import oas_coefficient, shrink
+from emacm.decisions.shrinkage import oas_coefficient
 
 Array = NDArray[np.float64]
 
@@ -138,15 +141,18 @@ class Remaining:
             One for each group whose removal leaves enough recordings for a covariance.
         """
         for group, rows in self._rows.items():
-            moments = self._left.without(group)
+            n_remaining = len(self._training.X) - len(rows)
+            singular = n_remaining <= self._training.X.shape[1] + self._training.n_classes
+            moments = self._left.without(group, anew=singular and not shrinkage)
             seen = (moments.counts > 0) & (moments.divisors > 0)
             if not seen.any():
                 continue
             scatter, scales, coefficient = self._left.standardised(moments, group, shrinkage)
-            covariance = shrink(scatter[np.newaxis], coefficient, 1.0, 1 / moments.divisors)[0]
-            variances = np.diagonal(covariance)
-            least = coefficient * variances.mean() / (variances.max() or 1.0)
-            root = cholesky_root(covariance, least)
+            covariance = scatter * ((1 - coefficient) / moments.divisors)
+            target = coefficient * np.trace(scatter) / len(scatter) / moments.divisors
+            variances = covariance.ravel()[:: len(covariance) + 1]
+            variances += target
+            root = cholesky_root(covariance, target[0] / (variances.max() or 1.0))
             if root is None:
                 scaled = covariance * np.multiply.outer(scales, scales)
                 root = _floored_root(scaled, self._floor(group))
@@ -166,12 +172,16 @@ class Remaining:
         Returns
         -------
         ndarray of shape (n_recordings, n_classes)
-            -inf for classes of which too few other recordings remain.
+            -inf for classes of which too few other recordings remain. With one covariance, less the
+            square of the recording, which is the same for all classes.
         """
         training, kind = self._training, (covariance, shrinkage)
         found = np.full((len(training.X), training.n_classes), -np.inf)
         classes = range(training.n_classes)
-        if covariance == "full" or kind == ("diag", "auto"):
+        if covariance == "tied":
+            for part in self.left_out_gaussians(shrinkage):
+                found[np.ix_(part.rows, np.flatnonzero(part.seen))] = _relative_log_densities(part)
+        elif covariance == "full" or kind == ("diag", "auto"):
             for code in classes:  # one by one, so that a matrix stays in the cache
                 self._judge_class(found, code, kind)
         else:
@@ -208,7 +218,7 @@ class Remaining:
     def _features(self, group: int) -> Array:
         """Return the features of a group."""
         if group not in self._tables:
-            self._tables[group] = np.take(self._training.X, self._rows[group], axis=0)
+            self._tables[group] = of_rows(self._training.X, self._rows[group])
         return self._tables[group]
 
     def _oas_coefficients(self, code: int) -> Array:
@@ -229,7 +239,7 @@ class Remaining:
         own = np.flatnonzero(training.codes == code)
         if len(own) > training.X.shape[1]:
             return None
-        of_class = self._left.deviations(own), training.weight[own], training.groups[own]
+        of_class = self._left.deviations[own], training.weight[own], training.groups[own]
         return ClassProducts(*of_class, list(self._rows))
 
     def _judge(
@@ -271,6 +281,18 @@ class Remaining:
             moments = self._left.without(group, variances_only=True)
             self._floors[group] = FLOOR * float(moments.feature_variances.max())
         return self._floors[group]
+
+
+def _relative_log_densities(part: LeftOut) -> Array:
+    """Return log densities of a group, less a term of each recording, of classes that are seen."""
+    means, root = part.means[part.seen], part.root.T  # the transposes are not copied
+    solved, _ = dpotrs(root, means.T)
+    norms = np.einsum("kf,fk->k", means, solved)
+    if norms.max() < FAR:
+        logs: Array = part.X @ solved - norms / 2
+        return logs
+    X, means = (dtrsm(1.0, root, rows.T, trans_a=1).T for rows in (part.X, means))
+    return np.array([np.square(X - mean).sum(axis=1) for mean in means]).T / -2
 
 
 def _floored_root(covariance: Array, floor: float) -> Array:

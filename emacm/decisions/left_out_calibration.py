@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -182,10 +183,14 @@ def calibrate(
     ValueError
         If no class has recordings in two groups.
     """
-    remaining = Remaining(training, moments)
+    # In the order of the groups, which are then not copied; from the centre, for expanded squares.
+    order, centre = np.argsort(training.groups, kind="stable"), moments.means.mean(axis=0)
+    training = training.take(order)
+    centred = replace(training, X=training.X - centre)
+    remaining = Remaining(centred, replace(moments, means=moments.means - centre))
     left_out = remaining.left_out_gaussians(_SHRINKAGE)
     if (covariance, shrinkage) != ("tied", _SHRINKAGE):
-        gaussians = remaining.all_gaussians(_SHRINKAGE)
+        gaussians = replace(remaining.all_gaussians(_SHRINKAGE), means=moments.means)
     distances = fit_typicality(training, gaussians, left_out)
     if not temperature:
         return LeftOutCalibration(distances, None)

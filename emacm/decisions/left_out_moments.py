@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_array
 
 from emacm.decisions.moments import ClassMoments, class_moments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficient, oas_coefficient
@@ -62,6 +63,12 @@ class Training:
         )
 
 
+def of_rows(table: Array, rows: NDArray[np.intp]) -> Array:
+    """Return some rows of a table, in ascending order; without a copy if they are neighbours."""
+    first, end = rows[0], rows[-1] + 1
+    return table[first:end] if end - first == len(rows) else np.take(table, rows, axis=0)
+
+
 class RemainingMoments:
     """Moments of the recordings that remain without a group.
 
@@ -79,49 +86,45 @@ class RemainingMoments:
     ----------
     rows : dict of {int: ndarray of int}
         Recordings of each group.
+    deviations : ndarray of shape (n_recordings, n_features)
+        From the means of the classes.
     """
 
     def __init__(self, training: Training, moments: ClassMoments):
         self.training, self._moments = training, moments
-        groups, (n_classes, n_features) = np.unique(training.groups).tolist(), moments.means.shape
-        self.rows = {group: np.flatnonzero(training.groups == group) for group in groups}
-        self._place = {group: place for place, group in enumerate(groups)}
+        groups, places = np.unique(training.groups, return_inverse=True)
+        self.rows = {group: np.flatnonzero(places == k) for k, group in enumerate(groups.tolist())}
+        self._place = {group: place for place, group in enumerate(self.rows)}
         self._kept: dict[int, Array] = {}
         self._variances: dict[bool, tuple[Array, NDArray[np.bool_]]] = {}
         self._standards: dict[int | None, tuple[Array, float]] = {}
-        self._counts = np.zeros((len(groups), n_classes))
-        self._means, self._moved = np.zeros((2, *self._counts.shape, n_features))
-        self._squares = np.zeros((len(groups), 1 if moments.pooled else n_classes, n_features))
-        for group in groups:
-            self._leave_out(group)
+        self.deviations = np.take(moments.means, training.codes, axis=0)
+        np.subtract(training.X, self.deviations, out=self.deviations)
+        self._leave_out(places * len(moments.means) + training.codes)
+        if len(groups) <= AT_ONCE:
+            self._kept = {group: self._lost_scatter(group) for group in self.rows}
         self._scatter = self._pooled_scatter()
 
-    def _leave_out(self, group: int) -> None:
-        """Find counts and means without a group, and the sums of squares that are lost."""
-        rows, training, place = self.rows[group], self.training, self._place[group]
-        values, before = self.deviations(rows), self._moments.counts
-        member = np.zeros((training.n_classes, len(rows)))
-        member[training.codes[rows], np.arange(len(rows))] = training.weight[rows]
-        sums, left = member @ values, before - member.sum(axis=1)
-        left[left <= 1e-9 * before] = 0.0
-        inverse = np.divide(1.0, left, out=np.zeros_like(left), where=left > 0)[:, np.newaxis]
-        self._counts[place] = left
-        shift = sums * inverse
-        np.subtract(self._moments.means, shift, out=self._means[place], where=inverse > 0)
-        np.multiply(sums, np.sqrt(inverse), out=self._moved[place])
-        if len(self.rows) <= AT_ONCE:
-            self._kept[group] = self._lost_scatter(group, values)
-        squares = np.square(self._moved[place])
-        if self._moments.pooled:
-            member, squares = (each.sum(axis=0, keepdims=True) for each in (member, squares))
-        np.matmul(member, np.square(values, out=values), out=self._squares[place])
-        self._squares[place] += squares
+    def _leave_out(self, cells: NDArray[np.intp]) -> None:
+        """Find counts and means without each group, and the sums of squares that are lost.
 
-    def deviations(self, rows: NDArray[np.intp]) -> Array:
-        """Return the deviations of recordings from the means of their classes."""
-        deviations = np.take(self.training.X, rows, axis=0)
-        deviations -= np.take(self._moments.means, self.training.codes[rows], axis=0)
-        return deviations
+        Cells are numbers of group and class together, of each recording.
+        """
+        moments, weight = self._moments, self.training.weight
+        shape = len(self.rows), len(moments.means)
+        member = csc_array(
+            (weight, cells, np.arange(len(cells) + 1)), (shape[0] * shape[1], len(cells))
+        )
+        left = moments.counts - np.bincount(cells, weight, member.shape[0]).reshape(shape)
+        left[left <= 1e-9 * moments.counts] = 0.0
+        inverse = np.divide(1.0, left, out=np.zeros(shape), where=left > 0)[:, :, np.newaxis]
+        self._counts, self._moved = left, (member @ self.deviations).reshape(*shape, -1)
+        self._means = np.where(inverse > 0, moments.means - self._moved * inverse, 0.0)
+        self._moved *= np.sqrt(inverse)
+        self._squares = (member @ np.square(self.deviations)).reshape(self._moved.shape)
+        self._squares += np.square(self._moved)
+        if moments.pooled:
+            self._squares = self._squares.sum(axis=1, keepdims=True)
 
     def _pooled_scatter(self) -> Array:
         """Return the scatter of all recordings, summed over the classes."""
@@ -133,16 +136,14 @@ class RemainingMoments:
             total += self._lost_scatter(group)
         return total[np.newaxis]
 
-    def _lost_scatter(self, group: int, values: Array | None = None) -> Array:
-        """Return what the scatter of all classes loses without a group of known deviations."""
+    def _lost_scatter(self, group: int) -> Array:
+        """Return what the scatter of all classes loses without a group."""
         if group in self._kept:
             return self._kept[group]
         rows = self.rows[group]
-        values = self.deviations(rows) if values is None else values
-        stacked = np.empty((len(rows) + len(self._moved[0]), values.shape[1]))
-        roots = np.sqrt(self.training.weight[rows, np.newaxis])
-        np.multiply(values, roots, out=stacked[: len(rows)])
-        stacked[len(rows) :] = self._moved[self._place[group]]
+        values, moved = of_rows(self.deviations, rows), self._moved[self._place[group]]
+        stacked = np.concatenate([values, moved])
+        stacked[: len(rows)] *= np.sqrt(self.training.weight[rows, np.newaxis])
         lost: Array = stacked.T @ stacked
         return lost
 
@@ -249,8 +250,7 @@ class RemainingMoments:
         squares = np.empty((len(groups), len(training.X)))
         for k in range(training.n_classes):
             rows = np.flatnonzero(training.codes == k)
-            values = np.take(training.X, rows, axis=0)
-            values -= self._moments.means[k]
+            values = np.take(self.deviations, rows, axis=0)
             found = norms[:, k, np.newaxis] - 2 * scaled[:, k] @ values.T
             apart = [np.square(values - moved[number, k]) for number in far]
             found += inverse @ np.square(values, out=values).T

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -59,6 +61,7 @@ def fit_temperature(
 
     shares = weight / weight.sum()
 
+    @cache  # `brentq` computes the values at both ends again
     def slope(log_exponent: float) -> float:
         """Return the derivative of the log loss by the exponent 1 / T."""
         joint = np.exp(np.exp(log_exponent) * scores)
@@ -69,6 +72,8 @@ def fit_temperature(
     low, high = np.log(_RANGE)
     if slope(low) >= 0:
         return float(np.exp(-low))
-    if slope(high) <= 0:
+    if slope(0.0) > 0:
+        high = 0.0
+    elif slope(high) <= 0:
         return float(np.exp(-high))
     return float(np.exp(-brentq(slope, low, high, xtol=_PRECISION, maxiter=_ITERATIONS)))

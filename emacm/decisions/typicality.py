@@ -92,9 +92,10 @@ class ClassDistances:
         def whiten(values: Array) -> Array:  # the transposes are not copied
             return np.asarray(dtrmm(1.0, self.factor.T, values.T, lower=1, overwrite_b=1).T)
 
-        of_classes = self.directions, self.corners, self.means, self.deviations
+        centre = self.means.mean(axis=0)
+        of_classes = self.directions, self.corners, self.means - centre, self.deviations
         with np.errstate(over="ignore", invalid="ignore"):
-            return _log_squares(*_squares(X, whiten, *of_classes))
+            return _log_squares(*_squares(X - centre, whiten, *of_classes))
 
     def nearest(self, X: Array) -> NDArray[np.intp]:
         """Return the number of the class that is nearest inside the discriminant space."""
@@ -238,7 +239,10 @@ def _class_distances(gaussians: GaussianClasses, degrees: int) -> ClassDistances
 
 
 def _left_out_squares(part: LeftOut, degrees: int) -> tuple[Array, Array, Array]:
-    """Return the squares of `_squares` for one group; inside infinite for a class not seen."""
+    """Return the squares of `_squares` for one group; inside infinite for a class not seen.
+
+    The origin of features is near the means of the classes.
+    """
     root, seen = part.root.T, part.seen
     means = part.means[seen]
 
@@ -251,7 +255,7 @@ def _left_out_squares(part: LeftOut, degrees: int) -> tuple[Array, Array, Array]
         centred = whiten(centred)
         basis = _discriminant_basis(centred)
         directions = dtrsm(1.0, root, basis) if basis.size else basis
-        squares = _squares(part.X, whiten, directions, centred @ basis, means, deviations)
+        squares = _squares(part.X, whiten, directions, means @ directions, means, deviations)
     if seen.all():
         return squares
     inside = np.full((len(seen), len(part.X)), np.inf)
@@ -270,16 +274,16 @@ def _squares(
     """Return the squared distances inside, outside, and of the largest deviation.
 
     Of recordings in their own units, which `whiten` gives unit covariance, to classes whose means
-    are given in their own units and, as corners, in the discriminant space.
+    are given in their own units and, as corners, in the discriminant space. The origin of both is
+    near the means, because squares are expanded.
     """
-    away = X - means.mean(axis=0)
-    inner = away @ directions
+    inner = X @ directions
     inside = -2 * corners @ inner.T
     inside += np.einsum("kd,kd->k", corners, corners)[:, np.newaxis]
     inside += np.einsum("rd,rd->r", inner, inner)
     # fmin replaces NaN, the difference of two overflows.
     inside = np.maximum(np.fmin(inside, _FARTHEST, out=inside), 0.0, out=inside)
-    np.take(means, inside.argmin(axis=0), axis=0, out=away, mode="clip")
+    away = np.take(means, inside.argmin(axis=0), axis=0)
     np.subtract(X, away, out=away)
     largest = _reduce_large(away, deviations)
     inner = away @ directions
@@ -344,8 +348,8 @@ def _discriminant_basis(centred: Array) -> Array:
     """Return an orthonormal basis of the span of whitened class means, whose sum is 0."""
     if 1 < len(centred) <= centred.shape[1]:
         factored, reflections, *_ = dgeqrf(centred[:-1].T)
-        sizes = np.abs(np.diagonal(factored))
-        if sizes.min() > _INDEPENDENT * np.linalg.norm(centred):
+        smallest = np.abs(np.diagonal(factored)).min()
+        if smallest > _INDEPENDENT * np.sqrt(np.vdot(centred, centred)):
             basis: Array = dorgqr(factored, reflections, overwrite_a=1)[0]
             return basis
     _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
@@ -380,7 +384,8 @@ def _combine(
 ) -> Array:
     """Combine the log distances to each class, and return that to the nearest.
 
-    The logarithm of the sum of the exponentials is nearly the largest of its terms.
+    The logarithm of the sum of the exponentials is nearly the largest of its terms. They are
+    relative to the largest of the class where it is smallest.
     """
     slopes = _SLOPES if used[0] else np.array([0.0, 1.0, 1.0])
     terms = []
@@ -389,7 +394,7 @@ def _combine(
         scale = slopes[number] / peaks[number].mean_excess
         level = (levels[number] + threshold) * scale + _OFFSETS[number]
         terms.append(logs[number] * scale - level[:, np.newaxis])
-    largest = np.maximum.reduce(terms)
-    with np.errstate(invalid="ignore"):  # inf - inf, of a class without recordings
+    largest = np.maximum.reduce(terms).min(axis=0)
+    with np.errstate(over="ignore"):  # of classes that are farther
         total = sum(np.exp(term - largest) for term in terms)
-        return np.fmin.reduce(largest + np.log(total), axis=0)
+    return largest + np.log(np.min(total, axis=0))
