@@ -128,6 +128,38 @@ def repeated(x: Array, t: Array, rng: np.random.Generator) -> Array:
     return x[np.minimum(first + (np.arange(len(x)) - first) % 250, len(x) - 1)]
 
 
+def overflow(share: float) -> Callable[..., Array]:
+    """Wrap at a share of the largest value, as integers do."""
+
+    def change(x: Array, t: Array, rng: np.random.Generator) -> Array:
+        top = share * np.abs(x).max()
+        return (x + top) % (2 * top) - top
+
+    return change
+
+
+def one_gap(duration: float) -> Callable[..., Array]:
+    """Lose one part [s]."""
+
+    def change(x: Array, t: Array, rng: np.random.Generator) -> Array:
+        start = rng.uniform(0, t[-1] - duration)
+        return np.where((t >= start) & (t < start + duration), 0.0, x)
+
+    return change
+
+
+def lost(share: float) -> Kind:
+    """Lose a share of the samples of all channels; the shaft angle is complete."""
+
+    def kind(recording: Recording, rng: np.random.Generator) -> Recording:
+        signals = signals_of(recording)
+        kept = rng.uniform(size=len(signals[recording.channels[0]])) >= share
+        left = {name: x[kept] for name, x in signals.items()}
+        return changed(recording, left, angle=cut(recording, int(kept.sum())))
+
+    return kind
+
+
 CURRENT, SHAKING = "current_a", "accelerometer"
 WRONG: dict[str, Kind] = {
     "gain 1000": each(lambda x, t, rng: 1000 * x),
@@ -192,6 +224,9 @@ OWN: dict[str, Kind] = {
     "angle delayed by 0.2 s": shaft(lambda a, rng: np.roll(a, len(a) // 30)),
     "angle of another run": shaft(lambda a, rng: a[::-1]),
     "constant speed assumed": shaft(lambda a, rng: np.linspace(0, np.ptp(a) * 4, len(a))),
+    "0.1 % of the samples lost": lost(0.001),
+    "overflow at half": each(overflow(0.5)),
+    "accelerometer: gap of 1.5 s": each(one_gap(1.5), SHAKING),
     "only noise": each(lambda x, t, rng: np.std(x) * rng.standard_normal(len(x))),
 }
 

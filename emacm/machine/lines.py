@@ -172,10 +172,10 @@ class LineLevels:
         """Return slips, and the places of the lines for each, of shape (n_slips, n_lines)."""
         lines = np.array(fault.orders)
         reach = self.slip if fault.slips else 0.0
-        n_steps = int(np.ceil(reach * lines[-1] / self._step))
+        top = self.orders[-1]
+        n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
         slips = np.linspace(-reach, reach, 2 * n_steps + 1)
         places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
-        top = self.orders[-1]
         if places.min() < 1 or places.max() > len(self.orders) - 2:
             raise ValueError(
                 f"the lines of {fault.name!r} reach order {lines[-1] * (1 + reach):.4g}, but the "

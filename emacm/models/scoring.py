@@ -198,6 +198,9 @@ def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
         text = str(error) if known else f"{type(error).__name__}: {error}"
         row["error"] = " ".join(text.split()) or type(error).__name__
+        if isinstance(recording, Recording) and not row["warnings"]:
+            with suppress(Exception):  # defects, such as a dead channel, are often the reason
+                row |= _findings(model, recording)
     finally:
         _release(recording)
     yield row

@@ -196,7 +196,8 @@ def read_settings(
     if healthy is None:
         healthy = next((label for label in classes if str(label) in HEALTHY), None)
     elif healthy not in classes:
-        raise ValueError(f"healthy must be one of the classes {classes}, got {healthy!r}.")
+        listed = np.asarray(classes).tolist()
+        raise ValueError(f"healthy must be one of the classes {listed}, got {healthy!r}.")
     if parts is not None:
         fault_series(parts, 1)  # raises if one is invalid
     return Settings(model, about, file, _actions(actions, model), parts, healthy, background)

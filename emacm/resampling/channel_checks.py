@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from emacm.shaft.motion import LazySeries, Series, blocks
 
@@ -24,6 +25,7 @@ _FEW = 1e-3  # fraction of equal neighbours below which nothing is clipped or lo
 _SHARP = 0.3  # of the usual step: a signal that comes to rest has smaller ones
 _GAP, _CHANCE = 64, 1e-6  # equal samples of a single gap; probability of so many by coincidence
 _ROUGH = 0.1  # of the standard deviation; usual step of a signal that has no plateaus
+_NEAR = 8  # samples before and after a gap in which the signal is active
 _FINE = 0.02  # of the usual step; smallest step of a signal that noise changes even at standstill
 _DIGITAL = 0.9  # fraction of time at constant values above which a signal is a switch
 
@@ -160,11 +162,17 @@ def _flat_stretches(
         return "", 0.0
     often = max((equal.sum() - n_equal) / (equal.size - n_equal), 1 / equal.size)
     begin = starts[first // width] + first % width
+    ends = np.array([begin, begin + lengths])
     turned = np.zeros(len(first))  # samples of each stretch within strokes
+    is_within = np.zeros(ends.shape, dtype=bool)
     for low, high in turning:
-        turned += np.clip(np.minimum(begin + lengths, high) - np.maximum(begin, low), 0, None)
+        turned += np.clip(np.minimum(ends[1], high) - np.maximum(begin, low), 0, None)
+        is_within |= (ends > low) & (ends < high)
     is_rare = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(_CHANCE)
-    is_cut = ((outer > step) | (outer == 0)).all(axis=0) & sharp
+    # Near its ends the signal is active, unlike one that comes to rest, or the shaft is at rest.
+    active = maximum_filter1d(around, 2 * _NEAR + 1)[[first, last + 1]] > step
+    is_unknown = (outer == 0) | ~is_within  # beyond a block
+    is_cut = (active | is_unknown).all(axis=0) & active.any(axis=0)
     is_cut |= float(steps[~equal].min()) <= _FINE * usual
     share = float(turned[(turned >= _GAP) & is_rare & is_cut].sum() / rows.size)
     return ("drop-outs", share) if 0.01 < share < _DIGITAL else ("", 0.0)

@@ -165,7 +165,7 @@ class LaboratoryBench:
             raise TypeError(f"commands must be True or False, got {self.commands!r}.")
         check_number(self.duration, "duration", at_least=0.01, unit="s")
         check_number(self.cutoff, "cutoff", above=0, unit="Hz")
-        check_number(self.fs, "fs", above=2 * self.cutoff, unit="Hz")
+        check_number(self.fs, "fs", above=max(2 * self.cutoff, 2 / self.duration), unit="Hz")
         if not isinstance(self.actuator, Actuator):
             raise TypeError(f"actuator must be an Actuator, got {self.actuator!r}.")
 

@@ -139,6 +139,8 @@ def test_the_background_needs_five_lines_and_all_lines_need_both_neighbours():
     for part in (ORDERS[100:202], ORDERS[99:201]):
         with pytest.raises(ValueError, match="'wear' reach order 8, but the spectra hold orders"):
             LineLevels(part, series, 0.0, 0.5)
+    with pytest.raises(ValueError, match=r"'far' reach order 1.02e\+13, but the spectra"):
+        LineLevels(ORDERS, [FaultSeries("far", (1e13,), True)], 0.02, 0.5)  # too many for a table
 
 
 def test_the_background_is_the_median_around_each_line_and_mirrored_at_the_ends():

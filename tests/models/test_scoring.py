@@ -132,6 +132,15 @@ def test_a_clipped_channel_is_a_warning(model):
     assert "vib" in score(model, [recording])["warnings"][0]
 
 
+@pytest.mark.filterwarnings("ignore:divide by zero")  # of the logarithm
+def test_a_recording_without_decision_has_its_warnings(model):
+    dead = Recording({"vib": np.zeros(N), "amp": X[1].signals["amp"]}, FS, velocity=SPEED)
+    (row,) = score(model, [dead]).to_dict("records")
+    assert row["error"].startswith("the logarithm of recording 0, column 'vib@0-0.5'")
+    assert row["warnings"] == "channel 'vib' is constant (0): cable or sensor?"
+    assert row["outside_training"].startswith("channel 'vib' without signal, unlike training")
+
+
 @pytest.mark.parametrize(
     ("wrong", "recordings", "error"),
     [

@@ -96,6 +96,23 @@ def test_a_single_gap_is_a_defect_only_while_the_shaft_turns():
     assert defect(gap, turning=strokes) == "drop-outs"
 
 
+@pytest.mark.parametrize("start", range(1000, 1020))
+def test_a_gap_may_begin_and_end_near_zero(start):
+    values = np.round(15 * NOISE[:20_000])  # of steps that are coarse enough to come to rest
+    values[start : start + 900] = 0.0
+    assert defect(values) == "drop-outs"
+
+
+def test_a_gap_may_end_while_the_shaft_is_at_rest():
+    strokes = [(0.0, 0.3), (0.5, 1.0)]
+    is_turning = (TIMES < 1.5) | (TIMES > 2.5)
+    coarse = np.round(15 * NOISE * is_turning) + np.round(NOISE)
+    for gap in ((TIMES > 1.0) & (TIMES < 2.0), (TIMES > 2.0) & (TIMES < 3.0)):
+        assert defect(np.where(gap, 0.0, coarse), strokes) == "drop-outs"
+    swelling = np.round(15 * NOISE * np.clip(np.abs(TIMES - 2.0) - 0.5, 0, None))
+    assert defect(swelling, strokes) == ""  # it is 0 at rest, and when the shaft turns slowly
+
+
 def test_a_gap_longer_than_the_blocks_of_a_long_channel_is_recognised():
     long = np.tile(NOISE, 20)
     long[400_000:500_000] = 0.0

@@ -72,6 +72,7 @@ def test_units_of_other_numbers_are_other_units():
         ({"state": "worn"}, "state must be one of 'healthy', 'screw', 'inner ring'"),
         ({"state": "screw", "severity": -1}, "severity of 'screw' must be a number at least 0"),
         ({"state": "screw", "fs": 0}, "fs must be a number of Hz, above 0, got 0"),
+        ({"fs": 3, "duration": 0.5}, "fs must be a number of Hz, above 4, got 3"),
     ],
 )
 def test_a_wrong_parameter_is_named(arguments, message):
