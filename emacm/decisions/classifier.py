@@ -178,8 +178,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             If `groups` are needed and not given.
         """
         check_parameters(self.covariance, self.shrinkage, self.temperature)
-        if y is not None:
-            check_classes(y)
+        check_classes(y)
         check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
@@ -242,8 +241,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         """
         check_parameters(self.covariance, self.shrinkage, self.temperature)
         known = getattr(self, "classes_", None)
-        if y is not None:
-            check_classes(y)
+        check_classes(y)
         check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, reset=known is None)
         check_classification_targets(y)

@@ -378,6 +378,8 @@ def test_all_costs_of_an_estimator_are_narrowed():
     assert set(cost_parameters(product)) == {"cost", "a__cost", "b__cost"}
     plain = DummyClassifier()
     assert narrow_costs(plain, ["ball"], CLASSES) is plain
+    without_parameters = object()
+    assert narrow_costs(without_parameters, ["ball"], CLASSES) is without_parameters
     assert cost_parameters(plain) == cost_parameters(object()) == {}
 
 

@@ -19,6 +19,7 @@ from sklearn.neighbors import KernelDensity
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
+from sklearn.utils import get_tags
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
@@ -247,6 +248,17 @@ def test_weights_reach_the_estimator_and_its_prior():
         .predict_proba(LATER),
         rtol=1e-6,
     )
+
+
+def test_it_takes_several_classes_unless_its_estimator_takes_two():
+    class OfTwo(GaussianNB):
+        def __sklearn_tags__(self):
+            tags = super().__sklearn_tags__()
+            tags.classifier_tags.multi_class = False
+            return tags
+
+    for inner, several in ((GaussianNB(), True), (StandardScaler(), True), (OfTwo(), False)):
+        assert get_tags(LeastRiskClassifier(inner)).classifier_tags.multi_class is several
 
 
 def test_priors_are_weighted_as_the_last_step():

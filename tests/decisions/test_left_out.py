@@ -116,6 +116,18 @@ def test_units_of_features_add_a_constant_to_log_densities(covariance, shrinkage
     assert_allclose(found, expected - 20 * np.log(unit), rtol=1e-9)
 
 
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+@pytest.mark.parametrize("shrinkage", [0.3, "oas"])
+def test_units_of_features_may_differ_by_240_decades(covariance, shrinkage):
+    training = draw(9, n_recordings=40, n_features=20, n_classes=3, n_groups=4)
+    training.X[:] *= np.logspace(-120, 120, 20) / training.X.std(axis=0)
+    found = remaining(training, covariance, shrinkage).log_densities(covariance, shrinkage)
+    for group in range(4):
+        rows = training.groups == group
+        expected = fitted_anew(training.take(~rows), covariance, shrinkage)
+        assert_allclose(found[rows], expected.log_densities(training.X[rows]), rtol=1e-6)
+
+
 @pytest.mark.parametrize("shrinkage", [0.3, "oas", "auto"])
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
 def test_common_covariances_follow_from_moments_of_any_kind(covariance, shrinkage):
@@ -165,6 +177,11 @@ def test_moments_without_a_group_are_those_of_the_others_and_0_for_an_absent_cla
         for name in ("counts", "means", "scatter"):
             assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-8, atol=1e-9)
     assert_array_equal(left.without(7, pooled=pooled, variances_only=only).means[1], 0)
+    whole = training.moments(pooled=pooled, variances_only=only)
+    for absent in (None, 99):
+        found = left.without(absent, pooled=pooled, variances_only=only)
+        for name in ("counts", "means", "scatter"):
+            assert_allclose(getattr(found, name), getattr(whole, name), rtol=1e-8, atol=1e-9)
 
 
 def test_a_group_with_outliers_leaves_accurate_moments():
@@ -401,3 +418,18 @@ def test_equal_recordings_are_raised_to_the_floor_and_a_total_weight_of_1_is_too
             assert_array_equal(found[rows, 2], -np.inf)
         else:
             assert_allclose(found[rows, 2], densities[:, 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("shrinkage", [None, 0.3, "oas"])
+def test_one_degree_of_freedom_that_remains_is_enough_for_a_common_covariance(shrinkage):
+    X = np.random.default_rng(3).normal(size=(5, 2))
+    codes, groups = np.array([0, 1, 0, 0, 1]), np.array([0, 0, 1, 1, 1])
+    training = Training(X, codes, groups, np.ones(5), 2)
+    left = remaining(training, "tied", shrinkage)
+    (part,) = left.left_out_gaussians(shrinkage)
+    assert_array_equal(part.rows, [0, 1])
+    expected = fitted_anew(training.take(groups == 1), "tied", shrinkage or 0.0)
+    assert_allclose(part.root @ part.root.T, expected.covariances[0], rtol=1e-6, atol=1e-12)
+    found = left.log_densities("tied", shrinkage)
+    assert_allclose(found[:2], expected.log_densities(X[:2]), rtol=1e-6)
+    assert_array_equal(found[2:], -np.inf)

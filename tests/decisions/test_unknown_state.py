@@ -309,6 +309,8 @@ def test_priors_may_contain_the_unknown_state():
         assert of_unknown == pytest.approx(0.1)
     of_classes, of_unknown = truth_priors([0.0, 0.5, 0.4, 0.1], CLASSES, np.ones(3), "new")
     np.testing.assert_allclose(of_classes, [0, 5 / 9, 4 / 9])
+    of_classes, of_unknown = truth_priors([0.0, 0.0, 0.9, 0.1], CLASSES, np.ones(3), "new")
+    assert of_classes.tolist() == [0, 0, 1]
     for priors in (None, "uniform", [0.2, 0.3, 0.5], {"worn": 0.5, "dry": 0.2, "healthy": 0.3}):
         assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
 
