@@ -169,6 +169,12 @@ def test_the_oas_coefficient_is_that_of_scikit_learn(shape):
     assert oas_coefficient(centred.T @ centred, shape[0]) == pytest.approx(expected, rel=1e-10)
 
 
+def test_the_oas_coefficient_of_single_precision_is_that_of_double():
+    X = np.random.default_rng(6).normal(size=(8, 5))
+    single = (X.T @ X).astype(np.float32)
+    assert oas_coefficient(single, 8) == oas_coefficient(single.astype(float), 8)
+
+
 def test_the_oas_coefficient_of_a_sphere_is_one_and_of_nothing_is_zero():
     assert oas_coefficient(np.eye(3) * 1e200, 10) == 1
     assert oas_coefficient(np.zeros((3, 3)), 10) == 0

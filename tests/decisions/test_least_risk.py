@@ -222,6 +222,15 @@ def test_other_priors_follow_from_bayes_rule():
     np.testing.assert_allclose(model.predict_proba(LATER), expected, rtol=1e-12)
 
 
+def test_other_priors_leave_posteriors_far_below_rounding_as_they_are():
+    model = LeastRiskClassifier(GaussianNB(), priors="uniform").fit(X, Y)
+    far = 30 * LATER
+    own = GaussianNB().fit(X, Y)
+    expected = log_softmax(own.predict_log_proba(far) - np.log(own.class_prior_), axis=1)
+    assert expected.min() < -100
+    np.testing.assert_allclose(model.predict_log_proba(far), expected, rtol=1e-9, atol=1e-12)
+
+
 def test_a_calibrated_classifier_decides_by_cost():
     calibrated = CalibratedClassifierCV(CostSensitiveGaussianBayes(), cv=3)
     model = LeastRiskClassifier(calibrated, COSTS["inspect"]).fit(X, Y)

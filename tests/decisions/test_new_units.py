@@ -175,6 +175,21 @@ def test_units_without_a_difference_have_the_covariance_within_classes(n_feature
     np.testing.assert_allclose(levels_of_classes.mean(axis=1), 2.5)
 
 
+def test_units_may_differ_in_one_direction_only():
+    rng = np.random.default_rng(5)
+    units, y = np.repeat(np.arange(40), 4), np.tile(["dry", "healthy"], 80)
+    X = rng.normal(size=(160, 2))
+    cells = 2 * units + (y == "dry")
+    X -= np.array([X[cells == cell].mean(axis=0) for cell in range(80)])[cells]
+    X[:, 0] += 5 * rng.normal(size=40)[units]
+    fitted = NewUnitClassifier(shrinkage=None).fit(X, y, groups=units)
+    assert fitted.between_covariance_[0, 0] > 1
+    assert np.linalg.matrix_rank(fitted.between_covariance_, tol=1e-9) == 1
+    assert fitted.covariances_.shape == (2, 2, 2)
+    variances = fitted.covariances_[:, 0, 0]
+    assert (variances > fitted.between_covariance_[0, 0]).all()
+
+
 def test_one_degree_of_freedom_is_enough():
     X, none = np.array([[1.0], [4.0], [9.0]]), np.zeros(3, int)
     parts = unit_scatter(X, none, np.array([0, 0, 1]))

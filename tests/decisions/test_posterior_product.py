@@ -15,6 +15,7 @@ from sklearn.ensemble import (
     StackingClassifier,
     VotingClassifier,
 )
+from sklearn.exceptions import NotFittedError
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
@@ -581,6 +582,12 @@ def test_invalid_parameters_are_refused(options, error, message):
     X, y = table(20)
     with pytest.raises(error, match=message):
         product().set_params(**options).fit(X, y)
+
+
+@pytest.mark.parametrize("method", ["predict", "predict_log_proba", "risk"])
+def test_before_fit_nothing_is_combined(method):
+    with pytest.raises(NotFittedError, match="PosteriorProduct instance is not fitted"):
+        getattr(product(), method)(table(20)[0])
 
 
 def test_members_that_know_other_classes_are_refused():

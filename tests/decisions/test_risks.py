@@ -118,3 +118,12 @@ def test_canonical_costs_are_from_0_to_1_in_any_unit_and_from_any_zero():
         np.testing.assert_allclose(found, [[0, 1], [0.4, 0], [0.2, 0.2]], rtol=1e-12)
     np.testing.assert_array_equal(canonical_cost([[3, 4], [3, 4]]), 0)
     np.testing.assert_array_equal(canonical_cost([[0, 0], [0, 0]]), 0)
+
+
+def test_the_first_invalid_probability_or_cost_is_named():
+    posterior = np.full((3, 2), 0.5)
+    posterior[1:, 1] = np.nan
+    with pytest.raises(ValueError, match="got nan for recording 1, class number 1"):
+        conditional_risk(posterior, np.eye(2))
+    with pytest.raises(ValueError, match="got inf for decision 0, class number 1"):
+        conditional_risk(posterior[:1], [[0, np.inf], [np.inf, 0]])

@@ -253,7 +253,7 @@ def test_a_square_frame_without_the_unknown_decision_is_given_it():
 
 def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state():
     cost = pd.DataFrame(
-        [[0, 2, 3], [5, 0.5, 0.2], [1, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
+        [[0, 2, 3], [5, 0.5, 0.2], [1.5, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
     )
     decisions, table = truth_cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == [*"abcd", "new"]
