@@ -1,6 +1,7 @@
 """Facts about new spectral lines, which a bin beside a strong line hides."""
 
 import warnings
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.tree import DecisionTreeClassifier
 
 from emacm import BinTransformer
+from emacm.orders import new_lines
 from emacm.orders.columns import OrderBlock, OrderTable, order_columns
+from emacm.orders.line_heights import line_heights
 from emacm.orders.new_lines import (
     KnownLines,
     collected_statements,
@@ -412,3 +415,65 @@ def test_a_statement_is_collected_once(training, fitted):
         for _ in range(3):
             fitted.transform(table(new))
     assert len(found) == 1
+
+
+def blocks_of(*orders):
+    """Return one channel for each axis of orders, side by side."""
+    starts = np.cumsum([0, *map(len, orders)])
+    pairs = pairwise(starts)
+    return [
+        OrderBlock(f"c{k}", axis, slice(int(first), int(last)))
+        for k, (axis, (first, last)) in enumerate(zip(orders, pairs, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("n_orders", "n_beside"), [(11, 10), (2, 10), (2, 8), (1, 8), (121, 10), (9, 8)]
+)
+def test_the_background_is_half_an_order_on_either_side_or_eight_lines(n_orders, n_beside):
+    axis = np.arange(n_orders) * (0.05 if n_beside == 10 else 0.5)
+    psd = np.random.default_rng(n_orders).gamma(4.0, size=(6, n_orders))
+    known = learn_lines(psd, blocks_of(axis), np.ones(n_orders, bool))
+    heights = np.maximum(line_heights(psd, 2 * n_beside + 1, 0.25), -20)
+    np.testing.assert_allclose(known.maxima, heights.max(axis=0), rtol=1e-12)
+
+
+def test_a_line_of_power_0_neither_prevents_limits_nor_statements_but_a_negative_one_does():
+    psd = spectra(12, 0)
+    psd[:, 0] = 0.0  # order 0 without the mean
+    compared = np.ones(len(ORDERS), bool)
+    blocks = blocks_of(ORDERS)
+    known = learn_lines(psd, blocks, compared)
+    assert np.isfinite(known.limits).all()
+    (statement,) = state_new_lines(with_line(psd[:1], 9.0, 40, psd), known, blocks)
+    assert "9" in statement[0]
+    psd[3, 5] = -1e-9
+    known = learn_lines(psd, blocks, compared)
+    assert np.isinf(known.maxima).all()
+    assert np.isinf(known.limits).all()
+
+
+def test_a_channel_that_is_dead_in_training_and_test_has_no_lines():
+    psd = np.hstack([spectra(12, 0), np.zeros((12, len(ORDERS)))])
+    blocks = blocks_of(ORDERS, ORDERS)
+    known = learn_lines(psd, blocks, np.ones(psd.shape[1], bool))
+    assert np.isfinite(known.limits[: len(ORDERS)]).all()
+    assert np.isinf(known.limits[len(ORDERS) :]).all()
+    alive = with_line(psd[:2, : len(ORDERS)], 9.0, 40, psd[:, : len(ORDERS)])
+    found = state_new_lines(np.hstack([alive, psd[:2, len(ORDERS) :]]), known, blocks)
+    assert [len(own) for own in found] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("excess", "limit"),
+    [
+        ([3.0] * 6, 3.0),  # no excess is above the median
+        ([0.5] * 6, 0.5),
+        ([-1.0] * 6, 0.0),
+        ([-9.0, -9.0, -9.0, -8.99], 0.0),
+        # Pickands' tail of one value 2 above the median: 2 (0.04^-1 - 1) = 48
+        ([1.0, 1.0, 1.0, 3.0], 49.0),
+    ],
+)
+def test_the_limit_of_the_excess_by_hand(excess, limit):
+    assert new_lines._limit(np.array(excess)) == pytest.approx(limit)
