@@ -255,7 +255,7 @@ def _operator(
         for orders in dict.fromkeys(axes)
     }
     operator = sparse.block_diag([operators[orders] for orders in axes], format="csr")
-    return operator, np.asarray(abs(operator).sum(axis=0)).ravel() > 0
+    return operator, np.asarray(operator.sum(axis=0)).ravel() > 0
 
 
 @lru_cache(maxsize=64)

@@ -378,4 +378,4 @@ def _plain(array: Any, context: Any, names: tuple[str, ...] | None) -> Any:
                 f"dead, or equal to its baseline: check its sensor, or leave the channel or the "
                 f"recording out."
             )
-    return values[()] if values.ndim == 0 else values
+    return values[()]  # a number, if it has no dimension

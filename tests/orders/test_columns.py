@@ -371,6 +371,14 @@ def test_rows_keep_the_names_of_the_columns(key, kept):
     assert (column_names(chosen) == COLUMNS) is kept
 
 
+def test_rows_of_powers_in_bins_have_no_names_in_an_error_of_their_logarithm():
+    powers = BinPowers(np.array([[1.0, 2.0], [3.0, 0.0]]), ("c@low", "c@high"))
+    named, plain = "recording 1, column 'c@high', does not", "recording 0, column 1, does not exist"
+    for part, words in ((powers, named), (powers[1:], plain)):
+        with np.errstate(divide="ignore"), pytest.raises(ValueError, match=words):
+            np.log(part)
+
+
 @pytest.mark.parametrize(
     "make", [lambda: table(), lambda: BinPowers(np.arange(12.0).reshape(4, 3), "abc")]
 )

@@ -249,3 +249,12 @@ def test_pairs_of_very_different_units_are_each_compared_with_their_own():
     for row, gain, scale in zip(rows, gains, scales, strict=True):
         np.testing.assert_allclose(row, rows[0], rtol=1e-9)
         np.testing.assert_allclose(scale * gain, gains[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("gain", [1.0, 3.0, -0.7])
+def test_the_coherence_of_a_signal_with_itself_is_1_and_never_more(gain):
+    for seed in range(5):
+        signal = noise(1, 2000, seed=seed)
+        values = coherence(signal, gain * signal, 60, n_per_segment=64)[1]
+        assert values.max() == 1  # not 1.0000000000000002
+        np.testing.assert_allclose(values, 1, rtol=1e-14)

@@ -358,7 +358,7 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
         padded(plan, [short[:, :1]])
 
 
-@pytest.mark.parametrize(("factor", "same"), [(1 + 9e-13, True), (1 + 2e-12, False)])
+@pytest.mark.parametrize(("factor", "same"), [(1 + 9e-13, True), (1 + 1.4e-12, False)])
 def test_a_stated_angle_step_is_that_of_the_recordings(factor, same):
     psd = OrderPSD(4, theta_s=TURN / 32 * factor)
     if same:
