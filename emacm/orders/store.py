@@ -114,10 +114,11 @@ class SpectrumStore:
         body = writer.getvalue()
         decoded = _decoded(body)
         _recent.put((self.folder, key), decoded, decoded.nbytes)
-        if len(body) > self.bytes_limit:
+        content = body + _checksum(key, body)
+        if len(content) > self.bytes_limit:
             return
         try:
-            self._write(key, body + _checksum(key, body))
+            self._write(key, content)
         except OSError as error:
             warnings.warn(
                 f"spectra cannot be kept in {self.folder!r}: {error}. They will be estimated "

@@ -224,8 +224,10 @@ def test_a_full_disk_is_told_and_spectra_are_served_all_the_same(store, monkeypa
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.warns(RuntimeWarning, match=r"cannot be kept in .*No space left.*another folder"):
+    words = r"cannot be kept in .*No space left.*another folder"
+    with pytest.warns(RuntimeWarning, match=words) as caught:
         store.keep(A, np.ones(3))
+    assert [warning.filename for warning in caught] == [__file__]
     np.testing.assert_array_equal(store.find(A, (3,)), 1.0)
     assert not files(store.folder)
 
@@ -851,6 +853,35 @@ def test_of_a_spectrum_that_is_larger_than_the_limit_nothing_is_written_or_delet
     before = [(file, file.stat().st_mtime_ns) for file in files(tmp_path)]
     store.keep(B, np.ones(200))
     assert [(file, file.stat().st_mtime_ns) for file in files(tmp_path)] == before
+
+
+def test_a_spectrum_may_just_fill_the_limit_with_its_checksum(tmp_path):
+    SpectrumStore(tmp_path / "one").keep(A, np.ones(50))
+    full = size(tmp_path / "one")
+    SpectrumStore(tmp_path / "two", bytes_limit=full).keep(A, np.ones(50))
+    assert size(tmp_path / "two") == full
+    small = SpectrumStore(tmp_path / "three", bytes_limit=full - 1)
+    small.keep(B, np.ones(2))
+    small.keep(A, np.ones(50))  # is not written, and nothing is deleted for it
+    assert [file.name for file in files(tmp_path / "three")] == [B]
+
+
+def test_a_file_that_another_process_has_deleted_counts_as_deleted(store, monkeypatch):
+    store.keep(A, np.ones(50))
+    store.keep(B, np.ones(50))
+    original = Path.lstat
+
+    def deleted_meanwhile(path):
+        status = original(path)
+        if path.name in (A, B):
+            path.unlink()
+        return status
+
+    store.bytes_limit = 10
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "lstat", deleted_meanwhile)
+        store._make_room()
+    assert not files(store.folder)
 
 
 def test_what_another_process_has_estimated_meanwhile_is_not_estimated_again(store):
