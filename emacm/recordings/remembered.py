@@ -64,4 +64,4 @@ class Remembered:
         return content_digest(facts, self._arrays, remember_files=same)
 
     def _stamps(self) -> Stamps | None:
-        return file_stamps(self._mapped) if self._mapped else ()
+        return file_stamps(self._mapped)

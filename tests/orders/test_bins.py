@@ -505,6 +505,23 @@ def test_names_of_bins_are_given_after_a_fit_and_compared_with_its_columns():
     assert (names.tolist(), names.dtype) == (["a@0-1", "a@1-2"], object)
     with pytest.raises(ValueError, match="input_features is not equal to feature_names_in_"):
         bins.get_feature_names_out(["a@0", "a@2", "a@1"])
+    without = BinTransformer(max_order=2).fit(np.ones((2, 3)))
+    expected = without.get_feature_names_out().tolist()
+    assert without.get_feature_names_out(["x", "y", "z"]).tolist() == expected
+    with pytest.raises(ValueError, match=r"length equal to what fit saw \(3\), got 2"):
+        without.get_feature_names_out(["x", "y"])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_tables_with_and_without_orders_have_other_axes(turned):
+    tables = [
+        pd.DataFrame(np.ones((2, 3)), columns=["a@0", "a@1", "a@2"]),
+        pd.DataFrame(np.ones((2, 3)), columns=["x", "y", "z"]),
+    ]
+    first, second = tables[::-1] if turned else tables
+    bins = BinTransformer(max_order=2).fit(first)
+    with pytest.raises(ValueError, match="X has another order axis than the one BinTransformer"):
+        bins.transform(second)
 
 
 @pytest.mark.parametrize(("orders", "apart"), [((0, 1, 2.5), "1.5"), ((0, 0.25, 1), "0.25")])

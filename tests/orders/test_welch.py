@@ -543,3 +543,16 @@ def test_the_samples_of_a_named_window_cannot_be_changed(window):
     values = window_values(window, 64)
     with pytest.raises(ValueError, match="read-only"):
         values[0] = 1
+
+
+@pytest.mark.parametrize("by_direction", ["auto", "no", None])
+def test_a_plan_either_separates_directions_or_does_not(by_direction):
+    with pytest.raises(ValueError, match="by_direction must be"):
+        segment_plan(32.0, by_direction=by_direction)
+
+
+@pytest.mark.parametrize("values", [[1.0, np.nan, 1.0, 1.0], [np.inf, 1.0, 1.0, 1.0]])
+def test_every_sample_of_a_window_is_finite(values):
+    with pytest.raises(ValueError, match=r"window .*finite"):
+        window_values(values, 4)
+    assert window_values([1.0, -1.0, 1.0, 0.0], 4).tolist() == [1, -1, 1, 0]

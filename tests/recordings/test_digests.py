@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emacm.recordings import digests
-from emacm.recordings.digests import content_digest, digest_of_file, file_stamps
+from emacm.recordings.digests import content_digest, digest_of_file, file_stamps, is_mapped
 
 
 def settled(path, seconds=3600):
@@ -85,6 +85,31 @@ def test_a_digest_is_remembered_until_a_file_is_written(tmp_path, monkeypatch):
     settled(path, 2700)
     content_digest("", [mapped], remember_files=True)
     assert reads == [50] * 4  # what was written to meanwhile is read again
+
+
+def test_digests_of_several_files_are_remembered(tmp_path, monkeypatch):
+    parts = []
+    for name in "ab":
+        np.save(tmp_path / f"{name}.npy", np.arange(50.0) + ord(name))
+        parts.append(np.load(settled(tmp_path / f"{name}.npy"), mmap_mode="r"))
+    reads, read = [], digests._read
+
+    def counted(array):
+        reads.append(array[0])
+        return read(array)
+
+    monkeypatch.setattr(digests, "_read", counted)
+    for part in (*parts, *parts):
+        content_digest("", [part], remember_files=True)
+    assert reads == [ord("a"), ord("b")]
+
+
+def test_a_view_of_a_buffer_in_memory_is_no_memory_map(tmp_path):
+    in_memory = np.asarray(memoryview(bytes(16)))
+    assert not is_mapped(in_memory)
+    assert file_stamps([in_memory]) == ()
+    np.save(tmp_path / "a.npy", np.arange(5.0))
+    assert is_mapped(np.load(tmp_path / "a.npy", mmap_mode="r")[1:3])
 
 
 @pytest.mark.parametrize(("age", "known"), [(1.5, False), (2.6, True)])

@@ -3,6 +3,7 @@
 import copy
 import pickle
 import tracemalloc
+from unittest import mock
 
 import joblib
 import numpy as np
@@ -443,6 +444,8 @@ def test_equal_envelopes_are_equal_and_others_are_not():
     assert len({entry.digest for entry in [heard, *others]}) == 6
     assert len({joblib.hash(entry) for entry in [heard, *others]}) == 6
     assert copy.deepcopy(heard) is heard
+    assert heard.series["sound"] == mock.ANY  # what knows how to compare itself is asked
+    assert heard.series["sound"] != "sound"
 
 
 def test_kept_spectra_of_two_bands_are_not_confused(tmp_path):
@@ -562,6 +565,7 @@ def test_the_gain_of_the_filter_is_its_fourier_transform(n_times):
     n_lines = n_times // 2 + 1
     gain = analytic_gain(2000.0, 6000.0, 48_000.0, n_times)
     np.testing.assert_allclose(gain, expected[:n_lines], rtol=0, atol=1e-12)
+    assert not gain.flags.writeable
     assert np.abs(expected[n_lines:]).max() < 2e-4
 
 

@@ -724,3 +724,15 @@ def test_the_content_of_a_file_has_its_meta(npz):
         npz, Layout(**LAYOUT.__getstate__() | {"meta": {npz.name: {"load": 3}}})
     )
     assert opened.content().meta == opened.meta == {"load": 3}
+
+
+def test_a_shaft_column_of_another_length_has_no_rate_of_the_channels(tmp_path):
+    channels = {"vib": np.arange(100.0), "load": np.arange(100.0)}
+    layout = Layout(fs=dict.fromkeys(channels, 10), velocity="speed", channels=[*channels])
+    np.savez(tmp_path / "a.npz", **channels, speed=np.full(50, 9.0))
+    run = open_recording(tmp_path / "a.npz", layout)
+    with pytest.raises(ValueError, match="the sampling rate of 'speed' is not known"):
+        assert run.duration
+    np.savez(tmp_path / "b.npz", **channels, speed=np.full(100, 9.0))
+    run = open_recording(tmp_path / "b.npz", layout)
+    assert (run.shaft_fs, len(run.velocity)) == (10, 100)

@@ -402,6 +402,7 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"tacho": 3}, TypeError, "tacho must be the name of a column"),
         ({"units": {"b": 3}}, TypeError, "units must map names to units"),
         ({"units": ["speed"]}, ValueError, r"units must be texts such as 'speed \[rpm\]'"),
+        ({"units": ["speed [rpm]", 3]}, ValueError, "units must be texts such as"),
         ({"meta": 3}, TypeError, "meta must be a pattern"),
         ({"meta": "unit"}, ValueError, "without a field"),
         ({"meta": "{unit"}, ValueError, "meta must be a pattern"),

@@ -398,3 +398,5 @@ def test_the_attribute_rate_beside_a_rate_with_a_clear_name_is_of_something_else
     assert dict(run.fs) == {"bench/amp": 100, "vib": 100}
     with pytest.raises(ValueError, match=r"the layout states fs = 3 Hz .* but the file 100 Hz"):
         assert open_recording(tmp_path / "a.h5", Layout(fs="rate", velocity=3)).duration
+    with pytest.raises(ValueError, match=r"the layout states fs = 101 Hz .* but the file 100 Hz"):
+        assert open_recording(tmp_path / "a.h5", Layout(fs=101, velocity=3)).duration
