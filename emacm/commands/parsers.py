@@ -25,6 +25,14 @@ def add_parsers(commands: Any) -> None:
     _add_trend(commands)
 
 
+def _writable(text: str) -> Path:
+    """Return the path of a file that can be written when the command ends."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"there is no folder {str(path.parent)!r}")
+    return path
+
+
 def _run_later(name: str) -> Callable[[argparse.Namespace], int]:
     """Return the function of a command, whose module is imported when it runs."""
     return lambda options: import_module(f"emacm.commands.{name}").run(options)
@@ -37,9 +45,9 @@ def _add_inspect(commands: Any) -> None:
     )
     parser.set_defaults(run=_run_later("inspect"))
     parser.add_argument("file", metavar="FILE", type=Path, help="a file of measurements")
-    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the columns")
+    parser.add_argument("--plot", type=_writable, metavar="PNG", help="draw the columns")
     parser.add_argument(
-        "--draft", type=Path, metavar="TOML", help="write a draft of the layout of such files"
+        "--draft", type=_writable, metavar="TOML", help="write a draft of the layout of such files"
     )
 
 
@@ -67,7 +75,7 @@ def _add_train(commands: Any) -> None:
         help="orders: powers in order bins (default); actuator: emacm.actuator_recipe",
     )
     parser.add_argument(
-        "--out", required=True, type=Path, metavar="MODEL", help="file of the model"
+        "--out", required=True, type=_writable, metavar="MODEL", help="file of the model"
     )
     parser.add_argument(
         "--healthy", metavar="LABEL", help="label of the healthy state; default: healthy or normal"
@@ -132,7 +140,7 @@ def _add_score(commands: Any) -> None:
     _add_files(parser)
     parser.add_argument(
         "--out",
-        type=Path,
+        type=_writable,
         metavar="FILE",
         help="table (.csv, .jsonl or .parquet); files that are in it are not decided on again. "
         "Default: CSV on the standard output",
@@ -243,8 +251,10 @@ def _add_trend(commands: Any) -> None:
         metavar="P",
         help="probability that a healthy recording exceeds the limit (default: 0.05)",
     )
-    parser.add_argument("--out", type=Path, metavar="CSV", help="table (default: standard output)")
-    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the trend of each unit")
+    parser.add_argument(
+        "--out", type=_writable, metavar="CSV", help="table (default: standard output)"
+    )
+    parser.add_argument("--plot", type=_writable, metavar="PNG", help="draw the trend of each unit")
     parser.add_argument(
         "--fail-on-alarm", action="store_true", help="exit status 1 if a unit exceeds its limit"
     )

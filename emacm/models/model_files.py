@@ -52,6 +52,8 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     ------
     ImportError
         If skops is not installed (extra ``models``).
+    FileNotFoundError
+        If there is no such folder.
     NotFittedError
         If the model is not fitted.
     TypeError
@@ -81,6 +83,9 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     if note is not None and not isinstance(note, str):
         raise TypeError(f"note must be a text, got {note!r}.")
     check_is_fitted(model)
+    file = Path(path)
+    if not file.parent.is_dir():
+        raise FileNotFoundError(f"there is no folder {str(file.parent)!r}.")
     skops = _skops()
     with values_as_lists():
         try:
@@ -94,7 +99,6 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
     about = json.dumps(_description(model, note), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
     content = _START + sha256(body).hexdigest().encode() + b"\n" + body
-    file = Path(path)
     unfinished = file.with_name(f".{file.name}.{os.getpid()}.part")
     unfinished.write_bytes(content)
     os.replace(unfinished, file)

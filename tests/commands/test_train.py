@@ -102,6 +102,21 @@ def test_an_invalid_command_is_status_2_and_one_line(here, capsys, options, mess
     assert not Path("model.emacm").exists()
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["train", "layout.toml", "files", "--labels", "state", "--out", "none/model.emacm"],
+        ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "none/table.csv"],
+        ["trend", "files", "files", "--layout", "layout.toml", "--out", "none/trend.csv"],
+        ["inspect", "run.csv", "--draft", "none/layout.toml"],
+    ],
+)
+def test_a_missing_folder_of_the_result_is_an_error_at_once(capsys, arguments):
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert "there is no folder 'none'" in capsys.readouterr().err
+
+
 def test_a_layout_without_meta_is_an_error_with_an_example(here, capsys):
     Path("layout.toml").write_text('velocity = "speed"\n')
     assert train() == 2

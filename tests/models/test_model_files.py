@@ -297,6 +297,11 @@ def test_a_model_that_is_not_fitted_is_refused(tmp_path):
             save_model(clone(model), tmp_path / "model.emacm")
 
 
+def test_a_missing_folder_is_an_error(tmp_path, fitted):
+    with pytest.raises(FileNotFoundError, match="there is no folder .*none'"):
+        save_model(fitted("cost mapping"), tmp_path / "none" / "model.emacm")
+
+
 def test_a_missing_file_is_an_error(tmp_path):
     for read in (load_model, describe_model):
         with pytest.raises(FileNotFoundError, match="there is no model"):
