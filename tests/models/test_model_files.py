@@ -298,7 +298,7 @@ def test_a_model_that_is_not_fitted_is_refused(tmp_path):
 
 
 def test_a_missing_folder_is_an_error(tmp_path, fitted):
-    with pytest.raises(FileNotFoundError, match="there is no folder .*none'"):
+    with pytest.raises(FileNotFoundError, match=r"there is no folder .*none'"):
         save_model(fitted("cost mapping"), tmp_path / "none" / "model.emacm")
 
 
