@@ -72,8 +72,19 @@ def check_unmasked(values: Any, name: str) -> None:
 
 
 def check_table(values: Any) -> None:
-    """Raise a TypeError if a table is a masked array, or of dates, which would become numbers."""
+    """Raise an error if a table is a masked array, of dates, or has a column name twice.
+
+    Dates would become numbers, or an error that names no column.
+    """
     check_unmasked(values, "X")
+    if isinstance(values, DataFrame):
+        check_unique_columns(values, "X")
+        for column, dtype in values.dtypes.items():
+            if getattr(dtype, "kind", "") in ("m", "M"):
+                raise TypeError(
+                    f"X must be numeric, got {dtype} values in column {column!r}. Convert times, "
+                    f"as by .dt.total_seconds()."
+                )
     if getattr(getattr(values, "dtype", None), "kind", "") in ("m", "M"):
         raise TypeError(f"X must be numeric, got {values.dtype} values.")
 

@@ -158,6 +158,26 @@ CASES = [
         "X has masked samples",
     ),
     Case(
+        "a column of times",
+        lambda: CostSensitiveGaussianBayes().fit(
+            pd.DataFrame(features()[0]).assign(age=pd.to_timedelta(range(20), unit="h")),
+            features()[1],
+        ),
+        T,
+        "X must be numeric",
+        "timedelta64",
+        "column 'age'",
+        "total_seconds",
+    ),
+    Case(
+        "two columns of one name",
+        lambda: CostSensitiveGaussianBayes().fit(
+            pd.DataFrame(features()[0], columns=["a", "b", "a"]), features()[1]
+        ),
+        V,
+        "X has columns of the same name: ['a']",
+    ),
+    Case(
         "masked costs",
         lambda: classifier(cost=np.ma.array([[0, 1], [2, 0]], mask=[[0, 1], [0, 0]])),
         T,

@@ -299,6 +299,9 @@ def test_masked_readings_and_lives_are_refused():
     fitted = model("weibull").fit(X, y, groups=groups)
     with pytest.raises(TypeError, match="X has masked samples"):
         fitted.predict(np.ma.masked_greater(X, 5.0))
+    dated = pd.DataFrame({"age": pd.to_timedelta(X[:, 0], unit="h"), "level": X[:, 1]})
+    with pytest.raises(TypeError, match=r"timedelta64.* values in column 'age'. Convert times"):
+        model("weibull").fit(dated, y, groups=groups)
     with pytest.raises(TypeError, match="y has masked samples"):
         model("weibull").fit(X, np.ma.masked_greater(y, 5.0), groups=groups)
 
