@@ -258,7 +258,7 @@ class Remaining:
         n_remaining = len(part._training.X) - len(part._rows.get(group, ()))
         singular = n_remaining <= training.X.shape[1] + part._training.n_classes
         moments = part._left.without(group, **which, anew=singular and not shrinkage)
-        seen = (moments.counts > 0) & (moments.divisors > 0)
+        seen = moments.divisors > 0
         if not seen.any():
             return
         target: tuple[ArrayLike, ...]

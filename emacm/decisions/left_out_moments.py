@@ -194,7 +194,7 @@ class RemainingMoments:
     ) -> tuple[ArrayLike, ...]:
         """Return the arguments of `shrink` for all recordings but those of a group."""
         _, scales, coefficient = self.standardised(moments, group, shrinkage)
-        return (coefficient, scales**2) if shrinkage == "auto" else (coefficient,)
+        return coefficient, scales**2
 
     def standardised(
         self, moments: ClassMoments, group: int | None, shrinkage: Any

@@ -56,7 +56,7 @@ def fit_temperature(
     if not len(codes) or log_densities.shape[1] < 2:
         return 1.0
     scores = np.maximum(log_densities - log_densities.max(axis=1, keepdims=True), _IMPOSSIBLE)
-    true = np.take_along_axis(scores, codes[:, np.newaxis], axis=1)[:, 0]
+    true = scores[np.arange(len(codes)), codes]
     scores = np.ascontiguousarray(scores.T)  # sums over few classes are slow along rows
 
     shares = weight / weight.sum()

@@ -160,6 +160,14 @@ def test_a_singular_covariance_gives_the_distances_of_its_gaussians():
     X = places[codes] + np.multiply.outer(signs, rng.normal(size=5))  # along one direction
     gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(24), 3))
     assert gaussians.singular.all()
+    training = Training(X, codes, groups, np.ones(24), 3)
+    for part in left_out_gaussians(training):
+        others = pooled_gaussians(training.take(groups != groups[part.rows[0]]))
+        assert others.singular.all()
+        covariance = others.covariances[0]
+        assert_allclose(
+            part.root @ part.root.T, covariance, rtol=1e-6, atol=1e-8 * covariance.max()
+        )
     distances = fit(X, codes, groups).distances
     factor = distances.factor
     assert_array_equal(np.tril(factor, -1), 0)
@@ -173,6 +181,13 @@ def test_a_singular_covariance_gives_the_distances_of_its_gaussians():
     assert_array_equal(distances.nearest(X), codes)
 
 
+def test_the_range_of_features_is_that_of_all_recordings():
+    X, codes, groups = draw(22, n_groups=80, n_features=3)
+    X[[3, 600, 1199], [0, 1, 2]], X[[700, 1100, 5], [0, 1, 2]] = 99.0, -99.0
+    found = fit(X, codes, groups).feature_range
+    assert_array_equal(found, [X.min(axis=0), X.max(axis=0)])
+
+
 def test_it_is_deterministic():
     X, codes, groups = draw(12)
     assert_array_equal(fit(X, codes, groups)(X), fit(X, codes, groups)(X))
@@ -182,6 +197,22 @@ def test_overflowing_distances_are_the_least_typical():
     typicality = fit(*draw(13))
     found = typicality(np.full((1, 9), 1e300))
     assert 0 < found[0] < 1e-9
+
+
+def test_recordings_are_judged_alike_alone_and_together():
+    X, codes, groups = draw(13)
+    typicality = fit(X, codes, groups)
+    batch = np.vstack([X[:2], np.full((1, 9), 1e9), np.full((1, 9), 1e140)])
+    alone = np.concatenate([typicality(row[np.newaxis]) for row in batch])
+    assert_allclose(typicality(batch), alone, rtol=1e-9)
+    assert (np.diff(alone[1:]) < 0).all()
+
+
+def test_classes_of_equal_means_have_no_discriminant_space():
+    X, _, groups = draw(13, n_classes=1)
+    typicality = fit(np.vstack([X, X]), np.repeat([0, 1], len(X)), np.tile(groups, 2))
+    assert typicality.distances.directions.shape == (9, 0)
+    assert typicality.used.tolist() == [False, True, True]
 
 
 def test_squares_of_small_deviations_add_up_to_the_mahalanobis_distance():

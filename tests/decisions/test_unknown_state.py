@@ -225,7 +225,7 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
     inspect = {("look", state): 0.3 for state in CLASSES}
     stated = {("healthy", "new"): 9, ("look", "new"): 0.2, ("new", "dry"): 4, ("new", "new"): -1}
     if form == "mapping":
-        cost, order = inspect | stated, [*CLASSES, "new", "look"]
+        cost, order = stated | inspect, [*CLASSES, "new", "look"]
     else:
         order = ["look", "worn", "healthy", "dry", "new"]
         columns = {"dry": [0.3, 1, 1, 0, 4], "new": [0.2, 1, 9, 1, -1]}
@@ -311,6 +311,8 @@ def test_priors_may_contain_the_unknown_state():
     np.testing.assert_allclose(of_classes, [0, 5 / 9, 4 / 9])
     of_classes, of_unknown = truth_priors([0.0, 0.0, 0.9, 0.1], CLASSES, np.ones(3), "new")
     assert of_classes.tolist() == [0, 0, 1]
+    of_classes, of_unknown = truth_priors([0.9, 0.0, 0.0, 0.1], CLASSES, np.ones(3), "new")
+    assert of_classes.tolist() == [1, 0, 0]
     for priors in (None, "uniform", [0.2, 0.3, 0.5], {"worn": 0.5, "dry": 0.2, "healthy": 0.3}):
         assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
 
