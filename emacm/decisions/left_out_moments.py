@@ -247,16 +247,14 @@ class RemainingMoments:
         scaled = moved * inverse[:, np.newaxis]
         norms = np.einsum("gkf,gkf->gk", moved, scaled)
         far = np.flatnonzero(norms.max(axis=1) > _FAR * n_features)  # squares cancel
-        squares = np.empty((len(groups), len(training.X)))
+        squares = inverse @ np.square(self.deviations).T
+        scaled *= -2
         for k in range(training.n_classes):
             rows = np.flatnonzero(training.codes == k)
             values = np.take(self.deviations, rows, axis=0)
-            found = norms[:, k, np.newaxis] - 2 * scaled[:, k] @ values.T
-            apart = [np.square(values - moved[number, k]) for number in far]
-            found += inverse @ np.square(values, out=values).T
-            for number, values in zip(far, apart, strict=True):
-                found[number] = values @ inverse[number]
-            squares[:, rows] = found
+            squares[:, rows] += scaled[:, k] @ values.T + norms[:, k, np.newaxis]
+            for number in far:
+                squares[number, rows] = np.square(values - moved[number, k]) @ inverse[number]
         for group, variance, found in zip(groups, variances, squares, strict=True):
             if group is not None:
                 found[self.rows[group]] = 0.0

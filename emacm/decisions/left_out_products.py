@@ -97,12 +97,12 @@ class ClassProducts:
         kept = np.flatnonzero(self._remaining[place])
         matrix = self._products.take(kept, axis=0).take(kept, axis=1)
         matrix *= scale
-        matrix.flat[:: len(matrix) + 1] += 1.0
+        matrix.ravel()[:: len(matrix) + 1] += 1.0
         root, _ = dpotrf(matrix.T, overwrite_a=1)  # the transposes are not copied
-        sides = np.empty((len(deviations) + 1, len(kept)))
-        np.matmul(deviations, np.take(self._values, kept, axis=0).T, out=sides[:-1])
-        sides[-1] = self._shares[place, kept]
-        white = dtrsm(1.0, root, sides.T, trans_a=1, overwrite_b=1).T
+        sides = np.empty((len(kept), len(deviations) + 1))
+        np.matmul(np.take(self._values, kept, axis=0), deviations.T, out=sides[:, :-1])
+        sides[:, -1] = self._shares[place, kept]
+        white = dtrsm(1.0, root, sides.T, side=1, overwrite_b=1)
         white, share = white[:-1], white[-1]
         squares = np.einsum("rf,rf->r", deviations, deviations)
         squares -= scale * np.einsum("rc,rc->r", white, white)
