@@ -216,14 +216,8 @@ def fit_typicality(
     )
     values = _combine(logs, levels, peaks, used)
     combined = student_tail(values, weight, _EXPECTED_COMBINED)
-    return Typicality(distances, levels, peaks, used, combined, _feature_range(training.X))
-
-
-def _feature_range(X: Array) -> Array:
-    """Return the smallest and largest value of each feature."""
-    blocks = [X[start : start + _BLOCK] for start in range(0, len(X), _BLOCK)]
-    extremes = np.array([[block.min(axis=0), block.max(axis=0)] for block in blocks])
-    return np.array([extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)])
+    feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
+    return Typicality(distances, levels, peaks, used, combined, feature_range)
 
 
 def _class_distances(gaussians: GaussianClasses, degrees: int) -> ClassDistances:
