@@ -80,7 +80,8 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     ------
     ValueError
         If a step is neither element-wise (each output depends on one column) nor linear,
-        or is nonlinear after a step that mixes columns; the message gives its name.
+        is nonlinear after a step that mixes columns, or gives a value that is not finite; the
+        message gives its name.
 
     Examples
     --------
@@ -100,6 +101,13 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     for name, step in steps:
         if step is None or isinstance(step, str):
             continue
+        with np.errstate(all="ignore"):
+            after = apply_step(step, row)
+        if not np.isfinite(after).all():
+            raise ValueError(
+                f"step {name!r} ({type(step).__name__}) gives a value that is not finite, such as "
+                f"the logarithm of a channel without power. Check the channels of the recording."
+            )
         own = None if linear else _own_sources(step, row)
         if own is not None:
             elementwise.append((name, step))
@@ -108,7 +116,7 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
         else:
             matrix = _linear_part(name, step, row) @ matrix
             linear.append((name, step))
-        row = apply_step(step, row)
+        row = after
     return FeatureTrace(tuple(elementwise), tuple(linear), sources, matrix)
 
 

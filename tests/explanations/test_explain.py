@@ -694,6 +694,16 @@ def test_a_step_that_cannot_be_traced_is_named(steps, name):
         explain_model(model, X)
 
 
+@pytest.mark.filterwarnings("ignore:divide by zero")  # of the logarithm
+def test_a_channel_without_power_is_named_as_the_reason():
+    X, y = powers()
+    model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X, y)
+    dead = X.iloc[[0]].copy()
+    dead.iloc[0, 0] = 0.0
+    with pytest.raises(ValueError, match=r"gives a value that is not finite, such as the logar"):
+        explain_decision(model, dead)
+
+
 def test_a_linear_kernel_is_traced():
     X, y = powers()
     model = make_pipeline(log(), KernelPCA(3, kernel="linear"), CostSensitiveGaussianBayes())
