@@ -151,7 +151,8 @@ def _check_units(content: FileColumns, layout: Layout) -> None:
     parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
     for name in layout.units:
         is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
-        if not (is_named or name in ("velocity", "speed", "angle") or content.has(name)):
+        may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
+        if not (is_named or may_lack or content.has(name)):
             raise ValueError(
                 f"units names {name!r}, which is no column or channel; the columns are "
                 f"{_listed(list(content.columns))}. Correct the name, or leave it out."

@@ -229,7 +229,7 @@ def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
 
 
 def test_units_may_name_alternatives_that_a_file_does_not_have(tmp_path):
-    units = {"n": "rpm", "speed": "rev/s", "velocity": "rpm", "drive": "g", "c": "A"}
+    units = {"n": "rpm", "speed": "rev/s", "velocity": "rpm", "drive": "g", "c": "A", "time": "ms"}
     layout = Layout(fs=500, velocity="speed|n", channels={"drive": "b|a"}, units=units)
     recording = opened(tmp_path, layout, b=VIBRATION, n=np.full(N, 60.0), c=VIBRATION)
     np.testing.assert_allclose(recording.velocity, 2 * np.pi)
