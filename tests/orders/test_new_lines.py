@@ -360,6 +360,17 @@ def test_more_than_four_adjacent_high_orders_are_a_range(n_lines, start):
     assert text.startswith(start)
 
 
+def test_the_peak_of_a_new_line_is_above_the_limit_itself():
+    block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
+    psd = np.ones(40)
+    psd[20:24] = [10, 100, 1e4, 1e3]
+    maxima = np.zeros(40)
+    maxima[22:24] = 50  # the strong lines beside it are known
+    known = KnownLines(maxima, np.full(40, 6.0), np.ones(1))
+    ((text,),) = state_new_lines(psd[np.newaxis], known, [block])
+    assert text.startswith("line at order 5.25 of 'z', 20 dB above the background and 20 dB above")
+
+
 def test_the_skirt_of_a_strong_line_is_part_of_the_line():
     block = OrderBlock("z", np.arange(40) / 4, slice(0, 40))
     psd = 1 + 1e6 * np.exp(-2.0 * np.abs(np.arange(40) - 20.0))

@@ -179,14 +179,17 @@ def test_a_column_of_both_names_keeps_that_of_the_present_version(tmp_path):
     np.testing.assert_allclose(run.velocity, 2 * np.pi)
 
 
-@pytest.mark.parametrize("speeds", [(60.0, None), (None, 60.0), (60.0, 90.0), (None, None)])
+@pytest.mark.parametrize(
+    "speeds",
+    [(60.0, None), (None, 60.0), (60.0, 90.0), (None, None), ("60", None), ("60", "unknown")],
+)
 def test_the_speed_is_known_if_the_channels_that_state_it_agree(tmp_path, speeds):
     facts = [
         {"recording_id": "r", "channel": name, "fs": 10, "speed_rpm": speed}
         for name, speed in zip("ab", speeds, strict=True)
     ]
     (run,) = open_bearing_dataset(in_one_group(tmp_path, facts, [[1.0, 2.0], [3.0, 4.0]]))
-    if speeds.count(60.0) == speeds.count(None) == 1:
+    if {60.0, "60"} & {*speeds} and 90.0 not in speeds:
         np.testing.assert_allclose(run.velocity, 2 * np.pi)
     else:
         with pytest.raises(ValueError, match="has no column 'speed_rpm'"):

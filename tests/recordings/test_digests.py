@@ -155,6 +155,18 @@ def test_a_file_is_read_once_for_its_digest_if_it_was_not_just_written(
     assert len(read) == n_read
 
 
+@pytest.mark.parametrize(("ahead", "n_kept"), [(0, 1), (3600, 0)])
+def test_the_digest_of_a_file_of_the_future_is_not_kept(tmp_path, monkeypatch, ahead, n_kept):
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"one")
+    settled(path, -ahead)
+    kept = {}
+    monkeypatch.setattr(digests, "_digests_of_files", kept)
+    monkeypatch.setattr(digests.time, "time", lambda now=time.time: now() + 1800)
+    digest_of_file(path)
+    assert len(kept) == n_kept
+
+
 def test_the_digest_of_a_file_that_is_written_to_meanwhile_is_not_kept(tmp_path, monkeypatch):
     path = tmp_path / "a.bin"
     path.write_bytes(b"one")
