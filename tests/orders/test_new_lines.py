@@ -464,6 +464,18 @@ def test_a_line_of_power_0_neither_prevents_limits_nor_statements_but_a_negative
     assert np.isinf(known.limits).all()
 
 
+def test_rounding_errors_of_a_recording_are_no_lines_whatever_the_others():
+    psd = spectra(12, 0, n_channels=2)
+    blocks = blocks_of(ORDERS, ORDERS)
+    known = learn_lines(psd, blocks, np.ones(psd.shape[1], bool))
+    first, second = psd[:, : len(ORDERS)], psd[:, len(ORDERS) :]
+    assert known.largest.tolist() == [first.max(), second.max()]
+    new = np.hstack([with_line(part[:2], 9.0, 40, part) for part in (first, second)])
+    new[1, len(ORDERS) :] *= 1e-13 * second.max() / new[1, len(ORDERS) :].max()
+    found = state_new_lines(new, known, blocks)
+    assert [len(own) for own in found] == [2, 1]
+
+
 def test_a_channel_that_is_dead_in_training_and_test_has_no_lines():
     psd = np.hstack([spectra(12, 0), np.zeros((12, len(ORDERS)))])
     blocks = blocks_of(ORDERS, ORDERS)

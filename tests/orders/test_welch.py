@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -556,3 +558,29 @@ def test_every_sample_of_a_window_is_finite(values):
     with pytest.raises(ValueError, match=r"window .*finite"):
         window_values(values, 4)
     assert window_values([1.0, -1.0, 1.0, 0.0], 4).tolist() == [1, -1, 1, 0]
+
+
+@pytest.mark.parametrize("n_angles", [60_000, 70_000])
+@pytest.mark.parametrize("step", [500, 999])
+@pytest.mark.parametrize(
+    "sizes", [(33_000, 1), (32_500,), (64_500,), (70_000,), (16_250,), (1, 69_998), (7_777,)]
+)
+def test_sections_do_not_depend_on_the_blocks_of_a_signal(sizes, step, n_angles):
+    signal = np.arange(2.0 * n_angles).reshape(2, -1)
+
+    def cut(blocks):
+        found = plans.sections([iter(blocks)], 1000, step)
+        return [
+            (count, part[:, first : first + (count - 1) * step + 1000].copy())
+            for part, first, count in found
+        ]
+
+    edges = [0, *np.cumsum(np.resize(sizes, n_angles // min(sizes[0], 8_000) + 1)), n_angles]
+    edges = sorted({min(int(edge), n_angles) for edge in edges})
+    blocks = [signal[:, start:stop].copy() for start, stop in pairwise(edges)]
+    whole, parts = cut([signal]), cut(blocks)
+    assert sum(count for count, _ in whole) == (n_angles - 1000) // step + 1
+    assert len(whole) > 1
+    assert [count for count, _ in whole] == [count for count, _ in parts]
+    for (_, one), (_, other) in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(one, other)
