@@ -371,6 +371,14 @@ def test_rows_keep_the_names_of_the_columns(key, kept):
     assert (column_names(chosen) == COLUMNS) is kept
 
 
+def test_functions_that_wrap_their_result_give_plain_arrays():
+    powers = BinPowers(np.array([[2.0, 0.0], [0.0, 4.0]]), "ab")
+    inverse = np.linalg.inv(powers)  # wraps without a ufunc
+    assert type(inverse) is np.ndarray
+    assert inverse.tolist() == [[0.5, 0], [0, 0.25]]
+    assert type(powers.__array_wrap__(np.array(3.0))) is np.float64
+
+
 def test_rows_of_powers_in_bins_have_no_names_in_an_error_of_their_logarithm():
     powers = BinPowers(np.array([[1.0, 2.0], [3.0, 0.0]]), ("c@low", "c@high"))
     named, plain = "recording 1, column 'c@high', does not", "recording 0, column 1, does not exist"
