@@ -11,6 +11,7 @@ from sklearn.pipeline import make_pipeline
 from emacm import Bearing, FaultLines, OrderPSD, OrderResampler, Recording
 from emacm.machine import lines as machine_lines
 from emacm.machine.lines import FaultSeries, LineLevels, fault_series
+from emacm.orders.columns import OrderTable
 
 STEP = 1 / 25
 ORDERS = STEP * np.arange(0, 501)
@@ -121,6 +122,13 @@ def test_what_cannot_be_measured_is_refused(options, words):
 def test_a_table_without_orders_is_refused():
     with pytest.raises(ValueError, match=r"channel@order.*OrderPSD"):
         FaultLines(BEARING).fit(np.ones((2, 30)))
+
+
+def test_a_table_that_lost_its_orders_is_refused():
+    columns = table(spectrum([])).columns
+    lost = OrderTable(np.ones((2, len(columns))), tuple(columns))[:, 1:]
+    with pytest.raises(ValueError, match="X was an order table, but an operation on it"):
+        FaultLines(BEARING).fit(lost)
 
 
 def test_other_columns_than_those_of_fit_are_refused():

@@ -1,7 +1,7 @@
 """Planetary stages and induction motors, compared with kinematics solved as equations."""
 
 from dataclasses import FrozenInstanceError, replace
-from math import gcd, pi
+from math import gcd, pi, sin
 
 import numpy as np
 import pytest
@@ -337,6 +337,14 @@ def test_balls_may_fill_a_turn_of_the_thread_but_for_rounding():
     assert screw(balls=full * (1 + 0.9e-9)).balls_per_turn > full
     with pytest.raises(ValueError, match=r"do not fit in a turn of length 63\.0"):
         screw(balls=full * (1 + 1.1e-9))
+
+
+@pytest.mark.parametrize("n_balls", [3, 8, 15])
+def test_balls_may_fill_a_bearing_but_for_rounding(n_balls):
+    sizes = [39.04 * sin(pi * (1 + excess) / n_balls) for excess in (0.9e-9, 1.1e-9)]
+    assert Bearing(n_balls, sizes[0], 39.04).n_balls == n_balls
+    with pytest.raises(ValueError, match=f"{n_balls} balls of diameter .* do not fit"):
+        Bearing(n_balls, sizes[1], 39.04)
 
 
 def test_a_part_without_lines_is_not_implemented():

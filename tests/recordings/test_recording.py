@@ -917,6 +917,8 @@ def test_a_recording_equals_itself_whatever_its_meta():
         (1, "1", False),
         ([1, (2, np.nan)], [1, (2, np.nan)], True),
         ([1, 2], [1, 2, 3], False),
+        ([1, 2], [1, 3], False),
+        ([1, 2], [3, 2], False),
         ([1, 2], (1, 2), False),
         (pd.Series([1, 2]), pd.Series([1, 2]), True),
         (pd.Series([1, 2]), pd.Series([1, 3]), False),
