@@ -290,8 +290,9 @@ class _Rates:
         """Return the rate of a column [Hz]."""
         stated, known = self._stated_by_layout(column, name), self._stated_by_file(column)
         if stated is None:
-            if known or default:
-                return known or default or 0.0
+            rate = known or default
+            if rate:
+                return rate
             raise ValueError(
                 f"the sampling rate of {name!r} is not known: neither the file nor the layout "
                 f"states it. Set fs, or time to a column of times."
