@@ -443,7 +443,6 @@ def main() -> None:
     file = options.data or (files[0] if files else None)
     pd.set_option("display.width", 200, "display.max_columns", None, "display.precision", 3)
     with threadpool_limits(1):
-        print(f"\nCPU time, plain in ms and relative to it\n{speed(5 if options.quick else 25)}")
         for phase in (False, True) if file else ():
             table = cranfield(file, phase=phase, quick=options.quick)
             of = "with phase" if phase else "without phase"
@@ -451,7 +450,11 @@ def main() -> None:
             print(f"\n13 states, {of}\n{calibration(table)}")
             print(f"\nrealised over expected cost, {of}\n{realised_costs(table)}")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of recordings outside of the training
+            # Of singular covariances, and of recordings outside of the training.
+            warnings.simplefilter("ignore", UserWarning)
+            print(
+                f"\nCPU time, plain in ms and relative to it\n{speed(5 if options.quick else 25)}"
+            )
             size = (3, 2) if options.quick else (10, 4)
             found, weak = (
                 wrong_inputs(*size),
