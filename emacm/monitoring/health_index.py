@@ -129,10 +129,11 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         own = None if units is None else read_meta(X, units, role="units", arrays=True)
         rows = list(range(len(X)))
         blocks = rows if groups is None else read_meta(X, groups, role="groups", arrays=True)
-        self._baselines = _Baselines.of(X, own, self.min_baseline)
-        if not self._baselines.total.any():
-            raise ValueError(f"X has no variation in any of {X.shape[1]} features. Use others.")
-        self.units_ = tuple(self._baselines.means)
+        self._baselines = known = _Baselines.of(X, own, self.min_baseline)
+        if not known.total.any() or (known.means and not known.within.any()):
+            where = "" if not known.total.any() else " within units: are recordings copies?"
+            raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
+        self.units_ = tuple(known.means)
         self.left_out_ = pd.DataFrame(
             [*_without_groups(X, own, blocks, self.min_baseline)],
             columns=["row", "group", "baseline", "index"],

@@ -185,8 +185,11 @@ def test_features_may_be_in_any_units(exponents):
 
 
 def test_features_without_variation_or_too_far_away_are_refused():
-    with pytest.raises(ValueError, match=r"no variation in any of 4 features. Use"):
+    with pytest.raises(ValueError, match=r"no variation in any of 4 features\.$"):
         HealthIndex(0.2).fit(np.ones((24, 4)), groups=range(24))
+    copies = np.repeat(healthy(np.random.default_rng(0))[:4], 6, axis=0)
+    with pytest.raises(ValueError, match="4 features within units: are recordings copies"):
+        HealthIndex(0.2).fit(copies, groups=range(24), units=np.repeat(range(4), 6))
     X = healthy(np.random.default_rng(0))
     index = HealthIndex(0.2).fit(X, groups=range(24))
     with pytest.raises(ValueError, match="features of recording 1 are so far away"):
