@@ -29,7 +29,7 @@ from emacm import (
 )
 from emacm.recordings import files
 from emacm.recordings.file_columns import FileColumns, stated_rates
-from emacm.recordings.readers import read_columns
+from emacm.recordings.readers import _array_of, read_columns
 from emacm.recordings.recent import Recent
 from emacm.recordings.remembered import Remembered
 
@@ -736,3 +736,13 @@ def test_a_shaft_column_of_another_length_has_no_rate_of_the_channels(tmp_path):
     np.savez(tmp_path / "b.npz", **channels, speed=np.full(100, 9.0))
     run = open_recording(tmp_path / "b.npz", layout)
     assert (run.shaft_fs, len(run.velocity)) == (10, 100)
+
+
+def test_empty_arrays_beside_the_channels_are_read_as_they_are(tmp_path):
+    for shape in ((0,), (3, 0), (0, 2)):
+        stored = io.BytesIO()
+        np.save(stored, np.zeros(shape))
+        assert _array_of(stored.getvalue(), "a").shape == shape
+    np.savez(tmp_path / "a.npz", vib=np.arange(100.0), notes=np.zeros(0))
+    run = open_recording(tmp_path / "a.npz", Layout(fs=10, velocity=3, channels=["vib"]))
+    assert run.duration == 10
