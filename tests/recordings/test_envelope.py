@@ -432,6 +432,8 @@ def test_equal_envelopes_are_equal_and_others_are_not():
     run = knocking(unit="A")
     heard = envelope_recording(run, {"sound": BAND})
     assert heard == envelope_recording(knocking(unit="A"), {"sound": BAND})
+    stated = envelope_recording(run, {"sound": BAND}, squared=True, suffix=None)
+    assert (stated, stated.digest) == (heard, heard.digest)
     assert hash(heard) == hash(envelope_recording(knocking(unit="A"), {"sound": BAND}))
     others = [
         envelope_recording(run, {"sound": (1500.0, 2400.0)}),
