@@ -1,9 +1,12 @@
 """Text files as loggers write them: a preamble, units, decimal commas, several encodings."""
 
+import io
+
 import numpy as np
 import pytest
 
 from emacm import Layout, open_recording
+from emacm.recordings.csv_files import text_table
 
 ROWS = "0,0;1,5;900\n0,5;-2,5;903,5\n1,0;4;907\n"
 PREAMBLE = "Logger: XYZ 3000;;\nstarted;22.11.2026;\nsample rate;2;Hz\n\n"
@@ -144,6 +147,7 @@ BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank 
         ('b,c\n1,2\n3,"4\n5,6\n', "line 3 has a quotation mark that is not closed. Correct"),
         (f"{BLANK}3,4,,5,\n", "sample 300 has the number 5.0 in a column without a name. Correct"),
         ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has the number 8.0 in a column without a"),
+        ("b,c,\n1,2,\n3,4,5\n6,7,8\n9,1,\n", "sample 1 has the number 5.0 in a column without a"),
         (f"{BLANK}3,4,,,,\n6,7,,,\n", "line 302 has 6 values, but there are 5 columns"),
         ("place: left\n\tc\n1\t2\n3\t4\n", r"its header \['', 'c'\] has no name for a column"),
         ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] has no name for a column"),
@@ -240,3 +244,13 @@ def test_of_two_rows_of_texts_the_second_has_units_unless_it_names_the_times(
     text = f"{names}\n{units}\n0;1\n0,5;2\n1;4\n"
     options = {} if "b" in columns and "load" not in columns else {"fs": 2}
     assert set(opened(tmp_path, text, Layout(velocity=3, **options)).channels) == columns
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [("1,2\n3,4,5\n", "a row has 3 values, but"), ('1,"2\n', "a row has a quotation mark that")],
+)
+def test_a_row_of_a_stream_has_no_line(rows, message):
+    table = text_table(["b,c", "1,2", "3,4"])
+    with pytest.raises(ValueError, match=f"^{message}"):
+        table.columns(io.StringIO(rows))

@@ -2,6 +2,7 @@
 
 import sys
 from decimal import Decimal
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.io
 
 from emacm import Layout, Recording, open_recording
 from emacm.recordings import files
+from emacm.recordings.measurement_files import read_uff
 
 RNG = np.random.default_rng(6)
 N = 1500
@@ -400,3 +402,22 @@ def test_the_attribute_rate_beside_a_rate_with_a_clear_name_is_of_something_else
         assert open_recording(tmp_path / "a.h5", Layout(fs="rate", velocity=3)).duration
     with pytest.raises(ValueError, match=r"the layout states fs = 101 Hz .* but the file 100 Hz"):
         assert open_recording(tmp_path / "a.h5", Layout(fs=101, velocity=3)).duration
+
+
+def test_a_uff_set_of_one_sample_has_no_rate(monkeypatch):
+    sets = [
+        {"type": 58, "id1": "one", "data": [3.0], "x": [0.25]},
+        {"type": 58, "id1": "two", "data": [3.0, 4.0, 5.0], "x": [0.25, 0.5, 0.75]},
+    ]
+
+    class Sets:
+        def __init__(self, path):
+            self.read_sets = lambda: sets
+
+    monkeypatch.setattr(
+        "emacm.recordings.measurement_files.optional_library",
+        lambda *args: SimpleNamespace(UFF=Sets),
+    )
+    content = read_uff(Path("a.uff"))
+    assert content.rates == {"two": pytest.approx(4)}
+    assert list(content.columns) == ["two"]  # one sample is no signal

@@ -1034,3 +1034,20 @@ def test_a_number_is_not_the_same_content_as_nan():
     assert same_content(np.nan, np.nan)
     assert not same_content(np.nan, 1.0)
     assert not same_content(1.0, np.nan)
+
+
+@pytest.mark.parametrize(("apart", "accepted"), [(0.015, True), (0.02, True), (0.025, False)])
+@pytest.mark.parametrize("rates", [(100, 50), (50, 100)])
+def test_channels_of_two_rates_may_start_a_sample_of_the_slower_one_apart(rates, apart, accepted):
+    start = pd.Timestamp("2024-03-01 10:00")
+    signals = {}
+    for name, rate, delay in zip("ab", rates, (0.0, apart), strict=True):
+        seconds = delay + np.arange(rate) / rate
+        signals[name] = pd.Series(np.zeros(rate), start + pd.to_timedelta(seconds, "s"))
+    options = {"velocity": np.ones(100), "shaft_fs": 100}
+    fs = dict(zip("ab", rates, strict=True))
+    if accepted:
+        assert Recording(signals, fs, **options).duration == pytest.approx(1, abs=0.03)
+    else:
+        with pytest.raises(ValueError, match="channel 'b' and channel 'a' have different indices"):
+            Recording(signals, fs, **options)
