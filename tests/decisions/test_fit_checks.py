@@ -91,7 +91,7 @@ def test_all_other_parameters_are_accepted(covariance, shrinkage, temperature):
 def test_weights_that_add_up_to_1_are_relative():
     np.testing.assert_allclose(as_counts(np.array([0.5, 0.25, 0.25])), [1.5, 0.75, 0.75])
     np.testing.assert_allclose(as_counts(np.full(3, (1 + 5e-10) / 3)), 1)
-    for total in (1 + 1e-7, 2.0, 0.5):
+    for total in (1 + 1.12e-8, 2.0, 0.5):
         weight = np.array([0.5, 0.5]) * total
         assert as_counts(weight) is weight
 

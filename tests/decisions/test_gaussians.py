@@ -446,6 +446,12 @@ def test_an_eigenvalue_beyond_the_range_of_noise_is_that_which_its_origin_causes
     np.testing.assert_allclose(found[[0, 2, 3, 4]], (4 + largest - found[1]) / 4, rtol=1e-10)
 
 
+def test_eigenvalues_within_noise_are_shrunk_by_the_share_of_noise_in_their_variance():
+    values, ratio = np.array([1.6, 1.1, 1.0, 0.9, 0.4]), 5 / 50
+    expected = 1 + (1 - ratio / np.mean((values - 1) ** 2)) * (values - 1)
+    np.testing.assert_allclose(population_eigenvalues(values, 50), expected)
+
+
 def test_eigenvalues_are_corrected_alike_in_any_unit():
     for values in ([9.0, 1.4, 1.1, 0.9, 0.6], [5.0, 4.0, 3.0, 2.0, 0.1, 0.05], [3.0, 1.0]):
         expected = population_eigenvalues(values, 12)
@@ -529,6 +535,7 @@ def test_a_variance_that_is_no_number_is_singular():
         S = np.eye(2)
         S[place, place] = np.nan
         assert cholesky_root(S) is None
+    assert cholesky_root(np.array([[1.0, 2.0], [2.0, 1.0]])) is None  # negative in one direction
 
 
 def test_variances_of_zero_are_raised_or_have_no_density():

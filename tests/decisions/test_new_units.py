@@ -173,6 +173,10 @@ def test_units_without_a_difference_have_the_covariance_within_classes(n_feature
     # Differences between classes are shrunk, the level of all of them is not.
     levels_of_classes = levels.directions @ levels.means[:, :2]
     np.testing.assert_allclose(levels_of_classes.mean(axis=1), 2.5)
+    fitted = NewUnitClassifier().fit(X, codes, groups=units)
+    tied = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, codes)
+    np.testing.assert_array_equal(fitted.covariances_, tied.covariances_)
+    np.testing.assert_array_equal(fitted.predict_proba(X), tied.predict_proba(X))
 
 
 def test_units_may_differ_in_one_direction_only():

@@ -186,6 +186,10 @@ def test_distances_that_overflow_are_unknown_and_not_an_error():
     model = fitted("diag", None)
     assert model.predict(far) == ["unknown"]
     np.testing.assert_allclose(model.predict_proba(far).sum(), 1)
+    X, y, units = draw(0)
+    small = clone(model).fit(1e-9 * X, y, groups=units)
+    assert small.predict(far) == ["unknown"]
+    np.testing.assert_allclose(small.predict_proba(far), [small.priors_])
 
 
 # Costs and priors
