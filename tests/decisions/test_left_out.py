@@ -424,8 +424,9 @@ def test_equal_recordings_are_raised_to_the_floor_and_a_total_weight_of_1_is_too
 
 
 @pytest.mark.parametrize("shrinkage", [None, 0.3, "oas"])
-def test_one_degree_of_freedom_that_remains_is_enough_for_a_common_covariance(shrinkage):
-    X = np.random.default_rng(3).normal(size=(5, 2))
+@pytest.mark.parametrize("seed", [3, 4, 7, 10])
+def test_one_degree_of_freedom_that_remains_is_enough_for_a_common_covariance(shrinkage, seed):
+    X = np.random.default_rng(seed).normal(size=(5, 2))
     codes, groups = np.array([0, 1, 0, 0, 1]), np.array([0, 0, 1, 1, 1])
     X[:2] *= 300  # a difference would hide by rounding that the covariance is singular
     training = Training(X, codes, groups, np.ones(5), 2)
@@ -434,6 +435,8 @@ def test_one_degree_of_freedom_that_remains_is_enough_for_a_common_covariance(sh
     assert_array_equal(part.rows, [0, 1])
     expected = fitted_anew(training.take(groups == 1), "tied", shrinkage or 0.0)
     assert_allclose(part.root @ part.root.T, expected.covariances[0], rtol=1e-6, atol=1e-12)
+    least = (np.linalg.eigvalsh(S)[0] for S in (part.root @ part.root.T, expected.covariances[0]))
+    assert_allclose(*least, rtol=1e-3)
     found = left.log_densities("tied", shrinkage)
     densities = found[:2], expected.log_densities(X[:2])
     assert_allclose(*(relative(each, "tied") for each in densities), rtol=1e-6)
