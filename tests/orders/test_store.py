@@ -297,6 +297,11 @@ def test_a_spectrum_beyond_the_limit_is_not_written(tmp_path):
     np.testing.assert_array_equal(store.find(A, (200,)), 1.0)
 
 
+def test_stores_hold_256_mib_in_memory_and_1_gib_in_files(tmp_path):
+    assert store_module.BYTES_IN_MEMORY == 256 * 1024**2
+    assert SpectrumStore(tmp_path).bytes_limit == 1024**3
+
+
 def test_memory_holds_no_more_than_its_limit_and_drops_the_oldest():
     recent = Recent(2 * 80)
     recent.put("a", np.ones(10), 80)

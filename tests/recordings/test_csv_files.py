@@ -3,6 +3,7 @@
 import io
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from emacm import Layout, open_recording
@@ -254,3 +255,13 @@ def test_a_row_of_a_stream_has_no_line(rows, message):
     table = text_table(["b,c", "1,2", "3,4"])
     with pytest.raises(ValueError, match=f"^{message}"):
         table.columns(io.StringIO(rows))
+
+
+def test_other_refusals_of_pandas_are_stated_as_they_are(monkeypatch):
+    def refusing(*args, **options):
+        raise pd.errors.ParserError("Error tokenizing data. C error: out of memory")
+
+    table = text_table(["b,c", "1,2", "3,4"])
+    monkeypatch.setattr(pd, "read_csv", refusing)
+    with pytest.raises(ValueError, match=r"^Error tokenizing data\. C error: out of memory$"):
+        table.columns(io.StringIO("1,2\n"))
