@@ -746,3 +746,11 @@ def test_empty_arrays_beside_the_channels_are_read_as_they_are(tmp_path):
     np.savez(tmp_path / "a.npz", vib=np.arange(100.0), notes=np.zeros(0))
     run = open_recording(tmp_path / "a.npz", Layout(fs=10, velocity=3, channels=["vib"]))
     assert run.duration == 10
+
+
+def test_three_arrays_that_are_no_signals_are_named(tmp_path):
+    np.savez(tmp_path / "a.npz", **{name: np.array(["x", "y"]) for name in "pqrs"})
+    with pytest.raises(ValueError, match="it contains no signal, no array of numbers; 'p' ") as no:
+        assert open_recording(tmp_path / "a.npz", Layout(fs=10, velocity=3)).duration
+    assert "'r' " in str(no.value)
+    assert "'s' " not in str(no.value)
