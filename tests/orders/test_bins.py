@@ -555,3 +555,9 @@ def test_bins_that_are_computed_in_groups_are_those_of_one_group(at_once, monkey
     monkeypatch.setattr("emacm.orders.bins._AT_ONCE", at_once * len(orders))
     found = bin_operator(orders, edges, stop_bands=[(1.1, 1.3), (3.9, 5.2)])
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("names", [["a@0", "a@1", "a@1"], ["x", "x", "y"]])
+def test_columns_of_one_name_are_refused(names):
+    with pytest.raises(ValueError, match="^X has columns of the same name"):
+        BinTransformer(max_order=1).fit(pd.DataFrame(np.ones((2, 3)), columns=names))

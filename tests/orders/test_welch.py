@@ -584,3 +584,20 @@ def test_sections_do_not_depend_on_the_blocks_of_a_signal(sizes, step, n_angles)
     assert [count for count, _ in whole] == [count for count, _ in parts]
     for (_, one), (_, other) in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_the_median_up_to_an_order_is_that_of_all_orders():
+    signal = np.random.default_rng(3).normal(size=(2, 600))
+    options = {"n_per_segment": 64, "average": "median"}
+    orders, every = order_psd(signal, 32, **options)
+    some_orders, some = order_psd(signal, 32, max_order=5, **options)
+    assert some_orders.tolist() == orders[: len(some_orders)].tolist()
+    assert some_orders[-1] == 5
+    np.testing.assert_array_equal(some, every[:, : len(some_orders)])
+
+
+@pytest.mark.parametrize("average", ["mean", "median"])
+def test_powers_beyond_float64_are_refused_without_a_warning(average):
+    signal = 1e200 * np.random.default_rng(3).normal(size=(1, 600))
+    with pytest.raises(ValueError, match="range of float64"):
+        OrderPSD(theta_s=TURN / 32, n_per_segment=64, average=average).fit_transform(signal)
