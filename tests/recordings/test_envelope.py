@@ -425,7 +425,9 @@ def test_nothing_is_computed_before_it_is_read(monkeypatch):
     assert heard.duration == 2
     assert heard.digest != knocking().digest
     assert "sound 10000 Hz" in repr(heard)
-    assert heard == pickle.loads(pickle.dumps(heard))
+    again = pickle.loads(pickle.dumps(heard))
+    assert heard == again
+    assert not again.series["sound"].sources[0].flags.writeable
 
 
 def test_equal_envelopes_are_equal_and_others_are_not():
