@@ -398,6 +398,15 @@ def test_only_without_shrinkage_a_singular_covariance_is_raised(shrinkage):
     assert gaussians.singular.tolist() == [True] * 3
 
 
+def test_covariances_are_raised_if_no_shrinkage_is_stated():
+    X, codes = draw(17, n_recordings=12, n_features=9)
+    moments = class_moments(X, codes, 3)
+    found, expected = class_gaussians(moments), class_gaussians(moments, "full", None)
+    assert found.singular.all()
+    np.testing.assert_array_equal(found.covariances, expected.covariances)
+    assert np.isfinite(found.log_densities(X)).all()
+
+
 def test_a_factor_whitens_a_covariance_and_gives_its_determinant():
     S = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, -2.0], [0.0, -2.0, 1.0]])
     factor, log_determinant = factorise(S)
