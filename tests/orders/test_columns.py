@@ -360,6 +360,7 @@ def test_names_without_a_band_make_no_bins_and_bands_must_rise():
         ((slice(0, 2), slice(None)), True),
         ((slice(0, 2), ...), True),
         ((slice(0, 2), ..., slice(0, 1)), False),
+        ((slice(0, 2), ..., slice(None, None, -1)), False),
         ((slice(0, 2), slice(0, 2)), False),
         ((..., 0), False),
         (1, False),
