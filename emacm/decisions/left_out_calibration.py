@@ -183,11 +183,12 @@ def calibrate(
     ValueError
         If no class has recordings in two groups.
     """
-    # In the order of the groups, which are then not copied; from the centre, for expanded squares.
-    order, centre = np.argsort(training.groups, kind="stable"), moments.means.mean(axis=0)
-    training = training.take(order)
-    centred = replace(training, X=training.X - centre)
-    remaining = Remaining(centred, replace(moments, means=moments.means - centre))
+    # In the order of the groups, which are then not copied. Expanded squares need an origin among
+    # the features; the value next to 0 loses no digits, unlike means that one recording may shift.
+    training = training.take(np.argsort(training.groups, kind="stable"))
+    origin = np.clip(0.0, training.X.min(axis=0), training.X.max(axis=0))
+    moved = replace(training, X=training.X - origin)
+    remaining = Remaining(moved, replace(moments, means=moments.means - origin))
     left_out = remaining.left_out_gaussians(_SHRINKAGE)
     if (covariance, shrinkage) != ("tied", _SHRINKAGE):
         gaussians = replace(remaining.all_gaussians(_SHRINKAGE), means=moments.means)

@@ -235,7 +235,7 @@ def _class_distances(gaussians: GaussianClasses, degrees: int) -> ClassDistances
 def _left_out_squares(part: LeftOut, degrees: int) -> tuple[Array, Array, Array]:
     """Return the squares of `_squares` for one group; inside infinite for a class not seen.
 
-    The origin of features is near the means of the classes.
+    The origin lies among the features.
     """
     root, seen = part.root.T, part.seen
     means = part.means[seen]
@@ -269,7 +269,7 @@ def _squares(
 
     Of recordings in their own units, which `whiten` gives unit covariance, to classes whose means
     are given in their own units and, as corners, in the discriminant space. The origin of both is
-    near the means, because squares are expanded.
+    among the features, because squares are expanded.
     """
     inner = X @ directions
     inside = -2 * corners @ inner.T

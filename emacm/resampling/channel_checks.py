@@ -154,20 +154,15 @@ def _flat_stretches(
     share = float(lengths[held].sum() / rows.size)
     if np.count_nonzero(held & sharp) >= _STRETCHES and 0.01 < share < _DIGITAL:
         return "drop-outs", share
-    # A single gap: while the shaft turns, of a signal whose samples differ otherwise.
-    long = lengths >= _GAP
+    # A single gap counts while the shaft turns, in a signal whose samples differ otherwise.
+    is_long = lengths >= _GAP
     usual = float(np.median(steps[~equal]))
-    n_equal = int((lengths[long] - 1).sum())
-    if not long.any() or usual < _ROUGH * rows.std():
+    if not is_long.any() or usual < _ROUGH * rows.std():
         return "", 0.0
-    often = max((equal.sum() - n_equal) / (equal.size - n_equal), 1 / equal.size)
     begin = starts[first // width] + first % width
-    ends = np.array([begin, begin + lengths])
-    turned = np.zeros(len(first))  # samples of each stretch within strokes
-    is_within = np.zeros(ends.shape, dtype=bool)
-    for low, high in turning:
-        turned += np.clip(np.minimum(ends[1], high) - np.maximum(begin, low), 0, None)
-        is_within |= (ends > low) & (ends < high)
+    turned, is_within = _while_turning(begin, begin + lengths, turning)
+    n_long = int((lengths[is_long] - 1).sum())
+    often = max((equal.sum() - n_long) / (equal.size - n_long), 1 / equal.size)
     is_rare = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(_CHANCE)
     # Near its ends the signal is active, unlike one that comes to rest, or the shaft is at rest.
     active = maximum_filter1d(around, 2 * _NEAR + 1)[[first, last + 1]] > step
@@ -176,6 +171,22 @@ def _flat_stretches(
     is_cut |= float(steps[~equal].min()) <= _FINE * usual
     share = float(turned[(turned >= _GAP) & is_rare & is_cut].sum() / rows.size)
     return ("drop-outs", share) if 0.01 < share < _DIGITAL else ("", 0.0)
+
+
+def _while_turning(
+    begin: NDArray[np.intp], end: NDArray[np.intp], turning: Sequence[tuple[float, float]]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how many samples of stretches lie within strokes, and whether their ends do.
+
+    Shapes (n_stretches,) and (2, n_stretches).
+    """
+    ends = np.array([begin, end])
+    turned = np.zeros(len(begin))
+    is_within = np.zeros(ends.shape, dtype=bool)
+    for low, high in turning:
+        turned += np.clip(np.minimum(end, high) - np.maximum(begin, low), 0, None)
+        is_within |= (ends > low) & (ends < high)
+    return turned, is_within
 
 
 def _sharp_step(steps: Any) -> float:

@@ -195,6 +195,36 @@ def test_distances_that_overflow_are_unknown_and_not_an_error():
 # Costs and priors
 
 
+@pytest.mark.parametrize("size", [1e20, 1e100])
+@pytest.mark.parametrize(
+    ("covariance", "shrinkage"), [("full", 0.1), ("tied", "auto"), ("diag", None)]
+)
+def test_one_recording_of_any_size_is_left_out_without_a_loss_of_digits(
+    covariance, shrinkage, size
+):
+    X, y, units = draw(3)
+    X, y, units = np.vstack([X, np.full(4, size)]), [*y, "dry"], [*units, "broken"]
+    options = {"unknown": "unknown", "temperature": "groups", "shrinkage": shrinkage}
+    model = CostSensitiveGaussianBayes(covariance=covariance, **options).fit(X, y, groups=units)
+    typicality = model.typicality(X)
+    assert np.isfinite([model.temperature_, *typicality]).all()
+    assert typicality[-1] <= typicality[:-1].min()
+
+
+@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
+def test_the_origin_of_features_does_not_matter(covariance, shrinkage):
+    X, y, units = draw(4)
+    options = {"unknown": "unknown", "temperature": "groups", "shrinkage": shrinkage}
+    near, far = (
+        CostSensitiveGaussianBayes(covariance=covariance, **options).fit(X + o, y, groups=units)
+        for o in (0.0, [1e7, -1e7, 1e6, 0.0])
+    )
+    assert far.temperature_ == pytest.approx(near.temperature_, rel=1e-6)
+    np.testing.assert_allclose(
+        far.typicality(X + [1e7, -1e7, 1e6, 0.0]), near.typicality(X), rtol=1e-6
+    )
+
+
 def test_costs_that_are_not_stated_have_defaults():
     families = pd.DataFrame(
         [[0.0, 5.0, 5.0], [1.0, 0.0, 0.0], [0.4, 0.2, 0.2]],
