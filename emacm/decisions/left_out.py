@@ -141,9 +141,7 @@ class Remaining:
             One for each group whose removal leaves enough recordings for a covariance.
         """
         for group, rows in self._rows.items():
-            n_remaining = len(self._training.X) - len(rows)
-            singular = n_remaining <= self._training.X.shape[1] + self._training.n_classes
-            moments = self._left.without(group, anew=singular and not shrinkage)
+            moments = self._moments_without(group, shrinkage)
             seen = (moments.counts > 0) & (moments.divisors > 0)
             if not seen.any():
                 continue
@@ -215,6 +213,16 @@ class Remaining:
             else:
                 found[rows, code] = logs
 
+    def _moments_without(self, group: int, shrinkage: Any, **kind: bool) -> ClassMoments:
+        """Return the moments without a group, not as a difference where a covariance is singular.
+
+        Shrinkage makes it regular, whatever the rounding.
+        """
+        training = self._training
+        n_remaining = len(training.X) - len(self._rows.get(group, ()))
+        singular = n_remaining <= training.X.shape[1] + training.n_classes
+        return self._left.without(group, **kind, anew=singular and not shrinkage)
+
     def _features(self, group: int) -> Array:
         """Return the features of a group."""
         if group not in self._tables:
@@ -252,12 +260,10 @@ class Remaining:
         coefficients: Array | None = None,
     ) -> None:
         """Find the log densities of a group under some classes, whose recordings are a part."""
-        (covariance, shrinkage), rows, training = kind, self._rows[group], self._training
+        (covariance, shrinkage), rows = kind, self._rows[group]
         variances_only = covariance == "diag" and part is self
         which = {"pooled": not variances_only, "variances_only": variances_only}
-        n_remaining = len(part._training.X) - len(part._rows.get(group, ()))
-        singular = n_remaining <= training.X.shape[1] + part._training.n_classes
-        moments = part._left.without(group, **which, anew=singular and not shrinkage)
+        moments = part._moments_without(group, shrinkage, **which)
         seen = moments.divisors > 0
         if not seen.any():
             return

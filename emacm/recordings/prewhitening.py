@@ -212,13 +212,17 @@ def whiten(
 @lru_cache(maxsize=8)
 def _one_sample(n_lines: int, dtype: np.dtype[Any]) -> NDArray[np.complexfloating]:
     """Return by what a spectrum of positive frequencies differs one sample later."""
-    return np.exp(1j * np.pi / n_lines * np.arange(n_lines)).astype(dtype)
+    factors = np.exp(1j * np.pi / n_lines * np.arange(n_lines)).astype(dtype)
+    factors.flags.writeable = False
+    return factors
 
 
 @lru_cache(maxsize=8)
 def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
     """Return the taper before and after whitening: squares of two that overlap add up to one."""
-    return np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
+    rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
+    rise.flags.writeable = False
+    return rise
 
 
 def _rows_at_once(dtype: np.dtype[Any]) -> int:
