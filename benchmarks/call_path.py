@@ -37,7 +37,7 @@ from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe
 FINDING = {("emacm.shaft.strokes", "strokes_of")}
 RESAMPLING = {
     ("emacm.resampling.spreading", "outputs"),
-    ("emacm.resampling.interpolation", "interpolated"),
+    ("emacm.resampling.angle_recording", "interpolated"),
 }
 
 

@@ -40,7 +40,7 @@ from threadpoolctl import threadpool_limits
 from unknown import cranfield, features
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
-from emacm.decisions.prediction_sets import LeftOutDensities, classes_above, probability_threshold
+from emacm.decisions.new_units import classes_above, probability_threshold
 from emacm.simulation import simulate_actuator, simulate_fleet
 
 Array = NDArray[np.float64]
@@ -122,7 +122,7 @@ def plain_sets(trial: Trial, coverage: float) -> tuple[Array, NDArray[np.bool_]]
     for train, test in GroupKFold(min(10, units.max() + 1)).split(trial.X, groups=units):
         logs[test] = model.fit(trial.X[train], codes[train]).predict_log_proba(trial.X[test])
     priors = np.full(len(classes), 1 / len(classes))
-    threshold = probability_threshold(LeftOutDensities(logs, codes, units), priors, 1.0, coverage)
+    threshold = probability_threshold(logs, codes, units, priors, 1.0, coverage)
     posterior = model.fit(trial.X, codes).predict_proba(trial.later)
     return posterior, classes_above(posterior, threshold)
 

@@ -78,7 +78,7 @@ from emacm import (
 )
 from emacm.datasets import load_cranfield
 from emacm.evaluation.bootstrap import cell_mean, gap_of_cells
-from emacm.evaluation.calibration import log_losses, most_probable
+from emacm.evaluation.figures import log_losses, most_probable
 from emacm.orders.new_lines import collected_statements
 from emacm.simulation import simulate_fleet
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import os
+import runpy
 import signal
 import sys
 import threading
@@ -63,15 +64,9 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     add_parsers(commands)
     demo = commands.add_parser(
-        "demo", help="search, decide, save, load and draw, on simulated or measured recordings"
+        "demo", help="search, decide, save, load and draw, on simulated recordings"
     )
     demo.set_defaults(run=_run_demo)
-    demo.add_argument(
-        "--actuator",
-        type=Path,
-        metavar="FILE",
-        help="recordings of the Cranfield actuator (.npz) instead of simulated ones",
-    )
     _add_common(demo, "emacm_demo", "folder for the model and the picture", "in parallel")
     reproduce = commands.add_parser(
         "reproduce", help="compute the published figures of the thesis again, and compare them"
@@ -121,24 +116,22 @@ def _run_demo(options: argparse.Namespace) -> None:
     from emacm import demo  # imported here, so that --help and --version answer at once
 
     _check_matplotlib("demo")
-    out = _writable_folder(options.out)
-    if options.actuator is None:
-        demo.simulated_demo(out, n_jobs=options.jobs)
-    else:
-        demo.actuator_demo(options.actuator, out, n_jobs=options.jobs)
+    demo.simulated_demo(_writable_folder(options.out), n_jobs=options.jobs)
 
 
 def _run_reproduce(options: argparse.Namespace) -> None:
-    from emacm.thesis import CHAPTERS, reproduce
-
+    folder = Path(__file__).parents[1] / "benchmarks" / "thesis"
+    if not folder.is_dir():
+        raise FileNotFoundError(
+            "the reproduction of the thesis is not installed with the package: run it in a copy "
+            "of the repository, as python benchmarks/thesis."
+        )
     _check_matplotlib("reproduce")
-    reproduce(
-        options.out,
-        list(dict.fromkeys(options.chapter or CHAPTERS)),
-        quick=options.quick,
-        overwrite=options.overwrite,
-        n_jobs=options.jobs,
-    )
+    chapters = [text for number in options.chapter or () for text in ("--chapter", str(number))]
+    flags = [f"--{name}" for name in ("quick", "overwrite") if getattr(options, name)]
+    common = ["--out", str(options.out), "--jobs", str(options.jobs)]
+    sys.argv = [str(folder), *chapters, *flags, *common]
+    runpy.run_path(str(folder), run_name="__main__")
 
 
 @contextmanager

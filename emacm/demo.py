@@ -22,15 +22,11 @@ from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from emacm.conditions.router import ConditionRouter
-from emacm.datasets import load_cranfield
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
-from emacm.displays import DecisionRegionsDisplay, EvaluationDisplay, OrderSpectrumDisplay
+from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.displays._drawing import offscreen_panels
-from emacm.evaluation.evaluate import evaluate
 from emacm.machine.fault_orders import fault_orders
-from emacm.models.actuator_recipe import actuator_recipe
 from emacm.models.outside_training import outside_training
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
@@ -44,7 +40,6 @@ INSPECTION = 0.5  # cost relative to a false alarm
 MISSED = (10.0, 1000.0)  # costs of a missed detection that are compared, relative to a false alarm
 _SEVERITY = (0.1, 0.5)  # range of the simulated faults; 1 is a fully developed fault
 _CHANNELS = {"current_a": "A", "accelerometer": "g"}
-_N_LATE = 2  # runs of the real actuator in the test set
 
 Labels = NDArray[np.str_]
 
@@ -91,68 +86,6 @@ def simulated_demo(out: Path, *, n_jobs: int | None = None) -> None:
     _print_unlike(models[MISSED[0]], others[0])
     _save_and_diagnose(models[MISSED[0]], out / "simulated.joblib", others[::6], truths[::6])
     _draw(models, recordings, states, out / "simulated.png")
-
-
-def actuator_demo(file: Path, out: Path, *, n_jobs: int | None = None) -> None:
-    """Run the demonstration on the Cranfield actuator: normal and the worst state of each fault.
-
-    Parameters
-    ----------
-    file : Path
-        Read by `emacm.datasets.load_cranfield`.
-    out : Path
-        Folder for the model and the picture.
-    n_jobs : int, optional
-        Number of recordings processed in parallel.
-    """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        everything = load_cranfield(file)
-    for warning in caught:
-        print(f"WARNING: {warning.message}")
-    chosen = np.flatnonzero(np.isin(everything.labels, _worst_states(everything.labels)))
-    recordings, states = [everything.recordings[i] for i in chosen], everything.labels[chosen]
-    runs, loads = (everything.frame[name].to_numpy()[chosen] for name in ("run", "load"))
-    known = np.unique(runs)
-    if len(known) <= _N_LATE + 1:
-        raise ValueError(
-            f"the demo needs recordings of more than {_N_LATE + 1} runs; {file.name} has "
-            f"{known.tolist()}."
-        )
-    classes = np.unique(states)
-    print(f"{len(recordings)} recordings of {', '.join(classes)}; runs {known.tolist()}")
-    cost = cost_matrix(classes, MISSED[0], "normal")
-    recipe = actuator_recipe(min_speed=3.0, cost=cost, priors=priors(classes, "normal"))
-    recipe.set_params(featureunion__n_jobs=1).set_output(transform="pandas")
-    features = _in_pieces(recipe[:1].fit(recordings).transform, recordings, n_jobs)
-    table = features.assign(load=loads)
-    late = runs >= known[-_N_LATE]
-    schemes: dict[str, Any] = {
-        "runs": pd.Series(runs, name="run"),
-        "splits": {f"test runs {known[-_N_LATE]} and later": (~late, late)},
-        "unknown_families": False,
-    }
-    for scheme, model in {
-        "one classifier per load": ConditionRouter(recipe[1:], "load"),
-        "one classifier for all loads": recipe[1:],
-    }.items():
-        X = table if isinstance(model, ConditionRouter) else features
-        result = evaluate(model, X, states, healthy="normal", **schemes)
-        shown = result.table.filter(regex="rate$|cost$|^balanced_accuracy$").T.round(3)
-        print(f"\n{scheme}\n{shown.to_string()}")
-    print("Each state was one assembly of this rig: states and assemblies are confounded.")
-    print(f"\nTraining: runs before {known[-_N_LATE]}; test: later runs; {scheme}")
-    early = np.flatnonzero(~late)
-    groups = {"costsensitivegaussianbayes__groups": runs[early]}
-    recipe[1:].fit(features.iloc[early], states[early], **groups)
-    print_decisions(states[late], recipe[1:].predict(features[late]), cost, "normal")
-    unseen = np.flatnonzero(late)[:: max(1, late.sum() // 8)]
-    _save_and_diagnose(
-        recipe, out / "actuator.joblib", [recordings[i] for i in unseen], states[unseen]
-    )
-    figure = EvaluationDisplay.from_evaluation(result, healthy="normal").figure_
-    figure.savefig(out / "actuator.png", dpi=150)
-    print(f"Rates with confidence intervals: {out / 'actuator.png'}")
 
 
 def cost_matrix(classes: ArrayLike, missed: float, healthy: str = HEALTHY) -> pd.DataFrame:
@@ -314,37 +247,6 @@ def _search(
         f"{0 - search.best_score_:.3f}"
     )
     return search.best_estimator_.set_params(orderpsd__memory=None)
-
-
-def _in_pieces(
-    transform: Callable[[list[Recording]], pd.DataFrame],
-    recordings: list[Recording],
-    n_jobs: int | None,
-) -> pd.DataFrame:
-    """Transform recordings one by one, with progress."""
-    advance = _progress("features: recordings", len(recordings))
-
-    def of_one(recording: Recording) -> pd.DataFrame:
-        features = transform([recording])
-        advance()
-        return features
-
-    tasks = (joblib.delayed(of_one)(recording) for recording in recordings)
-    return pd.concat(joblib.Parallel(n_jobs, prefer="threads")(tasks), ignore_index=True)
-
-
-def _worst_states(states: Labels) -> list[str]:
-    """Return the normal state and the highest number of each fault.
-
-    Examples
-    --------
-    >>> _worst_states(np.array(["normal", "spalling8", "spalling10", "backlash2"]))
-    ['backlash2', 'normal', 'spalling10']
-    """
-    worst: dict[str, str] = {}
-    for state in sorted(np.unique(states), key=lambda s: (s.rstrip("0123456789"), len(s), s)):
-        worst[state.rstrip("0123456789")] = str(state)
-    return list(worst.values())
 
 
 def _save_and_diagnose(

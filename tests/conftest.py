@@ -9,17 +9,16 @@ from pathlib import Path
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-import matplotlib  # noqa: E402
+os.environ.setdefault("MPLBACKEND", "Agg")
+
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
-
-matplotlib.use("Agg")
 
 # By default every run draws the same examples, on machines of any speed. With
 # HYPOTHESIS_PROFILE=explore each run draws its own, and twice as many; what fails there becomes
 # an @example.
 settings.register_profile(
-    "repeatable", deadline=None, derandomize=True, database=None, max_examples=50
+    "repeatable", deadline=None, derandomize=True, database=None, max_examples=25
 )
 settings.register_profile("explore", deadline=None, derandomize=False, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))

@@ -43,8 +43,9 @@ def answers_of_evaluate(model, **options):
     """Train on X, decide on LATER: the figures, and one row for each decision."""
     together, truths = np.vstack([X, LATER]), np.append(Y, Y_LATER)
     train, test = np.arange(len(X)), np.arange(len(X), len(together))
-    options |= {"splits": {"later": (train, test)}, "n_splits": 2, "n_resamples": 100}
-    found = evaluate(model, together, truths, **options)
+    found = evaluate(model, together, truths, splits={"later": (train, test)}, n_splits=2)
+    if options:
+        found = found.rescored(**options)
     rows = found.predictions
     return found.table.loc["later"], rows[rows["scheme"] == "later"]
 

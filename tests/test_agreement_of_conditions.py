@@ -43,7 +43,7 @@ def parts_by_baseline(X, y, condition):
 
 def parts_by_evaluate(X, y, condition, role="conditions"):
     roles = {role: condition, "n_splits": len(X)}  # one group is left out at a time
-    rows = evaluate(SeenRows(), X, y, n_resamples=100, **roles).predictions
+    rows = evaluate(SeenRows(), X, y, **roles).predictions
     held_out = rows[rows["scheme"] != "random split"].groupby("left_out")["recording"]
     return {frozenset(numbers) for _, numbers in held_out}
 

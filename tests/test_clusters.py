@@ -16,7 +16,7 @@ from emacm import (
     RecordingFolder,
 )
 from emacm._progress import run
-from emacm.recordings.files import FileRecording
+from emacm.files.folder import FileRecording
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # of the schedulers
 

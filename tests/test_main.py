@@ -17,10 +17,10 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_a_missing_file_is_one_line_and_exit_code_2(tmp_path, capsys):
-    arguments = ["demo", "--actuator", str(tmp_path / "none.npz"), "--out", str(tmp_path)]
-    assert main(arguments) == 2
+    arguments = ["score", str(tmp_path / "none.emacm"), "x.npz", "--layout", "none.toml"]
+    assert main([*arguments, "--out", str(tmp_path / "table.csv")]) == 2
     captured = capsys.readouterr()
-    assert captured.err.startswith("emacm: there is no file")
+    assert captured.err.startswith("emacm: there is no layout")
     assert captured.err.count("\n") == 1
 
 
@@ -59,16 +59,11 @@ def test_a_number_of_jobs_that_cannot_be_is_refused_at_once(command, jobs, tmp_p
 @pytest.mark.parametrize(
     ("jobs", "passed"), [((), 2), (("--jobs", "-1"), -1), (("--jobs", "5"), 5)]
 )
-@pytest.mark.parametrize("actuator", [False, True])
-def test_the_number_of_jobs_is_passed_to_the_demo(jobs, passed, actuator, tmp_path, monkeypatch):
+def test_the_number_of_jobs_is_passed_to_the_demo(jobs, passed, tmp_path, monkeypatch):
     received = []
     monkeypatch.setattr(demo, "simulated_demo", lambda out, n_jobs: received.append((out, n_jobs)))
-    monkeypatch.setattr(
-        demo, "actuator_demo", lambda file, out, n_jobs: received.append((file, out, n_jobs))
-    )
-    file = ["--actuator", "some.npz"] if actuator else []
-    assert main(["demo", *file, "--out", str(tmp_path), *jobs]) == 0
-    assert received == [(*map(Path, file[1:]), tmp_path, passed)]
+    assert main(["demo", "--out", str(tmp_path), *jobs]) == 0
+    assert received == [(tmp_path, passed)]
 
 
 def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatch):
@@ -81,19 +76,6 @@ def test_the_version_is_printed_under_the_name_of_the_command(capsys, monkeypatc
             main(["--help"])
         printed = capsys.readouterr().out
         assert printed.startswith(f"emacm {__version__}\nusage: {name} [-h]")
-
-
-@pytest.mark.slow
-def test_the_thesis_has_a_command_of_its_own(tmp_path):
-    result = subprocess.run(
-        [sys.executable, "-m", "emacm.thesis", "--chapter", "7", "--out", str(tmp_path / "out")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert result.returncode == 2
-    assert result.stderr == "emacm: chapter 7 is not reproduced; available are 2, 3, 4, 5.\n"
 
 
 def processes_of(group):
@@ -110,13 +92,9 @@ def processes_of(group):
 @pytest.mark.parametrize(
     ("number", "whole_group"), [(signal.SIGTERM, False), (signal.SIGINT, True)]
 )
-@pytest.mark.parametrize(
-    ("command", "started"),
-    [(["demo"], "highest valid|Up to which"), (["reproduce", "--chapter", "3"], "draw 1 of 20")],
-)
-def test_a_signal_ends_everything_with_one_line(command, started, number, whole_group, tmp_path):
+def test_a_signal_ends_everything_with_one_line(number, whole_group, tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-u", "-m", "emacm", *command, "--out", str(tmp_path / "out")],
+        [sys.executable, "-u", "-m", "emacm", "demo", "--out", str(tmp_path / "out")],
         cwd=ROOT,
         env=os.environ | {"MPLBACKEND": "Agg"},
         stdout=subprocess.PIPE,
@@ -125,9 +103,9 @@ def test_a_signal_ends_everything_with_one_line(command, started, number, whole_
         start_new_session=True,
     )
     printed = ""
-    while not re.search(started, printed):
+    while not re.search("highest valid|Up to which", printed):
         printed += process.stdout.readline()
-    time.sleep(1)  # into the search, or into the next draw
+    time.sleep(1)  # into the search
     (os.killpg if whole_group else os.kill)(process.pid, number)
     printed, _ = process.communicate(timeout=60)
     assert process.returncode == 130

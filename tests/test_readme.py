@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from emacm import load_model
+from emacm import load_model, outside_training
 
 README = Path(__file__).parents[1] / "README.md"
 README_TEXT = README.read_text(encoding="utf-8")
@@ -39,8 +39,7 @@ def run_csv(tmp_path, monkeypatch):
 def decisions(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("decisions"))
-        with pytest.warns(UserWarning, match="recording 0: all channels 60 dB above training"):
-            names = names_after(code_blocks("python")[2])
+        names = names_after(code_blocks("python")[2])
         names["saved"] = load_model("model.skops")
     return names
 
@@ -81,6 +80,13 @@ def test_the_rates_in_the_text_are_those_of_the_example(decisions):
     row = decisions["result"].table.loc["by unit"]
     rates = row[["false_alarm_rate", "inspection_rate", "missed_detection_rate"]]
     assert [round(100 * rate) for rate in rates] == [int(number) for number in stated]
+
+
+@pytest.mark.slow
+def test_a_gain_of_1000_is_unknown_and_stated(decisions):
+    model, wrong = decisions["model"], decisions["wrong"]
+    assert model.predict([wrong]).tolist() == ["unknown"]
+    assert "60 dB" in outside_training(model, [wrong])[0][0]
 
 
 @pytest.mark.slow

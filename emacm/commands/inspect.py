@@ -13,11 +13,10 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import located
-from emacm.recordings.column_names import is_time_name, unit_in_name
-from emacm.recordings.file_columns import FileColumns, stated_rates
-from emacm.recordings.readers import read_columns
-from emacm.recordings.sample_times import rate_of_times, seconds_of
-from emacm.recordings.units import unit_factor
+from emacm.files.file_columns import FileColumns, stated_rates
+from emacm.files.readers import read_columns
+from emacm.files.sample_times import rate_of_times, seconds_of
+from emacm.recordings.names import is_time_name, unit_factor, unit_in_name
 
 _MOST_PANELS = 12
 _ANGLES = ("angle", "theta", "encoder", "winkel")
@@ -102,7 +101,7 @@ def contents_of(path: Path) -> Contents:
     Raises
     ------
     FileNotFoundError, ImportError, ValueError
-        As `emacm.recordings.readers.read_columns`.
+        As `emacm.files.readers.read_columns`.
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {str(path)!r}.")

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from emacm._checks import located
+from emacm.files.csv_files import TextTable, text_table
+from emacm.files.file_columns import recording_arguments
+from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
-from emacm.monitoring.order_monitor import OrderMonitor
-from emacm.monitoring.packed_state import packed, unpacked
-from emacm.monitoring.streamed_models import Reading
-from emacm.recordings.csv_files import TextTable, text_table
-from emacm.recordings.file_columns import recording_arguments
-from emacm.recordings.layout import Layout
+from emacm.streams.order_monitor import OrderMonitor
+from emacm.streams.stream_settings import packed, unpacked
+from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
 _HEAD = 20  # lines from which header and separator are known

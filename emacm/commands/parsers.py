@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from emacm.files.folder import recording_files
+
+
+def expanded(paths: Sequence[Path]) -> list[Path]:
+    """Return files, and in place of folders the files in them, sorted."""
+    found: list[Path] = []
+    for path in paths:
+        found += sorted(recording_files(path)) if path.is_dir() else [path]
+    return list(dict.fromkeys(found))
+
+
+def check_paths(paths: Sequence[Path]) -> None:
+    """Raise a ValueError if a folder has no file of a known type."""
+    for path in paths:
+        if path.is_dir() and next(recording_files(path), None) is None:
+            raise ValueError(f"the folder {str(path)!r} has no file of a known type.")
 
 
 def add_parsers(commands: Any) -> None:
@@ -173,7 +190,7 @@ def _add_score(commands: Any) -> None:
 def _add_report(commands: Any) -> None:
     """Add ``emacm report``."""
     parser = commands.add_parser(
-        "report", help="write maintenance reports of files, a page of HTML and PDF for each"
+        "report", help="write maintenance reports of files, an HTML page for each"
     )
     parser.set_defaults(run=_run_later("report"))
     parser.add_argument("model", metavar="MODEL", type=Path, help="file of emacm.save_model")
@@ -183,7 +200,7 @@ def _add_report(commands: Any) -> None:
         type=Path,
         default=Path("report"),
         metavar="DIR",
-        help="folder of the pages, or one file that ends with .html or .pdf (default: report)",
+        help="folder of the pages, or one file that ends with .html (default: report)",
     )
     parser.add_argument(
         "--history", type=Path, metavar="FILE", help="table of earlier results, of emacm score"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from emacm.commands.paths import check_paths, expanded
-from emacm.recordings.files import open_recording
-from emacm.recordings.layout import Layout
+from emacm.commands.parsers import check_paths, expanded
+from emacm.files.folder import open_recording
+from emacm.files.layout import Layout
 from emacm.reports.inputs import (
     known_times,
     read_actions,
@@ -52,7 +52,7 @@ class FileReports:
     layout : Layout
         Of the files.
     out : Path
-        Folder, or a file that ends with .html or .pdf.
+        Folder, or a file that ends with .html.
     """
 
     def __init__(self, options: argparse.Namespace, layout: Layout, out: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import parallel_config
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -16,12 +17,12 @@ from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
-from emacm.models.actuator_recipe import actuator_recipe
+from emacm.files.folder import RecordingFolder, kept_for_passes
+from emacm.files.layout import Layout
 from emacm.models.model_files import save_model
+from emacm.models.recipes import actuator_recipe
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
-from emacm.recordings.files import RecordingFolder, kept_for_passes
-from emacm.recordings.layout import Layout
 from emacm.recordings.meta import read_meta
 from emacm.resampling.order_resampler import OrderResampler
 
@@ -63,7 +64,8 @@ def _train(options: argparse.Namespace) -> None:
         f"{options.recipe}: orders up to {max_order:g}, segments of {revolutions:g} revolutions"
     )
     print(pd.Series(labels).value_counts().sort_index().to_string())
-    found = evaluate(model, recordings, labels, units=groups, healthy=healthy, n_jobs=options.jobs)
+    with parallel_config(n_jobs=options.jobs):
+        found = evaluate(model, recordings, labels, units=groups, healthy=healthy)
     print(rates_table(found.table).to_string())
     for caveat in found.caveats:
         print(f"- {caveat}")

@@ -10,12 +10,11 @@ import pandas as pd
 from sklearn.pipeline import make_pipeline
 
 from emacm._checks import check_number, located
-from emacm.commands.paths import check_paths, expanded
+from emacm.alarms.health_index import HealthIndex, health_trend
+from emacm.commands.parsers import check_paths, expanded
 from emacm.commands.train import extent, order_levels
-from emacm.monitoring.health_index import HealthIndex
-from emacm.monitoring.health_trend import health_trend
-from emacm.recordings.files import RecordingFolder, open_recording
-from emacm.recordings.layout import Layout
+from emacm.files.folder import RecordingFolder, open_recording
+from emacm.files.layout import Layout
 from emacm.recordings.meta import read_meta
 from emacm.reports.inputs import known_times, read_results, value_of, with_units_and_times
 
@@ -117,7 +116,7 @@ def _trend(model: object, options: argparse.Namespace, layout: Layout) -> pd.Dat
 
 
 def _plot(table: pd.DataFrame, options: argparse.Namespace) -> None:
-    from emacm.displays.trend import TrendDisplay  # matplotlib is needed only here
+    from emacm.displays.monitoring import TrendDisplay  # matplotlib is needed only here
 
     display = TrendDisplay(table, time_label=options.time or "time").plot()
     display.figure_.savefig(options.plot, dpi=150)

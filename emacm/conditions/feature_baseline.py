@@ -14,13 +14,15 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_finite_table, check_real_array, located
 from emacm._saved import SavedEstimator
-from emacm.conditions.healthy import find_healthy, known_conditions
-from emacm.conditions.rates import are_recordings, check_rates, common_rates
+from emacm.conditions.healthy import (
+    are_recordings,
+    check_rates,
+    common_rates,
+    find_healthy,
+    known_conditions,
+)
 from emacm.orders.columns import OrderTable, column_names
 from emacm.recordings.meta import sorted_conditions
-
-_FEWEST = 3  # recordings whose scatter is known
-_FAR = 10.0  # times the scatter
 
 
 class FeatureBaseline(  # type: ignore[call-arg]
@@ -237,11 +239,11 @@ class FeatureBaseline(  # type: ignore[call-arg]
         found = known_conditions(X, self.condition, self.conditions_)
         for condition, mean in self.means_.items():
             own = values[[entry == condition for entry in found]]
-            if len(own) < _FEWEST:
+            if len(own) < 3:  # their scatter is not known
                 continue
             shift, scatter = np.abs(own.mean(axis=0) - mean), own.std(axis=0, ddof=1)
             varying = scatter > 0
-            if varying.any() and np.median(shift[varying] / scatter[varying]) > _FAR:
+            if varying.any() and np.median(shift[varying] / scatter[varying]) > 10:
                 ratio = np.median(shift[varying] / scatter[varying])
                 warnings.warn(
                     f"condition {condition!r}: the features of its {len(own)} recordings differ "

@@ -2,31 +2,328 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.conditions.healthy import find_healthy, known_conditions
-from emacm.conditions.mean_signals import (
-    ALIGNMENTS,
-    AngleBaseline,
-    ResidualRecording,
-    mean_baseline,
-)
-from emacm.conditions.rates import check_rates, common_rates
+from emacm.conditions.healthy import check_rates, common_rates, find_healthy, known_conditions
+from emacm.envelopes.transformer import RecordingTransformer
+from emacm.recordings.digests import content_digest
 from emacm.recordings.inputs import as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name, sorted_conditions
 from emacm.recordings.recording import Recording
-from emacm.recordings.transformer import RecordingTransformer
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings, check_alike
+from emacm.resampling.angle_recording import AngleRecording, AngleStroke
+from emacm.resampling.order_resampler import as_angle_recordings, check_alike
+from emacm.shaft.motion import StrokeTravel
+from emacm.shaft.paths import ShaftPath
+
+ALIGNMENTS = ("angle", "start")
+
+
+class GridSignals(NamedTuple):
+    """Signals at consecutive grid angles along the motion; the first angle has number `first`."""
+
+    first: int
+    signals: NDArray[np.floating]
+
+    @property
+    def stop(self) -> int:
+        """Number of the last grid angle, plus 1."""
+        return self.first + self.signals.shape[-1]
+
+
+def mean_sections(
+    recordings: Sequence[Sequence[GridSignals]], *, reached: float = 0.5
+) -> tuple[GridSignals, ...]:
+    """Average strokes at each grid angle that enough recordings contain.
+
+    Parameters
+    ----------
+    recordings : sequence of sequence of GridSignals, each of shape (n_channels, n_angles)
+        The strokes of each recording, on a common grid.
+    reached : float
+        Fraction of the recordings that must contain an angle.
+
+    Returns
+    -------
+    tuple of GridSignals
+        Means over all strokes, float64, in ascending order; empty if there is no stroke.
+
+    Examples
+    --------
+    >>> one, two = GridSignals(0, np.array([[1.0, 2, 3]])), GridSignals(1, np.array([[4.0, 5, 6]]))
+    >>> (mean,) = mean_sections([[one], [two]], reached=1)
+    >>> mean.first, mean.signals.tolist()
+    (1, [[3.0, 4.0]])
+    """
+    strokes = [stroke for strokes in recordings for stroke in strokes]
+    if not strokes:
+        return ()
+    first, stop = min(s.first for s in strokes), max(s.stop for s in strokes)
+    total = np.zeros((len(strokes[0].signals), stop - first))
+    counts, visits = np.zeros(stop - first), np.zeros(stop - first)
+    for own in recordings:
+        visited = np.zeros(stop - first, dtype=bool)
+        for stroke in own:
+            grid = slice(stroke.first - first, stroke.stop - first)
+            total[:, grid] += stroke.signals
+            counts[grid] += 1
+            visited[grid] = True
+        visits += visited
+    known = (visits > 0) & (visits >= reached * len(recordings))
+    return tuple(
+        GridSignals(first + low, total[:, low:high] / counts[low:high])
+        for low, high in _runs(known)
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class AngleBaseline:
+    """Mean signals of a healthy machine at each shaft angle (time-synchronous average).
+
+    Attributes
+    ----------
+    theta_s : float
+        Distance of the grid angles [rad].
+    align : {"angle", "start"}
+        Whether grid angles are counted from shaft angle 0, or from the start of a stroke.
+    sections : mapping of {1, -1, 0} to tuple of GridSignals
+        Mean signals of each direction, counted along the motion.
+    name : str
+        Condition of the recordings.
+    digest : str
+        SHA-256 of all other attributes; baselines with equal digests are equal.
+    """
+
+    theta_s: float = field(compare=False)
+    align: str = field(compare=False)
+    sections: Mapping[int, tuple[GridSignals, ...]] = field(compare=False)
+    name: str = field(default="", compare=False)
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Compute the digest at once, so that joblib gives equal baselines equal hashes."""
+        ways = sorted(self.sections.items())
+        facts = [(way, [part.first for part in parts]) for way, parts in ways]
+        arrays = [part.signals for _, parts in ways for part in parts]
+        digest = content_digest(repr((self.theta_s, self.align, facts)), arrays)
+        object.__setattr__(self, "digest", digest)
+
+    def __repr__(self) -> str:
+        """Return name and digest; cached spectra are identified by this text."""
+        return f"AngleBaseline({self.name}; {self.digest})"
+
+    def reach(self, direction: int) -> tuple[tuple[float, float], ...]:
+        """Return first and last shaft angle of each section [rad], along the motion."""
+        sign = direction or 1
+        return tuple(
+            (sign * part.first * self.theta_s, sign * (part.stop - 1) * self.theta_s)
+            for part in self.sections.get(direction, ())
+        )
+
+
+def mean_baseline(
+    recordings: Sequence[AngleRecording], *, align: str = "angle", name: str = ""
+) -> AngleBaseline:
+    """Average recordings at each shaft angle, separately for each direction.
+
+    Parameters
+    ----------
+    recordings : sequence of AngleRecording
+        Recordings with the same theta_s and channels.
+    align : {"angle", "start"}
+        Align strokes by their shaft angle, or by the angle travelled since their start.
+    name : str
+        Condition of the recordings.
+
+    Returns
+    -------
+    AngleBaseline
+        At angles that at least half of the recordings contain (of those with strokes in
+        this direction).
+    """
+    found: dict[int, list[list[GridSignals]]] = {}
+    for recording in recordings:
+        own: dict[int, list[GridSignals]] = {}
+        for stroke in recording.strokes:
+            aligned = GridStroke.of(stroke, align)
+            own.setdefault(stroke.direction, []).append(GridSignals(aligned.first, aligned.signals))
+        for direction, strokes in own.items():
+            found.setdefault(direction, []).append(strokes)
+    sections = {direction: mean_sections(found[direction]) for direction in sorted(found)}
+    return AngleBaseline(recordings[0].theta_s, align, sections, name)
+
+
+@dataclass(frozen=True)
+class GridStroke(AngleStroke):
+    """A stroke, or a section of one, resampled at the angles of a common grid.
+
+    Attributes
+    ----------
+    skipped : int
+        Samples of the path before the first sample.
+    count : int
+        Number of samples.
+    first : int
+        Number of the first grid angle, counted along the motion.
+    baseline : ndarray of shape (n_channels, count) or None
+        Signals to subtract.
+    """
+
+    skipped: int
+    count: int
+    first: int
+    baseline: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, stroke: AngleStroke, align: str) -> GridStroke:
+        """Align a stroke; by "angle", its samples are at whole multiples of theta_s."""
+        theta_s = stroke.parent.theta_s
+        if align == "start":
+            return cls(stroke.parent, stroke.path, 0, stroke.n_angles, 0)
+        path, first, skipped = _on_grid(stroke.path, theta_s)
+        count = path.count(theta_s) - skipped
+        return cls(stroke.parent, path, skipped, count, first + skipped)
+
+    def section(self, low: int, high: int, baseline: NDArray[np.floating]) -> GridStroke:
+        """Return grid angles `low` to `high` (exclusive) of the stroke, less a baseline."""
+        skipped = self.skipped + low - self.first
+        return replace(self, skipped=skipped, count=high - low, first=low, baseline=baseline)
+
+    @property
+    def start_angle(self) -> float:
+        """Shaft angle of the first sample [rad]."""
+        sign = self.path.direction or 1
+        return self.path.start_angle + sign * self.parent.theta_s * self.skipped
+
+    @property
+    def n_angles(self) -> int:
+        """Number of samples over the angle."""
+        return self.count
+
+    @property
+    def revolutions(self) -> float:
+        """Length of the stroke [revolutions]."""
+        return (self.count - 1) * self.parent.theta_s / (2 * np.pi)
+
+    def blocks(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
+        """Resample some channels block by block, less their baseline.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Numbers of channels.
+
+        Yields
+        ------
+        ndarray of shape (n_rows, n_angles)
+            Consecutive blocks.
+        """
+        done = -self.skipped
+        for block in super().blocks(rows):
+            low, high = max(done, 0), min(done + block.shape[1], self.count)
+            if low < high:
+                piece = block[:, low - done : high - done]
+                if self.baseline is not None:
+                    piece = (piece - self.baseline[list(rows), low:high]).astype(block.dtype)
+                yield piece
+            done += block.shape[1]
+            if done >= self.count:
+                return
+
+
+@dataclass(frozen=True)
+class ResidualRecording(AngleRecording):
+    """Residual of a recording: its signals less the mean of a healthy machine at each angle.
+
+    Like any `AngleRecording`, it is evaluated when its signals are read. Its strokes are cut
+    to the angles of the baseline.
+
+    Attributes
+    ----------
+    baseline : AngleBaseline
+        Mean signals that are subtracted.
+    """
+
+    baseline: AngleBaseline = field(kw_only=True)
+
+    @classmethod
+    def of(cls, recording: AngleRecording, baseline: AngleBaseline) -> ResidualRecording:
+        """Return the residual of a recording that was resampled with the same theta_s."""
+        return cls(**recording.__getstate__(), baseline=baseline)
+
+    @property
+    def strokes(self) -> tuple[AngleStroke, ...]:
+        """The strokes, or sections of them, that have a baseline, in order of time."""
+        sections = tuple(
+            aligned.section(low, high, known.signals[:, low - known.first : high - known.first])
+            for stroke in super().strokes
+            for aligned in [GridStroke.of(stroke, self.baseline.align)]
+            for known in self.baseline.sections.get(stroke.direction, ())
+            for low, high in [_common(aligned, known)]
+            if high - low > 1
+        )
+        if not sections:
+            raise ValueError(self._without_baseline())
+        return sections
+
+    def coverage(self) -> tuple[float, float]:
+        """Return the revolutions of all strokes, and of the sections with a baseline."""
+        whole = sum(stroke.revolutions for stroke in super().strokes)
+        try:
+            return whole, sum(stroke.revolutions for stroke in self.strokes)
+        except ValueError:
+            return whole, 0.0
+
+    def _without_baseline(self) -> str:
+        ways = {1: "forward", -1: "reverse", 0: "travelling"}
+        known = [
+            f"{way} {low:.4g} to {high:.4g} rad"
+            for direction, way in ways.items()
+            for low, high in self.baseline.reach(direction)
+        ]
+        own = [f"{ways[s.direction]} from {s.start_angle:.4g} rad" for s in super().strokes]
+        return (
+            f"no stroke of it ({', '.join(own[:4])}) is within the shaft angles of the healthy "
+            f"recordings of {self.baseline.name} ({', '.join(known) or 'none'}). Use healthy "
+            f"recordings of the same motion, or align='start'."
+        )
+
+
+def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
+    """Start a path earlier, by less than theta_s, at a whole multiple of theta_s.
+
+    Returns the path, the number of that multiple along the motion, and the number of samples
+    before the old start.
+    """
+    sign = path.direction
+    position = sign * path.start_angle / theta_s
+    first = int(np.floor(position + 1e-9))
+    ahead = (position - first) * theta_s
+    if ahead <= 1e-9 * theta_s:
+        return path, first, 0
+    travel: Any = path.travel
+    if not isinstance(travel, StrokeTravel):
+        raise TypeError(f"only single strokes have a shaft angle, got {type(travel).__name__}.")
+    moved = travel.starting_at(path.start_angle - sign * ahead)
+    return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
+
+
+def _common(aligned: GridStroke, known: GridSignals) -> tuple[int, int]:
+    return max(aligned.first, known.first), min(aligned.first + aligned.count, known.stop)
+
+
+def _runs(known: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and last + 1 of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
+    return [(int(low), int(high)) for low, high in edges.reshape(-1, 2)]
 
 
 class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]

@@ -11,24 +11,30 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_table
+from emacm._checks import check_table, group_codes
 from emacm._saved import SavedEstimator
-from emacm.decisions.density_checks import check_densities, check_seen
+from emacm.calibration.left_out import single_recordings
 from emacm.decisions.fit_checks import (
     agreed_classes,
     as_counts,
     can_add_recordings,
+    check_densities,
     check_parameters,
+    check_seen,
+    check_unknown_rate,
     check_unweighted,
     warn_without_groups,
 )
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
 from emacm.decisions.labels import check_classes, label_positions
-from emacm.decisions.least_risk_mixin import LeastRiskMixin
-from emacm.decisions.left_out import Training, group_numbers
-from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin, calibrate
+from emacm.decisions.left_out_calibration import (
+    LeftOutCalibration,
+    LeftOutMixin,
+    calibrate_gaussians,
+)
 from emacm.decisions.metrics import check_weights, positive_weights
 from emacm.decisions.moments import ClassMoments, check_range, moments_for
+from emacm.decisions.risks import LeastRiskMixin
 from emacm.decisions.truths import truth_cost_table, truth_priors
 
 Array = NDArray[np.float64]
@@ -70,6 +76,10 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     temperature : None, float or "groups", default=None
         Densities are raised to the power of 1 / temperature before they are multiplied by the
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
+    unknown_rate : None or float, default=None
+        Share of known recordings that may be decided to be unknown. If given, the prior of the
+        unknown state follows from it and from the groups that are left out, unless `priors` state
+        that prior. Needs `unknown`.
 
     Attributes
     ----------
@@ -135,6 +145,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         shrinkage: Any = None,
         unknown: Any = None,
         temperature: Any = None,
+        unknown_rate: Any = None,
     ):
         self.cost = cost
         self.priors = priors
@@ -142,6 +153,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self.shrinkage = shrinkage
         self.unknown = unknown
         self.temperature = temperature
+        self.unknown_rate = unknown_rate
 
     def fit(self, X, y, sample_weight=None, groups=None):
         """Estimate the Gaussian density of each class; earlier recordings are discarded.
@@ -178,6 +190,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             If `groups` are needed and not given.
         """
         check_parameters(self.covariance, self.shrinkage, self.temperature)
+        check_unknown_rate(self.unknown_rate, self.unknown)
         check_classes(y)
         check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
@@ -200,13 +213,19 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         by_groups = isinstance(self.temperature, str)
         if groups is not None or self.unknown is not None or by_groups:
             warn_without_groups(groups, stacklevel=2)
-            numbers = group_numbers(groups, X, codes)
-            training = Training(X, codes, numbers, weight, len(classes))
-            if not (weight > 0).all():
-                training = training.take(weight > 0)
-            kind = self.covariance, self.shrinkage
-            self._calibration = calibrate(
-                training, moments, gaussians, *kind, temperature=by_groups
+            rows = np.flatnonzero(weight > 0)
+            if groups is None:
+                numbers = single_recordings(codes[rows], X[rows])
+            else:
+                numbers = group_codes(groups, len(X))[rows]
+            self._calibration = calibrate_gaussians(
+                X[rows],
+                codes[rows],
+                numbers,
+                weight[rows],
+                (self.covariance, self.shrinkage),
+                temperature=by_groups,
+                rate=self.unknown_rate is not None,
             )
         return self
 
@@ -372,7 +391,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self.classes_, self.class_count_, self.means_ = classes, moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances
         self._moments, self._gaussians, self._checked = moments, gaussians, False
-        self._calibration = LeftOutCalibration(None, None)
+        self._calibration = LeftOutCalibration()
 
     def _check_fitted(self, stacklevel: int) -> None:
         singular = self._gaussians.singular

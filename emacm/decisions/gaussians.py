@@ -16,19 +16,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import dtrsm
-from scipy.linalg.lapack import dpocon, dpotrf, dtrtri
+from scipy.linalg import solve_triangular
 
 from emacm.decisions.moments import ClassMoments, diagonals
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
 
 Array = NDArray[np.float64]
-
-_BLOCK = 4096  # recordings at a time, so that large tables take no more memory
-
-REGULAR = 1e-8  # inverse condition number above which a correlation matrix is not singular
-FAR = 1e6  # squared distance of means above which expanded squares lose digits
-FLOOR = 1e-9  # least eigenvalue of a singular covariance, per largest feature variance
 
 
 @dataclass(frozen=True)
@@ -70,14 +63,6 @@ class GaussianClasses:
             Squared distances to the mean of each class, in standard deviations; infinite where
             they overflow.
         """
-        squares = np.empty((len(X), len(self.means)))
-        for start in range(0, len(X), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            squares[part] = self._squares(X[part])
-        return squares
-
-    def _squares(self, X: Array) -> Array:
-        """Squared distances of a few recordings."""
         columns = np.ascontiguousarray(X.T)  # sums over few features are slow along rows
         squares = np.empty((len(self.means), len(X)))
         common = len(self.factors) == 1 and self.factors.ndim == 3
@@ -132,6 +117,8 @@ def class_gaussians(
     covariance: str = "full",
     shrinkage: Any = None,
     recordings: tuple[Array, NDArray[np.intp]] | None = None,
+    *,
+    floor: float = 1e-9,
 ) -> GaussianClasses:
     """Compute the densities of `CostSensitiveGaussianBayes` from moments.
 
@@ -143,6 +130,8 @@ def class_gaussians(
         As for `CostSensitiveGaussianBayes`.
     recordings : tuple of (X, codes)
         Features, and the number of the class of each recording; needed for "auto" only.
+    floor : float, default=1e-9
+        Least eigenvalue of a singular covariance, per largest feature variance; without shrinkage.
 
     Returns
     -------
@@ -157,8 +146,22 @@ def class_gaussians(
     array([[-1.266, -7.516]])
     """
     coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
-    floor = FLOOR * moments.feature_variances.max() if shrinkage is None else None
-    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=floor)
+    lifted = floor * moments.feature_variances.max() if shrinkage is None else None
+    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=lifted)
+
+
+def floored_gaussians(
+    moments: ClassMoments,
+    covariance: str,
+    shrinkage: Any,
+    recordings: tuple[Array, NDArray[np.intp]],
+    *,
+    floor: float = 1e-9,
+) -> GaussianClasses:
+    """As `class_gaussians`, with the floor for singular covariances whatever the shrinkage."""
+    coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
+    lifted = floor * moments.feature_variances.max()
+    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=lifted)
 
 
 def shrinkage_coefficients(
@@ -220,101 +223,22 @@ def fit_gaussians(
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
     array([[-1.266, -7.516]])
     """
-    covariances, least = shrunk_covariances(
-        moments, coefficients, squared_scales, diagonal=diagonal
-    )
+    scatter = diagonals(moments.scatter) if diagonal else moments.scatter
+    free = np.maximum(moments.divisors, 0.0)
+    inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
+    covariances = shrink(scatter, coefficients, squared_scales, inverse)
     if covariances.ndim == 2:
         return _fit_variances(moments.means, covariances, floor)
     factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
     singular = np.zeros(len(covariances), dtype=bool)
     for group, covariance in enumerate(covariances):
-        root = cholesky_root(covariance, least[group])
+        root = cholesky_root(covariance)
         singular[group] = root is None
         if root is not None:
             factors[group], log_determinants[group] = _inverse_of_root(root)
         elif floor:
             covariances[group], factors[group], log_determinants[group] = _lift(covariance, floor)
     return GaussianClasses(moments.means, covariances, factors, log_determinants, singular)
-
-
-def shrunk_covariances(
-    moments: ClassMoments,
-    coefficients: ArrayLike = 0.0,
-    squared_scales: ArrayLike = 1.0,
-    *,
-    diagonal: bool = False,
-) -> tuple[Array, Array]:
-    """Return the covariances of `fit_gaussians` before singular ones are raised to the floor.
-
-    Returns
-    -------
-    covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
-    least : ndarray of shape (n_groups,)
-        What the target contributes to each variance at least, a fraction: no eigenvalue of the
-        correlation matrix is smaller.
-    """
-    scatter = diagonals(moments.scatter) if diagonal else moments.scatter
-    free = np.maximum(moments.divisors, 0.0)
-    inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
-    covariances = shrink(scatter, coefficients, squared_scales, inverse)
-    kept = diagonals(scatter) * ((1 - np.asarray(coefficients)) * inverse)[:, np.newaxis]
-    shrunk = diagonals(covariances)
-    of_data = np.divide(kept, shrunk, out=np.ones_like(kept), where=shrunk > 0)
-    return covariances, 1 - of_data.max(axis=1)
-
-
-def solved_log_densities(
-    X: Array, means: Array, covariances: Array, least: ArrayLike = 0.0
-) -> Array | None:
-    """Logarithms of Gaussian densities, Eq. (2.44), or None if a covariance is singular.
-
-    For few recordings less work than `GaussianClasses.log_densities`: the factor of a covariance is
-    not inverted, and squares of differences are expanded, which is the more accurate, the nearer
-    the means are to the origin.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_recordings, n_features)
-        Features.
-    means : ndarray of shape (n_classes, n_features)
-        Mean of each class.
-    covariances : ndarray of shape (1, n_features, n_features) or (n_classes, n_features)
-        Covariance of all classes, or the variances of each.
-    least : array-like of shape (1,), default=0.0
-        As returned by `shrunk_covariances`.
-
-    Returns
-    -------
-    ndarray of shape (n_recordings, n_classes) or None
-
-    Examples
-    --------
-    >>> covariance = np.array([[[2.0, 0.0], [0.0, 0.5]]])
-    >>> solved_log_densities(np.array([[1.0, 1.0]]), np.zeros((1, 2)), covariance).round(3)
-    array([[-3.088]])
-    """
-    weights = np.ones((1, X.shape[1]))
-    if covariances.ndim == 2:
-        if not (covariances > 0).all():
-            return None
-        weights, log_determinants = 1 / covariances, np.log(covariances).sum(axis=1)
-    else:
-        root = cholesky_root(covariances[0], np.max(least))
-        if root is None:
-            return None
-        log_determinants = 2 * np.log(np.diagonal(root)).sum()
-        # The transposes are not copied.
-        X, means = (dtrsm(1.0, root.T, rows.T, trans_a=1).T for rows in (X, means))
-    weighted = means * weights
-    norms = (means * weighted).sum(axis=1)
-    if norms.max() < FAR:
-        squares = X @ (-2 * weighted).T + norms
-        squares += np.square(X) @ weights.T
-    else:
-        pairs = zip(means, np.broadcast_to(weights, means.shape), strict=True)
-        squares = np.array([np.square(X - mean) @ weight for mean, weight in pairs]).T
-    squares += X.shape[1] * np.log(2 * np.pi) + log_determinants
-    return -0.5 * squares
 
 
 def is_singular(covariance: Array) -> bool:
@@ -328,33 +252,27 @@ def is_singular(covariance: Array) -> bool:
     return cholesky_root(covariance) is None
 
 
-def cholesky_root(covariance: Array, least: float = 0.0) -> Array | None:
+def cholesky_root(covariance: Array) -> Array | None:
     """Return the lower triangular L with L L' = a covariance, or None if it is singular.
 
     The correlation matrix decides, so that features in very different units do not make a
-    covariance singular. An estimate of its condition number takes a tenth of the time of the
-    eigenvalues. It is at least a tenth of the ratio of the extreme eigenvalues in practice, and
-    the limit leaves a factor of a thousand. No estimate is needed if `least`, a lower bound of the
-    eigenvalues of the correlation matrix, is large enough.
+    covariance singular.
     """
     variances = np.diagonal(covariance)
     if not (variances > 0).all():
         return None
-    root, failed = dpotrf(covariance.T)  # the transposes are not copied
-    if failed:
-        return None
-    root = root.T
-    # The largest eigenvalue of a correlation matrix is at most the number of features.
-    if least > REGULAR * len(root):
-        return root
     deviations = np.sqrt(variances)[:, np.newaxis]
-    inverse_condition, _ = dpocon((root / deviations).T, float(len(root)), uplo="U")
-    if inverse_condition <= REGULAR:
-        eigenvalues = np.linalg.eigvalsh(covariance / deviations / deviations[:, 0])
+    correlation = covariance / deviations / deviations[:, 0]
+    try:
+        root = np.asarray(np.linalg.cholesky(correlation))
+    except np.linalg.LinAlgError:
+        return None
+    if np.diagonal(root).min() < 1e-3:  # only then may the smallest eigenvalue be rounding
+        eigenvalues = np.linalg.eigvalsh(correlation)
         rounding = 10 * len(covariance) * np.finfo(np.float64).eps
         if eigenvalues[0] <= rounding * eigenvalues[-1]:
             return None
-    return root
+    return root * deviations
 
 
 def factorise(covariance: Array) -> tuple[Array, float]:
@@ -365,7 +283,7 @@ def factorise(covariance: Array) -> tuple[Array, float]:
 
 def _inverse_of_root(root: Array) -> tuple[Array, float]:
     """Return the inverse of the transpose of L, and the logarithm of the determinant of L L'."""
-    inverse, _ = dtrtri(root.T, lower=0)
+    inverse = solve_triangular(root, np.eye(len(root)), lower=True).T
     return inverse, float(2 * np.log(np.diagonal(root)).sum())
 
 

@@ -14,18 +14,28 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, proces
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
+from emacm._checks import group_codes
 from emacm._saved import SavedEstimator
-from emacm.decisions.fit_checks import check_temperature, warn_without_groups
+from emacm.calibration.left_out import single_recordings
+from emacm.decisions.fit_checks import check_temperature, check_unknown_rate, warn_without_groups
 from emacm.decisions.labels import check_classes
-from emacm.decisions.least_risk_mixin import LeastRiskMixin
-from emacm.decisions.left_out import group_numbers
-from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
+from emacm.decisions.left_out_calibration import (
+    LeftOutCalibration,
+    LeftOutMixin,
+    calibrate_refits,
+)
 from emacm.decisions.metrics import positive_weights
-from emacm.decisions.opinion_pools import pooled_log_posterior
-from emacm.decisions.pipelines import final_estimator, groups_options, uses_groups, weight_parameter
-from emacm.decisions.priors import check_possible
-from emacm.decisions.refits import Refits, as_rows, log_likelihoods, parameters_of_rows, parts_of
-from emacm.decisions.truths import UNKNOWN_PRIOR, truth_cost_table, truth_priors
+from emacm.decisions.pipelines import (
+    as_rows,
+    final_estimator,
+    groups_options,
+    log_likelihoods,
+    parameters_of_rows,
+    uses_groups,
+    weight_parameter,
+)
+from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
+from emacm.decisions.truths import check_possible, truth_cost_table, truth_priors
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
@@ -55,6 +65,9 @@ class LeastRiskClassifier(
     detector : estimator, default=None
         Outlier detector or pipeline with `score_samples`, such as `IsolationForest`: the larger the
         score, the more like the training. It is fitted to X without classes.
+    unknown_rate : None or float, default=None
+        Share of known recordings that may be decided to be unknown, as for
+        `CostSensitiveGaussianBayes`.
 
     Attributes
     ----------
@@ -111,6 +124,7 @@ class LeastRiskClassifier(
         unknown: Any = None,
         temperature: Any = None,
         detector: Any = None,
+        unknown_rate: Any = None,
     ):
         self.estimator = estimator
         self.cost = cost
@@ -118,6 +132,7 @@ class LeastRiskClassifier(
         self.unknown = unknown
         self.temperature = temperature
         self.detector = detector
+        self.unknown_rate = unknown_rate
 
     def fit(self, X, y, sample_weight=None, groups=None, **fit_params):
         """Fit a clone of the estimator.
@@ -132,8 +147,8 @@ class LeastRiskClassifier(
             How often each recording counts; in a pipeline, passed to the last step.
         groups : array-like of shape (n_recordings,), default=None
             Labels of recordings that were measured together (unit, run): the estimator and the
-            detector are fitted again without each group. None: ten parts. Passed to the estimator
-            if it learns from groups, or if there is neither a detector nor
+            detector are fitted again without groups, at most ten times. None: ten parts. Passed to
+            the estimator if it learns from groups, or if there is neither a detector nor
             ``temperature="groups"``.
         **fit_params : dict
             Further arguments of the estimator's `fit`; with metadata routing enabled, what
@@ -185,12 +200,15 @@ class LeastRiskClassifier(
             )
         self.classes_, self.estimator_ = classes, fitted
         self._training_frequencies = counts / counts.sum()
-        self._calibration = LeftOutCalibration(None, None)
+        self._calibration = LeftOutCalibration()
         check_possible(self.priors_, self.estimator_priors_, classes)
         if calibrated:
             warn_without_groups(groups, stacklevel=2)
-            numbers = parts_of(codes) if groups is None else group_numbers(groups, y, codes)
             table = as_rows(X)
+            if groups is None:
+                numbers = single_recordings(codes, table)
+            else:
+                numbers = group_codes(groups, len(y))
 
             def refit(others: Any, rows: Any) -> Array:
                 some = parameters_of_rows(fit_params, others, len(y))
@@ -199,8 +217,16 @@ class LeastRiskClassifier(
                 logs = other.estimator_log_posterior(chosen_rows(table, rows))
                 return log_likelihoods(logs, other.estimator_priors_)
 
-            refits = Refits(table, codes, numbers, weight, refit)
-            self._calibration = refits.calibrate(self.detector, temperature=by_groups)
+            needed = by_groups or self.unknown_rate is not None
+            self._calibration = calibrate_refits(
+                table,
+                codes,
+                numbers,
+                weight,
+                refit if needed else None,
+                self.detector,
+                temperature=by_groups,
+            )
         return self
 
     @property
@@ -301,11 +327,13 @@ class LeastRiskClassifier(
     def _truth_priors(self) -> tuple[Array, float]:
         own = self.estimator_priors_
         if self.priors is None:
-            return own, 0.0 if self.unknown is None else UNKNOWN_PRIOR
+            uniform = truth_priors("uniform", self.classes_, own, self.unknown)
+            return own, uniform[1]
         return truth_priors(self.priors, self.classes_, self._training_frequencies, self.unknown)
 
     def _check_calibration_parameters(self) -> None:
         check_temperature(self.temperature)
+        check_unknown_rate(self.unknown_rate, self.unknown)
         if self.detector is not None and not hasattr(self.detector, "score_samples"):
             raise TypeError(
                 f"detector must be an outlier detector with score_samples, such as "

@@ -3,26 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_softmax
+from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
+from emacm._checks import located
+from emacm.calibration.left_out import check_judged, left_out
+from emacm.calibration.tails import StudentTail, student_tail
+from emacm.calibration.temperature import fit_temperature
 from emacm.decisions.fit_checks import check_temperature, has_unknown
-from emacm.decisions.gaussians import GaussianClasses
-from emacm.decisions.left_out import Remaining, Training
-from emacm.decisions.moments import ClassMoments
-from emacm.decisions.temperature import fit_temperature
-from emacm.decisions.truths import truth_priors
-from emacm.decisions.typicality import fit_typicality
-from emacm.decisions.unknown import unknown_probability
+from emacm.decisions.gaussians import floored_gaussians
+from emacm.decisions.moments import moments_for
+from emacm.decisions.truths import states_unknown, truth_priors
+from emacm.decisions.typicality import fit_typicality, positive, unknown_probability
+from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
-_SHRINKAGE = "auto"  # of the covariance of the distances
+
+class LeftOutDensities(NamedTuple):
+    """Training recordings, judged by classifiers that were fitted without their groups.
+
+    Attributes
+    ----------
+    typicality : ndarray of shape (n_recordings,)
+        NaN if there is none.
+    log_densities : ndarray of shape (n_recordings, n_classes)
+        -inf for classes of which no other recordings remain.
+    codes : ndarray of int, shape (n_recordings,)
+        Number of the true class.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted.
+    """
+
+    typicality: Array
+    log_densities: Array
+    codes: Indices
+    weight: Array
+
+    def fit_temperature(self, n_classes: int) -> float:
+        """Return the temperature of least log loss, with the frequencies of the classes."""
+        judged = np.isfinite(self.log_densities[np.arange(len(self.codes)), self.codes])
+        check_judged(judged)
+        counts = np.bincount(self.codes, self.weight, n_classes)
+        some = self.log_densities[judged], self.codes[judged], self.weight[judged]
+        return fit_temperature(*some, counts / counts.sum())
 
 
 class LeftOutCalibration(NamedTuple):
@@ -34,10 +66,13 @@ class LeftOutCalibration(NamedTuple):
         A function of features. None before anything was left out.
     temperature : float or None
         Temperature of least log loss; None if it was not requested.
+    left_out : LeftOutDensities or None
+        The recordings of the training; None if they are not needed.
     """
 
-    typicality: Callable[[Any], Array] | None
-    temperature: float | None
+    typicality: Callable[[Any], Array] | None = None
+    temperature: float | None = None
+    left_out: LeftOutDensities | None = None
 
 
 class LeftOutMixin:
@@ -47,6 +82,7 @@ class LeftOutMixin:
     class_count_: Array
     priors: Any
     unknown: Any
+    unknown_rate: Any
     temperature: Any
     _calibration: LeftOutCalibration
 
@@ -60,8 +96,35 @@ class LeftOutMixin:
 
     @property
     def unknown_prior_(self) -> float:
-        """Prior probability in effect of the unknown state; 0 if there is none."""
-        return self._truth_priors()[1]
+        """Prior probability in effect of the unknown state; 0 if there is none.
+
+        That of `priors`, or else the largest with which at most `unknown_rate` of the known
+        recordings, each judged without its group, are decided to be unknown.
+        """
+        found, left = self._truth_priors()[1], self._calibration.left_out
+        if left is None or self.unknown_rate is None:
+            return found
+        if states_unknown(self.priors, self.classes_, self.unknown):
+            return found
+        judged = np.isfinite(left.typicality)
+        log_priors = np.log(np.maximum(self.priors_, np.finfo(np.float64).tiny))
+        joint = left.log_densities[judged] / self.temperature_ + log_priors
+        posterior, weight = np.exp(log_softmax(joint, axis=1)), left.weight[judged]
+        model: Any = self  # its decisions and costs come from another base class
+        number, cost = model.decisions_.tolist().index(self.unknown), model.cost_
+
+        def rate(log_odds: float) -> float:
+            """Return the share of known recordings that are decided to be unknown."""
+            probability = unknown_probability(left.typicality[judged], 1 / (1 + np.exp(-log_odds)))
+            known = (1 - probability)[:, np.newaxis] * posterior
+            risks = np.column_stack([known, probability]) @ cost.T
+            return float(weight @ (risks.argmin(axis=1) == number)) / weight.sum()
+
+        low, high = -40.0, 40.0  # log odds; the rate increases with them
+        for _ in range(40):
+            middle = (low + high) / 2
+            low, high = (middle, high) if rate(middle) <= self.unknown_rate else (low, middle)
+        return float(1 / (1 + np.exp(-low)))
 
     @property
     def temperature_(self) -> float:
@@ -150,27 +213,128 @@ class LeftOutMixin:
         return found
 
 
-def calibrate(
-    training: Training,
-    moments: ClassMoments,
-    gaussians: GaussianClasses,
+@dataclass(frozen=True)
+class DetectorTypicality:
+    """Typicality from the scores of an outlier detector.
+
+    Attributes
+    ----------
+    detector : estimator
+        Fitted, with `score_samples`: the larger, the more like the training.
+    tail : StudentTail
+        Distribution of the negative scores of left-out recordings.
+    """
+
+    detector: Any
+    tail: StudentTail
+
+    def __call__(self, X: Any) -> Array:
+        """Return the typicality of recordings, in (0, 1], shape (n_recordings,)."""
+        return positive(self.tail.survival(_distances(self.detector, X)))
+
+
+def left_out_gaussians(
+    X: Array,
+    codes: Indices,
+    groups: ArrayLike,
+    weight: Array,
     covariance: str,
     shrinkage: Any,
+) -> Array:
+    """Return the log densities of each recording under classes fitted without its group.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes, groups : ndarray of int, array-like of shape (n_recordings,)
+        As for `emacm.calibration.left_out.left_out`.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted, positive.
+    covariance, shrinkage : str and None, float or str
+        As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings, n_classes)
+        -inf for classes of which too few other recordings remain.
+    """
+    n_classes = int(codes.max()) + 1
+    found = np.full((len(X), n_classes), -np.inf)
+    for others, rows in left_out(codes, groups):
+        some = X[others], codes[others]
+        moments = moments_for(covariance, shrinkage, *some, n_classes, weight[others])
+        seen = (moments.counts > 0) & (moments.divisors > 0)
+        if seen.any():
+            gaussians = floored_gaussians(moments, covariance, shrinkage, some)
+            found[np.ix_(rows, seen)] = gaussians.log_densities(X[rows])[:, seen]
+    return found
+
+
+def calibrate_gaussians(
+    X: Array,
+    codes: Indices,
+    groups: ArrayLike,
+    weight: Array,
+    kind: tuple[str, Any],
     *,
     temperature: bool,
+    rate: bool,
 ) -> LeftOutCalibration:
     """Calibrate a classifier with Gaussian classes on left-out groups.
 
     Parameters
     ----------
-    training : Training
-        The recordings.
-    moments : ClassMoments
-        Of all of them, as for `gaussians`.
-    gaussians : GaussianClasses
-        Densities of the classifier, fitted to all of them.
-    covariance, shrinkage : str and None, float or str
+    X, codes, groups, weight
+        As for `left_out_gaussians`.
+    kind : tuple of (covariance, shrinkage)
         Of the classifier.
+    temperature, rate : bool
+        Whether to determine the temperature, and whether `unknown_rate` is given.
+
+    Returns
+    -------
+    LeftOutCalibration
+
+    Raises
+    ------
+    ValueError
+        If no class has recordings in two groups.
+    """
+    typicality = fit_typicality(X, codes, groups, weight)
+    if not (temperature or rate):
+        return LeftOutCalibration(typicality)
+    logs = left_out_gaussians(X, codes, groups, weight, *kind)
+    left = LeftOutDensities(typicality.left_out, logs, codes, weight)
+    best = left.fit_temperature(int(codes.max()) + 1) if temperature else None
+    return LeftOutCalibration(typicality, best, left if rate else None)
+
+
+def calibrate_refits(
+    X: Any,
+    codes: Indices,
+    groups: ArrayLike,
+    weight: Array,
+    log_likelihoods: Callable[[Indices, Indices], Array] | None,
+    detector: Any,
+    *,
+    temperature: bool,
+) -> LeftOutCalibration:
+    """Calibrate any classifier on left-out groups, by fitting it again without each of them.
+
+    Parameters
+    ----------
+    X : list of Recording, or table
+        Recordings.
+    codes, groups : ndarray of int, array-like of shape (n_recordings,)
+        As for `emacm.calibration.left_out.left_out`.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted.
+    log_likelihoods : callable or None
+        ``log_likelihoods(others, rows)`` fits the classifier to some recordings and returns the
+        logarithms of posterior over prior of others. None: they are not needed.
+    detector : estimator or None
+        Outlier detector that is not fitted yet.
     temperature : bool
         Whether to determine the temperature.
 
@@ -183,30 +347,39 @@ def calibrate(
     ValueError
         If no class has recordings in two groups.
     """
-    # In the order of the groups, which are then not copied. Expanded squares need an origin among
-    # the features; the value next to 0 loses no digits, unlike means that one recording may shift.
-    training = training.take(np.argsort(training.groups, kind="stable"))
-    origin = np.clip(0.0, training.X.min(axis=0), training.X.max(axis=0))
-    moved = replace(training, X=training.X - origin)
-    remaining = Remaining(moved, replace(moments, means=moments.means - origin))
-    left_out = remaining.left_out_gaussians(_SHRINKAGE)
-    if (covariance, shrinkage) != ("tied", _SHRINKAGE):
-        gaussians = replace(remaining.all_gaussians(_SHRINKAGE), means=moments.means)
-    distances = fit_typicality(training, gaussians, left_out)
-    if not temperature:
-        return LeftOutCalibration(distances, None)
-    log_densities = remaining.log_densities(covariance, shrinkage)
-    return LeftOutCalibration(distances, _temperature(training, log_densities))
+
+    def fitted(rows: Indices) -> Any:
+        """Fit the detector to some recordings, with their weights if it accepts weights."""
+        weighted = has_fit_parameter(detector, "sample_weight") and (weight != 1).any()
+        options = {"sample_weight": weight[rows]} if weighted else {}
+        with located("detector (its input is that of the estimator: recordings need a pipeline)"):
+            return clone(detector).fit(chosen_rows(X, rows), **options)
+
+    n_classes, counted = int(codes.max()) + 1, np.flatnonzero(weight > 0)
+    logs = np.full((len(codes), n_classes), -np.inf)
+    distances, judged = np.full(len(codes), np.nan), np.zeros(len(codes), dtype=bool)
+    some = np.asarray(groups)[counted]
+    for others, rows in left_out(codes[counted], some):
+        others, rows = counted[others], counted[rows]
+        seen = np.bincount(codes[others], minlength=n_classes) > 0
+        if np.count_nonzero(seen) < min(2, n_classes):
+            continue
+        judged[rows] = seen[codes[rows]]
+        if log_likelihoods is not None:
+            logs[np.ix_(rows, seen)] = log_likelihoods(others, rows)
+        if detector is not None:
+            distances[rows] = _distances(fitted(others), chosen_rows(X, rows))
+    check_judged(judged)
+    typicality, found = None, np.full(len(codes), np.nan)
+    if detector is not None:
+        tail = student_tail(distances[judged], weight[judged])
+        typicality = DetectorTypicality(fitted(counted), tail)
+        found[judged] = positive(tail.survival(distances[judged]))
+    left = LeftOutDensities(found, logs, codes, weight)
+    best = left.fit_temperature(n_classes) if temperature else None
+    return LeftOutCalibration(typicality, best, left if log_likelihoods is not None else None)
 
 
-def _temperature(training: Training, log_densities: Array) -> float:
-    judged = np.isfinite(log_densities[np.arange(len(training.X)), training.codes])
-    if not judged.any():
-        raise ValueError(
-            "no class has enough recordings in two groups, so that no recording can be judged by "
-            "others of its class. Give groups= with at least two groups in one class, or a number "
-            "as temperature."
-        )
-    codes, weight = training.codes[judged], training.weight[judged]
-    counts = np.bincount(training.codes, training.weight, training.n_classes)
-    return fit_temperature(log_densities[judged], codes, weight, counts / counts.sum())
+def _distances(detector: Any, X: Any) -> Array:
+    """Return the negative scores of an outlier detector."""
+    return -np.asarray(detector.score_samples(X), dtype=np.float64)

@@ -14,9 +14,6 @@ from emacm.decisions.costs import check_pairs, cost_table
 from emacm.decisions.labels import label_list, label_positions, plain_labels
 from emacm.decisions.pipelines import final_estimator
 
-# Costs of one class that differ by less than this fraction of their range are equal.
-_EQUAL = 1e-12
-
 Correct = dict[Any, tuple[Any, ...]]
 
 
@@ -51,7 +48,7 @@ def correct_decisions(decisions: ArrayLike, classes: ArrayLike, cost: ArrayLike)
     rows, columns = label_list(decisions, "decisions"), label_list(classes, "classes")
     matrix = np.asarray(cost, dtype=np.float64)
     least, largest = matrix.min(axis=0), np.abs(matrix).max(axis=0)
-    cheapest = matrix - least <= _EQUAL * largest
+    cheapest = matrix - least <= 1e-12 * largest  # equal but for rounding
     correct: Correct = {
         label: tuple(row for row, is_least in zip(rows, column, strict=True) if is_least)
         for label, column in zip(columns, cheapest.T, strict=True)

@@ -8,18 +8,17 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_number
+from emacm._checks import check_number, group_codes
+from emacm.calibration.left_out import left_out
+from emacm.calibration.quantiles import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import fit_gaussians, shrinkage_coefficients
 from emacm.decisions.labels import label_list, label_positions
-from emacm.decisions.left_out import group_numbers
-from emacm.decisions.left_out_calibration import LeftOutCalibration
+from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutDensities
 from emacm.decisions.moments import moments_for
-from emacm.decisions.prediction_sets import LeftOutDensities, classes_above, probability_threshold
-from emacm.decisions.refits import parts_of
-from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
 Array = NDArray[np.float64]
@@ -93,6 +92,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     """
 
     covariance = "tied"
+    unknown_rate = None
     needs_groups = True
     groups_are_units = True
     _levels: UnitLevels | None = None
@@ -155,12 +155,14 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             return self
         table = self._checked_features(X)
         codes = np.searchsorted(self.classes_, np.asarray(y))
-        units = group_numbers(groups, table, codes)
+        units = group_codes(groups, len(table))
         self._set_levels(self._estimated(table, codes, units))
-        self._left_out = self._leave_out(table, codes, units)
+        logs = self._leave_out(table, codes, units)
+        judged = np.isfinite(logs[np.arange(len(table)), codes])
+        self._left_out = logs[judged], codes[judged], units[judged]
         if isinstance(self.temperature, str):
-            weight, priors = np.ones(len(self._left_out.codes)), self.class_count_ / len(table)
-            best = fit_temperature(*self._left_out[:2], weight, priors)
+            left = LeftOutDensities(np.full(len(codes), np.nan), logs, codes, np.ones(len(codes)))
+            best = left.fit_temperature(len(self.classes_))
             self._calibration = LeftOutCalibration(self._calibration.typicality, best)
         return self
 
@@ -253,7 +255,9 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
-        threshold = probability_threshold(self._left_out, self.priors_, self.temperature_, coverage)
+        threshold = probability_threshold(
+            *self._left_out, self.priors_, self.temperature_, coverage
+        )
         return classes_above(posterior, threshold)
 
     def _typicality(self, X: Array) -> Array:
@@ -282,13 +286,10 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         plain = fit_gaussians(moments, *shrinkage).covariances[0]
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _leave_out(self, X: Array, codes: Indices, units: Indices) -> LeftOutDensities:
-        """Leave out up to ten parts of the units in turn, with the units of each class divided."""
-        first = np.unique(units, return_index=True)[1]
-        parts = parts_of(codes[first])[units]
+    def _leave_out(self, X: Array, codes: Indices, units: Indices) -> Array:
+        """Return log densities of classes estimated without the unit of each recording."""
         densities = np.full((len(X), len(self.classes_)), -np.inf)
-        for part in np.unique(parts):
-            rows, others = parts == part, parts != part
+        for others, rows in left_out(codes, units):
             known, numbers = np.unique(codes[others], return_inverse=True)
             remaining = np.unique(units[others], return_inverse=True)[1]
             try:
@@ -296,5 +297,66 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
             except ValueError:  # too few units remain
                 continue
             densities[np.ix_(rows, known)] = levels.gaussians().log_densities(X[rows])
-        judged = np.isfinite(densities[np.arange(len(X)), codes])
-        return LeftOutDensities(densities[judged], codes[judged], units[judged])
+        return densities
+
+
+def classes_above(posterior: Array, threshold: float) -> NDArray[np.bool_]:
+    """Return the most probable class, and all that are at least as probable as a threshold.
+
+    Examples
+    --------
+    >>> classes_above(np.array([[0.8, 0.15, 0.05], [0.5, 0.3, 0.2]]), 0.3).astype(int)
+    array([[1, 0, 0],
+           [1, 1, 0]])
+    """
+    return (posterior >= threshold) | (posterior == posterior.max(axis=1, keepdims=True))
+
+
+def probability_threshold(
+    log_densities: Array,
+    codes: Indices,
+    units: Indices,
+    priors: Array,
+    temperature: float,
+    coverage: float,
+) -> float:
+    """Return the largest threshold for which `classes_above` contains the true class often enough.
+
+    Units are pooled with equal weights (`emacm.calibration.quantiles`), and the classes have the
+    weights of the priors [1]_.
+
+    Parameters
+    ----------
+    log_densities : ndarray of shape (n_recordings, n_classes)
+        Of recordings under models that were fitted without their units; -inf for classes that these
+        models do not contain.
+    codes, units : ndarray of int, shape (n_recordings,)
+        Number of the true class, whose density is finite, and of the unit.
+    priors : ndarray of shape (n_classes,)
+        Prior probabilities in service.
+    temperature : float
+        Of the posteriors.
+    coverage : float
+        Fraction of recordings of new units whose set is to contain the true class.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than coverage / (1 - coverage) units.
+
+    References
+    ----------
+    .. [1] Podkopaev and Ramdas, Distribution-free uncertainty quantification for classification
+       under label shift, UAI 2021.
+    """
+    with np.errstate(divide="ignore"):
+        posterior = softmax(log_densities / temperature + np.log(priors), axis=1)
+    own = posterior[np.arange(len(posterior)), codes]
+    own[own == posterior.max(axis=1)] = 1.0  # always in the set
+    n_recordings = np.bincount(units)[units]
+    shares = np.bincount(codes, 1 / n_recordings, len(priors))[codes]
+    return -grouped_quantile(-own, units, coverage, priors[codes] / shares)

@@ -2,10 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import has_fit_parameter
+
+from emacm.recordings.meta import chosen_rows
+
+Array = NDArray[np.float64]
+
+
+def log_likelihoods(log_posterior: Array, priors: Array) -> Array:
+    """Divide posteriors by the priors within them, but for a constant of each recording.
+
+    Parameters
+    ----------
+    log_posterior : ndarray of shape (n_recordings, n_classes)
+        -inf, as some classifiers return, is replaced by the logarithm of 1e-15.
+    priors : ndarray of shape (n_classes,)
+        Prior within the posterior; the result for a class of prior 0 is -inf.
+
+    Returns
+    -------
+    ndarray of shape (n_recordings, n_classes)
+    """
+    with np.errstate(divide="ignore"):
+        logs = np.where(np.isneginf(log_posterior), np.log(1e-15), log_posterior)
+        logs = logs - np.log(priors)
+    return np.where(priors > 0, logs, -np.inf)
+
+
+def parameters_of_rows(
+    parameters: Mapping[str, Any], rows: NDArray[np.intp], n_recordings: int
+) -> dict[str, Any]:
+    """Take rows of those arguments of `fit` that have one entry for each recording.
+
+    Examples
+    --------
+    >>> parameters_of_rows({"sample_weight": [1, 2, 3], "classes": ["a", "b"]}, np.array([2]), 3)
+    {'sample_weight': [3], 'classes': ['a', 'b']}
+    """
+    some = {}
+    for name, given in parameters.items():
+        value = as_rows(given)
+        per_recording = not isinstance(value, str) and hasattr(value, "__len__")
+        if per_recording and len(value) == n_recordings:
+            value = chosen_rows(value, rows)
+        some[name] = value
+    return some
+
+
+def as_rows(values: Any) -> Any:
+    """Convert objects that are only convertible to arrays; return all others unchanged.
+
+    Examples
+    --------
+    >>> as_rows("any"), as_rows([1, 2])
+    ('any', [1, 2])
+    """
+    only = hasattr(values, "__array__") and not hasattr(values, "iloc")
+    return np.asarray(values) if only else values
 
 
 def final_estimator(estimator: Any) -> Any:

@@ -13,10 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
-from emacm.decisions.least_risk_mixin import LeastRiskMixin
-from emacm.decisions.opinion_pools import pooled_log_posterior
 from emacm.decisions.pipelines import groups_are_units, uses_groups
-from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
+from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
+from emacm.decisions.truths import check_equal_priors, check_possible, class_priors
 
 Array = NDArray[np.float64]
 

@@ -10,15 +10,249 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import logsumexp
+from sklearn.utils.validation import column_or_1d
 
 from emacm._checks import check_real_array
+from emacm.decisions.metrics import fraction_correct
+from emacm.decisions.truths import truth_cost_table, truth_labels
 
 Array = NDArray[np.float64]
 
-# Risks that differ by less than this fraction of the least one are equal: rounding alone.
-_TIE = 1e-12
+
+class LeastRiskMixin:
+    """Decisions of least conditional risk, Eq. (2.43), from `predict_log_proba`.
+
+    For classifiers with the parameter `cost` and the fitted attribute `classes_`. The cost takes
+    effect when a decision is made: a cost that is set after `fit` applies to the next `predict`.
+    A classifier with an unknown state has a parameter `unknown`, its label, and a method
+    `unknown_proba`.
+    """
+
+    cost: Any
+    classes_: NDArray[Any]
+    unknown: Any = None
+
+    @property
+    def truths_(self) -> NDArray[Any]:
+        """The possible true states: `classes_`, and the unknown state if there is one."""
+        return truth_labels(self.classes_, self.unknown)
+
+    @property
+    def decisions_(self) -> NDArray[Any]:
+        """Possible results of `predict`, shape (n_decisions,), for the present `cost`."""
+        return self._cost_table()[0]
+
+    @property
+    def cost_(self) -> Array:
+        """Cost of each of `decisions_` under each of `truths_`, for the present `cost`."""
+        return self._cost_table()[1]
+
+    def predict_log_proba(self, X: Any) -> Array:
+        """Return the logarithm of the posterior, shape (n_recordings, n_classes)."""
+        raise NotImplementedError
+
+    def unknown_proba(self, X: Any, typicality: Array | None = None) -> Array:
+        """Return the probability of the unknown state, shape (n_recordings,)."""
+        raise NotImplementedError
+
+    def predict_proba(self, X):
+        """Return the posterior probability of each class, Eq. (2.42).
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        posterior : ndarray of shape (n_recordings, n_classes)
+            Columns in the order of `classes_`.
+        """
+        return np.exp(self.predict_log_proba(X))
+
+    def risk(self, X):
+        """Return the expected cost of each decision (conditional risk), Eq. (2.39).
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        risk : ndarray of shape (n_recordings, n_decisions)
+            In the unit of the cost, columns in the order of `decisions_`.
+        """
+        return risks_of(self._truth_proba(X), self.cost_)
+
+    def predict(self, X):
+        """Return the decision of least conditional risk, Eq. (2.43).
+
+        Scaling all costs, or adding a constant to all decisions of one true class, changes no
+        decision. Of equal risks, the first of `decisions_` is returned.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+
+        Returns
+        -------
+        decisions : ndarray of shape (n_recordings,)
+            One of `decisions_` for each recording.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an input, or the present cost or priors, are invalid.
+        """
+        posterior = self._truth_proba(X)
+        decisions, cost = self._cost_table()
+        rows = decide(posterior, cost)
+        decided = decisions.take(rows)
+        if decided.dtype == self.classes_.dtype or self.unknown is None:
+            return decided
+        known = set(self.classes_.tolist())
+        if all(label in known for label in decisions[np.unique(rows)].tolist()):
+            return decided.astype(self.classes_.dtype)  # numbers, unless "unknown" is among them
+        return decided
+
+    def score(self, X, y, sample_weight=None):
+        """Return the fraction of correct decisions.
+
+        A decision is correct if it is the true class ("inspect" never is); for a true class
+        that is not a decision, such as a state whose family is decided on, if it has the least
+        cost (`emacm.decisions.metrics.correct_decisions`). scikit-learn's ``scoring="accuracy"``
+        compares labels: it counts every decision that is not a class as wrong.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        y : array-like of shape (n_recordings,)
+            True classes.
+        sample_weight : array-like of shape (n_recordings,), default=None
+            How often each recording counts.
+
+        Returns
+        -------
+        float
+            Accuracy, 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            If an input is invalid, or the correct decision is unknown: some decisions are not
+            classes, and `y` contains a label that is neither.
+        """
+        decided = self.predict(X)
+        decisions, cost = self._cost_table()
+        table = decisions, self.truths_, cost
+        return fraction_correct(column_or_1d(y), decided, table, sample_weight)
+
+    def _cost_table(self) -> tuple[NDArray[Any], Array]:
+        return truth_cost_table(self.cost, self.classes_, self.unknown)
+
+    def _truth_proba(self, X: Any) -> Array:
+        """Return the posterior probability of each of `truths_`."""
+        return self.truth_proba(X, self.predict_proba(X))
+
+    def truth_proba(self, X: Any, posterior: Array, typicality: Array | None = None) -> Array:
+        """Return the posterior probability of each of `truths_`, given that of `classes_`.
+
+        Parameters
+        ----------
+        X : list of Recording, or table
+            As for `fit`.
+        posterior : ndarray of shape (n_recordings, n_classes)
+            Result of `predict_proba`.
+        typicality : ndarray of shape (n_recordings,), optional
+            Result of `typicality`, if it is known.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, n_truths)
+        """
+        if self.unknown is None:
+            return posterior
+        unknown = self.unknown_proba(X, typicality)[:, np.newaxis]
+        return np.hstack([posterior * (1 - unknown), unknown])
+
+
+def pooled_log_posterior(
+    log_posteriors: Sequence[ArrayLike], member_priors: ArrayLike, priors: ArrayLike
+) -> Array:
+    """Multiply the likelihoods of all members and the prior.
+
+    The posterior of a member divided by the prior of this member is, up to a constant, the
+    likelihood. The product rule [1]_ is exact if the members are independent within each class.
+
+    Parameters
+    ----------
+    log_posteriors : sequence of n_members array-likes of shape (n_recordings, n_classes)
+        Logarithm of the posterior of each member.
+    member_priors : array-like of shape (n_members, n_classes)
+        The prior within the posterior of each member.
+    priors : array-like of shape (n_classes,)
+        The prior of the result. A class of prior 0 stays impossible.
+
+    Returns
+    -------
+    log_posterior : ndarray of shape (n_recordings, n_classes)
+        Normalised. Never NaN: a posterior of exactly 0 (of a class with a prior) counts
+        as the smallest positive number, or as the least of its row if that is smaller;
+        members that contradict each other with certainty cancel.
+
+    Raises
+    ------
+    ValueError
+        If a class has a prior, but none within a member, whose posterior of it is always 0.
+
+    References
+    ----------
+    .. [1] Kittler, Hatef, Duin and Matas, On combining classifiers, IEEE Transactions on Pattern
+       Analysis and Machine Intelligence 20 (3), 1998.
+
+    Examples
+    --------
+    Two channels, each 4:1 for the second class, whose prior is 0.5:
+
+    >>> one = np.log([[0.2, 0.8]])
+    >>> half = [0.5, 0.5]
+    >>> np.exp(pooled_log_posterior([one, one], [half, half], half)).round(3)
+    array([[0.059, 0.941]])
+    """
+    shared, own = np.asarray(priors, dtype=np.float64), np.asarray(member_priors, dtype=np.float64)
+    possible = shared > 0
+    impossible = np.argwhere(possible & ~(own > 0))
+    if len(impossible):
+        member, code = impossible[0].tolist()
+        raise ValueError(
+            f"class number {code} has the prior {shared[code]:g}, but 0 within member number "
+            f"{member}, whose posterior of it is always 0."
+        )
+    pooled = np.full((len(np.asarray(log_posteriors[0])), len(shared)), -np.inf)
+    pooled[:, possible] = np.log(shared[possible])
+    for logs, prior in zip(log_posteriors, own, strict=True):
+        # log p(k|x_1..x_m) = log P(k) + sum_j [log p_j(k|x_j) - log P_j(k)] + constant
+        likelihood = _finite(np.asarray(logs, dtype=np.float64)[:, possible])
+        likelihood = likelihood - np.log(prior[possible])
+        pooled[:, possible] += likelihood - likelihood.max(axis=1, keepdims=True)
+    return pooled - logsumexp(pooled, axis=1, keepdims=True)
+
+
+def _finite(logs: Array) -> Array:
+    """Replace the logarithm of 0 by that of the smallest number that it may stand for."""
+    zero = np.isneginf(logs)
+    tiny = np.log(np.finfo(np.float64).tiny)
+    least = np.where(zero, tiny, logs).min(axis=1, keepdims=True)
+    return np.maximum(np.where(zero, least, logs), -1e300)  # sums do not overflow
 
 
 def canonical_cost(cost: ArrayLike) -> Array:
@@ -134,7 +368,7 @@ def decide(probability: Array, cost: Array) -> NDArray[np.intp]:
     risk = risks_of(probability, canonical_cost(cost))
     # Canonical costs are not negative: no risk is a small difference of large terms.
     least = risk.min(axis=1, keepdims=True)
-    return (risk <= least + _TIE * least).argmax(axis=1)
+    return (risk <= least * (1 + 1e-12)).argmax(axis=1)  # others are equal but for rounding
 
 
 def risks_of(probability: Array, cost: Array) -> Array:

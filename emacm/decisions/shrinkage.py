@@ -9,8 +9,6 @@ from emacm.decisions.moments import diagonals
 
 Array = NDArray[np.float64]
 
-_PRECISION = 1e-12  # of the level of equal eigenvalues, per mean eigenvalue
-
 
 def oas_coefficient(scatter: ArrayLike, count: float) -> float:
     """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
@@ -181,7 +179,7 @@ def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
         half = (values[above] / level + 1 - ratio) / 2
         corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
         before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
-        if before - level <= _PRECISION * values.mean():  # it only decreases
+        if before - level <= 1e-12 * values.mean():  # it only decreases
             break
     corrected[~above] = level
     spread = values[~above] - values[~above].mean()

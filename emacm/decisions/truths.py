@@ -1,7 +1,7 @@
 """The true states: the classes, and the unknown state if there is one, with costs and priors.
 
 The unknown state has no recordings: "Unhealthy - Unknown" in Eq. (2.35) of [1]_. Its probability
-follows from typicality (`emacm.decisions.unknown`).
+follows from typicality (`emacm.decisions.typicality`).
 
 References
 ----------
@@ -18,14 +18,126 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_number
+from emacm._checks import check_choice, check_number, check_real_array
 from emacm.decisions.costs import check_pairs, cost_table
-from emacm.decisions.labels import label_array, plain_labels
-from emacm.decisions.priors import class_priors
+from emacm.decisions.labels import label_array, numbered_hint, plain_labels
+
+
+def class_priors(
+    priors: Any, classes: NDArray[Any], counts: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Convert any form of stating priors to one probability per class, Eq. (2.37) of [1]_.
+
+    Parameters
+    ----------
+    priors : None, "uniform", array-like or mapping
+        None: relative frequencies of the counts. An array is in the order of `classes`; a
+        mapping or Series {class: probability} names every class.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    counts : ndarray of shape (n_classes,)
+        Recordings of each class.
+
+    Returns
+    -------
+    probabilities : ndarray of shape (n_classes,)
+        Their sum is 1.
+
+    Raises
+    ------
+    ValueError
+        If they are negative, their sum is not 1 (to 1e-6), or they do not fit the classes.
+    TypeError
+        If they are not numbers.
+
+    References
+    ----------
+    .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
+       Condition Monitoring, section 2.2.1.
+
+    Examples
+    --------
+    >>> class_priors({"worn": 0.01, "healthy": 0.99}, np.array(["healthy", "worn"]), np.ones(2))
+    array([0.99, 0.01])
+    """
+    known = classes.tolist()
+    if priors is None:
+        return counts / counts.sum()
+    if isinstance(priors, str):
+        check_choice(priors, "priors as a word", ("uniform",))
+        return np.full(len(known), 1 / len(known))
+    if isinstance(priors, Mapping | pd.Series):
+        named = dict(priors.items())
+        unknown = [label for label in named if label not in known]
+        missing = [label for label in known if label not in named]
+        if unknown or missing:
+            raise ValueError(
+                f"priors must name every class of {known} and no other; "
+                f"unknown: {unknown}, missing: {missing}."
+                f"{numbered_hint(known, unknown)}"
+            )
+        priors = [named[label] for label in known]
+    values = check_real_array(priors, "priors").astype(np.float64)
+    if values.shape != (len(known),):
+        raise ValueError(
+            f"priors must contain one probability for each of the {len(known)} classes {known}, "
+            f"got shape {values.shape}."
+        )
+    for label, value in zip(known, values, strict=True):
+        check_number(float(value), f"the prior of class {label!r}", at_least=0)
+    if abs(values.sum() - 1) > 1e-6:
+        raise ValueError(f"priors must add up to 1, got {values.tolist()}, sum {values.sum():.8g}.")
+    return values / values.sum()
+
+
+def check_possible(
+    priors: NDArray[np.float64],
+    own: NDArray[np.float64],
+    classes: NDArray[Any],
+    name: str = "estimator",
+) -> None:
+    """Raise a ValueError if a class has a prior, but none within the posterior of an estimator.
+
+    Parameters
+    ----------
+    priors, own : ndarray of shape (n_classes,)
+        Priors in effect, and those within the posterior of the estimator.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    name : str
+        Name of the estimator, for the message.
+    """
+    impossible = (priors > 0) & ~(own > 0)
+    if impossible.any():
+        code = int(np.argmax(impossible))
+        raise ValueError(
+            f"{name} has the prior 0 of class {classes.tolist()[code]!r}, so that its posterior "
+            f"carries no information about it, but priors give it {priors[code]:g}. Give {name} "
+            f"another prior."
+        )
+
+
+def check_equal_priors(own: Mapping[str, NDArray[np.float64]], classes: NDArray[Any]) -> None:
+    """Raise a ValueError if estimators have different priors.
+
+    Parameters
+    ----------
+    own : mapping of str to ndarray of shape (n_classes,)
+        The prior within the posterior of each estimator, by its name.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    """
+    (first, prior), *others = own.items()
+    for name, other in others:
+        if np.abs(other - prior).max() > 1e-6:
+            raise ValueError(
+                f"members have different priors of {classes.tolist()}: {first!r} has "
+                f"{prior.round(6).tolist()}, {name!r} has {other.round(6).tolist()}. "
+                f"Give priors=..., those in service."
+            )
+
 
 Array = NDArray[np.float64]
-
-UNKNOWN_PRIOR = 0.01  # of the unknown state, if none is given
 
 
 def truth_labels(classes: NDArray[Any], unknown: Any) -> NDArray[Any]:
@@ -122,7 +234,7 @@ def truth_cost_table(cost: Any, classes: NDArray[Any], unknown: Any) -> tuple[ND
 
 
 def truth_priors(
-    priors: Any, classes: NDArray[Any], counts: Array, unknown: Any
+    priors: Any, classes: NDArray[Any], counts: Array, unknown: Any, default: float = 0.01
 ) -> tuple[Array, float]:
     """Convert priors to those of the classes, given a known state, and that of the unknown state.
 
@@ -135,13 +247,15 @@ def truth_priors(
         As for `class_priors`.
     unknown : label or None
         Label of the unknown state.
+    default : float, default=0.01
+        Prior of the unknown state if `priors` do not state it.
 
     Returns
     -------
     of_classes : ndarray of shape (n_classes,)
         They add up to 1.
     of_unknown : float
-        0 without an unknown state, 0.01 if `priors` do not state it.
+        0 without an unknown state.
 
     Examples
     --------
@@ -154,17 +268,20 @@ def truth_priors(
     """
     if unknown is None:
         return class_priors(priors, classes, counts), 0.0
-    named = isinstance(priors, Mapping | pd.Series)
-    states_it = (
-        unknown in dict(priors.items()) if named else np.shape(priors) == (len(classes) + 1,)
-    )
-    if not states_it:
-        return class_priors(priors, classes, counts), UNKNOWN_PRIOR
+    if not states_unknown(priors, classes, unknown):
+        return class_priors(priors, classes, counts), default
     truths = truth_labels(classes, unknown)
     every = class_priors(priors, truths, np.ones(len(truths)))
     if not every[:-1].sum() > 0:
         raise ValueError(f"priors give {unknown!r} the probability 1, and no class any.")
     return every[:-1] / every[:-1].sum(), float(every[-1])
+
+
+def states_unknown(priors: Any, classes: NDArray[Any], unknown: Any) -> bool:
+    """Return whether priors state that of the unknown state."""
+    if isinstance(priors, Mapping | pd.Series):
+        return unknown in dict(priors.items())
+    return np.shape(priors) == (len(classes) + 1,)
 
 
 def _split(cost: Any, unknown: Any) -> tuple[Any, dict[Any, Any], dict[Any, Any]]:

@@ -12,38 +12,117 @@ that were not trained on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.blas import dtrmm, dtrsm
-from scipy.linalg.lapack import dgeqrf, dorgqr
+from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.gaussians import GaussianClasses
-from emacm.decisions.left_out import LeftOut, Training
-from emacm.decisions.tails import Peaks, StudentTail, peaks_over_threshold, student_tail
+from emacm.calibration.left_out import check_judged, left_out
+from emacm.calibration.tails import Peaks, StudentTail, peaks_over_threshold, student_tail
+from emacm.decisions.gaussians import floored_gaussians
+from emacm.decisions.moments import moments_for
 
 Array = NDArray[np.float64]
 
-LEAST = np.finfo(np.float64).tiny  # typicality is positive, however far a recording is
-_RESOLUTION = 1e-3  # squared distance, in standard deviations, below which all are equally near
-_FARTHEST = np.finfo(np.float64).max / 4  # replaces squared distances that overflow
-_INDEPENDENT = 1e-3  # relative length above which a direction need not be looked for
-_BLOCK = 1024  # recordings at a time, so that large tables take no more memory
-# Slope and offset of each distance, in units of its mean excess, chosen by leaving runs out
-# within runs 1 to 4 of a real actuator (benchmarks/unknown.py): a deviation outside the
-# discriminant space counts less, that of a single feature only if it is extreme.
-_SLOPES = np.array([1.0, 0.6, 1.5])
-_OFFSETS = np.array([0.0, 0.0, 8.0])
-# Expected mean excess of each log distance and of the combined one, and the number of peaks that
-# it counts as: usual values of simulated machines (120 recordings of 60 units). With 12 units of
-# two recordings, the mean excess of the 5 peaks alone was 0.02 to 1.7.
-_EXPECTED = 0.5, 0.15, 0.2
-_N_EXPECTED = 5.0
-_EXPECTED_COMBINED = 0.85
-_LARGE = 3.0  # standard deviations of a feature, above which they count less outside
-_N_MODERATING = 3.0  # degrees of freedom of the expected variance of a feature
+
+def evidence_for_unknown(typicality: Array) -> Array:
+    """Return the Bayes factor for the unknown state against the known ones.
+
+    The typicality p of known recordings is uniform; that of unknown ones has the density
+    ``xi p^(xi - 1)`` with an unknown xi, uniform in (0, 1). The ratio of both densities is
+    ``(1 - p + p log p) / (p log(p)^2)`` [1]_. Its mean over known recordings is 1, so that it does
+    not exaggerate; -1 / (e p log p) [2]_ is an upper bound over all xi, with a mean above 1.
+
+    Parameters
+    ----------
+    typicality : ndarray
+        In (0, 1], of any shape.
+
+    Returns
+    -------
+    ndarray of the shape of `typicality`
+        Between 0.5, for the most typical recording, and infinity.
+
+    References
+    ----------
+    .. [1] Vovk and Wang, E-values: calibration, combination and applications, Annals of
+       Statistics 49 (2021), section 2.
+    .. [2] Sellke, Bayarri and Berger, Calibration of p values for testing precise null
+       hypotheses, The American Statistician 55 (2001).
+
+    Examples
+    --------
+    >>> evidence_for_unknown(np.array([1.0, 0.1, 0.01, 0.0001])).round(2)
+    array([  0.5 ,   1.26,   4.45, 117.76])
+    """
+    surprise = -np.log(typicality)
+    small = surprise < 1e-4  # the quotient of differences loses digits
+    safe = np.where(small, 1.0, surprise)
+    return np.where(small, 0.5 + surprise / 6, (np.expm1(safe) - safe) / safe**2)
+
+
+def unknown_probability(typicality: Array, prior: float) -> Array:
+    """Return the probability of the unknown state, by Bayes' rule.
+
+    Parameters
+    ----------
+    typicality : ndarray
+        In (0, 1], of any shape.
+    prior : float
+        Of the unknown state, 0 to 1.
+
+    Returns
+    -------
+    ndarray of the shape of `typicality`
+
+    Examples
+    --------
+    >>> unknown_probability(np.array([1.0, 0.01, 1e-6]), 0.01).round(3)
+    array([0.005, 0.043, 0.981])
+    """
+    unknown = prior * evidence_for_unknown(typicality)
+    return unknown / (1 - prior + unknown)
+
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class TypicalitySettings:
+    """Constants of the combined distance, chosen by leaving runs out within runs 1 to 4.
+
+    Of the Cranfield actuator and of simulated machines (120 recordings of 60 units):
+    ``python benchmarks/unknown.py``, whose runs 5 to 7 were not used.
+
+    Attributes
+    ----------
+    slopes, offsets : tuple of float
+        Weight and offset of the distance inside, outside, and of the largest deviation, in units of
+        its mean excess: a deviation outside the discriminant space counts less, that of a single
+        feature only if it is extreme.
+    expected : tuple of float
+        Expected mean excess of each log distance.
+    n_expected : float
+        Number of peaks that it counts as: with 12 units of two recordings, the mean excess of the 5
+        peaks alone was 0.02 to 1.7.
+    expected_combined : float
+        Expected mean excess of the combined distance.
+    large : float
+        Standard deviations of a feature above which it counts less outside.
+    n_moderating : float
+        Degrees of freedom of the expected variance of a feature.
+    resolution : float
+        Squared distance, in standard deviations, below which all recordings are equally near.
+    """
+
+    slopes: tuple[float, float, float] = (1.0, 0.6, 1.5)
+    offsets: tuple[float, float, float] = (0.0, 0.0, 8.0)
+    expected: tuple[float, float, float] = (0.5, 0.15, 0.2)
+    n_expected: float = 5.0
+    expected_combined: float = 0.85
+    large: float = 3.0
+    n_moderating: float = 3.0
+    resolution: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -55,20 +134,20 @@ class ClassDistances:
     means : ndarray of shape (n_classes, n_features)
         Mean of each class.
     factor : ndarray of shape (n_features, n_features)
-        Upper triangular P with P P' = inverse of the covariance within the classes.
+        P with P P' = inverse of the covariance within the classes.
     deviations : ndarray of shape (n_features,)
         Standard deviation of each feature within the classes, moderated.
     directions : ndarray of shape (n_features, n_directions)
         Features times these are the coordinates in the discriminant space, of unit covariance.
-    corners : ndarray of shape (n_classes, n_directions)
-        Coordinates of the means of the classes, from their common mean.
+    settings : TypicalitySettings
+        Constants.
     """
 
     means: Array
     factor: Array
     deviations: Array
     directions: Array
-    corners: Array
+    settings: TypicalitySettings
 
     def log_squares(self, X: Array) -> tuple[Array, Array, Array]:
         """Return logarithms of squared distances inside, outside, and of the largest deviation.
@@ -88,23 +167,28 @@ class ClassDistances:
         largest : ndarray of shape (n_recordings,)
             Of the largest deviation of one feature from that class.
         """
-
-        def whiten(values: Array) -> Array:  # the transposes are not copied
-            return np.asarray(dtrmm(1.0, self.factor.T, values.T, lower=1, overwrite_b=1).T)
-
-        centre = self.means.mean(axis=0)
-        of_classes = self.directions, self.corners, self.means - centre, self.deviations
+        large, finite = self.settings.large, np.finfo(np.float64).max / 4
         with np.errstate(over="ignore", invalid="ignore"):
-            return _log_squares(*_squares(X - centre, whiten, *of_classes))
+            inside = np.array(
+                [np.square((X - m) @ self.directions).sum(axis=1) for m in self.means]
+            )
+            inside = np.fmin(inside, finite)  # replaces overflows, and differences of two of them
+            scaled = (X - self.means[inside.argmin(axis=0)]) / self.deviations
+            largest = np.fmin(np.square(scaled).max(axis=1), finite)
+            away = _reduce_large(scaled, large) * self.deviations
+            outside = np.square(away @ self.factor).sum(axis=1)
+            outside -= np.square(away @ self.directions).sum(axis=1)
+        squares = inside, np.clip(np.fmin(outside, finite), 0.0, None), largest
+        inside, outside, largest = (np.log(each + self.settings.resolution) for each in squares)
+        return inside, outside, largest
 
-    def nearest(self, X: Array) -> NDArray[np.intp]:
+    def nearest(self, X: Array) -> Indices:
         """Return the number of the class that is nearest inside the discriminant space."""
         return self.log_squares(X)[0].argmin(axis=0)
 
     def squares(self, X: Array, code: int) -> Array:
         """Return the squared distances to one class over all features, shape (n_recordings,)."""
-        white = (X - self.means[code]) @ self.factor
-        return np.einsum("rf,rf->r", white, white)
+        return np.square((X - self.means[code]) @ self.factor).sum(axis=1)
 
     def square_gradient(self, X: Array, code: int) -> Array:
         """Return the gradient of `squares`, shape (n_recordings, n_features)."""
@@ -130,6 +214,8 @@ class Typicality:
         Distribution of the combined distance of left-out recordings to their nearest class.
     feature_range : ndarray of shape (2, n_features)
         Smallest and largest value of each feature.
+    left_out : ndarray of shape (n_recordings,)
+        Typicality of each training recording, judged without its group; NaN if it was not.
     """
 
     distances: ClassDistances
@@ -138,6 +224,7 @@ class Typicality:
     used: NDArray[np.bool_]
     combined: StudentTail
     feature_range: Array
+    left_out: Array
 
     def __call__(self, X: Array) -> Array:
         """Return the typicality of recordings, in (0, 1].
@@ -151,28 +238,37 @@ class Typicality:
         -------
         ndarray of shape (n_recordings,)
         """
-        found = np.empty(len(X))
-        for start in range(0, len(X), _BLOCK):
-            block = slice(start, start + _BLOCK)
-            logs = self.distances.log_squares(X[block])
-            combined = _combine(logs, self.levels, self.peaks, self.used)
-            found[block] = np.maximum(self.combined.survival(combined), LEAST)
-        return found
+        logs = self.distances.log_squares(X)
+        combined = _combine(logs, self.levels, self.peaks, self.used, self.distances.settings)
+        return positive(self.combined.survival(combined))
+
+
+def positive(typicality: Array) -> Array:
+    """Return typicality that is positive, however far a recording is."""
+    return np.maximum(typicality, np.finfo(np.float64).tiny)
 
 
 def fit_typicality(
-    training: Training, gaussians: GaussianClasses, left_out: Iterable[LeftOut]
+    X: Array,
+    codes: Indices,
+    groups: ArrayLike,
+    weight: Array,
+    settings: TypicalitySettings | None = None,
 ) -> Typicality:
     """Calibrate the distances to the classes on left-out groups.
 
     Parameters
     ----------
-    training : Training
-        The recordings.
-    gaussians : GaussianClasses
-        Fitted to all recordings, with one covariance for all classes.
-    left_out : iterable of LeftOut
-        The classes without each group.
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes : ndarray of int, shape (n_recordings,)
+        Number of the class of each recording.
+    groups : array-like of shape (n_recordings,)
+        As for `emacm.calibration.left_out.left_out`.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted, positive.
+    settings : TypicalitySettings, optional
+        Constants.
 
     Returns
     -------
@@ -183,117 +279,61 @@ def fit_typicality(
     ValueError
         If no class has recordings in two groups, so that none can be left out.
     """
-    n_classes, groups = training.n_classes, training.groups
-    measured = np.zeros((n_classes, groups.max() + 1), bool)  # classes in groups
-    measured[training.codes, groups] = True
-    n_groups = measured.sum(axis=1)
-    degrees = n_groups.sum() - np.count_nonzero(n_groups)  # of the variance between groups
-    distances = _class_distances(gaussians, degrees)
-    squares, rows, judged = [], [], []
-    for part in left_out:
-        elsewhere = n_groups - measured[:, groups[part.rows[0]]]
-        degrees = elsewhere.sum() - np.count_nonzero(elsewhere)
-        squares.append(_left_out_squares(part, degrees))
-        rows.append(part.rows)
-        judged.append(part.seen[training.codes[part.rows]])
-    if not any(map(np.any, judged)):
-        raise ValueError(
-            "no class has recordings in two groups, so that no recording can be judged by others "
-            "of its class. Give groups= with at least two groups in one class."
-        )
+    settings = TypicalitySettings() if settings is None else settings
+    n_classes, units = int(codes.max()) + 1, np.asarray(groups)
+    distances = _fit_distances(X, codes, units, weight, settings)
+    inside = np.full((n_classes, len(X)), np.inf)
+    outside, largest = np.zeros(len(X)), np.zeros(len(X))
+    judged = np.zeros(len(X), dtype=bool)
+    for others, rows in left_out(codes, groups):
+        seen, renumbered = np.unique(codes[others], return_inverse=True)
+        if len(others) <= len(seen):  # no variance within classes
+            continue
+        part = _fit_distances(X[others], renumbered, units[others], weight[others], settings)
+        inside[np.ix_(seen, rows)], outside[rows], largest[rows] = part.log_squares(X[rows])
+        judged[rows] = np.isin(codes[rows], seen)
+    check_judged(judged)
     n_features, n_directions = distances.directions.shape
     used = np.array([n_directions > 0, n_directions < n_features, True])
-    known = np.concatenate(judged)
-    left = np.concatenate(rows)[known]
-    codes, weight = training.codes[left], training.weight[left]
-    joined = (np.concatenate(found, axis=-1)[..., known] for found in zip(*squares, strict=True))
-    logs = _log_squares(*joined)
-    own = np.array([logs[0][codes, np.arange(len(codes))], *logs[1:]])
-    levels = _class_levels(own, codes, groups[left], weight, n_classes)
+    left = np.flatnonzero(judged)
+    logs = inside[:, left], outside[left], largest[left]
+    own = np.array([inside[codes[left], left], *logs[1:]])
+    levels = _class_levels(own, codes[left], units[left], weight[left], n_classes)
     peaks = tuple(
-        peaks_over_threshold(values - level[codes], weight, expected, _N_EXPECTED)
-        for values, level, expected in zip(own, levels, _EXPECTED, strict=True)
+        peaks_over_threshold(values - level[codes[left]], weight[left], mean, settings.n_expected)
+        for values, level, mean in zip(own, levels, settings.expected, strict=True)
     )
-    values = _combine(logs, levels, peaks, used)
-    combined = student_tail(values, weight, _EXPECTED_COMBINED)
-    feature_range = np.array([training.X.min(axis=0), training.X.max(axis=0)])
-    return Typicality(distances, levels, peaks, used, combined, feature_range)
+    values = _combine(logs, levels, peaks, used, settings)
+    combined = student_tail(values, weight[left], settings.expected_combined)
+    found = np.full(len(X), np.nan)
+    found[left] = positive(combined.survival(values))
+    feature_range = np.array([X.min(axis=0), X.max(axis=0)])
+    return Typicality(distances, levels, peaks, used, combined, feature_range, found)
 
 
-def _class_distances(gaussians: GaussianClasses, degrees: int) -> ClassDistances:
-    """Return the distances to the classes of Gaussian densities with one covariance."""
+def _fit_distances(
+    X: Array, codes: Indices, units: Indices, weight: Array, settings: TypicalitySettings
+) -> ClassDistances:
+    """Fit one covariance of all classes, shrunk by Ledoit and Wolf's coefficient."""
+    n_classes = int(codes.max()) + 1
+    moments = moments_for("tied", "auto", X, codes, n_classes, weight)
+    gaussians = floored_gaussians(moments, "tied", "auto", (X, codes))
     factor, means = gaussians.factors[0], gaussians.means
-    if gaussians.singular[0]:  # then it is not triangular
-        factor = np.linalg.qr(factor[::-1].T)[1].T[::-1, ::-1]
     centred = means - means.mean(axis=0)
-    deviations = _moderated_deviations(np.diagonal(gaussians.covariances[0]), centred, degrees)
-    white = centred @ factor
-    basis = _discriminant_basis(white)
-    return ClassDistances(means, factor, deviations, factor @ basis, white @ basis)
+    degrees = len(np.unique(np.column_stack([codes, units]), axis=0)) - n_classes
+    variances = np.diagonal(gaussians.covariances[0])
+    deviations = _moderated_deviations(variances, centred, degrees, settings.n_moderating)
+    _, sizes, directions = np.linalg.svd(centred @ factor, full_matrices=False)
+    basis = directions[: np.count_nonzero(sizes[: n_classes - 1] > 1e-9 * sizes[0])].T
+    return ClassDistances(means, factor, deviations, factor @ basis, settings)
 
 
-def _left_out_squares(part: LeftOut, degrees: int) -> tuple[Array, Array, Array]:
-    """Return the squares of `_squares` for one group; inside infinite for a class not seen.
+def _reduce_large(scaled: Array, large: float) -> Array:
+    """Make large deviations, in standard deviations, smaller.
 
-    The origin lies among the features.
-    """
-    root, seen = part.root.T, part.seen
-    means = part.means[seen]
-
-    def whiten(values: Array) -> Array:  # the transposes are not copied
-        return np.asarray(dtrsm(1.0, root, values.T, trans_a=1, overwrite_b=1).T)
-
-    with np.errstate(over="ignore", invalid="ignore"):
-        centred = means - means.mean(axis=0)
-        deviations = _moderated_deviations(part.variances, centred, degrees)
-        centred = whiten(centred)
-        basis = _discriminant_basis(centred)
-        directions = dtrsm(1.0, root, basis) if basis.size else basis
-        squares = _squares(part.X, whiten, directions, means @ directions, means, deviations)
-    if seen.all():
-        return squares
-    inside = np.full((len(seen), len(part.X)), np.inf)
-    inside[seen] = squares[0]
-    return inside, *squares[1:]
-
-
-def _squares(
-    X: Array,
-    whiten: Callable[[Array], Array],
-    directions: Array,
-    corners: Array,
-    means: Array,
-    deviations: Array,
-) -> tuple[Array, Array, Array]:
-    """Return the squared distances inside, outside, and of the largest deviation.
-
-    Of recordings in their own units, which `whiten` gives unit covariance, to classes whose means
-    are given in their own units and, as corners, in the discriminant space. The origin of both is
-    among the features, because squares are expanded.
-    """
-    inner = X @ directions
-    inside = -2 * corners @ inner.T
-    inside += np.einsum("kd,kd->k", corners, corners)[:, np.newaxis]
-    inside += np.einsum("rd,rd->r", inner, inner)
-    # fmin replaces NaN, the difference of two overflows.
-    inside = np.maximum(np.fmin(inside, _FARTHEST, out=inside), 0.0, out=inside)
-    away = np.take(means, inside.argmin(axis=0), axis=0)
-    np.subtract(X, away, out=away)
-    largest = _reduce_large(away, deviations)
-    inner = away @ directions
-    white = whiten(away)
-    outside = np.einsum("rf,rf->r", white, white) - np.einsum("rd,rd->r", inner, inner)
-    outside = np.maximum(np.fmin(outside, _FARTHEST), 0.0)
-    return inside, outside, largest
-
-
-def _reduce_large(away: Array, deviations: Array) -> Array:
-    """Make large deviations smaller, in place, and return the largest square of each recording.
-
-    In standard deviations, their squares become those of the pseudo-Huber function ``2 d^2 (sqrt(1
-    + (z / d)^2) - 1)`` with d = 3: z^2 where z is small, 2 d abs(z) where it is large. The squared
-    distance is then no longer determined by the few features of heavy tails [1]_, [2]_. The largest
-    square is that of before.
+    Their squares become those of the pseudo-Huber function ``2 d^2 (sqrt(1 + (z / d)^2) - 1)`` with
+    d = `large`: z^2 where z is small, 2 d abs(z) where it is large. The squared distance is then no
+    longer determined by the few features of heavy tails [1]_, [2]_.
 
     References
     ----------
@@ -302,25 +342,12 @@ def _reduce_large(away: Array, deviations: Array) -> Array:
     .. [2] Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd edition (2003),
        section A6.8 (the pseudo-Huber function).
     """
-    factor = away * (1 / (_LARGE * deviations))
-    factor *= factor
-    largest = np.fmin(_LARGE**2 * factor.max(axis=1), _FARTHEST)
-    factor += 1
-    np.sqrt(factor, out=factor)
-    factor += 1
-    np.divide(2, factor, out=factor)
-    away *= np.sqrt(factor, out=factor)
-    return largest
+    return scaled * np.sqrt(2 / (1 + np.sqrt(1 + np.square(scaled / large))))
 
 
-def _log_squares(inside: Array, outside: Array, largest: Array) -> tuple[Array, Array, Array]:
-    inside, outside, largest = (
-        np.log(squares + _RESOLUTION) for squares in (inside, outside, largest)
-    )
-    return inside, outside, largest
-
-
-def _moderated_deviations(variances: Array, centred: Array, degrees: int) -> Array:
+def _moderated_deviations(
+    variances: Array, centred: Array, degrees: int, n_expected: float
+) -> Array:
     """Return standard deviations of the features within classes.
 
     From few groups some features have by chance a variance that is far too small, and the largest
@@ -334,21 +361,8 @@ def _moderated_deviations(variances: Array, centred: Array, degrees: int) -> Arr
     """
     total = variances + np.einsum("kf,kf->f", centred, centred) / len(centred)
     expected = (variances / total).sum() / len(total) * total
-    moderated = degrees * variances + _N_MODERATING * expected
-    return np.sqrt(moderated / (degrees + _N_MODERATING))
-
-
-def _discriminant_basis(centred: Array) -> Array:
-    """Return an orthonormal basis of the span of whitened class means, whose sum is 0."""
-    if 1 < len(centred) <= centred.shape[1]:
-        factored, reflections, *_ = dgeqrf(centred[:-1].T)
-        smallest = np.abs(np.diagonal(factored)).min()
-        if smallest > _INDEPENDENT * np.sqrt(np.vdot(centred, centred)):
-            basis: Array = dorgqr(factored, reflections, overwrite_a=1)[0]
-            return basis
-    _, sizes, directions = np.linalg.svd(centred, full_matrices=False)
-    n_directions = np.count_nonzero(sizes > 1e-9 * sizes[0])
-    return directions[: min(n_directions, len(centred) - 1)].T
+    moderated = degrees * variances + n_expected * expected
+    return np.sqrt(moderated / (degrees + n_expected))
 
 
 def _class_levels(
@@ -375,18 +389,18 @@ def _combine(
     levels: Array,
     peaks: tuple[Peaks, ...],
     used: NDArray[np.bool_],
+    settings: TypicalitySettings,
 ) -> Array:
     """Combine the log distances to each class, and return that to the nearest.
 
     The logarithm of the sum of the exponentials is nearly the largest of its terms. They are
     relative to the largest of the class where it is smallest.
     """
-    slopes = _SLOPES if used[0] else np.array([0.0, 1.0, 1.0])
+    slopes = settings.slopes if used[0] else (0.0, 1.0, 1.0)
     terms = []
     for number in np.flatnonzero(used):
-        threshold = peaks[number].threshold
         scale = slopes[number] / peaks[number].mean_excess
-        level = (levels[number] + threshold) * scale + _OFFSETS[number]
+        level = (levels[number] + peaks[number].threshold) * scale + settings.offsets[number]
         terms.append(logs[number] * scale - level[:, np.newaxis])
     largest = np.maximum.reduce(terms).min(axis=0)
     with np.errstate(over="ignore"):  # of classes that are farther

@@ -29,8 +29,6 @@ from emacm.decisions.shrinkage import population_eigenvalues, shrink
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_LEAST = 1e-6  # variance of the differences between classes, where that within a unit is 1
-
 
 @dataclass(frozen=True)
 class UnitLevels:
@@ -275,9 +273,10 @@ def _contrast_precision(information: Array, sums: Array) -> Array:
     def excess(variance: float) -> float:
         return float(np.sum(squares / (variance + variances))) - squares.size
 
-    if excess(_LEAST) <= 0:  # no difference is proven
-        return centring / _LEAST
-    return centring / brentq(excess, _LEAST, squares.mean())
+    smallest = 1e-6  # where the variance within a unit is 1
+    if excess(smallest) <= 0:  # no difference is proven
+        return centring / smallest
+    return centring / brentq(excess, smallest, squares.mean())
 
 
 def _check_divisors(within: int, between: int) -> None:

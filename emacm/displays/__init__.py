@@ -7,10 +7,9 @@
 - `FeatureDensityDisplay`, `DecisionRegionsDisplay`: classes and decisions in a plane.
 - `OutcomesDisplay`: correct decisions, false alarms, inspections, wrong faults and missed
   detections by signal and condition.
-- `EvaluationDisplay`: random split and splits by run, unit and condition; `ComparisonDisplay`:
-  several evaluations; `ReliabilityDisplay`: calibration of posterior probabilities.
-- `TypicalityDisplay`: typicality over the posterior probability, of known and unknown states;
-  `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
+- `EvaluationDisplay`: random split and splits by run, unit and condition, confusion matrix, and
+  reliability of the posterior probabilities.
+- `UnknownRocDisplay`: how well families left out of training are recognised as unknown.
 - `FaultLinesDisplay`: order spectrum of the envelope, its background and the predicted lines;
   `KurtogramDisplay`: spectral kurtosis by band.
 - `AlarmDisplay`: statistic of an alarm over time; `RemainingLifeDisplay`: remaining life over age.
@@ -24,34 +23,19 @@ stand above the axes. The healthy state has the same colour in every display, an
 legends.
 """
 
-from emacm.displays._drawing import COLOURS, HATCHES, MARKERS, STYLES
-from emacm.displays.alarm_chart import AlarmDisplay
-from emacm.displays.bins import OrderBinsDisplay
-from emacm.displays.comparison import ComparisonDisplay
+from emacm.displays.bearings import FaultLinesDisplay, KurtogramDisplay
 from emacm.displays.components import ExplainedVarianceDisplay, LoadingsDisplay
 from emacm.displays.contributions import ContributionsDisplay
-from emacm.displays.densities import FeatureDensityDisplay
-from emacm.displays.evaluation import EvaluationDisplay
-from emacm.displays.fault_lines import FaultLinesDisplay
-from emacm.displays.kurtogram import KurtogramDisplay
+from emacm.displays.evaluation import EvaluationDisplay, UnknownRocDisplay
+from emacm.displays.monitoring import AlarmDisplay, RemainingLifeDisplay, TrendDisplay
 from emacm.displays.order_map import OrderMapDisplay
 from emacm.displays.outcomes import OutcomesDisplay
+from emacm.displays.planes import DecisionRegionsDisplay, FeatureDensityDisplay
+from emacm.displays.power import OrderBinsDisplay, OrderSpectrumDisplay
 from emacm.displays.recording import RecordingDisplay
-from emacm.displays.regions import DecisionRegionsDisplay
-from emacm.displays.reliability import ReliabilityDisplay
-from emacm.displays.remaining_life import RemainingLifeDisplay
-from emacm.displays.spectrum import OrderSpectrumDisplay
-from emacm.displays.trend import TrendDisplay
-from emacm.displays.typicality import TypicalityDisplay
-from emacm.displays.unknown_roc import UnknownRocDisplay
 
 __all__ = [
-    "COLOURS",
-    "HATCHES",
-    "MARKERS",
-    "STYLES",
     "AlarmDisplay",
-    "ComparisonDisplay",
     "ContributionsDisplay",
     "DecisionRegionsDisplay",
     "EvaluationDisplay",
@@ -65,9 +49,7 @@ __all__ = [
     "OrderSpectrumDisplay",
     "OutcomesDisplay",
     "RecordingDisplay",
-    "ReliabilityDisplay",
     "RemainingLifeDisplay",
     "TrendDisplay",
-    "TypicalityDisplay",
     "UnknownRocDisplay",
 ]

@@ -19,13 +19,11 @@ from emacm.displays._drawing import (
     label_x,
     mark_orders,
     panel_axes,
+    tint,
     wrapped,
 )
 from emacm.orders.bins import Band, check_stop_bands
 from emacm.orders.columns import BinBlock, parse_bin_columns
-
-_HALF = 0.4  # half the width of a bar over a name; names are 1 apart
-_MOST_NAMES = 40  # below one panel
 
 
 def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
@@ -40,22 +38,14 @@ def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
     Raises
     ------
     TypeError, ValueError
-        If there is no column, a name is repeated, or an entry is not a band.
+        If an entry is not a band.
     """
     entries = list(columns)
-    if not entries:
-        raise ValueError("columns must hold at least one name or band, got none.")
     if not any(isinstance(entry, str) for entry in entries):
         check_stop_bands(entries)  # raises an error for what is not a band
         bands = np.array([[float(edge) for edge in band] for band in entries])
         names = tuple(f"{low:g}-{high:g}" for low, high in bands)
         return [BinBlock("signal", names, bands, np.arange(len(bands)))]
-    for entry in entries:
-        if not isinstance(entry, str):
-            raise TypeError(f"columns must be all names or all bands, got {entry!r} among names.")
-    if len(set(entries)) < len(entries):
-        double = next(entry for entry in entries if entries.count(entry) > 1)
-        raise ValueError(f"columns must name each bin once, but {double!r} is repeated.")
     blocks = parse_bin_columns(entries)
     if blocks is None:
         return [BinBlock("signal", tuple(entries), None, np.arange(len(entries)))]
@@ -75,7 +65,7 @@ def bin_places(block: BinBlock) -> NDArray[np.floating]:
     if block.bands is not None and has_order_axis(block):
         return block.bands
     centres = np.arange(len(block.names))[:, np.newaxis]
-    return centres + np.array([-_HALF, _HALF])
+    return centres + np.array([-0.4, 0.4])  # names are 1 apart
 
 
 def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]]) -> pd.DataFrame:
@@ -112,7 +102,7 @@ def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[
 def _name_bins(panel: Any, names: Sequence[str]) -> None:
     """Write names below their bins; upright where the panel is too narrow."""
     panel.set_xlim(-0.6, len(names) - 0.4)
-    step = 1 + len(names) // _MOST_NAMES
+    step = 1 + len(names) // 40
     width = 72 / panel.figure.dpi * panel.get_window_extent().width
     room = int(width / len(names) / LETTER) - 1
     upright = max(len(word) for name in names for word in name.split(" ")) > room
@@ -171,3 +161,8 @@ def mark_panels(
         if has_order_axis(block)
     ]
     return max(heights, default=0.0)
+
+
+def bar_style(colour: str) -> dict[str, Any]:
+    """Return the style of bars of this colour."""
+    return {"color": tint(colour, 0.6), "edgecolor": "black", "linewidth": 0.5}

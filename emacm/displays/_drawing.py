@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from textwrap import fill
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -200,24 +200,9 @@ def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
 
 
 def _columns(labels: Sequence[str], width: float) -> int:
-    """Return the largest number of legend columns that fit into a width [points]."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
-    font = FontProperties(size=SMALL)
-    widths = [
-        _HANDLE
-        + max(
-            text_to_path.get_text_width_height_descent(s, font, False)[0] for s in label.split("\n")
-        )
-        for label in labels
-    ]
-    fitting = (
-        n
-        for n in range(len(widths), 1, -1)
-        if sum(part.max() for part in np.array_split(widths, n)) <= width
-    )
-    return next(fitting, 1)
+    """Return the number of legend columns that fit into a width [points], for the longest label."""
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    return int(np.clip(width // (_HANDLE + LETTER * longest), 1, len(labels)))
 
 
 def _above(ax: Any, gap: float) -> Any:
@@ -365,3 +350,40 @@ def _annotate(
         style["arrowprops"] = line
     style |= {"textcoords": "offset points", "fontsize": SMALL, "annotation_clip": False}
     ax.annotate(name, place, offset, **style)
+
+
+class Display:
+    """Computed values, their table and their figure."""
+
+    ax_: Any
+    figure_: Any
+
+    def plot(self, *, ax: Any = None) -> Self:
+        """Draw the values.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each panel. Default: a new figure, 16 cm wide.
+
+        Returns
+        -------
+        Display
+            Itself, with `ax_` and `figure_`.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        ValueError
+            If the number of Axes differs from the number of panels.
+        """
+        self.ax_ = self._draw(ax)
+        axes = np.ravel(self.ax_)
+        self.figure_ = axes[0].figure
+        self.figure_.align_ylabels(list(axes))
+        return self
+
+    def _draw(self, ax: Any) -> Any:
+        """Draw, and return the Axes or an array of them."""
+        raise NotImplementedError

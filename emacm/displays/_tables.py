@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
 
 from emacm._checks import check_number, check_real_array
-from emacm.displays._drawing import squared
+from emacm.displays._drawing import Display, squared
+from emacm.envelopes.envelope import EnvelopeSeries
+from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.machine.fault_orders import named_orders, slip_ranges
 from emacm.orders.columns import BinBlock, OrderBlock
-from emacm.recordings.envelope import EnvelopeSeries
-from emacm.recordings.envelope_detector import EnvelopeDetector, envelope_names
 from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 
@@ -25,7 +27,7 @@ ENVELOPES = ("amplitude", "squared")
 
 
 def check_values(
-    values: ArrayLike, name: str, shape: tuple[int | None, ...], *, least: float | None = None
+    values: ArrayLike, name: str, shape: tuple[int | None, ...], *, least: float = -np.inf
 ) -> NDArray[np.floating]:
     """Return finite numbers of this shape, of at least `least`; None stands for any length.
 
@@ -37,22 +39,16 @@ def check_values(
         If the shape differs, or a value is not finite or too low; the message gives its index.
     """
     array = check_real_array(values, name)
-    if array.ndim != len(shape) or any(
-        expected not in (None, found) for expected, found in zip(shape, array.shape, strict=True)
+    if array.shape != tuple(
+        n if m is None else m for m, n in zip_longest(shape, array.shape, fillvalue=-1)
     ):
-        wanted = ", ".join("n" if length is None else str(length) for length in shape)
-        comma = "," if len(shape) == 1 else ""
-        raise ValueError(f"{name} must have shape ({wanted}{comma}), got {array.shape}.")
-    for bad, words in (
-        (~np.isfinite(array), "be finite"),
-        (np.zeros_like(array, bool) if least is None else array < least, f"be at least {least}"),
-    ):
-        if bad.any():
-            place = tuple(int(i[0]) for i in np.nonzero(bad))
-            where = place[0] if len(place) == 1 else place
-            raise ValueError(
-                f"{name} must {words}, got {array[place]} at index {where}. Leave it out."
-            )
+        wanted = tuple("n" if length is None else length for length in shape)
+        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}.")
+    for place in np.argwhere(~np.isfinite(array) | (array < least)):
+        limit = f" and at least {least:g}" if np.isfinite(least) else ""
+        index = ", ".join(map(str, place))
+        value = array[tuple(place)]
+        raise ValueError(f"{name} must be finite{limit}, got {value} at [{index}]. Leave it out.")
     return array
 
 
@@ -73,15 +69,20 @@ def check_labels(labels: ArrayLike, n_recordings: int, name: str = "labels") -> 
     return array
 
 
-def check_upper_order(max_order: float | None) -> float | None:
-    """Return the highest order to be drawn; None stands for all.
+def check_columns(table: Any, columns: Sequence[str], name: str = "table") -> None:
+    """Raise an error if a table lacks a column or has no row.
 
     Raises
     ------
-    TypeError, ValueError
-        If it is not a positive number.
+    ValueError
+        The message names the missing columns.
     """
-    return None if max_order is None else check_number(max_order, "max_order", above=0)
+    missing = [column for column in columns if column not in getattr(table, "columns", ())]
+    if missing or not len(table):
+        raise ValueError(
+            f"{name} must have the columns {list(columns)} and at least one row; it has no "
+            f"{missing or 'row'}."
+        )
 
 
 def predicted_lines(
@@ -144,40 +145,9 @@ def channel_blocks(
             "set_output(transform='pandas')) with its column names, or use from_estimator."
         )
     known = {block.channel: block for block in blocks}
-    wanted = list(known) if channel is None else channel_list(channel)
+    wanted = [channel] if isinstance(channel, str) else list(known if channel is None else channel)
     check_channel_names(list(known), wanted, "the table")
     return [known[name] for name in wanted]
-
-
-def channel_list(channel: str | Sequence[str]) -> list[str]:
-    """Return the names of one channel or of several.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or a name is repeated.
-    """
-    names = [channel] if isinstance(channel, str) else list(channel)
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"channel must name at least one channel, and each once; got {names}.")
-    return names
-
-
-def check_envelopes(envelopes: Mapping[str, str] | None) -> dict[str, str]:
-    """Return which channels are envelopes, and whether of amplitude or squared.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is not a mapping to "amplitude" or "squared".
-    """
-    known = {} if envelopes is None else envelopes
-    if not isinstance(known, Mapping) or any(kind not in ENVELOPES for kind in known.values()):
-        raise ValueError(
-            f"envelopes must map channels to 'amplitude' or 'squared', as "
-            f"{{'vibration': 'amplitude'}}; got {envelopes!r}."
-        )
-    return dict(known)
 
 
 def envelopes_of(steps: Any) -> dict[str, str]:
@@ -239,8 +209,6 @@ def unit_of(unit: str | Mapping[str, str], channel: str, *, derived: bool = Fals
     """
     if isinstance(unit, str):
         return unit
-    if not isinstance(unit, Mapping):
-        raise TypeError(f"unit must be text, or map channels to text; got {unit!r}.")
     first = [name for name in unit if derived and channel.startswith(name)]
     base = max(first, key=len) if first else channel.rstrip("+-")
     return unit.get(channel, unit.get(base, "unit"))
@@ -303,3 +271,29 @@ def pipeline_until(
         )
     last = places[-1]
     return estimator[last], (estimator[:last] if last else None)
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class OrderDisplay(Display):
+    """A display with an order axis, on which predicted fault orders are marked."""
+
+    fault_orders: Any = None
+    slip: float = 0.02
+
+    def __post_init__(self) -> None:
+        self.fault_orders = predicted_lines(self.fault_orders, self.slip)
+
+
+def chosen_channels(recording: Any, channels: Sequence[str] | None) -> list[str]:
+    """Return the channels of one recording to be drawn; None stands for all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not one recording, or has no such channel.
+    """
+    if not isinstance(recording, Recording):
+        raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
+    chosen = list(recording.channels if channels is None else channels)
+    check_channel_names(recording.channels, chosen, "the recording")
+    return chosen

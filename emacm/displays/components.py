@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_count
 from emacm.displays import _bars, _drawing, _tables
-from emacm.displays._display import Display, bar_style
+from emacm.displays._bars import bar_style
+from emacm.displays._drawing import Display
 from emacm.orders.columns import BinBlock
 
 
@@ -35,7 +35,7 @@ class ExplainedVarianceDisplay(Display):
     Raises
     ------
     TypeError, ValueError
-        If shares are negative, not finite, or their sum exceeds 1.
+        If shares are negative or not finite.
 
     Notes
     -----
@@ -52,12 +52,6 @@ class ExplainedVarianceDisplay(Display):
 
     def __post_init__(self) -> None:
         self.shares = _tables.check_values(self.shares, "shares", (None,), least=0)
-        if not len(self.shares) or self.shares.sum() > 1 + 1e-5:  # rounding of float32
-            raise ValueError(
-                f"shares must hold at least one, and add up to at most 1; got "
-                f"{len(self.shares)} that add up to {self.shares.sum():.6g}."
-            )
-        check_count(self.n_shown, "n_shown")
 
     @classmethod
     def from_estimator(
@@ -155,14 +149,8 @@ class LoadingsDisplay(Display):
         self.blocks = _bars.bin_blocks(columns)
         n_columns = sum(len(block.names) for block in self.blocks)
         self.loadings = _tables.check_values(self.loadings, "loadings", (None, n_columns))
-        if not len(self.loadings):
-            raise ValueError("loadings hold no component; at least one is needed.")
         if self.titles is None:
             self.titles = [f"component {i + 1}" for i in range(len(self.loadings))]
-        if len(self.titles) != len(self.loadings):
-            raise ValueError(
-                f"titles must name {len(self.loadings)} components, got {len(self.titles)}."
-            )
 
     @classmethod
     def from_estimator(
@@ -198,11 +186,7 @@ class LoadingsDisplay(Display):
         step, before = _tables.pipeline_until(
             estimator, lambda s: hasattr(s, "components_"), "a fitted PCA"
         )
-        check_count(n_components, "n_components")
-        if n_components > len(step.components_):
-            raise ValueError(
-                f"n_components = {n_components}, but the PCA has {len(step.components_)}."
-            )
+        check_count(n_components, "n_components", at_most=len(step.components_))
         names = _names_into(step, before) if columns is None else columns
         shares = getattr(step, "explained_variance_ratio_", None)
         titles = None
@@ -248,10 +232,8 @@ def _joined(blocks: Sequence[BinBlock]) -> BinBlock:
 
 def _names_into(step: Any, before: Any) -> Sequence[str]:
     """Return the names of the columns that a fitted step was given."""
-    check_is_fitted(step)
-    seen = getattr(step, "feature_names_in_", None)
-    if seen is not None:
-        return list(seen)
+    if hasattr(step, "feature_names_in_"):
+        return list(step.feature_names_in_)
     try:
         return list(before.get_feature_names_out())
     except (AttributeError, ValueError) as error:

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from emacm.displays import _bars, _drawing, _tables
-from emacm.displays._display import OrderDisplay, bar_style
+from emacm.displays._bars import bar_style
+from emacm.displays._tables import OrderDisplay
 from emacm.orders.columns import number_name
 
 _COLUMNS = ("channel", "low", "high", "contribution")
@@ -94,9 +95,7 @@ class ContributionsDisplay(OrderDisplay):
         TypeError, ValueError
             If a column is missing or has invalid values, or an option is invalid.
         """
-        missing = [name for name in _COLUMNS if name not in getattr(table, "columns", ())]
-        if missing:
-            raise ValueError(f"table must have the columns {list(_COLUMNS)}; it has no {missing}.")
+        _tables.check_columns(table, _COLUMNS)
         names = [_bin_name(row, table.iloc[row]) for row in range(len(table))]
         return cls(names, table["contribution"], **options).plot(ax=ax)
 

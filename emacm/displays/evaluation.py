@@ -7,16 +7,168 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from sklearn.metrics import roc_auc_score, roc_curve
 
 from emacm.displays import _drawing, _tables
-from emacm.displays._display import Display
-from emacm.displays._rates import CENTRED, INCHES, checked_rates, draw_rates, rate_frame
-from emacm.displays.reliability import check_curve, draw_curve
+from emacm.displays._drawing import Display
+from emacm.evaluation.novelty import FLAGGED, UnknownEvaluation
 from emacm.evaluation.results import Evaluation
 
-_CELL = 0.26  # inches for each row of the confusion matrix
-_BESIDE = 6  # classes up to which the reliability is drawn beside the confusion matrix
-_DARK = 0.55  # share of a column above which its count is written in white
+_COLUMNS = ("left_out", "typicality", "is_unknown")
+
+
+@dataclass(eq=False, repr=False)
+class UnknownRocDisplay(Display):
+    """Fraction of unknown recordings that are flagged over that of known ones.
+
+    A recording is flagged if its typicality is at most a threshold; the curve is over all
+    thresholds, the marker at `threshold`.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row for each family left out of training and recording: "left_out" (name of the
+        family), "typicality" (0 to 1) and "is_unknown" (whether the recording is of this family).
+    intervals : DataFrame, optional
+        Rows named by the families; columns "auroc_low" and "auroc_high", for the legend.
+    threshold : float
+        Typicality of the marker.
+
+    Attributes
+    ----------
+    ax_, figure_
+        Axes and figure, set when the display is drawn.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is missing, a value is not finite, or a family has no known or no unknown
+        recording.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame(
+    ...     {"left_out": "worn", "typicality": [0.6, 0.004, 0.1, 0.002],
+    ...      "is_unknown": [False, False, True, True]}
+    ... )
+    >>> UnknownRocDisplay(table).areas()
+    {'worn': 0.75}
+    """
+
+    table: pd.DataFrame
+    intervals: pd.DataFrame | None = None
+    threshold: float = field(default=FLAGGED, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _tables.check_columns(self.table, _COLUMNS)
+        _tables.check_values(self.table["typicality"], "typicality", (None,), least=0)
+        for family, part in self.table.groupby("left_out", sort=False):
+            if part["is_unknown"].nunique() < 2:
+                raise ValueError(
+                    f"table must have known and unknown recordings of each family left out; "
+                    f"{family!r} has {int(part['is_unknown'].sum())} unknown of {len(part)}."
+                )
+
+    @classmethod
+    def from_evaluation(
+        cls, evaluation: UnknownEvaluation, *, ax: Any = None, **options: Any
+    ) -> UnknownRocDisplay:
+        """Draw the families of faults that an evaluation left out of training.
+
+        Parameters
+        ----------
+        evaluation : UnknownEvaluation
+            Result of `emacm.evaluation.novelty.evaluate_unknown`.
+        ax : matplotlib Axes, optional
+            Where to draw.
+        **options
+            As for the class: threshold.
+
+        Returns
+        -------
+        UnknownRocDisplay
+
+        Raises
+        ------
+        ValueError
+            If no family was left out.
+        """
+        table = evaluation.predictions
+        if table.empty:
+            raise ValueError(
+                "evaluation left no family of faults out of training; its caveats say why."
+            )
+        return cls(table[[*_COLUMNS]], evaluation.table, **options).plot(ax=ax)
+
+    def areas(self) -> dict[str, float]:
+        """Return the area under the ROC curve of each family."""
+        return {
+            str(family): float(roc_auc_score(part["is_unknown"], -part["typicality"]))
+            for family, part in self.table.groupby("left_out", sort=False)
+        }
+
+    def frame(self) -> pd.DataFrame:
+        """Return the curves: "left_out", fractions "known_flagged", "unknown_flagged", threshold.
+
+        A recording is flagged if its typicality is at most the "threshold".
+        """
+        parts = []
+        for family, part in self.table.groupby("left_out", sort=False):
+            # Thresholds of scikit-learn start above all scores, which flags no recording.
+            known, unknown, scores = roc_curve(part["is_unknown"], -part["typicality"])
+            columns = {"known_flagged": known, "unknown_flagged": unknown}
+            levels = np.where(np.isfinite(scores), -scores, 0.0)
+            parts.append(pd.DataFrame({"left_out": family, **columns, "threshold": levels}))
+        return pd.concat(parts, ignore_index=True)
+
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=3.6)
+        ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
+        areas, frame = self.areas(), self.frame()
+        numbers = {name: n for n, name in enumerate(sorted(areas), 1)}  # 0 is the healthy state
+        for family, curve in frame.groupby("left_out", sort=False):
+            number = numbers[str(family)]
+            style = _drawing.line_style(number)
+            x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
+            label = f"{family}: AUROC {areas[str(family)]:.3f}{self._limits(family)}"
+            ax.plot(x, y, label=label, linewidth=1.6, **style)
+            point = 100 * self._at_threshold(family)
+            marker = _drawing.style_of(_drawing.MARKERS, number)
+            ax.plot(*point, marker, color=style["color"], markeredgecolor="black", zorder=3)
+        flagged = f"flagged at typicality ≤ {self.threshold:g}"
+        ax.plot([], [], "o", color="white", markeredgecolor="black", label=flagged)
+        ax.set(xlim=(-2, 102), ylim=(-2, 102))
+        ax.grid(color="0.9", linewidth=0.6)
+        _drawing.label_axes(ax, "known recordings flagged [%]", "unknown recordings flagged [%]")
+        _drawing.legend_above(ax, title="family left out of training")
+        return ax
+
+    def _limits(self, family: Any) -> str:
+        if self.intervals is None or family not in self.intervals.index:
+            return ""
+        low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
+        return "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
+
+    def _at_threshold(self, family: Any) -> NDArray[np.float64]:
+        """Return the fractions of known and unknown recordings flagged at the threshold."""
+        part = self.table[self.table["left_out"] == family]
+        flagged = (part["typicality"] <= self.threshold).to_numpy(float)
+        is_unknown = part["is_unknown"].to_numpy(bool)
+        return np.array([flagged[~is_unknown].mean(), flagged[is_unknown].mean()])
+
+
+# Rate: label, colour and marker.
+RATES = {
+    "balanced_accuracy": ("balanced accuracy", _drawing.PLAIN, "o"),
+    "accuracy": ("accuracy", _drawing.COLOURS[5], "D"),
+    "false_alarm_rate": ("false alarms (of healthy)", _drawing.COLOURS[4], "s"),
+    "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
+    "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
+}
+CENTRED = {"ha": "center", "va": "center", "fontsize": _drawing.SMALL}
+CURVE = ["confidence", "frequency", "low", "high", "count"]
 
 
 @dataclass(eq=False, repr=False)
@@ -76,10 +228,13 @@ class EvaluationDisplay(Display):
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, given in (("table", self.table), ("confusion", self.confusion)):
-            if not isinstance(given, pd.DataFrame) or given.empty:
-                raise TypeError(f"{name} must be a DataFrame that is not empty, got {given!r}.")
-        self.figures = checked_rates(self.table, self.figures)
+        if self.figures is None:
+            shown = [name for name in RATES if name in self.table]
+            self.figures = [name for name in shown if name != "accuracy"] or shown
+        if isinstance(self.figures, str):
+            self.figures = [self.figures]
+        ends = ("", "_low", "_high")
+        _tables.check_columns(self.table, [f"{f}{end}" for f in self.figures for end in ends])
         _tables.check_values(self.confusion, "confusion", (None, None), least=0)
         rows, classes = (
             sorted(names, key=lambda name: str(name) != str(self.healthy))
@@ -87,7 +242,7 @@ class EvaluationDisplay(Display):
         )
         self.confusion = self.confusion.loc[rows, classes]
         if self.calibration is not None:
-            check_curve(self.calibration, "calibration")
+            _tables.check_columns(self.calibration, CURVE, "calibration")
 
     @classmethod
     def from_evaluation(
@@ -140,12 +295,17 @@ class EvaluationDisplay(Display):
 
     def frame(self) -> pd.DataFrame:
         """Return the rates: one row per scheme and rate, with its interval."""
-        return rate_frame(self.table, self.figures, "scheme")
+        rows = [
+            (scheme, rate, *row[[rate, f"{rate}_low", f"{rate}_high"]])
+            for scheme, row in self.table.iterrows()
+            for rate in self.figures
+        ]
+        return pd.DataFrame(rows, columns=["scheme", "figure", "value", "low", "high"])
 
     def _draw(self, ax: Any) -> Any:
         n_panels = 2 if self.calibration is None else 3
         axes = self._panels() if ax is None else _drawing.panel_axes(ax, n_panels)
-        draw_rates(axes[0], self.table, self.figures)
+        self._draw_rates(axes[0])
         self._draw_confusion(axes[1])
         if self.calibration is not None:
             self._draw_reliability(axes[2])
@@ -154,16 +314,40 @@ class EvaluationDisplay(Display):
     def _panels(self) -> Any:
         """Return the Axes of a new figure: rates above, confusion and reliability below."""
         n_rows, n_columns = self.confusion.shape
-        rates = 1.0 + INCHES * len(self.table) * (len(self.figures) + 1)
-        heights = [rates, max(2.4, 1.3 + _CELL * n_rows)]
+        rates = 1.0 + 0.19 * len(self.table) * (len(self.figures) + 1)  # inches
+        heights = [rates, max(2.4, 1.3 + 0.26 * n_rows)]
         panels = [["rates"], ["confusion"]]
-        if self.calibration is not None and n_columns <= _BESIDE:
+        if self.calibration is not None and n_columns <= 6:  # there is room for both
             panels = [["rates"] * 2, ["confusion", "reliability"]]
         elif self.calibration is not None:
             panels, heights = [*panels, ["reliability"]], [*heights, 3.0]
         size = (_drawing.WIDTH, sum(heights))
         figure = _drawing.pyplot().figure(figsize=size, layout="constrained")
         return np.array([*figure.subplot_mosaic(panels, height_ratios=heights).values()])
+
+    def _draw_rates(self, panel: Any) -> None:
+        """Draw the rates in per cent with their intervals, the first scheme on top."""
+        places = np.arange(len(self.table))
+        for number, name in enumerate(self.figures):
+            columns = (name, f"{name}_low", f"{name}_high")
+            value, low, high = (100 * self.table[column].to_numpy(float) for column in columns)
+            if np.isnan(value).all():
+                continue
+            label, colour, marker = RATES[name]
+            heights = places + (number - (len(self.figures) - 1) / 2) * 0.6 / len(self.figures)
+            panel.hlines(heights, low, high, linewidth=1.6, color=colour, zorder=3)
+            panel.plot(value, heights, marker, label=label, color=colour, zorder=3)
+        for height in places[self.table[list(self.figures)].isna().all(axis=1)]:
+            panel.text(50, height, "cannot be scored", **CENTRED)
+        panel.set_yticks(places, [_scheme_label(name, row) for name, row in self.table.iterrows()])
+        panel.tick_params(axis="y", labelsize=_drawing.SMALL, length=0)
+        panel.set_ylim(len(places) - 0.5, -0.5)  # the first on top
+        panel.grid(axis="x", color="0.9", linewidth=0.6)
+        for height in places[1:] - 0.5:
+            panel.axhline(height, color="0.8", linewidth=0.6)
+        panel.set_xlim(-2, 102)
+        panel.set_xlabel("share of the recordings [%]")
+        _drawing.legend_above(panel, title="line: confidence interval")
 
     def _draw_confusion(self, panel: Any) -> None:
         from matplotlib.colors import LinearSegmentedColormap
@@ -175,7 +359,7 @@ class EvaluationDisplay(Display):
         panel.imshow(shares, cmap=ramp, vmin=0, vmax=1, aspect="auto")
         for (row, column), count in np.ndenumerate(counts):
             if count:
-                ink = "white" if shares[row, column] > _DARK else "black"
+                ink = "white" if shares[row, column] > 0.55 else "black"
                 panel.text(column, row, f"{count:g}", color=ink, **CENTRED)
         upright = max(len(str(name)) for name in self.confusion.columns) > 5
         turned = {"rotation": 40, "ha": "right", "rotation_mode": "anchor"} if upright else {}
@@ -191,10 +375,11 @@ class EvaluationDisplay(Display):
         curve = self.calibration
         assert curve is not None
         panel.plot([0, 100], [0, 100], color="0.5", linestyle="--", linewidth=1)
-        draw_curve(panel, curve, _drawing.PLAIN, marker="")
+        confidence, frequency, low, high = 100 * curve[CURVE[:4]].to_numpy(float).T
+        panel.vlines(confidence, low, high, color=_drawing.PLAIN, linewidth=1.4)
+        panel.plot(confidence, frequency, "-", color=_drawing.PLAIN, linewidth=0.8)
         sizes = 12 + 90 * curve["count"].to_numpy(float) / curve["count"].sum()
-        points = 100 * curve[["confidence", "frequency"]].to_numpy(float)
-        panel.scatter(*points.T, sizes, color=_drawing.PLAIN, zorder=3)
+        panel.scatter(confidence, frequency, sizes, color=_drawing.PLAIN, zorder=3)
         panel.set(xlim=(-2, 102), ylim=(-2, 102))
         panel.set_xlabel("confidence [%]")
         _drawing.label_y(panel, "observed frequency", "%")
@@ -203,3 +388,10 @@ class EvaluationDisplay(Display):
     def _title(self, panel: Any, text: str) -> None:
         scheme = f"{self.scheme}: " if self.scheme else ""
         panel.set_title(f"{scheme}{text}", fontsize=_drawing.SMALL)
+
+
+def _scheme_label(name: Any, row: pd.Series) -> str:
+    """Return the name of a scheme, with the groups on which its intervals are based."""
+    if not row.get("groups") or "resampled" not in row:
+        return _drawing.wrapped(name)
+    return f"{_drawing.wrapped(name)}\n({row['resampled']}s: {row['groups']})"

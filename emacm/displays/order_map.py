@@ -10,20 +10,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count
+from emacm._checks import check_choice
 from emacm.displays import _drawing, _tables
-from emacm.displays._display import OrderDisplay
+from emacm.displays._tables import OrderDisplay
 from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
-from emacm.recordings.inputs import check_channel_names
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleStroke
 from emacm.resampling.order_resampler import OrderResampler
 from emacm.shaft.paths import ShaftPath
-
-OVERS = ("time", "speed")
-_MAP = "magma"  # of even lightness, in grey too
-_FAINTEST = 40.0  # per cent of the cells, mostly noise, are below the lowest colour
-_NO_TURN = 1e-12  # of the speed; a smaller range of speeds is widened
 
 Segments = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
 
@@ -99,15 +93,7 @@ class OrderMapDisplay(OrderDisplay):
         self.orders = _tables.check_values(self.orders, "orders", (n_orders,), least=0)
         self.intervals = _tables.check_values(self.intervals, "intervals", (n_segments, 2))
         self.speeds = _tables.check_values(self.speeds, "speeds", (n_segments,))
-        if not n_segments or n_orders < 2:
-            raise ValueError(f"a map needs segments and two orders, got psd {self.psd.shape}.")
-        starts, stops = self.intervals.T
-        if np.any(stops <= starts) or np.any(np.diff(starts) <= 0):
-            raise ValueError("intervals must be from a start to a later end, in order of time.")
-        check_choice(self.over, "over", OVERS)
-        check_count(self.n_speeds, "n_speeds")
-        check_choice(self.envelope, "envelope", (None, *_tables.ENVELOPES))
-        _tables.check_upper_order(self.max_order)
+        check_choice(self.over, "over", ("time", "speed"))
 
     @classmethod
     def from_recording(
@@ -154,10 +140,7 @@ class OrderMapDisplay(OrderDisplay):
             If an option is invalid, there is no such channel, or no stroke is as long as one
             segment.
         """
-        if not isinstance(recording, Recording):
-            raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
-        chosen = recording.channels[0] if channel is None else channel
-        check_channel_names(recording.channels, [chosen], "the recording")
+        chosen = _tables.chosen_channels(recording, channel and [channel])[0]
         resampler = OrderResampler(
             theta_s, channels=[chosen], direction=direction, min_speed=min_speed
         )
@@ -195,8 +178,10 @@ class OrderMapDisplay(OrderDisplay):
         half = (self.orders[1] - self.orders[0]) / 2
         heights = np.append(self.orders[drawn] - half, self.orders[drawn][-1] + half)
         power = np.ma.masked_invalid(_drawing.decibels(psd[:, drawn]).T)
-        faintest = np.percentile(power.compressed(), _FAINTEST) if power.count() else None
-        mesh = ax.pcolormesh(edges, heights, power, vmin=faintest, cmap=_MAP, rasterized=True)
+        # Two fifths of the cells, mostly noise, are below the lowest colour.
+        faintest = np.percentile(power.compressed(), 40) if power.count() else None
+        style = {"vmin": faintest, "cmap": "magma", "rasterized": True}
+        mesh = ax.pcolormesh(edges, heights, power, **style)
         ax.patch.set(facecolor="white", edgecolor=_drawing.MISSING, hatch="////")
         name = "time [s]" if self.over == "time" else "shaft speed [rad/s]"
         ax.set(xlabel=name, ylabel=_drawing.ORDER_LABEL, ylim=(heights[0], top))
@@ -226,7 +211,7 @@ class OrderMapDisplay(OrderDisplay):
     def _over_speed(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return edges over speed and the mean spectra between them; NaN without a segment."""
         low, high = self.speeds.min(), self.speeds.max()
-        if high - low <= _NO_TURN * max(abs(low), abs(high)):
+        if np.isclose(low, high):
             low, high = low - 0.5, high + 0.5
         edges = np.linspace(low, high, self.n_speeds + 1)
         kind = np.clip(np.digitize(self.speeds, edges) - 1, 0, self.n_speeds - 1)

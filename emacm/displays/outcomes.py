@@ -14,7 +14,7 @@ from emacm.decisions.families import family_mapping
 from emacm.decisions.labels import label_list
 from emacm.decisions.metrics import are_correct, correct_families, label_of
 from emacm.displays import _drawing, _tables
-from emacm.displays._display import Display
+from emacm.displays._drawing import Display
 
 # Colour and hatch of each outcome; the darker in print, the more serious.
 OUTCOMES = {
@@ -24,7 +24,6 @@ OUTCOMES = {
     "wrong fault": (_drawing.tint(_drawing.COLOURS[3], 0.9), "----"),
     "missed detection": (_drawing.COLOURS[1], "xxxx"),
 }
-_ROW = 0.34  # inches for each bar
 _ALL = "all recordings"
 
 
@@ -52,8 +51,7 @@ class OutcomesDisplay(Display):
     Raises
     ------
     TypeError, ValueError
-        If a column is not an outcome, a row has no count or is repeated, or a count is negative or
-        not finite.
+        If a column is not an outcome, there is no row, or a count is negative or not finite.
 
     Notes
     -----
@@ -78,23 +76,13 @@ class OutcomesDisplay(Display):
 
     def __post_init__(self) -> None:
         counts = self.counts
-        if not isinstance(counts, pd.DataFrame):
-            raise TypeError(f"counts must be a DataFrame, got {type(counts).__name__}.")
-        unknown = [column for column in counts.columns if column not in OUTCOMES]
-        if unknown or counts.empty or counts.index.nlevels > 2:
+        if not len(counts) or not set(counts.columns) <= set(OUTCOMES):
             raise ValueError(
-                f"counts must have columns among {list(OUTCOMES)} and rows named by a condition, "
-                f"or by a signal and a condition; got columns {list(counts.columns)}, "
-                f"{len(counts)} rows and {counts.index.nlevels} names for each."
+                f"counts must have columns among {list(OUTCOMES)} and at least one row; got "
+                f"{list(counts.columns)} and {len(counts)} rows."
             )
-        if not counts.index.is_unique:
-            double = counts.index[counts.index.duplicated()][0]
-            raise ValueError(f"counts must name each row once, but {double!r} is repeated.")
         _tables.check_values(counts, "counts", (None, None), least=0)
         self.counts = counts.reindex(columns=list(OUTCOMES), fill_value=0).astype(float)
-        sums = self.counts.sum(axis=1)
-        if (sums == 0).any():
-            raise ValueError(f"counts of {sums.index[sums == 0][0]!r} are all 0. Leave it out.")
 
     @classmethod
     def from_predictions(
@@ -197,7 +185,7 @@ class OutcomesDisplay(Display):
             names = table.index.get_level_values(0).unique()
             panels = {str(name): table.loc[name] for name in names}
         longest = max(map(len, panels.values()))
-        axes = _drawing.panel_axes(ax, len(panels), height=0.5 + _ROW * longest)
+        axes = _drawing.panel_axes(ax, len(panels), height=0.5 + 0.34 * longest)
         for panel, (title, part) in zip(axes, panels.items(), strict=True):
             self._draw_panel(panel, part)
             panel.set_title(title, fontsize=_drawing.SMALL + 2, loc="left")

@@ -10,16 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm._checks import check_number
 from emacm.displays import _drawing, _tables
-from emacm.displays._display import Display
-from emacm.recordings.inputs import check_channel_names
+from emacm.displays._drawing import Display
 from emacm.recordings.recording import Recording
 from emacm.shaft.strokes import find_strokes
 
 # Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}
-_MOST_POINTS = 20_000  # of a line; of longer signals, the extremes of short intervals are drawn
 
 Line = tuple[NDArray[np.floating], NDArray[np.floating]]  # times and values, equally long
 
@@ -88,15 +85,7 @@ class RecordingDisplay(Display):
         }
         self.speed = check(self.speed, "speed", (None,))
         self.shaft_times = check(self.shaft_times, "shaft_times", self.speed.shape)
-        self.units = {} if self.units is None else self.units
-        if not isinstance(self.units, Mapping):
-            raise TypeError(
-                f"units must map channels to units, as {{'current': 'A'}}, got {self.units!r}."
-            )
-        self.envelopes = _tables.check_envelopes(self.envelopes)
-        for stroke in self.strokes:
-            if len(stroke) != 3 or stroke[2] not in _STROKES:
-                raise ValueError(f"a stroke must be (start, stop, 1 or -1), got {stroke!r}.")
+        self.units, self.envelopes = self.units or {}, self.envelopes or {}
 
     @classmethod
     def from_recording(
@@ -139,32 +128,23 @@ class RecordingDisplay(Display):
         TypeError, ValueError
             If it is not a recording, has no such channel, or has no two samples in the interval.
         """
-        if not isinstance(recording, Recording):
-            raise TypeError(f"recording must be one Recording, got {type(recording).__name__}.")
-        chosen = list(recording.channels if channels is None else channels)
-        check_channel_names(recording.channels, chosen, "the recording")
-        start, stop = _checked_window(between, recording.duration)
-        cut = {
-            name: _between(recording.signals[name], recording.fs[name], start, stop)
-            for name in chosen
-        }
-        shaft_times, speed = _between(recording.velocity, recording.shaft_fs, start, stop)
-        found = find_strokes(recording.velocity, min_speed=min_speed) if shade_strokes else []
-        fs = recording.shaft_fs
-        strokes = [
-            (max(s.start / fs, start), min((s.stop - 1) / fs, stop), s.direction)
-            for s in found
-            if s.start / fs < stop and (s.stop - 1) / fs > start
-        ]
-        known = _tables.envelopes_in(recording)
+        chosen = _tables.chosen_channels(recording, channels)
+        part = recording.select(chosen)
+        start = 0.0
+        if between is not None:
+            slowest = min(*part.fs.values(), part.shaft_fs)
+            start = np.ceil(between[0] * slowest - 1e-6) / slowest  # as in `Recording.cut`
+            part = part.cut(*between)
+        fs, speed = part.shaft_fs, part.velocity
+        found = find_strokes(speed, min_speed=min_speed) if shade_strokes else []
         display = cls(
-            {name: times for name, (times, _) in cut.items()},
-            {name: signal for name, (_, signal) in cut.items()},
-            shaft_times,
+            {name: start + np.arange(len(part.signals[name])) / part.fs[name] for name in part.fs},
+            dict(part.signals),
+            start + np.arange(len(speed)) / fs,
             speed,
-            units=recording.units if units is None else units,
-            envelopes={name: kind for name, kind in known.items() if name in cut},
-            strokes=strokes,
+            units=part.units if units is None else units,
+            envelopes=_tables.envelopes_in(part),
+            strokes=[(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found],
         )
         return display.plot(ax=ax)
 
@@ -208,39 +188,14 @@ class RecordingDisplay(Display):
         panel.plot(*extremes(times, values), color=_drawing.PLAIN, linewidth=0.8)
 
 
-def extremes(times: NDArray[np.floating], values: NDArray[np.floating]) -> Line:
-    """Return the lowest and the highest sample of each short interval of a long signal."""
-    if len(values) <= _MOST_POINTS:
+def extremes(times: NDArray[np.floating], values: NDArray[np.floating], most: int = 20_000) -> Line:
+    """Return the lowest and the highest sample of each short interval, at most `most` samples."""
+    if len(values) <= most:
         return times, values
-    length = -(-2 * len(values) // _MOST_POINTS)
+    length = -(-2 * len(values) // most)
     whole = len(values) // length * length
     blocks = values[:whole].reshape(-1, length)
     starts = np.arange(0, whole, length)
     places = np.sort([starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1)], axis=0)
     kept = np.concatenate([places.T.reshape(-1), np.arange(whole, len(values))])
     return times[kept], values[kept]
-
-
-def _between(signal: NDArray[np.floating], fs: float, start: float, stop: float) -> Line:
-    """Return times and samples from start to stop."""
-    first, last = int(np.ceil(start * fs - 1e-9)), int(np.floor(stop * fs + 1e-9)) + 1
-    part = signal[first:last]
-    if len(part) < 2:
-        raise ValueError(
-            f"two samples are needed, but {len(part)} lie between {start:g} and {stop:g} s "
-            f"at {fs:g} Hz."
-        )
-    return np.arange(first, first + len(part)) / fs, part
-
-
-def _checked_window(between: Any, duration: float) -> tuple[float, float]:
-    if between is None:
-        return 0.0, duration
-    if np.shape(between) != (2,):
-        raise TypeError(f"between must be a pair (start, stop) [s], got {between!r}.")
-    start, stop = (check_number(edge, "an edge of between", unit="s") for edge in between)
-    if not 0 <= start < stop or start >= duration:
-        raise ValueError(
-            f"between must be an earlier and a later time within {duration:g} s, got {between!r}."
-        )
-    return start, stop

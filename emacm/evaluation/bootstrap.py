@@ -25,11 +25,6 @@ from emacm._checks import check_count, check_number
 Array = NDArray[np.float64]
 Combine = Callable[[Array, Array], Array]
 
-_BLOCK = 1 << 22  # numbers of draws held in memory at a time
-_FEW = 5  # groups; with fewer, draws repeat so often that their percentiles are uninformative
-_FEWEST_DRAWS, _MOST_DRAWS = 100, 1_000_000
-_MIN_SHARE = 0.1  # of the draws that must contain every cell, otherwise there is no interval
-
 
 def mean_of_cells(sums: Array, counts: Array) -> Array:
     """Return the mean of each cell, averaged over the cells; NaN if a cell is empty.
@@ -126,18 +121,9 @@ def group_draws(
         For each figure of merit; NaN for draws that miss one of its cells, and empty if it has no
         cell.
 
-    Raises
-    ------
-    ValueError
-        If the shapes do not agree.
     """
     values, cells = np.asarray(values, float), np.asarray(cells)
     codes = np.unique(np.asarray(groups), return_inverse=True)[1]
-    if values.ndim != 2 or values.shape != cells.shape or values.shape[1:] != codes.shape:
-        raise ValueError(
-            f"values and cells must have shape (n_figures, n_recordings), and groups one entry "
-            f"for each recording; got {values.shape}, {cells.shape} and {codes.shape}."
-        )
     tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
     combine = [mean_of_cells] * len(tables) if combine is None else combine
     sums, counts = (np.hstack([table[part] for table in tables]) for part in (0, 1))
@@ -153,7 +139,7 @@ def group_draws(
 def drawn_groups(n_groups: int, n_resamples: int, random_state: Any = 0) -> Iterator[Array]:
     """Yield how often each group is drawn, in blocks of shape (n_draws, n_groups)."""
     rng, shares = np.random.default_rng(random_state), np.full(n_groups, 1 / n_groups)
-    step = max(1, _BLOCK // n_groups)
+    step = max(1, 2**22 // n_groups)  # limits the memory to 32 MiB
     for start in range(0, n_resamples, step):
         size = min(step, n_resamples - start)
         yield rng.multinomial(n_groups, shares, size).astype(float)
@@ -178,7 +164,7 @@ def group_intervals(
     confidence : float, default=0.95
         Confidence level, above 0 and below 1.
     n_resamples : int, default=2000
-        Number of bootstrap draws, 100 to 1,000,000.
+        Number of bootstrap draws, at least 100.
     random_state : int, Generator or None, default=0
         Seed.
 
@@ -191,7 +177,7 @@ def group_intervals(
     Raises
     ------
     TypeError, ValueError
-        If `confidence` or `n_resamples` is outside its range, or the shapes do not agree.
+        If `confidence` or `n_resamples` is outside its range.
 
     Notes
     -----
@@ -208,7 +194,8 @@ def group_intervals(
     >>> group_intervals([correct], one_cell, np.arange(100)).round(2)  # as if independent
     array([[0.66, 0.83]])
     """
-    check_bootstrap(confidence, n_resamples)
+    check_number(confidence, "confidence", above=0, below=1)
+    check_count(n_resamples, "n_resamples", at_least=100)
     options = {"combine": combine, "n_resamples": n_resamples, "random_state": random_state}
     replicates = group_draws(values, cells, groups, **options)
     values, cells, groups = np.asarray(values, float), np.asarray(cells), np.asarray(groups)
@@ -263,25 +250,17 @@ def draw_interval(
     t distribution and the standard deviation of the draws. Draws that are not known are ignored.
     """
     known = drawn[np.isfinite(drawn)]
-    if n_groups < 2 or not len(known) or len(known) < _MIN_SHARE * len(drawn):
+    if n_groups < 2 or not len(known) or len(known) < 0.1 * len(drawn):
         return np.nan, np.nan
-    if n_groups >= _FEW:
-        return _expanded_percentiles(known, n_groups, confidence)
-    low, high = _student(estimate, known, n_groups, confidence)
-    return max(low, float(limits[0])), min(high, float(limits[1]))
-
-
-def check_bootstrap(confidence: float, n_resamples: int) -> None:
-    """Check the options of `group_intervals` before a long computation.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `confidence` is not between 0 and 1, or `n_resamples` is not an integer from
-        100 to 1,000,000.
-    """
-    check_number(confidence, "confidence", above=0, below=1)
-    check_count(n_resamples, "n_resamples", at_least=_FEWEST_DRAWS, at_most=_MOST_DRAWS)
+    # Hesterberg (2015): Phi^-1(a') = -sqrt(n / (n - 1)) t_{a, n-1}.
+    reach = np.sqrt(n_groups / (n_groups - 1)) * t.ppf((1 + confidence) / 2, n_groups - 1)
+    if n_groups >= 5:
+        tail = norm.cdf(-reach)
+        low, high = np.quantile(known, [tail, 1 - tail])
+    else:  # few groups give few distinct draws, whose percentiles are uninformative
+        half = reach * known.std()
+        low, high = max(estimate - half, limits[0]), min(estimate + half, limits[1])
+    return float(low), float(high)
 
 
 def _by_group(
@@ -296,17 +275,3 @@ def _by_group(
     sums = np.bincount(flat, values[counted], minlength=size).reshape(shape)
     counts = np.bincount(flat, minlength=size).reshape(shape)
     return sums.astype(np.float64), counts.astype(np.float64)
-
-
-def _student(mean: float, drawn: Array, n_groups: int, confidence: float) -> tuple[float, float]:
-    spread = drawn.std() * np.sqrt(n_groups / (n_groups - 1))
-    reach = float(spread * t.ppf((1 + confidence) / 2, n_groups - 1))
-    return mean - reach, mean + reach
-
-
-def _expanded_percentiles(drawn: Array, n_groups: int, confidence: float) -> tuple[float, float]:
-    # Hesterberg (2015): Phi^-1(a') = -sqrt(n / (n - 1)) t_{a, n-1}.
-    reach = np.sqrt(n_groups / (n_groups - 1)) * t.ppf((1 + confidence) / 2, n_groups - 1)
-    tail = float(norm.cdf(-reach))
-    low, high = np.quantile(drawn, [tail, 1 - tail])
-    return float(low), float(high)

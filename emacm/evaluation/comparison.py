@@ -13,7 +13,7 @@ import pandas as pd
 
 from emacm.evaluation.bootstrap import cell_mean, draw_interval, gap_of_cells, group_draws
 from emacm.evaluation.figures import FIGURES, tallies
-from emacm.evaluation.results import WIDTH, Evaluation, as_texts
+from emacm.evaluation.results import Evaluation, as_texts
 from emacm.evaluation.scoring import ScoringRule
 
 _COSTS = ("expected_cost", "realised_cost", "predicted_cost")
@@ -61,7 +61,7 @@ class Comparison:
 
     def __str__(self) -> str:
         caveats = [
-            fill(text, WIDTH, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
+            fill(text, 98, initial_indent="- ", subsequent_indent="  ") for text in self.caveats
         ]
         parts = [part for title, table in self._tables() for part in (title, table.to_string())]
         return "\n".join([*caveats, *parts, self._interval])

@@ -1,4 +1,10 @@
-"""Figures of merit of one hold-out scheme, each with a confidence interval."""
+"""Figures of merit of one hold-out scheme, each with a confidence interval.
+
+References
+----------
+.. [1] G. W. Brier, Verification of forecasts expressed in terms of probability, Monthly Weather
+   Review 78(1), 1950.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from emacm._checks import check_count
 from emacm.evaluation.bootstrap import (
     Combine,
     cell_mean,
@@ -16,8 +23,9 @@ from emacm.evaluation.bootstrap import (
     group_intervals,
     mean_of_cells,
 )
-from emacm.evaluation.calibration import brier_scores, log_losses, most_probable, reliability
 from emacm.evaluation.scoring import ScoringRule
+
+Array = NDArray[np.float64]
 
 FIGURES = (
     "balanced_accuracy",
@@ -167,7 +175,7 @@ def reliability_curve(
     Returns
     -------
     DataFrame
-        As `emacm.evaluation.calibration.reliability`, with the interval "low", "high" of
+        As `emacm.evaluation.figures.reliability`, with the interval "low", "high" of
         "frequency" and the number of "groups" in each bin.
     """
     codes = _codes(truths, labels)
@@ -228,3 +236,125 @@ def _codes(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     """Return the index of each value among the labels."""
     place = {label: number for number, label in enumerate(labels)}
     return np.array([place[value] for value in values], np.intp)
+
+
+def log_losses(probabilities: ArrayLike, truths: ArrayLike) -> Array:
+    """Return minus the logarithm of the probability of the true class.
+
+    Parameters
+    ----------
+    probabilities : array-like of shape (n_recordings, n_classes)
+        Probability of each class.
+    truths : array-like of int of shape (n_recordings,)
+        Index of the true class.
+
+    Returns
+    -------
+    losses : ndarray of shape (n_recordings,)
+        In nats. A probability of 0 is replaced by 2.2e-16, which gives 36 nats, because the loss
+        would otherwise be infinite.
+
+    Examples
+    --------
+    >>> log_losses([[0.5, 0.5], [1.0, 0.0]], [0, 0]).round(3) + 0.0
+    array([0.693, 0.   ])
+    """
+    posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
+    of_truth = posterior[np.arange(len(posterior)), codes]
+    # A probability may exceed 1 by rounding, and a loss is never negative.
+    return np.abs(np.log(np.clip(of_truth, np.finfo(float).eps, 1.0)))
+
+
+def brier_scores(probabilities: ArrayLike, truths: ArrayLike) -> Array:
+    """Return the squared error of the probabilities, summed over all classes [1]_.
+
+    Parameters
+    ----------
+    probabilities : array-like of shape (n_recordings, n_classes)
+        Probability of each class.
+    truths : array-like of int of shape (n_recordings,)
+        Index of the true class.
+
+    Returns
+    -------
+    scores : ndarray of shape (n_recordings,)
+        From 0 (certain and correct) to 2 (certain and wrong). For two classes this is twice the
+        score that counts one class only.
+
+    Examples
+    --------
+    >>> brier_scores([[0.5, 0.5], [1.0, 0.0], [1.0, 0.0]], [0, 0, 1])
+    array([0.5, 0. , 2. ])
+    """
+    posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
+    return np.sum((posterior - np.eye(posterior.shape[1])[codes]) ** 2, axis=1)
+
+
+def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10) -> pd.DataFrame:
+    """Compare the probability of the most probable class with the frequency at which it is true.
+
+    Parameters
+    ----------
+    probabilities : array-like of shape (n_recordings, n_classes)
+        Probability of each class.
+    truths : array-like of int of shape (n_recordings,)
+        Index of the true class.
+    n_bins : int, default=10
+        Number of bins of equal width from 0 to 1 of the largest probability of each recording.
+
+    Returns
+    -------
+    DataFrame
+        One row for each bin that contains recordings: its edges "from" and "to", the mean
+        probability ("confidence"), the relative "frequency" at which the most probable class is
+        the true one, and the "count" of recordings.
+
+    Examples
+    --------
+    >>> reliability([[0.8, 0.2], [0.8, 0.2], [0.4, 0.6], [0.4, 0.6]], [0, 0, 0, 1], n_bins=2)
+       from   to  confidence  frequency  count
+    0   0.5  1.0         0.7       0.75      4
+    """
+    largest, correct, bins = most_probable(probabilities, truths, n_bins=n_bins)
+    table = pd.DataFrame({"bin": bins, "confidence": largest, "frequency": correct})
+    curve = table.groupby("bin").mean().assign(count=table.groupby("bin").size())
+    curve.insert(0, "from", curve.index / n_bins)
+    curve.insert(1, "to", (curve.index + 1) / n_bins)
+    return curve.reset_index(drop=True)
+
+
+def most_probable(
+    probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return the largest probability of each recording, whether it is of the true class, its bin.
+
+    Parameters
+    ----------
+    probabilities : array-like of shape (n_recordings, n_classes)
+        Probability of each class.
+    truths : array-like of int of shape (n_recordings,)
+        Index of the true class.
+    n_bins : int, default=10
+        Number of bins of equal width from 0 to 1; each includes its lower edge, the last both.
+
+    Returns
+    -------
+    largest : ndarray of shape (n_recordings,)
+        Probability of the most probable class; of the first, if several are equal.
+    correct : ndarray of shape (n_recordings,)
+        1 if that class is the true one, else 0.
+    bins : ndarray of int of shape (n_recordings,)
+        Index of the bin.
+
+    Examples
+    --------
+    >>> most_probable([[0.8, 0.2], [0.4, 0.6]], [0, 0], n_bins=5)
+    (array([0.8, 0.6]), array([1., 0.]), array([4, 3]))
+    """
+    check_count(n_bins, "n_bins")
+    posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
+    largest = posterior.max(axis=1)
+    correct = (posterior.argmax(axis=1) == codes).astype(float)
+    # 0.6 * 5 is 3.0000000000000004 or 2.9999999999999996; the rounding error must not count.
+    bins = np.minimum(np.floor(largest * n_bins + 1e-9), n_bins - 1).astype(np.intp)
+    return largest, correct, bins

@@ -2,7 +2,7 @@
 
 The more a missed detection costs, the fewer faults are decided to be healthy. `miss_rate_limit`
 finds the smallest factor on this cost for which a statistical test on the units confirms the rate:
-risk control [1]_ [2]_ by the tests of `emacm.evaluation.provable_rates`.
+risk control [1]_ [2]_ by the exact binomial test, or by Bentkus' bound of means [3]_.
 
 References
 ----------
@@ -10,6 +10,7 @@ References
    sets, Journal of the ACM 68 (6), 2021.
 .. [2] Angelopoulos, Bates, Candès, Jordan and Lei, Learn then test: calibrating predictive
    algorithms to achieve risk control, arXiv:2110.01052, 2021.
+.. [3] Bentkus, On Hoeffding's inequalities, Annals of Probability 32 (2), 2004.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import binom
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
@@ -29,16 +31,11 @@ from emacm.decisions.labels import label_array, label_list, label_positions
 from emacm.decisions.pipelines import before_the_last_step, groups_options
 from emacm.decisions.risks import decide, risks_of
 from emacm.evaluation.figures import figure_row, tallies
-from emacm.evaluation.provable_rates import check_units, largest_missed
-from emacm.evaluation.schemes import group_scheme
+from emacm.evaluation.held_out import group_scheme
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
 from emacm.recordings.meta import Grouping, chosen_rows, read_grouping
 
 Array = NDArray[np.float64]
-
-_MARGIN = 1e-6  # of the factor above the value at which a decision changes
-_LARGEST = 1e150  # cost
-_ROUNDING = 1e-9  # of sums of fractions missed
 
 
 @dataclass(frozen=True)
@@ -184,7 +181,7 @@ def miss_rate_limit(
     weight[is_faulty] = 1 / (n_units * per_unit[codes])
     allowed = largest_missed(n_units, rate, confidence, exact=bool((per_unit == 1).all()))
     factor = _least_factor(critical, weight[is_faulty], allowed)
-    if not factor * scaled.max() < _LARGEST:
+    if not np.isfinite(factor * scaled.max()):
         raise ValueError(
             f"no cost of missed detections attains a rate of {rate:g}: the model gives every fault "
             f"the probability 0 for {np.count_nonzero(np.isinf(critical))} of {len(critical)} "
@@ -289,8 +286,62 @@ def _critical_factors(posterior: Array, cost: Array, scaled: Array) -> Array:
 
 def _least_factor(critical: Array, weight: Array, allowed: float) -> float:
     """Return the least factor from 1 on with which at most the allowed fraction is missed."""
-    if weight[critical >= 1].sum() <= allowed + _ROUNDING:
+    if weight[critical >= 1].sum() <= allowed + 1e-9:
         return 1.0
     order = np.argsort(-critical)
     above = np.cumsum(weight[order]) - weight[order]  # missed just above each critical factor
-    return float(critical[order][above <= allowed + _ROUNDING].min()) * (1 + _MARGIN)
+    return float(critical[order][above <= allowed + 1e-9].min()) * (1 + 1e-6)
+
+
+def largest_missed(n_units: int, rate: float, confidence: float, *, exact: bool = False) -> float:
+    """Return the largest fraction missed among some units that proves a missed detection rate.
+
+    Parameters
+    ----------
+    n_units : int
+        Number of units with faults.
+    rate, confidence : float
+        As for `miss_rate_limit`.
+    exact : bool, default=False
+        Whether each unit has one recording, so that the number of missed units is binomial.
+
+    Returns
+    -------
+    float
+        Mean over the units of the fraction of their recordings missed; negative if not even 0
+        proves the rate.
+
+    Notes
+    -----
+    Let p be the rate, B binomial of n units, and S the sum over units of the fractions missed. If
+    their mean exceeds p, E f(S) <= E f(B) for every convex decreasing function f (Hoeffding), and
+    f = (t - s)+ with Markov's inequality gives P(S <= x) <= E (t - B)+ / (t - x) for every
+    t > x [3]_. No t gives more than Hoeffding's exponential bound, or than e P(B <= x).
+
+    Examples
+    --------
+    >>> largest_missed(29, 0.1, 0.95) >= 0, largest_missed(28, 0.1, 0.95) >= 0
+    (True, False)
+    >>> [round(largest_missed(100, 0.1, 0.95, exact=exact), 3) for exact in (False, True)]
+    [0.043, 0.04]
+    """
+    level = 1 - confidence
+    t = np.arange(1, n_units + 1)
+    probabilities = binom.cdf(t - 1, n_units, rate)  # of B <= t - 1
+    if exact:
+        return (int(np.count_nonzero(probabilities <= level)) - 1) / n_units
+    expected = np.cumsum(probabilities)  # E (t - B)+
+    return float(np.max(t - expected / level)) / n_units
+
+
+def check_units(n_units: int, rate: float, confidence: float) -> None:
+    """Raise a ValueError if so many units cannot prove a rate, even if none is missed."""
+    needed = int(np.ceil(np.log1p(-confidence) / np.log1p(-rate) - 1e-9))
+    if n_units < needed:
+        lowest = 1 - (1 - confidence) ** (1 / max(n_units, 1))
+        raise ValueError(
+            f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
+            f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
+            f"1 - (1 - {confidence:g})^(1/{max(n_units, 1)}) = {lowest:.3g}. It takes {needed} "
+            f"units; otherwise give a larger rate or less confidence."
+        )

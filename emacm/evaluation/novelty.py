@@ -3,40 +3,134 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from emacm._checks import check_count
+from emacm.decisions.costs import stated_cost, stated_truths
 from emacm.decisions.metrics import label_of
 from emacm.evaluation.bootstrap import cell_mean, draw_interval, drawn_groups, group_intervals
 from emacm.evaluation.figures import label_posteriors
-from emacm.evaluation.held_out import Decided
-from emacm.evaluation.schemes import Fold, Scheme
-from emacm.evaluation.scoring import ScoringRule
+from emacm.evaluation.held_out import (
+    Decided,
+    Fold,
+    Scheme,
+    all_schemes,
+    decide_held_out,
+    read_groupings,
+    strictest_scheme,
+    training_groups,
+)
+from emacm.evaluation.results import as_texts
+from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
 
 Array = NDArray[np.float64]
 
 FLAGGED = 0.01  # recordings of at most this typicality are flagged
-_ROWS = 256  # unknown recordings that are compared with all known ones at a time
 
 
-class Novelty(NamedTuple):
-    """Families that were left out of training.
+@dataclass(frozen=True)
+class UnknownEvaluation:
+    """Result of `evaluate_unknown`; printed as its caveats, followed by its table.
 
     Attributes
     ----------
-    table, predictions : DataFrame
-        `novelty` and `novelty_predictions` of an `Evaluation`.
-    refused : dict of str to str
-        Reason why a family could not be left out.
+    table : DataFrame
+        One row for each family of faults that was left out of training, with intervals: "auroc",
+        the area under the ROC curve of typicality, which separates its recordings from the known
+        ones; fraction of the known recordings with a typicality of at most 0.01
+        ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left out that
+        were decided to be healthy ("unknown_called_healthy"); numbers of recordings ("known",
+        "unknown"). Empty if no family was left out.
+    predictions : DataFrame
+        One row for each family left out and recording held out: "left_out", "fold", "recording",
+        "group", "true_label", "is_unknown" (of the family left out), "decision",
+        "decided_label", "confidence" (the largest posterior probability of a label), "typicality"
+        and "unknown_proba".
+    caveats : list of str
+        Families that could not be left out.
     """
 
     table: pd.DataFrame
     predictions: pd.DataFrame
-    refused: dict[str, str]
+    caveats: list[str]
+
+    def __str__(self) -> str:
+        names = [name for name in self.table if f"{name}_low" in self.table]
+        texts = as_texts(self.table, names)
+        return "\n".join([*(f"- {text}" for text in self.caveats), texts.T.to_string()])
+
+    __repr__ = __str__
+
+
+def evaluate_unknown(
+    estimator: Any,
+    X: Any,
+    y: ArrayLike,
+    *,
+    runs: Any = None,
+    units: Any = None,
+    families: Any = None,
+    healthy: Any = None,
+    n_splits: int = 5,
+) -> UnknownEvaluation:
+    """Leave each family of faults out of training, and state whether it is recognised as unknown.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Classifier or pipeline with an unknown state; it is not changed.
+    X, y, runs, units, healthy
+        As for `evaluate`. Recordings are held out by unit, or, if there are no units or they cannot
+        be held out, by run, or at random.
+    families : mapping, optional
+        {class: family} or {family: [classes]}. Default: defined by the cost of the estimator.
+    n_splits : int, default=5
+        Largest number of folds for each family.
+
+    Returns
+    -------
+    UnknownEvaluation
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, or the estimator has no unknown state; or an error of the
+        estimator, with the fold.
+
+    Examples
+    --------
+    >>> from emacm import CostSensitiveGaussianBayes
+    >>> rng = np.random.default_rng(0)
+    >>> y = np.tile(["new", "worn", "dry"], 60)
+    >>> centres = np.array([{"new": (0, 0), "worn": (9, 0), "dry": (0, 9)}[state] for state in y])
+    >>> X = centres + rng.normal(size=(180, 2))
+    >>> model = CostSensitiveGaussianBayes(covariance="tied", unknown="unknown")
+    >>> found = evaluate_unknown(model, X, y, units=np.arange(180) // 6, healthy="new")
+    >>> found.table["auroc"].round(1).to_dict()
+    {'dry': 1.0, 'worn': 1.0}
+    """
+    unknown, priors = stated_truths(estimator)
+    if unknown is None:
+        raise ValueError(
+            "estimator has no unknown state, so that it assigns any state to a known one. Set "
+            "unknown= of CostSensitiveGaussianBayes."
+        )
+    classes = checked_classes(y, X)
+    check_count(n_splits, "n_splits", at_least=2)
+    stated = {"families": families, "healthy": healthy, "cost": stated_cost(estimator)}
+    rule = scoring_rule(np.unique(classes), unknown=unknown, priors=priors, **stated)
+    labels = [rule.family_of[label] for label in classes.tolist()]
+    groupings = read_groupings(X, runs, units, None)
+    divided = strictest_scheme(all_schemes(classes, labels, groupings, None, n_splits), groupings)
+    schemes = [] if divided is None else left_out_families(divided, labels, rule)
+    groups = training_groups(estimator, groupings)
+    schemes, decided = decide_held_out(estimator, X, classes, schemes, groups=groups)
+    return _score_novelty(schemes, decided, classes, rule)
 
 
 def left_out_families(scheme: Scheme, labels: Sequence[Any], rule: ScoringRule) -> list[Scheme]:
@@ -70,41 +164,30 @@ def left_out_families(scheme: Scheme, labels: Sequence[Any], rule: ScoringRule) 
     return schemes
 
 
-def score_novelty(
+def _score_novelty(
     schemes: Sequence[Scheme],
     decided: Sequence[Sequence[Decided]],
     y: NDArray[Any],
     rule: ScoringRule,
-    bootstrap: Mapping[str, Any],
-) -> Novelty:
-    """Score how well families that were left out are recognised as unknown.
-
-    Parameters
-    ----------
-    schemes : sequence of Scheme
-        From `left_out_families`, after `emacm.evaluation.held_out.decide_held_out`.
-    decided : sequence of sequence of Decided
-        Their decisions.
-    y : ndarray of shape (n_recordings,)
-        True classes.
-    rule : ScoringRule
-        Labels of the classes.
-    bootstrap : mapping
-        Options of `emacm.evaluation.bootstrap.group_intervals`.
-
-    Returns
-    -------
-    Novelty
-    """
-    refused = {scheme.name: scheme.impossible for scheme in schemes if scheme.impossible}
+) -> UnknownEvaluation:
+    caveats = [
+        f"{scheme.name!r} could not be left out of training. {scheme.impossible}"
+        for scheme in schemes
+        if scheme.impossible
+    ]
     parts = [
         novelty_predictions(scheme, folds, y, rule)
         for scheme, folds in zip(schemes, decided, strict=True)
         if not scheme.impossible and all(fold.typicality is not None for fold in folds)
     ]
-    predictions = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-    table = novelty_table(predictions, rule.cleared, bootstrap) if parts else pd.DataFrame()
-    return Novelty(table, predictions, refused)
+    if not parts:
+        caveats.append("No family of faults was left out as unknown.")
+        return UnknownEvaluation(pd.DataFrame(), pd.DataFrame(), caveats)
+    predictions = pd.concat(parts, ignore_index=True)
+    bootstrap = {"confidence": 0.95, "n_resamples": 2000, "random_state": 0}
+    return UnknownEvaluation(
+        novelty_table(predictions, rule.cleared, bootstrap), predictions, caveats
+    )
 
 
 def novelty_predictions(
@@ -126,7 +209,7 @@ def novelty_predictions(
     Returns
     -------
     DataFrame
-        Part of `Evaluation.novelty_predictions`.
+        Part of `UnknownEvaluation.predictions`.
     """
     numbers = np.concatenate([fold.test for fold in scheme.folds])
     labels = [rule.family_of[truth] for truth in y[numbers].tolist()]
@@ -167,7 +250,7 @@ def novelty_table(
     Returns
     -------
     DataFrame
-        As `Evaluation.novelty`.
+        As `UnknownEvaluation.table`.
     """
     rows = []
     for family, part in predictions.groupby("left_out", sort=False):
@@ -246,16 +329,8 @@ def pair_counts(
     (array([[1. , 0.5],
            [1. , 1. ]]), array([1., 1.]), array([1., 1.]))
     """
-    n_groups = int(codes.max()) + 1
-    wins, rows = np.zeros((n_groups, n_groups)), np.flatnonzero(is_unknown)
-    others = np.flatnonzero(~is_unknown)
-    others = others[np.argsort(codes[others], kind="stable")]
-    present, starts = np.unique(codes[others], return_index=True)
-    for block in np.array_split(rows, -(-len(rows) // _ROWS)) if len(rows) and len(others) else ():
-        mine, theirs = typicality[block, np.newaxis], typicality[others]
-        won = np.add.reduceat((mine < theirs) + 0.5 * (mine == theirs), starts, axis=1)
-        np.add.at(wins, (codes[block, np.newaxis], present), won)
-    parts = (is_unknown, ~is_unknown)
-    counts = (np.bincount(codes[part], minlength=n_groups) for part in parts)
-    unknown, known = (count.astype(np.float64) for count in counts)
-    return wins, unknown, known
+    members = np.eye(int(codes.max()) + 1)[codes]
+    own, theirs = typicality[is_unknown, np.newaxis], typicality[~is_unknown]
+    won = (own < theirs) + 0.5 * (own == theirs)
+    wins = members[is_unknown].T @ won @ members[~is_unknown]
+    return wins, members[is_unknown].sum(axis=0), members[~is_unknown].sum(axis=0)

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.multiclass import check_classification_targets
 
+from emacm._checks import once_hint
 from emacm.decisions.families import family_mapping
-from emacm.decisions.labels import label_array
+from emacm.decisions.labels import check_classes, label_array
 from emacm.decisions.metrics import (
     Correct,
     are_correct,
@@ -78,6 +80,11 @@ class ScoringRule:
         healthy = [name for name, label in self.family_of.items() if label == self.healthy]
         return {decision for name in healthy for decision in self.correct[name]}
 
+    def other_decisions(self, decisions: Sequence[Any]) -> list[Any]:
+        """Return the decisions that are neither classes nor families and have no cost."""
+        known = {*self.correct, *self.labels, *(self.costs[0] if self.costs else ()), self.unknown}
+        return [decision for decision in dict.fromkeys(decisions) if decision not in known]
+
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
         """Return label, correctness and cost of each decision.
 
@@ -97,17 +104,12 @@ class ScoringRule:
         ValueError
             If a decision is not a class or family and has no cost.
         """
-        rows = self.costs[0] if self.costs else []
-        known = {*self.correct, *self.labels, *rows}
-        if self.unknown is not None:
-            known.add(self.unknown)
-        for decision in decisions:
-            if decision not in known:
-                raise ValueError(
-                    f"the estimator decided {decision!r}, which is none of the classes "
-                    f"{self.classes} and has no cost. If it is a family of classes, give "
-                    f"families=; if it is another decision, give its costs in cost=."
-                )
+        if self.costs and (others := self.other_decisions(decisions)):
+            raise ValueError(
+                f"the estimator decided {others[0]!r}, which is none of the classes {self.classes} "
+                f"and has no cost. If it is a family of classes, give families= to rescored; if "
+                f"it is another decision, give its costs in cost=."
+            )
         table = pd.DataFrame({"truth": _column(truths), "decision": _column(decisions)})
         is_correct = are_correct(truths, decisions, self.correct)
         labels = [label_of(truth, self.correct) for truth in truths]
@@ -285,3 +287,23 @@ def _truths(cost: Any) -> set[Any]:
 
 def _column(values: Sequence[Any]) -> pd.Series:
     return pd.Series(label_array(list(values)))
+
+
+def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
+    """Return y as an array, or raise an error if it has not one class for each recording."""
+    if isinstance(X, str | Mapping) or not (hasattr(X, "shape") or hasattr(X, "__len__")):
+        raise TypeError(
+            f"X must be a list of recordings or a table, got {type(X).__name__}.{once_hint(X)}"
+        )
+    n_recordings = X.shape[0] if hasattr(X, "shape") else len(X)
+    classes = np.asarray(y)
+    if classes.shape != (n_recordings,):
+        raise ValueError(
+            f"y must contain one class for each of {n_recordings} recordings in X, got shape "
+            f"{classes.shape}."
+        )
+    check_classes(y)
+    check_classification_targets(classes)
+    if len(np.unique(classes)) < 2:
+        raise ValueError(f"y must contain at least two classes, got {np.unique(classes)}.")
+    return classes

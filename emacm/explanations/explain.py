@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.labels import label_list, label_positions
-from emacm.explanations.deviations import Deviations, find_deviations, power_scales
+from emacm.explanations.deviations import (
+    PROJECTED,
+    Deviations,
+    find_deviations,
+    power_scales,
+    unknown_statements,
+)
 from emacm.explanations.feature_traces import FeatureTrace, trace_features, with_names
 from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
 from emacm.explanations.slopes import (
@@ -27,7 +33,6 @@ from emacm.explanations.slopes import (
     mean_slope_of_cost,
     mean_slope_of_log_odds,
 )
-from emacm.explanations.unknown_statements import PROJECTED, unknown_statements
 
 Array = NDArray[np.float64]
 

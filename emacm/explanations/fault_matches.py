@@ -13,8 +13,6 @@ from emacm.machine.fault_orders import named_orders, slip_ranges
 
 Array = NDArray[np.float64]
 
-_MOST_HARMONICS = 1000
-
 
 def match_fault_orders(
     explanation: pd.DataFrame,
@@ -110,7 +108,7 @@ def _with_harmonics(
     orders: pd.DataFrame | Mapping[str, float], slip: float, min_width: float, harmonics: int
 ) -> tuple[list[str], Array, Array, Array]:
     """Return names, orders, and lower and upper limits of the lines, multiples included."""
-    check_count(harmonics, "harmonics", at_most=_MOST_HARMONICS)
+    check_count(harmonics, "harmonics", at_most=1000)
     names, centres = named_orders(orders)
     _, low, high = slip_ranges(orders, slip=slip)
     multiples = np.arange(1, harmonics + 1)[:, np.newaxis]

@@ -17,10 +17,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Steps = tuple[tuple[str, Any], ...]
 
-_INSENSITIVE = 1e-9  # relative response below which an output does not depend on a column
-_BLOCK = 256  # columns changed in one call
-_NONLINEARITY = 1e-6  # largest relative deviation from the linear prediction
-
 
 @dataclass(frozen=True)
 class FeatureTrace:
@@ -142,7 +138,7 @@ def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
         if not np.isfinite(responses).all():
             return None
         strength = np.abs(responses)
-        limit = _INSENSITIVE * strength.max(axis=1, keepdims=True) + 1e-13 * size
+        limit = 1e-9 * strength.max(axis=1, keepdims=True) + 1e-13 * size
         responds = strength > limit
         if sources is None:
             sources = np.full(responds.shape[1], -1)
@@ -173,12 +169,14 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     matrix = np.concatenate(found).T / scale
     predicted = away @ matrix.T
     deviation = np.abs(measured - predicted).max(initial=0.0)
-    if not deviation <= _NONLINEARITY * np.abs(predicted).max(initial=0.0):
+    if not deviation <= 1e-6 * np.abs(predicted).max(initial=0.0):
         raise _untraceable(name, step)
     return matrix
 
 
-def _responses(step: Any, row: Array, changes: Array) -> Iterator[tuple[slice, Array, Array]]:
+def _responses(
+    step: Any, row: Array, changes: Array, n_block: int = 256
+) -> Iterator[tuple[slice, Array, Array]]:
     """Change one column at a time; yield the changes of the outputs, for blocks of columns.
 
     Each block is (columns changed, changes of the outputs of shape (n_changed, n_outputs),
@@ -187,8 +185,8 @@ def _responses(step: Any, row: Array, changes: Array) -> Iterator[tuple[slice, A
     n_columns = row.shape[1]
     with np.errstate(all="ignore"):
         before = apply_step(step, row)
-        for start in range(0, n_columns, _BLOCK):
-            block = slice(start, min(start + _BLOCK, n_columns))
+        for start in range(0, n_columns, n_block):
+            block = slice(start, min(start + n_block, n_columns))
             rows = np.repeat(row, block.stop - start, axis=0)
             rows[np.arange(len(rows)), np.arange(start, block.stop)] += changes[block]
             after = apply_step(step, rows)

@@ -3,16 +3,414 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from emacm.machine.lines import LineLevels, fault_series
+from emacm._checks import check_count, check_number
+from emacm.machine.fault_orders import lines_of
 from emacm.machine.parts import Part
-from emacm.orders.columns import column_names, parse_order_columns
-from emacm.orders.table_transformer import OrderTableTransformer
+from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
+from emacm.orders.new_lines import line_heights
 from emacm.recordings.inputs import check_channel_names, chosen_channels
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """How lines are found and their background is simulated; ``benchmarks/bearings.py`` shows both.
+
+    Attributes
+    ----------
+    fewest : int
+        Spectral lines of background that a median needs.
+    skirt : int
+        Half the main lobe of a Hann window [lines of the axis].
+    below : float
+        A line between two orders is equal at both, and at least so near at one [dB].
+    draws : int
+        Simulated spectra of the background.
+    seed : int
+        Of the simulated spectra: equal input gives equal p-values.
+    n_lines : int
+        Lines of each simulated spectrum whose spread is compared with that of a channel.
+    lowest_shape, highest_shape, n_shapes : float, float, int
+        Shapes of the gamma distributions that are compared, evenly spaced in their logarithm.
+    """
+
+    fewest: int = 5
+    skirt: int = 2
+    below: float = 3.0
+    draws: int = 2000
+    seed: int = 20_111
+    n_lines: int = 40_000
+    lowest_shape: float = 0.5
+    highest_shape: float = 2000.0
+    n_shapes: int = 120
+
+    @property
+    def shapes(self) -> Array:
+        """Shapes of the gamma distributions."""
+        return np.geomspace(self.lowest_shape, self.highest_shape, self.n_shapes)
+
+
+SETTINGS = LineSettings()
+
+
+@dataclass(frozen=True)
+class FaultSeries:
+    """The lines by which one fault is recognised.
+
+    Attributes
+    ----------
+    name : str
+        Name of the fault, such as "BPFI".
+    orders : tuple of float
+        Orders of the lines without slip [cycles per revolution].
+    slips : bool
+        Whether slip of rolling elements moves the lines.
+    kind : str
+        Component or phenomenon, such as "inner ring".
+    sidebands : tuple of (str, float)
+        Name and order of each modulation.
+    """
+
+    name: str
+    orders: tuple[float, ...]
+    slips: bool
+    kind: str = ""
+    sidebands: tuple[tuple[str, float], ...] = ()
+
+
+def fault_series(
+    parts: Sequence[Part | Mapping[str, float]] | Part | Mapping[str, float], harmonics: int
+) -> tuple[FaultSeries, ...]:
+    """Return the series of lines of each fault of a machine.
+
+    Parameters
+    ----------
+    parts : part, or sequence of parts
+        `Bearing`, `Gear`, `Motor` and so on, or mappings of fault names to orders.
+    harmonics : int
+        Number of lines of each series. A defect of a ball strikes both rings in each turn, so its
+        series has the multiples 2, 4, ... of BSF.
+
+    Returns
+    -------
+    tuple of FaultSeries
+
+    Raises
+    ------
+    TypeError
+        If an entry is not a part.
+    ValueError
+        If there is no part, or two faults have the same name.
+
+    Examples
+    --------
+    >>> from emacm import Bearing
+    >>> for fault in fault_series(Bearing(9, 7.94, 39.04), 2):
+    ...     print(fault.name, [round(order, 3) for order in fault.orders])
+    BPFO [3.585, 7.17]
+    BPFI [5.415, 10.83]
+    BSF [4.713, 9.427]
+    FTF [0.398, 0.797]
+    """
+    check_count(harmonics, "harmonics", at_most=100)
+    single = isinstance(parts, Part | Mapping)
+    if not single and not isinstance(parts, Sequence):
+        raise TypeError(
+            f"parts must be a part such as a Bearing, or a list of them; got {parts!r}."
+        )
+    found: list[FaultSeries] = []
+    for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
+        for prefix, _, line in lines_of(part, number):
+            multiples = line.strikes * np.arange(1, harmonics + 1)
+            orders = tuple(float(order) for order in multiples * line.order)
+            found.append(
+                FaultSeries(prefix + line.name, orders, line.slips, line.kind, line.sidebands)
+            )
+    names = [fault.name for fault in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(
+                f"two faults are called {name!r}. Give the parts names, such as "
+                f"Bearing(..., name='drive end')."
+            )
+    if not found:
+        raise ValueError("parts must hold at least one part, such as a Bearing; got none.")
+    return tuple(found)
+
+
+class LineLevels:
+    """Levels of series of lines above the local background, for one order axis.
+
+    Parameters
+    ----------
+    orders : ndarray of shape (n_orders,)
+        Evenly spaced orders of the spectra.
+    series : sequence of FaultSeries
+        Lines to measure.
+    slip : float
+        Largest slip, as a fraction of the order, either way.
+    background : float
+        The background of a line is the median of the spectrum within this distance [orders] on
+        either side.
+    without_shaft : bool, default=False
+        Lines at whole orders do not count for rolling elements, unless they are predicted there:
+        for naming faults. Without it, the level is the same for any slip.
+
+    Raises
+    ------
+    ValueError
+        If a line lies outside the orders of the spectra, or the spectra are too coarse.
+    """
+
+    def __init__(
+        self,
+        orders: NDArray[np.floating],
+        series: Sequence[FaultSeries],
+        slip: float,
+        background: float,
+        *,
+        without_shaft: bool = False,
+    ) -> None:
+        self.orders = np.asarray(orders, dtype=np.float64)
+        self.series = tuple(series)
+        self.slip = check_number(slip, "slip", at_least=0, below=0.2)
+        check_number(background, "background", above=0, unit="orders")
+        self._first = self.orders[0]
+        self._step = (self.orders[-1] - self.orders[0]) / (len(self.orders) - 1)
+        self._width = 2 * round(background / self._step) + 1
+        if self._width < SETTINGS.fewest:
+            raise ValueError(
+                f"the spectra have a line every {self._step:g} orders, so that a background of "
+                f"{background:g} orders on either side holds fewer than {SETTINGS.fewest} lines. "
+                f"Use OrderPSD(revolutions={np.ceil(SETTINGS.fewest / background):.0f}) or more, "
+                f"or a larger background."
+            )
+        self._places = [self._grid(fault) for fault in self.series]
+        self._of_shaft = self._from_whole(self.orders) < 1.5 * self._step
+        self._without_shaft = without_shaft
+        self._drawn: dict[float, Array] = {}
+
+    def _grid(self, fault: FaultSeries) -> tuple[Array, NDArray[np.intp]]:
+        """Return slips, and the places of the lines for each, of shape (n_slips, n_lines)."""
+        lines = np.array(fault.orders)
+        reach = self.slip if fault.slips else 0.0
+        top = self.orders[-1]
+        n_steps = int(np.ceil(reach * min(lines[-1], top) / self._step))
+        slips = np.linspace(-reach, reach, 2 * n_steps + 1)
+        places = np.rint((np.outer(1 + slips, lines) - self._first) / self._step).astype(np.intp)
+        if places.min() < 1 or places.max() > len(self.orders) - 2:
+            raise ValueError(
+                f"the lines of {fault.name!r} reach order {lines[-1] * (1 + reach):.4g}, but the "
+                f"spectra hold orders {self._first:.4g} to {top:.4g}. Lower theta_s of "
+                f"OrderResampler, raise max_order of OrderPSD, or lower harmonics."
+            )
+        return slips, places
+
+    def _apart_from_shaft(self, fault: FaultSeries) -> NDArray[np.bool_]:
+        """Return which lines of a series cannot be harmonics of the shaft."""
+        distance = self._from_whole(np.array(fault.orders))
+        if not (self._without_shaft and fault.slips) or distance[0] < 1.5 * self._step:
+            return np.zeros(len(distance), bool)
+        return np.asarray(distance > 0.5 * self._step)
+
+    @staticmethod
+    def _from_whole(orders: Array) -> Array:
+        """Return the distance of orders from the nearest whole one, but not from 0."""
+        return np.asarray(np.abs(orders - np.maximum(np.rint(orders), 1)))
+
+    def heights(self, psd: Array) -> Array:
+        """Return each line over its local background [dB], of the shape of `psd`.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra [U²/order] in any unit U.
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_orders)
+            0 where line and background are both 0.
+        """
+        return line_heights(psd, self._width)
+
+    def measure(self, psd: Array) -> tuple[Array, Array, list[Array]]:
+        """Measure the level of each series.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra [U²/order] in any unit U.
+
+        Returns
+        -------
+        levels : ndarray of shape (n_rows, n_series)
+            Mean height of the lines of a series above the local background [dB], at the slip
+            where it is largest.
+        slips : ndarray of shape (n_rows, n_series)
+            That slip, as a fraction of the order.
+        lines : list of ndarray of shape (n_rows, n_lines)
+            Height of each line of each series at that slip [dB].
+        """
+        heights = self.heights(psd)
+        # Rolling elements are not synchronous with the shaft: what is at a whole order may not be
+        # theirs, even within the range of slip, unless it is predicted there.
+        peaks = np.stack([_peaks(heights), _peaks(heights, self._of_shaft)])
+        rows = np.arange(len(psd))
+        levels, slips, lines = [], [], []
+        for fault, (grid, places) in zip(self.series, self._places, strict=True):
+            apart = self._apart_from_shaft(fault)
+            values = peaks[apart.astype(np.intp), :, places].transpose(2, 0, 1)
+            means = values.mean(axis=2)
+            # Of equal levels the smallest slip.
+            nearest = np.argsort(np.abs(grid), kind="stable")
+            best = nearest[np.argmax(means[:, nearest], axis=1)]
+            levels.append(means[rows, best])
+            slips.append(grid[best])
+            lines.append(values[rows, best])
+        return np.stack(levels, axis=1), np.stack(slips, axis=1), lines
+
+    def background(self, psd: Array) -> Array:
+        """Return the local background of each line, of the shape and the unit of `psd`."""
+        return psd / 10 ** (self.heights(psd) / 10)
+
+    def sidebands(self, psd: Array, fault: FaultSeries, slip: float) -> dict[str, float]:
+        """Return the mean height of the sidebands of a series, by name of the modulation [dB].
+
+        Parameters
+        ----------
+        psd : ndarray of shape (1, n_orders)
+            Order spectrum.
+        fault : FaultSeries
+            The series.
+        slip : float
+            Its slip, as `measure` finds it.
+
+        Returns
+        -------
+        dict of str to float
+            Only sidebands within the orders of the spectrum are taken.
+        """
+        peaks = _peaks(self.heights(psd))[0]
+        found = {}
+        for name, order in fault.sidebands:
+            sides = np.add.outer((1 + slip) * np.array(fault.orders), (-order, order)).ravel()
+            places = np.rint((sides - self._first) / self._step).astype(np.intp)
+            inside = (sides > 2 * self._step) & (places < len(peaks) - 1)
+            if inside.any():
+                found[name] = float(peaks[places[inside]].mean())
+        return found
+
+    def p_values(self, psd: Array, levels: Array) -> Array:
+        """Return the probability of levels at least as high in background alone.
+
+        The background is assumed to be noise whose lines are Gamma distributed, as averages of
+        Welch's method are. The shape parameter is estimated from the spread of each spectrum. The
+        levels of 2000 simulated spectra of that shape are measured in the same way.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra.
+        levels : ndarray of shape (n_rows, n_series)
+            Their levels [dB].
+
+        Returns
+        -------
+        ndarray of shape (n_rows, n_series)
+            Not smaller than 1/2001.
+        """
+        return self.compare(psd, levels)[1]
+
+    def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:
+        """Compare levels with those of background alone, as `p_values` does.
+
+        Parameters
+        ----------
+        psd, levels
+            As for `p_values`.
+
+        Returns
+        -------
+        excess : ndarray of shape (n_rows, n_series)
+            Level minus the mean level of background alone [dB].
+        p : ndarray of shape (n_rows, n_series)
+            As of `p_values`.
+        """
+        excess, p = np.empty_like(levels), np.empty_like(levels)
+        for row, shape in enumerate(self.background_shapes(psd)):
+            drawn = self._background_levels(float(shape))
+            excess[row] = levels[row] - drawn.mean(axis=0)
+            p[row] = (1 + (drawn >= levels[row]).sum(axis=0)) / (1 + len(drawn))
+        return excess, p
+
+    def background_shapes(self, psd: Array) -> Array:
+        """Return the Gamma shape of the background of each spectrum, from its spread.
+
+        Parameters
+        ----------
+        psd : ndarray of shape (n_rows, n_orders)
+            Order spectra.
+
+        Returns
+        -------
+        ndarray of shape (n_rows,)
+            The nearest of a grid of shapes; for an average of n independent segments, n.
+        """
+        spreads = _simulated_spreads(self._width)
+        spread = _spread(line_heights(psd, self._width))
+        return SETTINGS.shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
+
+    def _background_levels(self, shape: float) -> Array:
+        """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
+        if shape not in self._drawn:
+            rng = np.random.default_rng(SETTINGS.seed)
+            spectra = rng.standard_gamma(shape, (SETTINGS.draws, len(self.orders)))
+            self._drawn[shape] = self.measure(spectra)[0]
+        return self._drawn[shape]
+
+
+def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
+    """Return the height of the line at each order, of the shape of `heights` [dB].
+
+    A line between two orders of the axis appears at the higher of both. The skirt of a strong line
+    is no line of its own: a harmonic of the shaft would be found at the cage frequency beside it.
+    """
+    strongest = ndimage.maximum_filter1d(heights, 2 * SETTINGS.skirt + 1, axis=-1, mode="nearest")
+    is_none = heights < strongest - SETTINGS.below
+    if excluded is not None:
+        is_none |= excluded
+    own = np.where(is_none, np.minimum(heights, 0.0), heights)
+    found: Array = ndimage.maximum_filter1d(own, 3, axis=-1, mode="nearest")
+    return found
+
+
+@lru_cache(maxsize=8)
+def _simulated_spreads(width: int) -> Array:
+    """Return the spread of simulated heights for each of the Gamma shapes."""
+    rng = np.random.default_rng(SETTINGS.seed)
+    return _spread(
+        line_heights(
+            rng.standard_gamma(
+                SETTINGS.shapes[:, np.newaxis], (len(SETTINGS.shapes), SETTINGS.n_lines)
+            ),
+            width,
+        )
+    )
+
+
+def _spread(heights: Array) -> Array:
+    """Return the interquartile range of each row, which a few strong lines do not change."""
+    low, high = np.quantile(heights, [0.25, 0.75], axis=-1)
+    return high - low
 
 
 class FaultLines(OrderTableTransformer):

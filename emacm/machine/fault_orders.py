@@ -17,7 +17,6 @@ from emacm.orders.bins import Band, round_edge
 _MOTORS = (Motor, InductionMotor)
 _COLUMNS = ("name", "order", "part", "kind", "harmonic", "sideband", "slips")
 _MOST_LINES = 100_000
-_HIGHEST = 1e9  # order
 
 
 def fault_orders(
@@ -257,7 +256,7 @@ def named_orders(
     names = [str(name) for name, _ in orders.items()]
     _check_distinct(names)
     values = [
-        check_number(order, f"the order of {name!r}", above=0, at_most=_HIGHEST, unit="orders")
+        check_number(order, f"the order of {name!r}", above=0, at_most=1e9, unit="orders")
         for name, order in orders.items()
     ]
     return names, np.array(values)

@@ -9,7 +9,6 @@ from emacm._checks import check_choice, check_count
 from emacm.machine.parts import MOST, Line, Part, check_mounting
 
 _MEMBERS = ("sun", "ring", "carrier")
-_LEAST = 1e-9  # relative speed; what is below stands still
 
 
 @dataclass(frozen=True)
@@ -205,11 +204,11 @@ class PlanetaryGear(Part):
         turning = [
             (member, speeds[member])
             for member in ("sun", "planet", "ring", "carrier")
-            if speeds[member] > _LEAST * self.ratio
+            if speeds[member] > 1e-9 * self.ratio
         ]
         modulations = [item for item in turning if item[0] != "planet"]
         around = self.n_planets * speeds["carrier"]
-        if around > _LEAST * self.ratio and self.n_planets > 1:
+        if around > 1e-9 * self.ratio and self.n_planets > 1:
             modulations.append(("planet pass", around))
         per_sun, per_ring = mesh / self.sun_teeth, mesh / self.ring_teeth
         carrier = tuple(item for item in turning if item[0] == "carrier")

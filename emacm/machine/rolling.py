@@ -8,8 +8,6 @@ from math import asin, atan, cos, pi
 from emacm._checks import check_choice, check_count, check_number
 from emacm.machine.parts import MOST, Line, Part, check_mounting
 
-_FULL = pi * (1 + 1e-9)  # sum of half angles of balls that touch one another on the whole circle
-
 
 @dataclass(frozen=True)
 class Bearing(Part):
@@ -76,7 +74,8 @@ class Bearing(Part):
         check_count(self.n_balls, "n_balls", at_least=2, at_most=MOST)
         _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
-        if self.n_balls * asin(self.ball_diameter / self.pitch_diameter) > _FULL:
+        half_angle = asin(self.ball_diameter / self.pitch_diameter)
+        if self.n_balls * half_angle > pi * (1 + 1e-9):  # more than the whole circle
             raise ValueError(
                 f"{self.n_balls} balls of diameter {self.ball_diameter:g} do not fit on a pitch "
                 f"circle of diameter {self.pitch_diameter:g}. Give the number in one row, and both "

@@ -11,11 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_count, check_number, located
-from emacm.conditions.rates import are_recordings, check_rates, common_rates
-from emacm.machine.fault_lines import FaultLines
-from emacm.machine.lines import DRAWS, FaultSeries, LineLevels, fault_series
+from emacm.conditions.healthy import are_recordings, check_rates, common_rates
+from emacm.machine.fault_lines import SETTINGS, FaultLines, FaultSeries, LineLevels, fault_series
 from emacm.machine.parts import Part
-from emacm.models.bearing_recipe import bearing_recipe, highest_order
+from emacm.models.recipes import bearing_recipe, highest_order
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
@@ -122,11 +121,12 @@ def find_faults(
     check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
     series = fault_series(parts, harmonics)
-    least = len(series) / (1 + DRAWS)
+    least = len(series) / (1 + SETTINGS.draws)
     if false_alarm < least:
         raise ValueError(
-            f"false_alarm = {false_alarm:g} is below {least:.2g}, the smallest that {DRAWS} "
-            f"simulated backgrounds resolve for {len(series)} faults. Raise it, or leave parts out."
+            f"false_alarm = {false_alarm:g} is below {least:.2g}, the smallest that "
+            f"{SETTINGS.draws} simulated backgrounds resolve for {len(series)} faults. "
+            f"Raise it, or leave parts out."
         )
     measure = partial(
         _measured, parts=parts, harmonics=harmonics, slip=slip, channels=channels, series=series

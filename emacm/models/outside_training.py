@@ -9,6 +9,7 @@ from typing import Any
 
 from sklearn.pipeline import FeatureUnion, Pipeline
 
+from emacm._statements import Statement
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import search_estimator
 from emacm.models.model_files import parts_of
@@ -16,7 +17,6 @@ from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.new_lines import collected_statements
 from emacm.recordings.inputs import as_list
 from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.training_range import Statement
 from emacm.stroke_features.transformer import StrokeFeatures
 
 

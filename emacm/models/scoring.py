@@ -16,18 +16,16 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._progress import n_parallel, run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.least_risk_mixin import LeastRiskMixin
 from emacm.decisions.pipelines import before_the_last_step, search_estimator
-from emacm.decisions.risks import decide, risks_of
+from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.explanations.explain import explain_decision
+from emacm.files.folder import FileRecording
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import training_statements
 from emacm.orders.new_lines import collected_statements
-from emacm.recordings.files import FileRecording
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
-from emacm.resampling.inputs import check_angle_step
-from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.order_resampler import OrderResampler, check_angle_step
 from emacm.resampling.quality import Quality, recording_quality
 
 Row = dict[str, Any]

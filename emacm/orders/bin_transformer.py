@@ -21,6 +21,7 @@ from emacm.orders.columns import (
     BARE_CHANNEL,
     BinPowers,
     OrderBlock,
+    OrderTableTransformer,
     column_names,
     parse_order_columns,
 )
@@ -30,7 +31,6 @@ from emacm.orders.new_lines import (
     state_new_lines,
     warn_of_new_lines,
 )
-from emacm.orders.table_transformer import OrderTableTransformer
 
 
 class BinTransformer(OrderTableTransformer):

@@ -15,10 +15,6 @@ from emacm.orders.columns import number_name, parse_bin_columns, parse_order_col
 
 Band = tuple[float, float]
 
-_AT_ONCE = 1 << 20  # weights computed at a time
-_SLACK = 1e-9  # orders; an edge closer than this to the end of the axis lies on it
-_MOST_BINS = 10_000  # far narrower than any line
-
 
 def bin_edges(bin_size: float, max_order: float) -> list[Band]:
     """Divide the orders from 0 to `max_order` into bins; the last may be narrower.
@@ -47,7 +43,7 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
     """
     bin_size = check_number(bin_size, "bin_size", above=0, unit="orders")
     max_order = check_number(max_order, "max_order", above=0, unit="orders")
-    if max_order / bin_size > _MOST_BINS:
+    if max_order / bin_size > 10_000:  # far narrower than any line
         raise ValueError(
             f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
             f"{max_order:g}. It is the width of a bin in orders, such as 1."
@@ -57,7 +53,7 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
 
 @lru_cache(maxsize=64)  # a search uses the same bins many times
 def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
-    n_bins = max(1, int(np.ceil(max_order / bin_size - _SLACK)))
+    n_bins = max(1, int(np.ceil(max_order / bin_size - 1e-9)))
     edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
     return tuple(pairwise(edges))
 
@@ -243,7 +239,7 @@ def bin_operator(
     _check_range(orders, bins)
     parts = [(k, *part) for k, band in enumerate(bins) for part in kept_intervals(band, stops)]
     operator = np.zeros((len(bins), len(orders)))
-    at_once = max(1, _AT_ONCE // len(orders))
+    at_once = max(1, (1 << 20) // len(orders))  # about a million weights at a time
     for start in range(0, len(parts), at_once):
         part = np.array(parts[start : start + at_once])
         weights = _weights_below(orders, part[:, 2]) - _weights_below(orders, part[:, 1])
@@ -294,8 +290,9 @@ def _check_name(name: str, band: Band) -> None:
 
 
 def _check_range(orders: NDArray[np.floating], bins: Sequence[Band]) -> None:
+    slack = 1e-9  # orders; an edge closer than this to the end of the axis lies on it
     for low, high in bins:
-        if high > orders[-1] + _SLACK or low < orders[0] - _SLACK:
+        if high > orders[-1] + slack or low < orders[0] - slack:
             raise ValueError(
                 f"the bin {low:g}-{high:g} reaches beyond the spectrum, whose orders are "
                 f"{orders[0]:g} to {orders[-1]:g}. Lower max_order (or edges) of the bins, or "

@@ -20,8 +20,6 @@ from emacm.orders.welch import check_holds_segment, segment_plan
 Pair = tuple[int, int]
 Complex = NDArray[np.complexfloating]
 
-_ROUNDING = 1e-28  # of the strongest power; less is due to rounding errors
-
 KINDS = ("response", "coherence", "cross")
 Part = tuple[str, Callable[[Any], NDArray[np.floating]]]
 # The real columns of a complex quantity.
@@ -146,7 +144,7 @@ class CrossAverages:
                 f"channel {dead!r} has no power at any order, so neither response nor coherence "
                 f"exists. Check its sensor, or leave the channel out."
             )
-        present = power > _ROUNDING * strongest
+        present = power > 1e-28 * strongest  # less is due to rounding errors
         return np.divide(self.cross, power, out=np.zeros_like(self.cross), where=present)
 
 
@@ -163,8 +161,8 @@ def cross_averages(
     plan : SegmentPlan
         How signals are cut; its `average` has no effect, the mean is used.
     segments : iterable of (lines, weight)
-        What its `lines_of` or `emacm.orders.padding.padded_lines` yield for signals, such as the
-        strokes of a recording; read one at a time.
+        What its `lines_of` or `padded_lines` yield for signals, such as the strokes of a
+        recording; read one at a time.
     pairs : sequence of (int, int)
         Input and output channel of each pair.
     channels : sequence of str

@@ -15,29 +15,67 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from emacm._checks import group_codes
 from emacm.orders.columns import OrderBlock
-from emacm.orders.line_heights import line_heights
 from emacm.resampling.training_range import warn_of_statements
 
 Array = NDArray[np.float64]
 
-_LEAST = 4.0  # dB over the maximum, which a recording with less noise may also exceed
-_LEVEL = 0.02  # fraction of groups of known recordings that may exceed the limit
-_FEWEST = 5  # groups, from which a limit can be learned
-_FLOOR = 1e-12  # of the largest line of a channel: rounding errors lie below
-_SIDE, _LINES = 0.5, 8  # orders on either side of a line that are its background; at least lines
-_QUANTILE = 0.25  # of those: the floor between dense lines, where a median would be on them
-_DEEPEST = -20.0  # dB; valleys between lines, and order 0 without the mean
-_PRIOR = 5  # groups; weight of the spread that is common to the lines of a channel
-_LEAST_SPREAD = 0.8  # dB; about the scatter of heights in spectra of thirty segments
-_LOBE, _BELOW = 4, 10.0  # adjacent orders that a line fills (Hann window), down to so many dB
-_LISTED = 5  # statements about a recording
+
+@dataclass(frozen=True)
+class NewLineSettings:
+    """What a new line is; ``benchmarks/unknown.py`` chose the values, on simulated units.
+
+    Attributes
+    ----------
+    least : float
+        Least excess over the maximum of the training [dB], which a recording with less noise may
+        also have.
+    level : float
+        Fraction of groups of known recordings that may exceed the limit.
+    fewest : int
+        Groups from which a limit can be learned.
+    floor : float
+        Fraction of the largest line of a channel below which lines are rounding errors.
+    side, lines : float, int
+        Background on either side of a line: so many orders, and at least so many lines.
+    quantile : float
+        Quantile of the background: the floor between dense lines, where a median would be on them.
+    deepest : float
+        Least height [dB]: valleys between lines, and order 0 without the mean.
+    prior : int
+        Weight of the spread that is common to the lines of a channel [groups].
+    least_spread : float
+        About the scatter of heights in spectra of thirty segments [dB].
+    lobe, below : int, float
+        Adjacent orders that a line fills (Hann window), down to so many dB below its peak.
+    listed : int
+        Statements about a recording.
+    """
+
+    least: float = 4.0
+    level: float = 0.02
+    fewest: int = 5
+    floor: float = 1e-12
+    side: float = 0.5
+    lines: int = 8
+    quantile: float = 0.25
+    deepest: float = -20.0
+    prior: int = 5
+    least_spread: float = 0.8
+    lobe: int = 4
+    below: float = 10.0
+    listed: int = 5
+
+
+SETTINGS = NewLineSettings()
 
 _collected: ContextVar[list[str] | None] = ContextVar("_collected", default=None)
 
@@ -115,13 +153,13 @@ def learn_lines(
         heights = _heights(own, block.orders)
         highest = heights if codes is None else _maxima_of_groups(heights, codes)
         known.maxima[block.columns] = np.where(used, highest.max(axis=0), np.inf)
-        if len(highest) >= _FEWEST:
+        if len(highest) >= SETTINGS.fewest:
             spread, left_out = _left_out(highest)
             known.limits[block.columns] = np.where(used, spread, np.inf)
             excess = np.maximum(excess, left_out[:, used].max(axis=1))
     if np.ndim(excess):
         learned = np.isfinite(known.limits)
-        known.limits[learned] = np.maximum(_limit(excess) * known.limits[learned], _LEAST)
+        known.limits[learned] = np.maximum(_limit(excess) * known.limits[learned], SETTINGS.least)
     return known
 
 
@@ -151,15 +189,17 @@ def state_new_lines(
             continue
         heights = _heights(psd[:, block.columns], block.orders)
         # What is not above the background is no line; a dead channel has only rounding errors.
-        is_alive = psd[:, block.columns].max(axis=1, keepdims=True) > _FLOOR * largest
-        above = (heights > np.maximum(maxima + limits, _LEAST)) & is_alive
+        is_alive = psd[:, block.columns].max(axis=1, keepdims=True) > SETTINGS.floor * largest
+        above = (heights > np.maximum(maxima + limits, SETTINGS.least)) & is_alive
         for row in np.flatnonzero(above.any(axis=1)):
             found[row] += _of_channel(block, heights[row], maxima, above[row])
     stated = []
     for pairs in found:
         texts = [text for _, text in sorted(pairs, key=lambda pair: -pair[0])]
-        more = len(texts) - _LISTED
-        stated.append(texts[:_LISTED] + ([f"and at {more} more orders"] if more > 0 else []))
+        more = len(texts) - SETTINGS.listed
+        stated.append(
+            texts[: SETTINGS.listed] + ([f"and at {more} more orders"] if more > 0 else [])
+        )
     return stated
 
 
@@ -185,7 +225,7 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
         return
     note = (
         f"({sum(map(bool, statements))} of {len(statements)}; of recordings like those of the "
-        f"training, about {100 * _LEVEL:.0f} in 100 have such lines)"
+        f"training, about {100 * SETTINGS.level:.0f} in 100 have such lines)"
     )
     rows = [None] * len(statements)
     warn_of_statements(rows, statements, note=note, stacklevel=stacklevel + 1)
@@ -194,10 +234,10 @@ def warn_of_new_lines(statements: Sequence[Sequence[str]], *, stacklevel: int) -
 def _heights(psd: NDArray[np.floating], orders: NDArray[np.floating]) -> Array:
     """Return the height of each line of a channel over its background [dB], at least -20."""
     step = (orders[-1] - orders[0]) / max(len(orders) - 1, 1)
-    side = max(round(_SIDE / step), _LINES) if step > 0 else _LINES
-    floor = _FLOOR * psd.max(axis=1, keepdims=True)
-    heights = line_heights(np.maximum(psd, np.maximum(floor, 0.0)), 2 * side + 1, _QUANTILE)
-    return np.maximum(heights, _DEEPEST, out=heights)
+    side = max(round(SETTINGS.side / step), SETTINGS.lines) if step > 0 else SETTINGS.lines
+    floor = SETTINGS.floor * psd.max(axis=1, keepdims=True)
+    heights = line_heights(np.maximum(psd, np.maximum(floor, 0.0)), 2 * side + 1, SETTINGS.quantile)
+    return np.maximum(heights, SETTINGS.deepest, out=heights)
 
 
 def _maxima_of_groups(heights: Array, codes: NDArray[np.intp]) -> Array:
@@ -225,16 +265,18 @@ def _left_out(highest: Array) -> tuple[Array, Array]:
     n_groups, n_columns = highest.shape
     squares = (highest - highest.mean(axis=0)) ** 2
     total = squares.sum(axis=0)
-    common = _PRIOR * float(np.median(total)) / (n_groups - 1)
+    common = SETTINGS.prior * float(np.median(total)) / (n_groups - 1)
     # The sum of squares about the mean of the others, without each group.
     others = np.maximum(total - squares * (n_groups / (n_groups - 1)), 0.0)
     columns, top = np.arange(n_columns), highest.argmax(axis=0)
     second = np.partition(highest, -2, axis=0)[-2]
     excess = highest - highest.max(axis=0)
     excess[top, columns] = highest[top, columns] - second
-    excess /= np.maximum(np.sqrt((others + common) / (n_groups - 2 + _PRIOR)), _LEAST_SPREAD)
-    spread = np.sqrt((total + common) / (n_groups - 1 + _PRIOR))
-    return np.maximum(spread, _LEAST_SPREAD), excess
+    excess /= np.maximum(
+        np.sqrt((others + common) / (n_groups - 2 + SETTINGS.prior)), SETTINGS.least_spread
+    )
+    spread = np.sqrt((total + common) / (n_groups - 1 + SETTINGS.prior))
+    return np.maximum(spread, SETTINGS.least_spread), excess
 
 
 def _limit(excess: Array) -> float:
@@ -249,7 +291,7 @@ def _limit(excess: Array) -> float:
     peaks = excess[excess > median] - median
     if not len(peaks):
         return max(median, 0.0)
-    tail = len(peaks) * peaks.mean() * ((2 * _LEVEL) ** (-1 / len(peaks)) - 1)
+    tail = len(peaks) * peaks.mean() * ((2 * SETTINGS.level) ** (-1 / len(peaks)) - 1)
     return max(median + float(tail), 0.0)
 
 
@@ -263,7 +305,7 @@ def _of_channel(
     for start, stop in edges.reshape(-1, 2):
         peak = start + int(heights[start:stop].argmax())
         where, up_to = f"line at order {block.orders[peak]:.4g}", ""
-        if np.count_nonzero(heights[start:stop] > heights[peak] - _BELOW) > _LOBE:
+        if np.count_nonzero(heights[start:stop] > heights[peak] - SETTINGS.below) > SETTINGS.lobe:
             where, up_to = (
                 f"orders {block.orders[start]:.4g} to {block.orders[stop - 1]:.4g}",
                 "up to ",
@@ -274,3 +316,44 @@ def _of_channel(
         )
         found.append((float(excess[peak]), text))
     return found
+
+
+def line_heights(
+    psd: NDArray[np.floating], width: int, quantile: float = 0.5
+) -> NDArray[np.float64]:
+    """Return each spectral line over the median of the lines around it, or another quantile.
+
+    The height of a line does not depend on the gain of a channel, nor on the level of its noise. A
+    structure that is wider than half of `width` is a background and has no height. With a lower
+    quantile, it is the floor between dense lines that is the background.
+
+    Parameters
+    ----------
+    psd : ndarray of shape (n_rows, n_orders)
+        Order spectra [U²/order] in any unit U; they are mirrored at their ends.
+    width : int
+        Odd number of lines of which the quantile is taken.
+    quantile : float
+        In [0, 1).
+
+    Returns
+    -------
+    ndarray of shape (n_rows, n_orders)
+        Heights [dB]; 0 where line and background are both 0.
+
+    Examples
+    --------
+    >>> line_heights(np.array([[1.0, 1.0, 100.0, 1.0, 1.0]]), 5)
+    array([[ 0.,  0., 20.,  0.,  0.]])
+    """
+    psd, half = np.asarray(psd, dtype=np.float64), width // 2
+    padded = np.pad(psd, ((0, 0), (half, half)), mode="reflect")
+    # As one row, for which SciPy has a fast algorithm; the padding keeps the rows apart.
+    floor = ndimage.rank_filter(padded.ravel(), int(quantile * width), size=width)
+    floor = floor.reshape(padded.shape)
+    tiny = np.finfo(np.float64).tiny
+    heights = np.maximum(psd, tiny)
+    heights /= np.maximum(floor[:, half : half + psd.shape[1]], tiny)
+    np.log10(heights, out=heights)
+    heights *= 10
+    return heights

@@ -17,21 +17,19 @@ from emacm._progress import run
 from emacm.orders.bins import Band, bin_operator, named_bins
 from emacm.orders.columns import OrderTable, order_columns
 from emacm.orders.cross_spectrum import FORMS, KINDS, CrossAverages, cross_averages
-from emacm.orders.padding import padded_lines, too_short
+from emacm.orders.segment_plan import padded_lines, too_short
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import names_of
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.resampling.inputs import as_angle_recordings, check_alike, separates_directions
-
-# Largest variation of a constant that was resampled and rounded, relative to its value; assumed.
-_RESAMPLED, _ROUNDED = 1e-8, 4
+from emacm.resampling.order_resampler import as_angle_recordings, check_alike, separates_directions
 
 
 class OrderCrossSpectrum(WelchEstimator):
     """Estimate cross spectra, coherence or frequency response of channels over orders.
 
-    By Welch's method, as `OrderPSD`. The phase between two channels does not depend on the absolute
-    shaft angle: the same fault gives the same features after another assembly.
+    By Welch's method, as `OrderPSD`, with a Hann window; the mean of each segment is removed, which
+    also distorts the first two spectral lines. The phase between two channels does not depend on
+    the absolute shaft angle: the same fault gives the same features after another assembly.
 
     Parameters
     ----------
@@ -54,14 +52,8 @@ class OrderCrossSpectrum(WelchEstimator):
         User-defined bins, as for `BinTransformer`.
     stop_bands : sequence of (low, high)
         Bands that are removed from the bins [orders].
-    n_per_segment : int, optional
-        Length of a segment in samples, in place of `revolutions`.
-    window : str, tuple or array-like of shape (n_per_segment,)
-        As for `scipy.signal.get_window`.
     overlap : float
         Fraction of a segment that overlaps the next one, in [0, 1).
-    detrend : {"constant", "linear", None, False}
-        What is removed from each segment; it also distorts the first two spectral lines.
     by_direction : bool or "auto"
         Separate columns for forward and reverse strokes, ``…+@…`` and ``…-@…``.
     short : {"raise", "pad"}
@@ -69,8 +61,6 @@ class OrderCrossSpectrum(WelchEstimator):
         estimate in which each stroke, padded with zeros, is one segment weighted by its length.
     max_order : float, optional
         Highest order of interest: where bins end, or above which lines are omitted.
-    verbose : bool or int
-        Report to stderr how many recordings are done, as `OrderPSD` does.
     n_jobs : int, optional
         Number of recordings processed in parallel, under joblib's active backend (by default,
         threads).
@@ -138,14 +128,10 @@ class OrderCrossSpectrum(WelchEstimator):
         bin_size: float | None = None,
         edges: ArrayLike | Mapping[str, Band] | None = None,
         stop_bands: Sequence[Band] = (),
-        n_per_segment: int | None = None,
-        window: Any = "hann",
         overlap: float = 0.5,
-        detrend: Any = "constant",
         by_direction: bool | str = False,
         short: str = "raise",
         max_order: float | None = None,
-        verbose: bool | int = False,
         n_jobs: int | None = None,
     ) -> None:
         self.revolutions = revolutions
@@ -155,14 +141,10 @@ class OrderCrossSpectrum(WelchEstimator):
         self.bin_size = bin_size
         self.edges = edges
         self.stop_bands = stop_bands
-        self.n_per_segment = n_per_segment
-        self.window = window
         self.overlap = overlap
-        self.detrend = detrend
         self.by_direction = by_direction
         self.short = short
         self.max_order = max_order
-        self.verbose = verbose
         self.n_jobs = n_jobs
 
     def fit(self, X: Any, y: Any = None) -> OrderCrossSpectrum:
@@ -229,8 +211,7 @@ class OrderCrossSpectrum(WelchEstimator):
         check_is_fitted(self)
         rows = as_angle_recordings(X, "OrderCrossSpectrum")
         self._check_rows(rows)
-        options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
-        features = run(self._estimate, rows, names=names_of(rows), **options)
+        features = run(self._estimate, rows, names=names_of(rows), n_jobs=self.n_jobs)
         table = np.stack(features).reshape(len(rows), -1)
         return table if self.bins_ is not None else OrderTable(table, self._columns_out)
 
@@ -277,8 +258,9 @@ class OrderCrossSpectrum(WelchEstimator):
         places = {name: place for place, name in enumerate(self.channels_)}
         pairs = [(places[x], places[y]) for x, y in self.pairs_]
         averages = cross_averages(plan, segments, pairs, self.channels_)
-        # Once its mean is removed, only such errors are left of a constant: it counts as no power.
-        errors = max(_RESAMPLED, _ROUNDED * float(np.finfo(row.dtype).eps)) * peaks
+        # Once its mean is removed, only the errors of resampling (1e-8 of its value, assumed) and
+        # four rounding errors are left of a constant: it counts as no power.
+        errors = max(1e-8, 4 * float(np.finfo(row.dtype).eps)) * peaks
         stuck = averages.power.max(axis=1) <= errors**2
         averages = replace(averages, power=np.where(stuck[:, np.newaxis], 0.0, averages.power))
         return averages if self._operator is None else averages.gathered(self._operator)

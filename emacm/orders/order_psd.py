@@ -26,7 +26,7 @@ from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, described, refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import (
+from emacm.resampling.order_resampler import (
     are_over_angle,
     as_angle_recordings,
     check_alike,

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
 from scipy import fft
 
 from emacm import _kernels
-from emacm.orders.padding import padded, too_short
-from emacm.orders.windows import detrended
+from emacm._checks import check_real_array
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.shaft.motion import blocks as blocks_of
 
@@ -30,10 +31,6 @@ WeightedLines = tuple[Lines, float]
 _Part = tuple[tuple[Any, int], str, list[Signal], list[int]]
 
 _SECTION_BYTES = 1 << 19  # of the transforms of a section
-# Longer segments: a few pairs of them, if this suffices, as each section takes about 50 us besides.
-_FEW_PAIRS, _LONG_SECTION_BYTES = 3, 1 << 20
-_LEAST_POWER = 1e-290  # below, float64 loses digits
-_LEAST_RANGE = 1e-140  # of a signal whose power is above that
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +310,8 @@ class SectionCutter:
         """Yield the sections that are complete with the next samples."""
         # An even number, as two segments may be transformed together.
         n_bytes = 16 * self._length * len(block)
-        few = min(_FEW_PAIRS, _LONG_SECTION_BYTES // n_bytes)
+        # Longer segments: up to three pairs, if 1 MiB suffices, as each section takes about 50 us.
+        few = min(3, (1 << 20) // n_bytes)
         n_segments = 2 * max(1, few, _SECTION_BYTES // n_bytes)
         onward = n_segments * self._step
         whole, n_rest = onward - self._step + self._length, self._n_rest
@@ -367,7 +365,7 @@ def check_range(powers: NDArray[np.floating], row: Any) -> None:
     """Raise a ValueError if powers, shape (n_channels, ..., n_orders), overflow or underflow."""
     highest = powers.reshape(len(powers), -1).max(axis=1)  # NaN where infinite values were summed
     for channel, power in enumerate(highest):
-        if _LEAST_POWER < power < np.inf:
+        if 1e-290 < power < np.inf:  # below, float64 loses digits
             continue
         whole = isinstance(row, np.ndarray)
         name = "the signal" if whole else f"channel {row.channels[channel]!r}"
@@ -377,8 +375,163 @@ def check_range(powers: NDArray[np.floating], row: Any) -> None:
             )
         values = row if whole else row.measured.series[row.channels[channel]]
         ranges = [(part.min(), part.max()) for _, part in blocks_of(values)]
-        if 0 < max(high for _, high in ranges) - min(low for low, _ in ranges) < _LEAST_RANGE:
+        if 0 < max(high for _, high in ranges) - min(low for low, _ in ranges) < 1e-140:
             raise ValueError(
-                f"{name} varies by less than {_LEAST_RANGE:g}, so its power is below the range of "
+                f"{name} varies by less than 1e-140, so its power is below the range of "
                 f"float64. State it in other units."
             )
+
+
+def padded(plan: SegmentPlan, signals: Iterable[NDArray[np.floating]]) -> NDArray[np.floating]:
+    """Estimate power spectra from signals that are shorter than a segment.
+
+    Each signal is detrended, windowed over its own length and padded with zeros. Powers and
+    window factors are summed before they are divided, so that a signal is weighted by its
+    length; `average` has no effect, as there is one spectrum for each signal.
+
+    Parameters
+    ----------
+    plan : SegmentPlan
+        Length of a segment, window and scaling.
+    signals : iterable of ndarray of shape (n_channels, n_angles)
+        Signals of at most `n_per_segment` samples.
+
+    Returns
+    -------
+    ndarray of shape (n_channels, n_orders)
+
+    Raises
+    ------
+    ValueError
+        If none has two samples, or the window is an array (which has no shorter form).
+    """
+    power, total = None, 0.0
+    for lines, weight in padded_lines(plan, signals):
+        part = np.abs(lines[:, 0]) ** 2
+        power = part if power is None else power + part
+        total += weight
+    if power is None:
+        raise ValueError("no stroke has two samples.")
+    return power * (plan.sides / total)
+
+
+def padded_lines(
+    plan: SegmentPlan, signals: Iterable[NDArray[np.floating]]
+) -> Iterator[WeightedLines]:
+    """Yield the Fourier transform of each signal, padded with zeros to a segment.
+
+    Parameters
+    ----------
+    plan : SegmentPlan
+        Length of a segment, window and scaling.
+    signals : iterable of ndarray of shape (n_channels, n_angles)
+        Signals of at most `n_per_segment` samples; those of a single sample are skipped.
+
+    Yields
+    ------
+    lines, weight
+        As `SegmentPlan.lines_of` does; the lines of a signal have the shape
+        (n_channels, 1, n_orders).
+
+    Raises
+    ------
+    ValueError
+        If the window is an array, which has no shorter form.
+    """
+    for signal in signals:
+        n_angles = signal.shape[-1]
+        if n_angles < 2:
+            continue
+        if not isinstance(plan.window, str | tuple):
+            raise ValueError("short='pad' needs a window by name, as an array cannot be shortened.")
+        window = window_values(plan.window, n_angles)
+        lines = fft.rfft(detrended(signal, plan.detrend) * window, plan.n_per_segment)
+        yield lines[:, np.newaxis, : plan.n_orders], plan.window_factor(window)
+
+
+def too_short(lengths: Sequence[int], plan: SegmentPlan, kind: str, who: str) -> ValueError:
+    """Return the error for strokes, of so many samples, none of which is as long as a segment."""
+    if not lengths or plan.short == "pad":
+        remedy = "Leave it out"
+        if kind != "stroke":
+            remedy += ", or do not separate directions (by_direction=False)"
+        return ValueError(f"it has no {kind} of two samples. {remedy}.")
+    return ValueError(
+        f"no {kind} holds a segment of {plan.revolutions:g} revolutions ({plan.n_per_segment} "
+        f"samples): its longest {kind} holds {max(lengths) / plan.samples_per_rev:.4g}. Lower "
+        f"revolutions of {who}, set short='pad', or leave it out."
+    )
+
+
+def window_values(window: Any, length: int) -> NDArray[np.floating]:
+    """Return the samples of a window.
+
+    Parameters
+    ----------
+    window : str, tuple or array-like of shape (length,)
+        As for `scipy.signal.get_window`, or the samples themselves.
+    length : int
+        Samples of a segment.
+
+    Returns
+    -------
+    ndarray of shape (length,)
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the window is unknown, has another length, or its samples sum to 0.
+    """
+    if isinstance(window, str):
+        return _cached_window(window, length)
+    if isinstance(window, tuple):  # it may hold values that cannot be hashed
+        return _named_window(window, length)
+    values = check_real_array(window, "window")
+    if values.shape != (length,):
+        raise ValueError(
+            f"a window given as an array must have the {length} samples of a segment, "
+            f"got shape {values.shape}. Name it instead, or set n_per_segment."
+        )
+    return _checked(values.astype(np.float64), "an array")
+
+
+def detrended(segments: NDArray[np.floating], detrend: Any) -> NDArray[np.floating]:
+    """Remove the mean or the straight line of best fit from each segment, in float64.
+
+    Parameters
+    ----------
+    segments : ndarray of shape (..., n_angles)
+    detrend : {"constant", "linear", None, False}
+
+    Returns
+    -------
+    ndarray of shape (..., n_angles)
+    """
+    segments = segments.astype(np.float64, copy=False)
+    if detrend == "constant":
+        return segments - segments.mean(axis=-1, keepdims=True)
+    return scipy.signal.detrend(segments, axis=-1, type="linear") if detrend else segments
+
+
+def _named_window(window: Any, length: int) -> NDArray[np.floating]:
+    try:
+        values = np.asarray(scipy.signal.get_window(window, length), dtype=np.float64)
+    except (ValueError, TypeError, IndexError, AttributeError, OverflowError) as error:
+        raise ValueError(
+            f"window must be an argument of scipy.signal.get_window, such as 'hann' or "
+            f"('kaiser', 8.0); got {window!r}: {error}"
+        ) from error
+    _checked(values, window).flags.writeable = False
+    return values
+
+
+_cached_window = lru_cache(maxsize=32)(_named_window)
+
+
+def _checked(values: NDArray[np.floating], name: Any) -> NDArray[np.floating]:
+    if not np.all(np.isfinite(values)) or np.sum(values) == 0:
+        raise ValueError(
+            f"window must be finite and must not sum to 0, but the samples of {name!r} are not "
+            f"finite or sum to 0. Choose another window."
+        )
+    return values

@@ -1,27 +1,24 @@
 """Spectra that are kept between calls: in memory, and in files that processes share.
 
-The key of a spectrum is the content of its recording and all settings. Files contain numbers only,
-no pickled code. Each is written under a temporary name and then renamed, and ends with a checksum;
-whatever cannot be read, or is not a spectrum of the expected shape, is estimated again.
+The key of a spectrum is the content of its recording and all settings. Files are npz: numbers only,
+no pickled code, with a checksum. Each is written under a temporary name and then renamed; whatever
+cannot be read, or is not a spectrum of the expected shape, is estimated again.
 
-`joblib.Memory` is not used: it took five times as long to read a spectrum, it deletes foreign
-files in the same folder, and it accepts a damaged file that can still be read.
+`joblib.Memory` is not used: it deletes foreign files in the same folder, and it accepts a damaged
+file that can still be read.
 """
 
 from __future__ import annotations
 
-import io
 import os
-import re
 import uuid
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from functools import lru_cache, partial
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from stat import S_ISREG
 from threading import get_ident
 from typing import Any
 
@@ -35,23 +32,14 @@ from emacm._checks import check_count
 from emacm._progress import run
 from emacm._version import __version__
 from emacm.orders.segment_plan import SegmentPlan
-from emacm.recordings.digests import content_digest
-from emacm.recordings.recent import Recent
+from emacm.recordings.digests import Recent, content_digest
 from emacm.resampling.angle_recording import AngleRecording
 
-NUMERICS = 4  # incremented whenever the numbers of a spectrum change; part of every key
-BYTES_ON_DISK = 1 << 30
-BYTES_IN_MEMORY = 1 << 28
-
-_FOLDER = "emacm_spectra"
-_KEY = re.compile("[0-9a-f]{64}")
-_KEPT = 0.9  # fraction of the limit that is kept when files are deleted
-_CHECKED = 0.05  # fraction of the limit that is written between two checks of the folder
+NUMERICS = 5  # incremented whenever the numbers of a spectrum change; part of every key
 
 Spectrum = NDArray[np.floating]
 
-
-_recent: Recent[Spectrum] = Recent(BYTES_IN_MEMORY)
+_recent: Recent[Spectrum] = Recent(1 << 28)  # bytes; of all stores of this process
 _written: dict[str, float] = {}  # bytes this process wrote to a folder since it checked its size
 
 
@@ -68,8 +56,8 @@ class SpectrumStore:
     folder : str or path
         The files are written to its subdirectory ``emacm_spectra``.
     bytes_limit : int
-        Maximum size of all files [bytes]. Default: 1 GiB. In memory, all stores of a process hold
-        at most 256 MiB together.
+        Size of all files [bytes], checked whenever a twentieth of it was written. Default: 1 GiB.
+        In memory, all stores of a process hold at most 256 MiB together.
 
     Examples
     --------
@@ -83,14 +71,14 @@ class SpectrumStore:
     [[1. 1. 1.]] None
     """
 
-    def __init__(self, folder: str | os.PathLike[str], *, bytes_limit: int = BYTES_ON_DISK) -> None:
+    def __init__(self, folder: str | os.PathLike[str], *, bytes_limit: int = 1 << 30) -> None:
         self.folder = os.path.abspath(os.fspath(folder))
         self.bytes_limit = check_count(bytes_limit, "bytes_limit")
 
     def made(self) -> SpectrumStore:
         """Make the folder, if it does not exist, and return the store."""
         try:
-            os.makedirs(os.path.join(self.folder, _FOLDER), exist_ok=True)
+            os.makedirs(os.path.join(self.folder, "emacm_spectra"), exist_ok=True)
         except OSError as error:
             raise ValueError(
                 f"memory = {self.folder!r} cannot be used as a folder of spectra: {error}. "
@@ -102,23 +90,27 @@ class SpectrumStore:
         """Return the spectrum of a key, read-only, or None if there is none of this shape."""
         spectrum = _recent.get((self.folder, key))
         if spectrum is None:
-            spectrum = self._read(key)
-            if spectrum is not None:
-                _recent.put((self.folder, key), spectrum, spectrum.nbytes)
+            with suppress(Exception):  # which depends on what is damaged in the file
+                # Opened here: of a damaged file, NumPy would leave it open.
+                with self._file(key).open("rb") as file, np.load(file) as content:
+                    values = content["spectrum"]
+                if values.dtype == np.float64:
+                    spectrum = values
+                    self._remember(key, spectrum)
         return spectrum if spectrum is not None and spectrum.shape == shape else None
 
     def keep(self, key: str, spectrum: Spectrum) -> None:
         """Keep a spectrum under a key of 64 hexadecimal digits."""
-        writer = io.BytesIO()
-        np.save(writer, np.ascontiguousarray(spectrum, np.float64), allow_pickle=False)
-        body = writer.getvalue()
-        decoded = _decoded(body)
-        _recent.put((self.folder, key), decoded, decoded.nbytes)
-        content = body + _checksum(key, body)
-        if len(content) > self.bytes_limit:
-            return
+        spectrum = np.array(spectrum, np.float64, order="C")
+        self._remember(key, spectrum)
+        final = self._file(key)
+        unfinished = final.with_name(f"{key}.{uuid.uuid4().hex}.part")
         try:
-            self._write(key, content)
+            final.parent.mkdir(parents=True, exist_ok=True)
+            with unfinished.open("wb") as file:
+                np.savez(file, spectrum=spectrum)
+            os.replace(unfinished, final)
+            self._limit_size(spectrum.nbytes)
         except OSError as error:
             warnings.warn(
                 f"spectra cannot be kept in {self.folder!r}: {error}. They will be estimated "
@@ -128,45 +120,27 @@ class SpectrumStore:
             )
 
     def _file(self, key: str) -> Path:
-        return Path(self.folder, _FOLDER, key[:2], key)
+        return Path(self.folder, "emacm_spectra", key[:2], f"{key}.npz")
 
-    def _read(self, key: str) -> Spectrum | None:
-        file = self._file(key)
-        try:
-            content = file.read_bytes() if file.is_file() else b""  # not a pipe, which would block
-            body, checksum = content[:-32], content[-32:]
-            return _decoded(body) if checksum == _checksum(key, body) else None
-        except (OSError, ValueError):
-            return None
+    def _remember(self, key: str, spectrum: Spectrum) -> None:
+        spectrum.flags.writeable = False  # it is shared by all callers
+        _recent.put((self.folder, key), spectrum, spectrum.nbytes)
 
-    def _write(self, key: str, content: bytes) -> None:
-        final = self._file(key)
-        final.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = final.with_name(f"{key}.{uuid.uuid4().hex}.part")
-        try:
-            unfinished.write_bytes(content)
-            os.replace(unfinished, final)
-        finally:
-            unfinished.unlink(missing_ok=True)
-        _written[self.folder] = _written.get(self.folder, np.inf) + len(content)
-        if _written[self.folder] > _CHECKED * self.bytes_limit:
-            _written[self.folder] = 0.0
-            self._make_room()
-
-    def _make_room(self) -> None:
-        """Delete the oldest files where the limit is exceeded; other files are not touched."""
+    def _limit_size(self, n_bytes: int) -> None:
+        """Delete the oldest spectra where the limit is exceeded, and a tenth of the limit more."""
+        _written[self.folder] = _written.get(self.folder, np.inf) + n_bytes
+        if _written[self.folder] <= 0.05 * self.bytes_limit:
+            return
+        _written[self.folder] = 0.0
         files = []
-        for file in Path(self.folder, _FOLDER).glob("[0-9a-f][0-9a-f]/*"):
-            name, _, ending = file.name.partition(".")
-            own = _KEY.fullmatch(name) and name[:2] == file.parent.name
-            if own and (not ending or ending.endswith("part")) and not file.parent.is_symlink():
+        for pattern in ("*.npz", "*.part"):
+            for file in Path(self.folder, "emacm_spectra").glob(f"[0-9a-f][0-9a-f]/{pattern}"):
                 with suppress(OSError):  # deleted by another process
-                    status = file.lstat()
-                    if S_ISREG(status.st_mode):
-                        files.append((status.st_mtime_ns, status.st_size, file))
+                    status = file.stat()
+                    files.append((status.st_mtime_ns, status.st_size, file))
         excess = sum(size for _, size, _ in files) - self.bytes_limit
         if excess > 0:
-            excess += round((1 - _KEPT) * self.bytes_limit)
+            excess += self.bytes_limit // 10
         for _, size, file in sorted(files):
             if excess <= 0:
                 break
@@ -228,17 +202,11 @@ def spectrum_key(row: Any, settings: str) -> str:
     """
     if isinstance(row, AngleRecording):
         content = row.measured.digest
-        kind: Any = type(row)
-        settings += repr([getattr(row, name) for name in _compared(kind)])
+        compared = [item.name for item in fields(row) if item.compare and item.name != "measured"]
+        settings += repr([getattr(row, name) for name in compared])
     else:
         content = content_digest("row", [row])
     return sha256(f"{content}{settings}".encode("utf-8", "surrogatepass")).hexdigest()
-
-
-@lru_cache(maxsize=8)
-def _compared(kind: type[AngleRecording]) -> list[str]:
-    """Return what a recording is resampled by."""
-    return [item.name for item in fields(kind) if item.compare and item.name != "measured"]
 
 
 def recalled(
@@ -277,8 +245,8 @@ def recalled(
     known = {item.name: getattr(plan, item.name) for item in fields(plan)}
     if isinstance(plan.window, str):
         del known["weights"]  # which follow from the name and the length
-    key_of = partial(spectrum_key, settings=joblib.hash((known, __version__, NUMERICS)))
-    keys = [key_of(row) for row in rows]
+    settings = joblib.hash((known, __version__, NUMERICS))
+    keys = [spectrum_key(row, settings) for row in rows]
     first: dict[str, int] = {}
     for index, key in enumerate(keys):
         first.setdefault(key, index)
@@ -290,53 +258,25 @@ def recalled(
         missing.sort(key=lambda key: hash((key, worker)))
     numbers = [first[key] for key in missing]
     names = None if names is None else [names[i] for i in numbers]
-    recall = partial(_recall, estimate=estimate, store=store, key_of=key_of, shape=shape)
+    recall = partial(_recall, estimate=estimate, store=store, shape=shape)
+    pairs = [(key, rows[first[key]]) for key in missing]
     done = len(found) - len(missing)
-    results = run(
-        recall, [rows[i] for i in numbers], names=names, n_jobs=n_jobs, verbose=verbose, done=done
-    )
+    results = run(recall, pairs, names=names, n_jobs=n_jobs, verbose=verbose, done=done)
     found.update(zip(missing, results, strict=True))
     return [found[key] for key in keys]
 
 
 def _recall(
-    row: Any,
+    keyed: tuple[str, Any],
     *,
     estimate: Callable[[Any], Spectrum],
     store: SpectrumStore,
-    key_of: Callable[[Any], str],
     shape: tuple[int, ...],
 ) -> Spectrum:
-    """Find or estimate a spectrum."""
-    key = key_of(row)
+    """Find or estimate the spectrum of a key and its row."""
+    key, row = keyed
     spectrum = store.find(key, shape)  # another process may have estimated it since
     if spectrum is None:
         spectrum = estimate(row)
-        if key_of(row) == key:  # not if its file was written to in the meantime
-            store.keep(key, spectrum)
-    return spectrum
-
-
-def _checksum(key: str, body: bytes) -> bytes:
-    """Return 32 bytes that depend on the content of a file and on its key."""
-    return sha256(key.encode() + body).digest()
-
-
-def _decoded(body: bytes) -> Spectrum:
-    """Return the array of an npy file; it cannot be made writeable, even on purpose.
-
-    Raises
-    ------
-    ValueError
-        If it is none, or no power spectrum: float64, finite, not negative.
-    """
-    reader = io.BytesIO(body)
-    if np.lib.format.read_magic(reader) != (1, 0):
-        raise ValueError("not a version 1 npy file.")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(reader)
-    if fortran or dtype != np.float64:
-        raise ValueError("not a spectrum.")
-    spectrum = np.frombuffer(body, dtype, offset=reader.tell()).reshape(shape)
-    if not (np.isfinite(spectrum).all() and spectrum.min(initial=0.0) >= 0):
-        raise ValueError("not a spectrum.")
+        store.keep(key, spectrum)
     return spectrum

@@ -20,15 +20,12 @@ from emacm._checks import (
 )
 from emacm._saved import SavedEstimator
 from emacm.orders.columns import check_input_names
-from emacm.orders.segment_plan import SegmentPlan
-from emacm.orders.windows import window_values
+from emacm.orders.segment_plan import SegmentPlan, window_values
 
 DETRENDS = ("constant", "linear", None, False)
 SCALINGS = ("density", "spectrum")
 AVERAGES = ("mean", "median")
 SHORTS = ("raise", "pad")
-
-_MOST_SAMPLES = 1 << 31  # of a segment
 
 
 def segment_plan(
@@ -133,7 +130,9 @@ def samples_per_revolution(theta_s: float) -> float:
     return float(whole if abs(samples - whole) <= 1e-14 * samples else samples)
 
 
-def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
+def segment_length(
+    samples_per_rev: float, revolutions: Any, n_per_segment: Any, *, most: int = 1 << 31
+) -> int:
     """Return the samples of a segment.
 
     Parameters
@@ -144,6 +143,8 @@ def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any)
         Length of a segment [revolutions], used where `n_per_segment` is None.
     n_per_segment : int or None
         Length of a segment [samples].
+    most : int
+        Samples that a segment may have.
 
     Returns
     -------
@@ -157,15 +158,15 @@ def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any)
     """
     if n_per_segment is not None:
         count = check_count(n_per_segment, "n_per_segment", at_least=2)
-        if count > _MOST_SAMPLES:
+        if count > most:
             raise ValueError(
-                f"n_per_segment = {count} is more than the {_MOST_SAMPLES} samples that a segment "
+                f"n_per_segment = {count} is more than the {most} samples that a segment "
                 f"may have. Lower it."
             )
         return count
     revolutions = check_number(revolutions, "revolutions", above=0)
     samples = revolutions * samples_per_rev
-    if samples > _MOST_SAMPLES:
+    if samples > most:
         raise ValueError(
             f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
             f"segments of {samples:.3g} samples. Lower revolutions, or raise theta_s."

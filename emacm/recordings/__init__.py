@@ -1,1 +1,1 @@
-"""Time-domain measurements: recordings, what their meta states, envelopes."""
+"""Time-domain measurements: recordings, and what their meta states."""

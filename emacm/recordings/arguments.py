@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 import re
 from collections.abc import Mapping
 from numbers import Real
@@ -13,14 +12,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from emacm._checks import check_number, check_signal, check_unique_columns
-from emacm.recordings.column_names import is_time_name
+from emacm.recordings.digests import is_mapped
+from emacm.recordings.names import is_time_name
 from emacm.shaft.angle import angle_from_wrapped, is_wrapped
 from emacm.shaft.motion import Series
-
-_FEW = 10  # samples; of a shorter angle, a single step may be most of the range
-_FARTHEST = 1e15  # rad; beyond, float64 resolves no tenth of a radian
-_FASTEST = 1e9  # rad/s
-_OFF = 0.6  # sampling intervals by which a time of an index may deviate from the rate
 
 
 def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
@@ -117,8 +112,13 @@ def constant_speed(
     return np.full(n_times, speed)
 
 
-def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
-    """Return which shaft reference was given, "angle" or "velocity", and its samples."""
+def check_shaft(
+    angle: Any, velocity: Any, *, fastest: float = 1e9
+) -> tuple[str, NDArray[np.floating]]:
+    """Return which shaft reference was given, "angle" or "velocity", and its samples.
+
+    No shaft is as fast as `fastest` [rad/s].
+    """
     if (angle is None) == (velocity is None):
         came = "neither" if angle is None else "both"
         raise ValueError(
@@ -128,7 +128,7 @@ def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
     if angle is None:
         speed = check_signal(velocity, "velocity")
         place = int(np.abs(speed).argmax())
-        if abs(speed[place]) > _FASTEST:
+        if abs(speed[place]) > fastest:
             raise ValueError(
                 f"velocity must be in rad/s, got {speed[place]:.4g} at sample {place}, which no "
                 f"shaft reaches. Check its unit, or repair the sample."
@@ -139,7 +139,8 @@ def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
     if is_wrapped(shaft):
         return "angle", immutable(angle_from_wrapped(shaft))
     steps = np.abs(np.diff(shaft))
-    if len(shaft) >= _FEW and steps.max() > max(np.ptp(shaft) / 2, np.pi):
+    # Of fewer samples, a single step may be most of the range.
+    if len(shaft) >= 10 and steps.max() > max(np.ptp(shaft) / 2, np.pi):
         raise ValueError(
             f"angle jumps by {steps.max():.4g} after sample {int(steps.argmax())}, which is most "
             f"of its whole range ({np.ptp(shaft):.4g}). Is it wrapped, in degrees, in counts or "
@@ -151,7 +152,7 @@ def check_shaft(angle: Any, velocity: Any) -> tuple[str, NDArray[np.floating]]:
 def _check_resolution(angle: NDArray[np.floating]) -> None:
     """Raise a ValueError where the steps of an angle are lost in the rounding of its values."""
     largest = float(np.abs(angle).max())
-    if largest > _FARTHEST:
+    if largest > 1e15:  # float64 resolves no tenth of a radian there
         raise ValueError(
             f"angle must be in rad, got values up to {largest:.4g}, which no shaft reaches. "
             f"Check its unit, and subtract the angle of the first sample."
@@ -206,14 +207,9 @@ def immutable(array: NDArray[np.floating]) -> NDArray[np.floating]:
     all others are copied, as a read-only array may be made writeable again by its owner.
     """
     owner: Any = array
-    while isinstance(owner, np.ndarray):
-        if owner.flags.writeable:
-            break
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
         owner = owner.base
-    buffer = getattr(owner, "obj", owner) if isinstance(owner, memoryview) else owner
-    if isinstance(buffer, bytes):
-        return array
-    if isinstance(buffer, mmap.mmap) and memoryview(buffer).readonly:
+    if isinstance(owner, bytes) or is_mapped(array):
         return array
     return np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
 
@@ -242,23 +238,15 @@ def check_indices(
         If times of an index have gaps or contradict the rate, if channels and shaft do not start
         at the same time, or if equally sampled ones have different indices.
     """
-    indexed = {
-        f"channel {name!r}": (values.index, rates[name])
-        for name, values in ((name, signals[name]) for name in signals)
-        if _has_index(values)
-    }
-    if _has_index(shaft):
-        indexed[reference] = (shaft.index, shaft_fs)
-    first: tuple[str, pd.Index, float] | None = None
+    series = {f"channel {name!r}": (signals[name], rates[name]) for name in signals}
+    series[reference] = shaft, shaft_fs
+    indexed = [(n, values.index, fs) for n, (values, fs) in series.items() if _has_index(values)]
     checked: set[tuple[int, float]] = set()
-    for name, (index, rate) in indexed.items():
+    for name, index, rate in indexed:
         if (id(index), rate) not in checked:
             checked.add((id(index), rate))
             _check_times(index, rate, name)
-        if first is None:
-            first = (name, index, rate)
-        elif index is not first[1]:
-            _check_same_time(name, index, rate, first)
+            _check_same_time(name, index, rate, indexed[0])
 
 
 def _has_index(values: Any) -> bool:
@@ -273,7 +261,8 @@ def _is_time(index: pd.Index) -> bool:
     return isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex)
 
 
-def _check_times(index: pd.Index, rate: float, name: str) -> None:
+def _check_times(index: pd.Index, rate: float, name: str, *, tolerance: float = 0.6) -> None:
+    """Refuse times that deviate from the rate by more than a part of a sampling interval."""
     if not _is_time(index) or len(index) < 2:
         return
     if index.hasnans:
@@ -283,7 +272,7 @@ def _check_times(index: pd.Index, rate: float, name: str) -> None:
     resolution = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     if (steps > 0).all() or resolution < 1 / rate:
         resolution = 0.0  # otherwise several samples have one time: it is coarser than the rate
-    off = np.abs(seconds - np.arange(len(index)) / rate) > _OFF / rate + resolution
+    off = np.abs(seconds - np.arange(len(index)) / rate) > tolerance / rate + resolution
     if off.any():
         place = int(np.argmax(off))
         mean = (len(index) - 1) / seconds[-1] if seconds[-1] else np.inf

@@ -11,11 +11,9 @@ import numpy as np
 import pandas as pd
 
 from emacm._checks import once_hint
-from emacm.recordings.channel_names import check_channel_names as check_channel_names
-from emacm.recordings.channel_names import chosen_channels as chosen_channels
+from emacm.recordings.names import check_channel_names as check_channel_names
+from emacm.recordings.names import chosen_channels as chosen_channels
 from emacm.recordings.recording import Recording
-
-_LONG = 200  # characters of meta in a message
 
 
 def as_list(X: Any) -> list[Any]:
@@ -137,13 +135,13 @@ def check_channels(
             )
 
 
-def described(recording: Any, index: int) -> str:
+def described(recording: Any, index: int, *, longest: int = 200) -> str:
     """Return the number of a recording and its meta, as numbers change within folds."""
     meta = getattr(recording, "meta", None)
     if not isinstance(meta, Mapping) or not meta:
         return f"recording {index}"
     text = " ".join(", ".join(f"{key}={value!r}" for key, value in meta.items()).split())
-    return f"recording {index} ({text if len(text) <= _LONG else text[:_LONG] + ' ...'})"
+    return f"recording {index} ({text if len(text) <= longest else text[:longest] + ' ...'})"
 
 
 def entry_name(X: Any, index: int) -> str:

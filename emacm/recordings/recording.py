@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
+from html import escape
+from math import ceil
 from types import MappingProxyType
 from typing import Any
 
@@ -25,28 +27,26 @@ from emacm.recordings.arguments import (
     constant_speed,
     immutable,
 )
-from emacm.recordings.content import Arrays, same_content
-from emacm.recordings.excerpts import Excerpts
-from emacm.recordings.remembered import Remembered
-from emacm.recordings.view import recording_html
+from emacm.recordings.digests import content_digest, is_mapped
+from emacm.recordings.names import check_channel_names, chosen_channels
+from emacm.recordings.series import Arrays
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.jumps import Jump, largest_jump
 from emacm.shaft.motion import (
     DifferentiatedVelocity,
     IntegratedAngle,
+    Jump,
     LazySeries,
     Series,
+    largest_jump,
     sources,
 )
 from emacm.shaft.paths import ShaftPath, paths_along
 from emacm.shaft.strokes import Stroke, longest_gap, strokes_of
 
-# Strokes; of noise at standstill there may be more, which are not kept.
-_MANY, _MANY_PATHS = 10_000, 1000
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
 
 
-class Recording(Excerpts):
+class Recording:
     """One measured run: channels over time and the shaft's angle or velocity.
 
     All channels and the shaft reference start at one instant; each may have its
@@ -120,7 +120,7 @@ class Recording(Excerpts):
     19.99
     """
 
-    __slots__ = (*CONTENT, "_remembered")
+    __slots__ = (*CONTENT, "_known")
 
     _series: dict[str, Series]
     _fs: dict[str, float]
@@ -129,7 +129,7 @@ class Recording(Excerpts):
     _units: dict[str, str]
     reference: str
     shaft_fs: float
-    _remembered: Remembered
+    _known: dict[Hashable, Any]  # results that were computed from the content
 
     def __init__(
         self,
@@ -161,6 +161,50 @@ class Recording(Excerpts):
         check_indices(signals, given, rates, state["shaft_fs"], reference)
         self._set(state)
         check_durations(self._timed())
+
+    def cut(self, start: float = 0.0, stop: float | None = None) -> Recording:
+        """Return the part of the recording from one time to another.
+
+        Parameters
+        ----------
+        start : float
+            Start [s]. The part begins at the first sample of the slowest channel from there on;
+            the other channels begin at their samples nearest to it.
+        stop : float, optional
+            End [s], exclusive. Default: the end of the recording.
+
+        Returns
+        -------
+        Recording
+            Its time starts at 0; a cumulative shaft angle keeps its values.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the times are not in order within the recording, or the part has fewer than two
+            samples.
+        """
+        return self._derived(cut_content, start, stop)
+
+    def select(self, channels: Sequence[str]) -> Recording:
+        """Return the recording with some of its channels only, in the order given.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `channels` is not a list of channels of the recording, each named once.
+        """
+        return self._derived(selected_content, channels)
+
+    def rename(self, names: Mapping[str, str]) -> Recording:
+        """Return the recording with other names for its channels, as ``{"X097_DE_time": "DE"}``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a name is not a channel, a new name is not a text, or two channels get the same name.
+        """
+        return self._derived(renamed_content, names)
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return the recording with the changes of content that a function returns."""
@@ -224,7 +268,7 @@ class Recording(Excerpts):
             return self._shaft, self._speed
         loops = _kernels.loops
         integrated = partial(IntegratedAngle, self._shaft, self.shaft_fs, loops)
-        return self._remembered.once(("angle", loops), integrated), self._speed
+        return self.once(("angle", loops), integrated), self._speed
 
     @property
     def _speed(self) -> Series:
@@ -256,21 +300,24 @@ class Recording(Excerpts):
         min_speed = check_number(min_speed, "min_speed", at_least=0, unit="rad/s")
         max_gap = longest_gap(max_rest, self.shaft_fs)
         find = partial(strokes_of, self._speed, min_speed, max_gap)
-        return self._remembered.once(("strokes", min_speed, max_gap), find, most=_MANY)
+        return self.once(("strokes", min_speed, max_gap), find)
 
     @property
     def in_files(self) -> bool:
-        """Whether it is read from files, which may be written to, and not from memory."""
-        return self._remembered.in_files
+        """Whether an array is a memory map, and not in memory."""
+        return any(map(is_mapped, self._arrays()))
 
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return a result of the content; computed again only after a file was written."""
-        return self._remembered.once(name, compute)
+        """Return a result of the content; computed when it is first needed."""
+        known = self._known
+        if name not in known:
+            known[name] = compute()
+        return known[name]
 
     @property
     def jump(self) -> Jump | None:
-        """Largest isolated jump of the shaft reference, see `emacm.shaft.jumps`; None if none."""
-        return self._remembered.once("jump", lambda: largest_jump(self._speed, self.shaft_fs))
+        """Largest isolated jump of the shaft reference; None if there is none."""
+        return self.once("jump", lambda: largest_jump(self._speed, self.shaft_fs))
 
     def paths(
         self, direction: str = "strokes", min_speed: float = 0.0, max_rest: float | None = None
@@ -292,15 +339,12 @@ class Recording(Excerpts):
         strokes = self.strokes(min_speed, max_rest)
         along = self.motion[0], self.shaft_fs, strokes, direction, min_speed
         known = "paths", _kernels.loops, direction, min_speed, max_rest
-        return self._remembered.once(known, partial(paths_along, *along), most=_MANY_PATHS)
+        return self.once(known, partial(paths_along, *along))
 
     @property
     def digest(self) -> str:
-        """SHA-256 of channels, rates and shaft, without `meta`; computed once.
-
-        Signals in a file are read again after the file was written.
-        """
-        return self._remembered.digest(self._facts)
+        """SHA-256 of channels, rates and shaft, without `meta`; computed once."""
+        return self.once("digest", lambda: content_digest(self._facts(), self._arrays()))
 
     def _facts(self) -> str:
         """Return what the digest depends on besides the arrays."""
@@ -327,7 +371,20 @@ class Recording(Excerpts):
 
     def _repr_html_(self) -> str:
         """Return a table of the channels, the shaft and the meta, for notebooks."""
-        return recording_html(self)
+        unit, shaft = ("rad", self.angle) if self.reference == "angle" else ("rad/s", self.velocity)
+        series = [(n, self._units.get(n, ""), self._fs[n], self.signals[n]) for n in self.channels]
+        series.append((f"shaft {self.reference}", unit, self.shaft_fs, shaft))
+        titles = ("channel", "unit", "rate [Hz]", "samples", "lowest", "mean", "highest")
+        rows = [
+            (*facts, len(values), values.min(), values.mean(dtype=np.float64), values.max())
+            for *facts, values in series
+        ]
+        numbers = dict.fromkeys(titles[4:], "{:.4g}".format) | {"rate [Hz]": "{:.9g}".format}
+        table = pd.DataFrame(rows, columns=titles).to_html(index=False, formatters=numbers)
+        turned = float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
+        facts = [f"{self.duration:.6g} s", f"{turned:.6g} revolutions"]
+        facts += [f"{key}={value!r}" for key, value in self._meta.items()]
+        return f"<p>Recording: {escape(', '.join(facts))}</p>{table}"
 
     def __eq__(self, other: object) -> bool:
         """Two recordings are equal if channels, rates, units, shaft and meta are."""
@@ -364,9 +421,9 @@ class Recording(Excerpts):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore checked content."""
-        self._set(state, just_opened=True)
+        self._set(state)
 
-    def _set(self, state: dict[str, Any], *, just_opened: bool = False) -> None:
+    def _set(self, state: dict[str, Any]) -> None:
         """Set checked content, immutable."""
         # joblib passes large arrays to its workers as memory maps; the recording is the same.
         series = {
@@ -376,8 +433,7 @@ class Recording(Excerpts):
         state = state | {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
         for name in CONTENT:
             object.__setattr__(self, name, state[name])
-        remembered = Remembered(self._arrays(), just_opened=just_opened)
-        object.__setattr__(self, "_remembered", remembered)
+        object.__setattr__(self, "_known", {})
 
     def _arrays(self) -> list[NDArray[np.floating]]:
         """Return all arrays that the content is computed from."""
@@ -390,3 +446,83 @@ class Recording(Excerpts):
         """Return channels and shaft reference, as messages name them, with their rates [Hz]."""
         channels = {f"channel {n!r}": (s, self._fs[n]) for n, s in self._series.items()}
         return channels | {f"the shaft's {self.reference}": (self._shaft, self.shaft_fs)}
+
+
+def cut_content(recording: Recording, start: Any, stop: Any) -> dict[str, Any]:
+    """Return what changes in a recording that is cut, see `Recording.cut`."""
+    duration = recording.duration
+    begin = check_number(start, "start", at_least=0, unit="s")
+    end = duration if stop is None else check_number(stop, "stop", above=0, unit="s")
+    if not begin < end or end > duration * (1 + 1e-9):
+        raise ValueError(
+            f"start and stop must be in this order and within the recording of {duration:.9g} s, "
+            f"got {start!r} and {stop!r}."
+        )
+    rates = {**recording.fs, "the shaft": recording.shaft_fs}
+    slowest = min(rates.values())
+    # A time in seconds may miss a sample by rounding.
+    begin = ceil(begin * slowest - 1e-6) / slowest
+
+    def part(name: str, series: Any, fs: float) -> Any:
+        first, last = round(begin * fs), ceil(end * fs - 1e-6)
+        if last - first < 2:
+            raise ValueError(
+                f"between {start!r} and {end:.9g} s there are {max(last - first, 0)} samples of "
+                f"{name} ({fs:g} Hz); at least 2 are needed."
+            )
+        return series[first:last]
+
+    series = {
+        name: part(f"channel {name!r}", values, rates[name])
+        for name, values in recording.series.items()
+    }
+    shaft = recording.angle if recording.reference == "angle" else recording.velocity
+    return {"_series": series, "_shaft": part("the shaft", shaft, recording.shaft_fs)}
+
+
+def selected_content(recording: Recording, channels: Any) -> dict[str, Any]:
+    """Return what changes in a recording of which channels are selected."""
+    chosen = chosen_channels(channels, recording.channels)
+    check_channel_names(recording.channels, chosen, "the recording")
+    return _by_names(recording, {name: name for name in chosen})
+
+
+def renamed_content(recording: Recording, names: Any) -> dict[str, Any]:
+    """Return what changes in a recording whose channels are renamed."""
+    if not isinstance(names, Mapping):
+        raise TypeError(f"names must map channels to new names, got {names!r}.")
+    check_channel_names(recording.channels, list(names), "the recording")
+    new = {name: names.get(name, name) for name in recording.channels}
+    for name in new.values():
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
+    if len(set(new.values())) < len(new):
+        raise ValueError(f"two channels would have the same name: {list(new.values())}.")
+    return _by_names(recording, new)
+
+
+def _by_names(recording: Recording, new: Mapping[str, str]) -> dict[str, Any]:
+    """Return series, rates and units of the channels in `new`, under their new names."""
+    return {
+        "_series": {after: recording.series[name] for name, after in new.items()},
+        "_fs": {after: recording.fs[name] for name, after in new.items()},
+        "_units": {after: recording.units[k] for k, after in new.items() if k in recording.units},
+    }
+
+
+def same_content(one: Any, other: Any) -> bool:
+    """Compare values that may hold arrays."""
+    if one is other:
+        return True
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return list(one) == list(other) and all(same_content(one[key], other[key]) for key in one)
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        equal_nan = one.dtype.kind in "fc"
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
+    if type(one) is not type(other):
+        return bool(np.isscalar(one) and np.isscalar(other) and one == other)
+    if isinstance(one, pd.DataFrame | pd.Series | pd.Index):
+        return bool(one.equals(other))
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same_content, one, other))
+    return bool(one == other or (one != one and other != other))

@@ -1,1 +1,1 @@
-"""Maintenance reports: one page for each decision, in words, as HTML and PDF."""
+"""Maintenance reports: one page for each decision, in words, as HTML."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from emacm.reports.words import when
+from emacm.reports.facts import when
 
 
 def check_history(history: Any, unit: Any, time: Any) -> pd.DataFrame:

@@ -11,11 +11,11 @@ from typing import Any
 import pandas as pd
 
 from emacm._checks import located
+from emacm.files.layout import Layout
 from emacm.machine.gears import Gear, PlanetaryGear
 from emacm.machine.motors import InductionMotor, Motor
 from emacm.machine.parts import Part
 from emacm.machine.rolling import BallScrew, Bearing
-from emacm.recordings.layout import Layout
 
 _PARTS = (Bearing, BallScrew, Gear, PlanetaryGear, Motor, InductionMotor)
 _ORDERS = "orders"  # table of names with orders

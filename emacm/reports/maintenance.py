@@ -3,25 +3,82 @@
 from __future__ import annotations
 
 import os
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from emacm.machine.lines import fault_series
+from emacm.displays import _drawing
+from emacm.machine.fault_lines import fault_series
 from emacm.models.model_files import describe_model, load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
 from emacm.reports.history import as_times, check_history, since
-from emacm.reports.html_pages import html_of, index_of
-from emacm.reports.pages import HEALTHY, Page, Settings, page_of
-from emacm.reports.pdf_pages import write_pdf
+from emacm.reports.pages import HEALTHY, Page, Settings, heading_of_warnings, page_of
+from emacm.reports.pictures import HEIGHT, description, draw, n_panels
 
-_WRITTEN = (".html", ".pdf")
+
+def html_of(pages: Sequence[Page]) -> str:
+    """Return an HTML document with one section for each page; it refers to no other file."""
+    shown = [
+        {
+            "page": page,
+            "heading": heading_of_warnings(page),
+            "picture": _picture(page),
+            "description": description(page),
+        }
+        for page in pages
+    ]
+    template = templates().get_template("maintenance.html.jinja2")
+    return template.render(title="Maintenance report", sections=shown)
+
+
+def index_of(entries: Sequence[tuple[Page, str]]) -> str:
+    """Return an HTML document that lists pages, each with its file."""
+    template = templates().get_template("index.html.jinja2")
+    return template.render(title="Maintenance reports", entries=entries)
+
+
+def templates() -> Any:
+    """Return the environment of the templates, which escapes all texts.
+
+    Raises
+    ------
+    ImportError
+        If jinja2 is not installed (extra ``report``).
+    """
+    try:
+        import jinja2
+    except ImportError as error:
+        raise ImportError(
+            "reports need jinja2 and matplotlib; run pip install 'emacm[report]'."
+        ) from error
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("emacm.reports"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def _picture(page: Page) -> str:
+    """Return the picture of a page as SVG in base64; empty if nothing is drawn."""
+    panels = n_panels(page)
+    if not panels:
+        return ""
+    figure, axes = _drawing.offscreen_panels(panels, height=HEIGHT if panels > 1 else 2.8)
+    draw(page, list(axes[:, 0]))
+    buffer = BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return b64encode(buffer.getvalue()).decode()
 
 
 def maintenance_report(
@@ -37,7 +94,7 @@ def maintenance_report(
     unit: Any = None,
     time: Any = None,
 ) -> list[Path]:
-    """Write a report for maintenance staff: one page for each decision, as HTML and PDF.
+    """Write a report for maintenance staff: one page for each decision, as HTML.
 
     A page states, in this order: what is wrong with the measurement, if anything is; the decision
     and its confidence; since when; the recommended action; which orders of which component are
@@ -52,8 +109,9 @@ def maintenance_report(
     recordings : sequence of Recording
         Such as a `RecordingFolder`.
     path : str or Path
-        A file that ends with .html or .pdf, with all pages; or a folder, in which each recording
-        has an HTML and a PDF file, and "index.html" lists them. The folder is made if needed.
+        A file that ends with .html, with all pages; or a folder, in which each recording has a
+        file, and "index.html" lists them. The folder is made if needed. Printed from a browser,
+        each recording starts a new sheet.
     actions : mapping of label to str, optional
         Recommended action for each decision.
     parts : part, or sequence of parts, optional
@@ -81,7 +139,7 @@ def maintenance_report(
     Raises
     ------
     ImportError
-        If matplotlib is not installed (extra ``plot``).
+        If matplotlib or jinja2 is not installed (extra ``report``).
     TypeError, ValueError
         If `model` is not a fitted classifier, an action is given for something that is not a
         decision, a part, the history or a time is invalid, or `path` is a file of another type.
@@ -109,7 +167,7 @@ def maintenance_report(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     files = maintenance_report(model, runs[4:5], folder, actions={"worn": "Grease it."})
     ...     [file.name for file in files], "Grease it." in files[0].read_text(encoding="utf-8")
-    (['recording_0.html', 'recording_0.pdf', 'index.html'], True)
+    (['recording_0.html', 'index.html'], True)
     """
     reports = Reports(read_settings(model, actions, parts, healthy, background), path)
     entries = as_list(recordings)
@@ -133,6 +191,7 @@ class Reports:
     """
 
     def __init__(self, settings: Settings, path: str | os.PathLike[str]) -> None:
+        templates()  # a missing jinja2 is stated before hours of work
         self._settings = settings
         self._target, self._is_file = _target(path)
 
@@ -176,9 +235,8 @@ class Reports:
         stems = file_stems([page.name for page in listed])
         files = []
         for page, stem in zip(pages, stems[len(before) :], strict=True):
-            for suffix in _WRITTEN:
-                files.append(self._target / f"{stem}{suffix}")
-                _write([page], files[-1])
+            files.append(self._target / f"{stem}.html")
+            _write([page], files[-1])
         index, links = self._target / "index.html", [f"{stem}.html" for stem in stems]
         index.write_text(index_of(list(zip(listed, links, strict=True))), encoding="utf-8")
         return [*files, index]
@@ -263,20 +321,20 @@ def add_since(
 def _write(pages: Sequence[Page], file: Path) -> None:
     """Write pages so that an interruption leaves no incomplete file."""
     unfinished = file.with_name(f".{file.stem}.{os.getpid()}.part{file.suffix}")
-    if file.suffix == ".pdf":
-        write_pdf(pages, unfinished)
-    else:
-        unfinished.write_text(html_of(pages), encoding="utf-8")
+    unfinished.write_text(html_of(pages), encoding="utf-8")
     os.replace(unfinished, file)
 
 
 def _target(path: str | os.PathLike[str]) -> tuple[Path, bool]:
     """Return a file or folder, and whether it is a file."""
     target = Path(path)
-    if target.suffix in _WRITTEN and not target.is_dir():
+    if target.suffix == ".html" and not target.is_dir():
         return target, True
-    if target.is_file():
-        raise ValueError(f"path must end with .html or .pdf, or be a folder; got {str(path)!r}.")
+    if target.is_file() or (target.suffix == ".pdf" and not target.is_dir()):
+        raise ValueError(
+            f"path must end with .html, or be a folder; got {str(path)!r}. For a PDF file, print "
+            f"the HTML page from a browser."
+        )
     target.mkdir(parents=True, exist_ok=True)
     return target, False
 

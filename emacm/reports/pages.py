@@ -9,24 +9,63 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
-from sklearn.pipeline import Pipeline
+from sklearn.pipeline import FeatureUnion, Pipeline
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import search_estimator
 from emacm.displays._tables import envelopes_of
-from emacm.explanations.class_deviations import class_deviations
+from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.models.model_files import parts_of
 from emacm.models.outside_training import training_statements
 from emacm.models.scoring import measured_quality, scored_rows
 from emacm.orders.new_lines import collected_statements
+from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording
 from emacm.reports.facts import Facts, model_facts, recording_facts
-from emacm.reports.order_spectra import order_spectra
 from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
+
+
+def order_spectra(model: Any, X: Sequence[Any]) -> pd.DataFrame | None:
+    """Return the spectra that a fitted model computes, by its first `OrderPSD`.
+
+    Parameters
+    ----------
+    model : OrderPSD, Pipeline, FeatureUnion, ConditionRouter or fitted search
+        Fitted.
+    X : list of Recording
+        Of one condition, if the model has several.
+
+    Returns
+    -------
+    DataFrame of shape (n_recordings, n_columns), or None
+        Columns ``channel@order`` [U²/order, or U²]; None if the model computes no order spectra.
+    """
+    model = search_estimator(model)
+    if isinstance(model, OrderPSD):
+        return pd.DataFrame(np.asarray(model.transform(X)), columns=model.get_feature_names_out())
+    if isinstance(model, ConditionRouter):
+        return order_spectra(model.models_of(X)[0], model.inner(X))
+    if isinstance(model, FeatureUnion):
+        found = (order_spectra(step, X) for _, step in model.transformer_list)
+        return next((table for table in found if table is not None), None)
+    if not isinstance(model, Pipeline):
+        return None
+    for _, step in model.steps:
+        table = order_spectra(step, X)
+        if table is not None:
+            return table
+        if step in (None, "passthrough") or not hasattr(step, "transform"):
+            continue
+        X = step.transform(X)
+        if hasattr(X, "shape"):  # features
+            return None
+    return None
+
 
 _AS_A_LIST = re.compile(r"^recording 0( \([^)]*\))?: ")  # how messages name the only recording
 HEALTHY = ("healthy", "normal")  # names of the healthy state, unless it is given

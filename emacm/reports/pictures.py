@@ -9,11 +9,11 @@ import pandas as pd
 
 from emacm.displays import _drawing
 from emacm.displays._tables import as_envelope
-from emacm.machine.lines import fault_series
+from emacm.machine.fault_lines import fault_series
 from emacm.orders.columns import OrderBlock, parse_order_columns
+from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
 from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised
-from emacm.reports.words import channel_name
 
 HEIGHT = 5.0  # inches, of two panels
 _NORMAL, _RAISED = "0.6", _drawing.COLOURS[1]

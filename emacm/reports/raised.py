@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.machine.lines import FaultSeries, LineLevels, fault_series
+from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
 from emacm.orders.columns import parse_order_columns
-from emacm.reports.words import channel_name, decibels, listed
+from emacm.reports.facts import channel_name, decibels, listed
 
 LEAST = 3.0  # dB above the mean of the healthy recordings
 SIGMAS = 4.0  # standard deviations of the healthy recordings: hundreds of bins are looked at

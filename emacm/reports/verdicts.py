@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.decisions.least_risk_mixin import LeastRiskMixin
+from emacm.decisions.risks import LeastRiskMixin
 from emacm.models.scoring import opened_classifier
 from emacm.recordings.recording import Recording
-from emacm.reports.facts import known_states
-from emacm.reports.words import confidence, listed, percent
+from emacm.reports.facts import confidence, known_states, listed, percent
 
 _NAMED = 0.01  # probability from which another state is named
 _UNUSUAL = 0.01  # typicality

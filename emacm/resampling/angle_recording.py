@@ -4,22 +4,89 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
+from emacm import _kernels
 from emacm.recordings.recording import Recording
-from emacm.resampling.interpolation import interpolated
-from emacm.resampling.kept_signals import KeptSignals
 from emacm.resampling.spreading import spread_rows
-from emacm.shaft.motion import Series
+from emacm.shaft.motion import Series, parts
 from emacm.shaft.paths import ShaftPath
+
+INTERPOLATIONS = ("linear", "cubic")
+
+_SPLINE_BLOCK = 1 << 15  # samples in work at once; a spline needs ten times their memory
+_SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0.27**n
 
 Self = TypeVar("Self", bound="AngleRecording")
 
-_MANY = 1000  # strokes; of noise at standstill there may be more, which are not kept
+
+class KeptSignals:
+    """Blocks of resampled signals, stroke by stroke, up to a total size.
+
+    Signals that do not fit are resampled whenever they are read. Blocks are kept as they were
+    computed. Every reader therefore receives the same blocks, and its sums are identical bit for
+    bit. There is no lock: two threads that read the same stroke at the same time may both resample
+    it.
+
+    Parameters
+    ----------
+    max_bytes : int
+        Size up to which signals are kept.
+    """
+
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
+        self._used = 0
+        self._blocks: dict[Any, list[NDArray[np.floating]]] = {}
+
+    def blocks(
+        self,
+        path: ShaftPath,
+        rows: Sequence[int],
+        n_angles: int,
+        stream: Iterator[NDArray[np.floating]],
+    ) -> Iterator[NDArray[np.floating]]:
+        """Yield the blocks of a stroke: those that are kept, or those of `stream`.
+
+        Parameters
+        ----------
+        path : ShaftPath
+            Travel of the shaft along the stroke.
+        rows : sequence of int
+            Indices of the channels.
+        n_angles : int
+            Number of samples over the angle.
+        stream : iterator of ndarray of shape (n_rows, n_angles)
+            The resampled blocks; not computed if they are kept already.
+
+        Yields
+        ------
+        ndarray of shape (n_rows, n_angles)
+            Consecutive blocks.
+        """
+        key = (path.start_time, path.start_angle, path.direction, path.n_times, *rows)
+        known = self._blocks.get(key)
+        if known is not None:
+            yield from known
+            return
+        held: list[NDArray[np.floating]] | None = []
+        size, done = 1000, 0  # bytes that an entry takes besides its signals
+        for block in stream:
+            size, done = size + block.nbytes, done + block.shape[1]
+            if self._used + size > self._max_bytes:
+                held = None  # too large: what was held so far is released
+            if held is not None:
+                held.append(block)
+                if done == n_angles and key not in self._blocks:
+                    self._used += size
+                    self._blocks[key] = held
+            yield block
 
 
 @dataclass(frozen=True)
@@ -106,7 +173,8 @@ class AngleRecording:
         if found is None:
             measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
             found = [path.geared(self.ratio) for path in measured]
-            if len(found) <= _MANY and not self.measured.in_files:
+            # Of noise at standstill there may be more strokes, which are not kept.
+            if len(found) <= 1000 and not self.measured.in_files:
                 self.__dict__["_paths"] = found
         return found
 
@@ -256,3 +324,98 @@ def _align_streams(
         for number, part in enumerate(parts):
             more = part.shape[1] > length
             held[number] = part[:, length:] if more else next(streams[number], None)
+
+
+def interpolated(
+    rows: Sequence[Series],
+    fs: float,
+    path: ShaftPath,
+    theta_s: float,
+    interpolation: str,
+) -> Iterator[NDArray[np.floating]]:
+    """Yield the rows at the grid angles, block by block.
+
+    Parameters
+    ----------
+    rows : sequence of ndarray of shape (n_times,), or of objects that can be sliced like one
+        Signals at times ``n / fs``.
+    fs : float
+        Their sampling rate [Hz].
+    path : ShaftPath
+        Travel of the shaft over time.
+    theta_s : float
+        Angle between samples of the result [rad].
+    interpolation : {"linear", "cubic"}
+        Straight lines, Eq. (2.13) of Chirico, or a cubic spline over time.
+
+    Yields
+    ------
+    ndarray of shape (n_rows, n_angles)
+        The next angles; all blocks together cover the whole path.
+    """
+    first, last = path.sample_range(fs, len(rows[0]))
+    n_angles, done, farthest = path.count(theta_s), 0, -np.inf
+    loops = _kernels.loops
+    at_once = loops.READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
+    # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
+    at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
+    for start, stop in parts(first, last - 1, at_once):
+        stop += 1  # the sample that the next part begins with
+        travel = path.travel_at(fs, start, stop)
+        # A shaft that stands or shivers repeats angles; what counts is when it passes them for
+        # good.
+        if path.max_reversal:
+            travel = np.maximum(np.maximum.accumulate(travel), farthest)
+        farthest = float(travel[-1])
+        end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
+        if end <= done:
+            continue
+        read = [
+            _read_off(loops, rows, start, stop, travel, done, end - done, theta_s, interpolation)
+        ]
+        del travel  # what is not needed any more is gone before the next is made
+        yield read.pop()
+        done = end
+
+
+def _read_off(
+    loops: ModuleType,
+    rows: Sequence[Series],
+    start: int,
+    stop: int,
+    travel: NDArray[np.floating],
+    first: int,
+    n_angles: int,
+    theta_s: float,
+    interpolation: str,
+) -> NDArray[np.floating]:
+    """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
+    values = np.empty((len(rows), n_angles))
+    if interpolation == "linear":
+        parts_of_rows = [row[start:stop] for row in rows]
+        loops.interpolate_linear(travel, first, theta_s, parts_of_rows, values)
+        return values
+    left, weights = loops.interpolation_weights(travel, first, n_angles, theta_s)
+    for value, row in zip(values, rows, strict=True):
+        value[:] = _spline(row, start, stop, left + weights)
+    return values
+
+
+def _passed(angle: float, theta_s: float) -> int:
+    """Count the grid angles below `angle`."""
+    count = int(np.ceil(angle / theta_s))
+    while count > 0 and theta_s * (count - 1) >= angle:
+        count -= 1
+    while theta_s * count < angle:
+        count += 1
+    return count
+
+
+def _spline(
+    row: Series, start: int, stop: int, indices: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Read a cubic spline off at fractional indices counted from `start`."""
+    low, high = max(0, start - _SPLINE_MARGIN), min(len(row), stop + _SPLINE_MARGIN)
+    near = row[low:high].astype(np.float64)
+    spline = make_interp_spline(np.arange(len(near)), near, k=min(3, len(near) - 1))
+    return spline(indices + (start - low))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from functools import partial
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,10 @@ from emacm._checks import (
     located,
 )
 from emacm._progress import run
+from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.inputs import (
     as_list,
+    as_recordings,
     check_channel_names,
     check_channels,
     chosen_channels,
@@ -28,22 +30,167 @@ from emacm.recordings.inputs import (
     received,
 )
 from emacm.recordings.recording import Recording
-from emacm.recordings.transformer import RecordingTransformer
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import check_angle_step
-from emacm.resampling.interpolation import INTERPOLATIONS
+from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording
 from emacm.resampling.quality import Quality, jump_warning, recording_quality
 from emacm.resampling.training_range import (
     Statement,
     outside_range,
     training_range,
     training_units,
-    warn_of_severe,
 )
 from emacm.shaft.paths import DIRECTIONS, ShaftPath
 from emacm.shaft.strokes import Stroke, longest_gap
 
-_LARGEST_RATIO = 1_000_000  # as of the parts of a machine
+
+def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
+    """Return X as a list of recordings over the shaft angle.
+
+    Parameters
+    ----------
+    X : sequence of AngleRecording
+        What `OrderResampler` returns.
+    who : str
+        Name of the estimator, for the message.
+
+    Returns
+    -------
+    list of AngleRecording
+
+    Raises
+    ------
+    TypeError
+        If X is not a list, or an entry is of another type, such as a recording over time.
+    ValueError
+        If X is empty.
+    """
+    if are_over_angle(X):
+        return list(X)
+    rows = as_recordings(X, who, also=(AngleRecording,))
+    for index, row in enumerate(rows):
+        if not isinstance(row, AngleRecording):
+            raise TypeError(
+                f"{described(row, index)} is over time; put an OrderResampler before {who}."
+            )
+    return rows
+
+
+def are_over_angle(X: Any) -> bool:
+    """Return whether X is a list of recordings over the shaft angle, and of nothing else."""
+    return isinstance(X, list) and len(X) > 0 and all(isinstance(r, AngleRecording) for r in X)
+
+
+def check_angle_step(theta_s: Any) -> float:
+    """Return the angle between samples.
+
+    Parameters
+    ----------
+    theta_s : float
+        Angle between samples [rad], at most π. A rounded float32 (or float16) value of 2π/n is
+        replaced by 2π/n.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a number above 0 and at most π.
+
+    Examples
+    --------
+    >>> check_angle_step(np.float32(2 * np.pi / 64)) == 2 * np.pi / 64
+    True
+    """
+    step = check_number(theta_s, "theta_s", above=0, unit="rad per sample")
+    if step > np.pi:
+        raise ValueError(
+            f"theta_s = {step:g} rad is more than half a revolution between two samples. It is the "
+            f"angle between samples, not their number: for {step:g} samples per revolution, write "
+            f"theta_s=2 * np.pi / {step:g}."
+        )
+    if isinstance(theta_s, np.floating) and theta_s.dtype.itemsize < 8:
+        exact = 2 * np.pi / round(2 * np.pi / step)
+        if theta_s == theta_s.dtype.type(exact):
+            return exact
+    return step
+
+
+def check_alike(
+    rows: Sequence[AngleRecording],
+    channels: Sequence[str],
+    theta_s: float | None,
+    who: str,
+    *,
+    by_direction: bool = False,
+    exactly: bool = True,
+) -> None:
+    """Compare recordings with those of `fit`.
+
+    Parameters
+    ----------
+    rows : sequence of AngleRecording
+        Recordings.
+    channels : sequence of str
+        Channels in `fit`.
+    theta_s : float or None
+        Angle between samples in `fit` [rad].
+    who : str
+        Name of the estimator, for the message.
+    by_direction : bool
+        Whether forward and reverse strokes must be separate.
+    exactly : bool
+        Whether no other channels are allowed, nor another order of them.
+
+    Raises
+    ------
+    ValueError
+        If a recording has other channels, was not resampled at this angle, or its directions were
+        joined.
+    """
+    if any(row.channels != channels for row in rows):
+        check_channels(rows, channels, others=not exactly, ordered=exactly)
+    for index, row in enumerate(rows):
+        if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
+            raise ValueError(
+                f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
+                f"{who} was fitted on {theta_s!r}. Use the same theta_s, or fit again."
+            )
+        if by_direction and row.direction == "travel":
+            raise ValueError(
+                "by_direction needs strokes, but direction='travel' of OrderResampler joins "
+                "both directions. Use direction='strokes'."
+            )
+
+
+def separates_directions(by_direction: bool | str, rows: Sequence[Any]) -> bool:
+    """Return whether forward and reverse strokes are separate.
+
+    Parameters
+    ----------
+    by_direction : bool or "auto"
+        "auto": if a recording has strokes of at least one revolution in both directions.
+    rows : sequence of AngleRecording or ndarray
+        Rows of `fit`; arrays have no direction.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        If `by_direction` is neither.
+    """
+    check_choice(by_direction, "by_direction", (True, False, "auto"))
+    if by_direction != "auto":
+        return bool(by_direction)
+    turning = (
+        {stroke.direction for stroke in row.strokes if stroke.revolutions >= 1}
+        for row in rows
+        if isinstance(row, AngleRecording)
+    )
+    return any({1, -1} <= directions for directions in turning)
 
 
 class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -203,13 +350,10 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             turns (in the wanted direction) faster than `min_speed`, or if its shaft
             reference has an isolated jump of more than half a revolution.
 
-        Warns
-        -----
-        UserWarning
-            If the shaft reference has an isolated jump of more than `theta_s`; if `quality` warns
-            of something that no recording of `fit` has; if a level is 20 dB outside the range of
-            these recordings, a channel is in another unit, or a speed seems to be, or the shaft
-            turns in a direction in which it did not in any of them.
+        See Also
+        --------
+        OrderResampler.quality : Defects of recordings, which `transform` does not look for.
+        emacm.outside_training : What of a recording is outside the range of those of `fit`.
         """
         check_is_fitted(self)
         self._check_parameters()
@@ -219,10 +363,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         rows = [self._over_angle(recording, theta_s) for recording in recordings]
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
-                self._check_motion(row, index)
-        qualities = self._qualities(recordings, self.channels_)
-        known = self.training_range_, self._training_units
-        warn_of_severe(recordings, qualities, *known, self.training_findings_, stacklevel=3)
+                self._check_motion(row)
         return rows
 
     def quality(self, X: Any) -> pd.DataFrame:
@@ -303,7 +444,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_choice(self.direction, "direction", DIRECTIONS)
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         longest_gap(self.max_rest, 1.0)
-        check_number(self.ratio, "ratio", at_least=1 / _LARGEST_RATIO, at_most=_LARGEST_RATIO)
+        check_number(
+            self.ratio, "ratio", at_least=1e-6, at_most=1e6
+        )  # as of the parts of a machine
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
         if isinstance(self.reference, bool) or not isinstance(
             self.reference, str | int | np.integer | None
@@ -361,7 +504,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             self.max_rest,
         )
 
-    def _check_motion(self, row: AngleRecording, index: int) -> None:
+    def _check_motion(self, row: AngleRecording) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""
         recording = row.measured
         signs = {"forward": {1}, "reverse": {-1}}.get(self.direction, {1, -1})
@@ -379,8 +522,6 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         jump, text = jump_warning(recording)
         if jump > np.pi:
             raise ValueError(text)
-        if jump * self.ratio > self.theta_s:
-            warnings.warn(f"{described(recording, index)}: {text}", UserWarning, stacklevel=3)
 
 
 def _bare_channels(entry: Any) -> dict[str, Any]:

@@ -1,20 +1,27 @@
-"""Quality of a recording over the shaft angle: revolutions, speeds, highest order, findings."""
+"""Quality of a recording over the shaft angle: revolutions, speeds, highest order, findings.
+
+A channel that is computed when it is read, such as an envelope, is judged by the measured signal
+it is computed from. At most 32,768 values in 32 blocks are read, so that a recording that is larger
+than memory costs no more than a short one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from emacm.recordings.recording import Recording
-from emacm.resampling.channel_checks import check_channel
 from emacm.resampling.fine_grid import PASS
+from emacm.shaft.motion import LazySeries, Series, blocks
 from emacm.shaft.paths import ShaftPath
 
-_MANY = 10  # strokes of less than a revolution that look like noise
+Array = NDArray[np.float64]
 
 
 class Finding(NamedTuple):
@@ -192,7 +199,7 @@ def _findings(
             f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"
         )
         found.append(Finding("order", text))
-    if n_short > _MANY:
+    if n_short > 10:  # so many look like noise
         text = (
             f"{n_short} strokes of less than a revolution: raise min_speed above the noise at "
             f"standstill"
@@ -205,3 +212,231 @@ def _findings(
         )
         found.append(Finding("speed", text))
     return found
+
+
+@dataclass(frozen=True)
+class ChannelCheckSettings:
+    """Limits of `check_channel`.
+
+    No benchmark of this repository repeats their choice;
+    ``pytest tests/resampling/test_channel_checks.py`` has the channels without a defect that must
+    not be reported, and defects that must be.
+
+    Attributes
+    ----------
+    n_blocks, block : int
+        Number and length of the blocks of a long channel that are read.
+    clipped, held : int
+        Equal samples in succession: at the extremes, and anywhere.
+    stretches : int
+        Fewest stretches of them; fewer may be coincidence, or the machine at rest.
+    few : float
+        Fraction of equal neighbours below which nothing is clipped or lost.
+    sharp : float
+        Smallest step at the end of a stretch, in usual steps: those of a signal that comes to rest
+        are smaller.
+    gap : int
+        Equal samples of a single gap.
+    chance : float
+        Probability of so many by coincidence.
+    rough : float
+        Usual step of a signal that has no plateaus, in standard deviations.
+    near : int
+        Samples before and after a gap in which the signal is active.
+    fine : float
+        Smallest step, in usual steps, of a signal that noise changes even at standstill.
+    digital : float
+        Fraction of time at constant values above which a signal is a switch.
+    """
+
+    n_blocks: int = 32
+    block: int = 1024
+    clipped: int = 3
+    held: int = 16
+    stretches: int = 5
+    few: float = 1e-3
+    sharp: float = 0.3
+    gap: int = 64
+    chance: float = 1e-6
+    rough: float = 0.1
+    near: int = 8
+    fine: float = 0.02
+    digital: float = 0.9
+
+
+CHANNEL_CHECKS = ChannelCheckSettings()
+
+
+class ChannelCheck(NamedTuple):
+    """Level and defect of one channel.
+
+    Attributes
+    ----------
+    level : float
+        Root mean square of the deviations from the mean, in the unit of the channel.
+    defect : {"", "constant", "clipped", "drop-outs"}
+        What is wrong; empty if nothing.
+    text : str
+        Description of the defect.
+    """
+
+    level: float
+    defect: str
+    text: str
+
+
+def check_channel(
+    series: Series,
+    name: str,
+    turning: Sequence[tuple[float, float]] = (),
+    *,
+    settings: ChannelCheckSettings = CHANNEL_CHECKS,
+) -> ChannelCheck:
+    """Return the level and the defect of one channel.
+
+    Parameters
+    ----------
+    series : Series
+        The channel.
+    name : str
+        Its name.
+    turning : sequence of (float, float)
+        Begin and end of each stroke of the shaft, as fractions of the duration.
+    settings : ChannelCheckSettings
+        Limits of the check.
+
+    Returns
+    -------
+    ChannelCheck
+
+    Notes
+    -----
+    A channel is clipped if it stays at its largest or smallest value at least five times for three
+    or more samples, and reaches this value by steps of the usual size. A coarsely quantised signal
+    with a smooth maximum reaches it by small steps, so it is not clipped. Drop-outs are stretches
+    of 16 or more equal samples, at any value, that begin and end with such steps. A single one of
+    64 or more is sufficient where the shaft turns, if the signal has no plateaus and so many equal
+    samples are no coincidence. Signals with few values (switches) are left out.
+
+    Examples
+    --------
+    >>> wave = np.sin(np.arange(4000.0))
+    >>> check_channel(np.clip(wave, -0.5, 0.5), "current").text
+    "channel 'current' is clipped at 0.5"
+    >>> check_channel(np.zeros(100), "current").defect
+    'constant'
+    """
+    if isinstance(series, LazySeries) and series.sources:
+        series = series.sources[0]
+    rows, starts = _sampled(series, settings)
+    largest, n = float(np.abs(rows).max()), len(series)
+    if np.ptp(rows) == 0 and all(np.ptp(b) == 0 and b[0] == rows[0, 0] for _, b in blocks(series)):
+        return ChannelCheck(
+            0.0, "constant", f"channel {name!r} is constant ({rows[0, 0]:.4g}): cable or sensor?"
+        )
+    scaled = rows / largest if largest > 0 else rows  # squares of any finite value
+    defect, where = _flat_stretches(scaled, starts, [(a * n, b * n) for a, b in turning], settings)
+    text = {
+        "": "",
+        "clipped": f"channel {name!r} is clipped at {where * largest:.4g}",
+        "drop-outs": f"channel {name!r} has drop-outs: in {100 * where:.2g} % of the time "
+        f"it is constant",
+    }[defect]
+    return ChannelCheck(float(scaled.std()) * largest, defect, text)
+
+
+def _sampled(series: Series, settings: ChannelCheckSettings) -> tuple[Array, NDArray[np.intp]]:
+    """Return blocks of a channel, evenly spread, shape (n_blocks, n_times), and their begins."""
+    length = len(series)
+    if length <= settings.n_blocks * settings.block:
+        return np.asarray(series[:], np.float64)[np.newaxis], np.zeros(1, np.intp)
+    starts = np.linspace(0, length - settings.block, settings.n_blocks).astype(np.intp)
+    blocks_of = [series[start : start + settings.block] for start in starts.tolist()]
+    return np.array(blocks_of, np.float64), starts
+
+
+def _flat_stretches(
+    rows: Array,
+    starts: NDArray[np.intp],
+    turning: Sequence[tuple[float, float]],
+    settings: ChannelCheckSettings,
+) -> tuple[str, float]:
+    """Return the defect, and the value it is clipped at or the fraction of time it is constant.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (n_blocks, n_times)
+        Blocks of the channel.
+    starts : ndarray of shape (n_blocks,)
+        Samples at which they begin.
+    turning : sequence of (float, float)
+        Samples at which strokes of the shaft begin and end.
+    settings : ChannelCheckSettings
+        Limits of the check.
+
+    Returns
+    -------
+    defect : {"", "clipped", "drop-outs"}
+    where : float
+    """
+    steps = np.abs(np.diff(rows, axis=1))
+    equal = steps == 0
+    if equal.mean() < settings.few or equal.all():
+        return "", 0.0
+    # Stretches of equal samples; a column of other steps keeps the blocks apart.
+    edge = np.zeros((len(rows), 1))
+    flat = np.pad(equal, ((0, 0), (1, 1))).ravel().astype(np.int8)
+    changes = np.diff(flat)
+    first, last = np.flatnonzero(changes == 1), np.flatnonzero(changes == -1)
+    around = np.hstack([edge, steps, edge]).ravel()  # the outermost steps are not known
+    outer, step = np.array([around[first], around[last + 1]]), _sharp_step(steps[~equal], settings)
+    sharp = outer.max(axis=0) > step
+    lengths = last - first + 1  # samples
+    width = rows.shape[1] + 1
+    values = rows[first // width, first % width]
+    for extreme in (rows.max(), rows.min()):
+        here = (lengths >= settings.clipped) & (values == extreme)
+        if np.count_nonzero(here & sharp) >= max(settings.stretches, 0.5 * np.count_nonzero(here)):
+            return "clipped", float(extreme)
+    held = lengths >= settings.held
+    share = float(lengths[held].sum() / rows.size)
+    if np.count_nonzero(held & sharp) >= settings.stretches and 0.01 < share < settings.digital:
+        return "drop-outs", share
+    # A single gap counts while the shaft turns, in a signal whose samples differ otherwise.
+    is_long = lengths >= settings.gap
+    usual = float(np.median(steps[~equal]))
+    if not is_long.any() or usual < settings.rough * rows.std():
+        return "", 0.0
+    begin = starts[first // width] + first % width
+    turned, is_within = _while_turning(begin, begin + lengths, turning)
+    n_long = int((lengths[is_long] - 1).sum())
+    often = max((equal.sum() - n_long) / (equal.size - n_long), 1 / equal.size)
+    is_rare = np.log(equal.size) + (turned - 1) * np.log(often) < np.log(settings.chance)
+    # Near its ends the signal is active, unlike one that comes to rest, or the shaft is at rest.
+    active = maximum_filter1d(around, 2 * settings.near + 1)[[first, last + 1]] > step
+    is_unknown = (outer == 0) | ~is_within  # beyond a block
+    is_cut = (active | is_unknown).all(axis=0) & active.any(axis=0)
+    is_cut |= float(steps[~equal].min()) <= settings.fine * usual
+    share = float(turned[(turned >= settings.gap) & is_rare & is_cut].sum() / rows.size)
+    return ("drop-outs", share) if 0.01 < share < settings.digital else ("", 0.0)
+
+
+def _while_turning(
+    begin: NDArray[np.intp], end: NDArray[np.intp], turning: Sequence[tuple[float, float]]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how many samples of stretches lie within strokes, and whether their ends do.
+
+    Shapes (n_stretches,) and (2, n_stretches).
+    """
+    ends = np.array([begin, end])
+    turned = np.zeros(len(begin))
+    is_within = np.zeros(ends.shape, dtype=bool)
+    for low, high in turning:
+        turned += np.clip(np.minimum(end, high) - np.maximum(begin, low), 0, None)
+        is_within |= (ends > low) & (ends < high)
+    return turned, is_within
+
+
+def _sharp_step(steps: Any, settings: ChannelCheckSettings) -> float:
+    """Return the size above which a step is none of a signal that comes to rest."""
+    return float(max(settings.sharp * np.median(steps), 1.5 * steps.min()))

@@ -7,10 +7,10 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_count
+from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.inputs import check_channels
-from emacm.recordings.transformer import RecordingTransformer
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.inputs import as_angle_recordings
+from emacm.resampling.order_resampler import as_angle_recordings
 
 
 class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -42,7 +42,8 @@ class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ig
     --------
     >>> import numpy as np
     >>> from sklearn.pipeline import make_pipeline, make_union
-    >>> from emacm import OrderPSD, OrderResampler, Recording, RecordingStatistics, SignalCache
+    >>> from emacm import OrderPSD, OrderResampler, Recording, RecordingStatistics
+    >>> from emacm.resampling.signal_cache import SignalCache
     >>> rng = np.random.default_rng(0)
     >>> run = Recording({"torque": rng.normal(size=4000)}, 1000, velocity=np.full(4000, 50.0))
     >>> union = make_union(OrderPSD(4), RecordingStatistics(by_direction=False))

@@ -3,36 +3,58 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from emacm._statements import Statement
 from emacm.recordings.inputs import described
-from emacm.recordings.recording import Recording
-from emacm.recordings.units import unit_ratio
+from emacm.recordings.names import unit_ratio
 from emacm.resampling.quality import Quality
 
 Range = tuple[float, float]
 
-_LEVEL, _FAR_LEVEL = 3.0, 20.0  # dB beyond the range: what is stated, and what is severe
-_SPEED = 1.1  # factor beyond the range
-_OTHER_WAY, _ASIDE = 0.1, 0.01  # fractions of the revolutions: what is stated, what is noise
-_RATE = 1e-3  # relative difference of sampling rates, more than that of two clocks
-_LISTED = 5  # recordings that a warning lists
-_SPEED_UNITS = (  # speed in this unit over speed in rad/s
-    ("rpm", 60 / (2 * np.pi)),
-    ("degrees per second", 180 / np.pi),
-    ("revolutions per second", 1 / (2 * np.pi)),
-)
+
+@dataclass(frozen=True)
+class RangeLimits:
+    """Limits beyond a training range.
+
+    They are conventions, not fitted to data; `outside_range` states them.
+
+    Attributes
+    ----------
+    level, far_level : float
+        dB of a level beyond the range: what is stated, and what is severe.
+    factor : float
+        Factor of a speed, length or valid order beyond the range.
+    other_way, aside : float
+        Fractions of the revolutions in another direction: what is stated, and what is noise.
+    rate : float
+        Relative difference of sampling rates, more than that of two clocks.
+    listed : int
+        Recordings that a warning lists.
+    speed_units : tuple of (str, float)
+        Units of a speed, and the speed in this unit over that in rad/s.
+    """
+
+    level: float = 3.0
+    far_level: float = 20.0
+    factor: float = 1.1
+    other_way: float = 0.1
+    aside: float = 0.01
+    rate: float = 1e-3
+    listed: int = 5
+    speed_units: tuple[tuple[str, float], ...] = (
+        ("rpm", 60 / (2 * np.pi)),
+        ("degrees per second", 180 / np.pi),
+        ("revolutions per second", 1 / (2 * np.pi)),
+    )
 
 
-class Statement(NamedTuple):
-    """A property of a recording outside the training range, in words, and whether it is severe."""
-
-    text: str
-    severe: bool
+LIMITS = RangeLimits()
 
 
 def training_range(qualities: Sequence[Quality]) -> dict[str, Range]:
@@ -100,39 +122,6 @@ def outside_range(
     ]
 
 
-def warn_of_severe(
-    recordings: Sequence[Recording],
-    qualities: Sequence[Quality],
-    known: Mapping[str, Range],
-    units: Mapping[str, Sequence[str]],
-    findings: Collection[str],
-    *,
-    stacklevel: int,
-) -> None:
-    """Warn once of all recordings with severe findings or statements.
-
-    Parameters
-    ----------
-    recordings, qualities : sequence of Recording and of Quality
-        The recordings that are to be judged.
-    known : mapping of str to (float, float)
-        Of `training_range`.
-    units : mapping of str to sequence of str
-        Of `training_units`.
-    findings : collection of str
-        Kinds of findings in the training, which are not warned of.
-    stacklevel : int
-        Of the caller.
-    """
-    stated = []
-    for quality in qualities:
-        # A jump has a warning of its own, and makes the highest speed meaningless.
-        left_out = {*findings, "jump"} | ({"order", "speed"} if quality.has_jump else set())
-        texts = [f.text for f in quality.findings if f.kind not in left_out]
-        stated.append(texts + [s.text for s in outside_range(quality, known, units) if s.severe])
-    warn_of_statements(recordings, stated, stacklevel=stacklevel + 1)
-
-
 def warn_of_statements(
     recordings: Sequence[Any], stated: Sequence[Sequence[str]], *, stacklevel: int, note: str = ""
 ) -> None:
@@ -155,18 +144,26 @@ def warn_of_statements(
         if texts
     ]
     if lines:
-        more = [f"and {len(lines) - _LISTED} more recordings"] if len(lines) > _LISTED else []
-        text = "\n".join([*lines[:_LISTED], *more, *([note] if note else [])])
+        more = (
+            [f"and {len(lines) - LIMITS.listed} more recordings"]
+            if len(lines) > LIMITS.listed
+            else []
+        )
+        text = "\n".join([*lines[: LIMITS.listed], *more, *([note] if note else [])])
         warnings.warn(text, UserWarning, stacklevel=stacklevel + 1)
 
 
 def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
     low, high = known["fastest"]
     fastest, least = row["fastest"], known["slowest"][0]
-    if low / _SPEED <= fastest <= high * _SPEED:
+    if low / LIMITS.factor <= fastest <= high * LIMITS.factor:
         return []
     factor = fastest / high if fastest > high else fastest / low
-    units = [unit for unit, size in _SPEED_UNITS if abs(np.log(factor / size)) < np.log(_SPEED)]
+    units = [
+        unit
+        for unit, size in LIMITS.speed_units
+        if abs(np.log(factor / size)) < np.log(LIMITS.factor)
+    ]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
     if row["slowest"] > high or fastest < least:  # no speed in common
@@ -203,19 +200,19 @@ def direction_statements(forward: float, known: Range | None) -> list[Statement]
     """
     if known is None:
         return []
-    if known[0] >= 1 - _ASIDE:
+    if known[0] >= 1 - LIMITS.aside:
         way, only, kept, new = "in reverse", "only forward", "forward", 1 - forward
-    elif known[1] <= _ASIDE:
+    elif known[1] <= LIMITS.aside:
         way, only, kept, new = "forward", "only in reverse", "reverse", forward
     else:
         return []
-    if not new >= _OTHER_WAY:  # it may be NaN
+    if not new >= LIMITS.other_way:  # it may be NaN
         return []
     text = (
         f"the shaft turns {way}, in the training {only}: check the sign of the shaft reference, or "
         f"train on both directions"
     )
-    if new < 1 - _OTHER_WAY:
+    if new < 1 - LIMITS.other_way:
         text = (
             f"{100 * new:.0f} % of the revolutions are {way}, in the training {only}: keep one "
             f"direction by OrderResampler(direction={kept!r}), or train on both"
@@ -245,7 +242,7 @@ def _rates(rates: Mapping[str, float], known: Mapping[str, Range]) -> list[State
     others: dict[str, list[str]] = {}
     for channel, rate in rates.items():
         low, high = known[f"fs of {channel}"]
-        if not low * (1 - _RATE) <= rate <= high * (1 + _RATE):
+        if not low * (1 - LIMITS.rate) <= rate <= high * (1 + LIMITS.rate):
             text = f"sampling rate {rate:.6g} Hz, in the training {_span(low, high)} Hz"
             others.setdefault(text, []).append(channel)
     return [Statement(f"{_channels(names)}: {text}", False) for text, names in others.items()]
@@ -262,23 +259,23 @@ def _too_short(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
     return [
         Statement(text.format(row[name], known[name][0]), False)
         for name, text in texts.items()
-        if row[name] < known[name][0] / _SPEED
+        if row[name] < known[name][0] / LIMITS.factor
     ]
 
 
 def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Statement]:
     ranges = {channel: known[f"level of {channel}"] for channel in levels}
     beyond = {name: _decibels(levels[name], *ranges[name]) for name in levels}
-    found = {name: value for name, value in beyond.items() if abs(value) >= _LEVEL}
+    found = {name: value for name, value in beyond.items() if abs(value) >= LIMITS.level}
     swapped = [
         pair
         for pair in combinations(found, 2)
         if all(
-            abs(_decibels(levels[one], *ranges[other])) < _LEVEL
+            abs(_decibels(levels[one], *ranges[other])) < LIMITS.level
             for one, other in (pair, pair[::-1])
         )
     ]
-    severe = any(abs(value) >= _FAR_LEVEL for value in found.values())
+    severe = any(abs(value) >= LIMITS.far_level for value in found.values())
     if swapped:
         text = f"levels of {_channels(swapped[0])} as if exchanged: are they swapped?"
         return [Statement(text, True)]
@@ -288,7 +285,7 @@ def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
     return [
         Statement(
             f"channel {name!r} {in_decibels(value)}, {_span(*ranges[name])} (root mean square)",
-            abs(value) >= _FAR_LEVEL,
+            abs(value) >= LIMITS.far_level,
         )
         for name, value in found.items()
     ]
@@ -302,7 +299,7 @@ def _common_gain(levels: Mapping[str, float], ranges: Mapping[str, Range]) -> fl
         [[levels[name] / high, levels[name] / low] for name, (low, high) in ranges.items()]
     )
     least, most = 20 * np.log10(ends[:, 0].max()), 20 * np.log10(ends[:, 1].min())
-    return float((least + most) / 2) if least <= most + _LEVEL else None
+    return float((least + most) / 2) if least <= most + LIMITS.level else None
 
 
 def in_decibels(value: float) -> str:

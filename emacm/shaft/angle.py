@@ -16,9 +16,6 @@ from emacm._checks import check_count, check_number, check_real_array, check_sig
 
 Angle = NDArray[np.float64]
 
-_FARTHEST = 1e9  # rad, of the first angle; float64 resolves 1e-7 rad there
-_WIDEST = 1.25  # periods that a wrapped angle spans, with noise
-
 
 def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0) -> Angle:
     """Integrate the shaft speed by the trapezoid rule [1]_.
@@ -60,7 +57,8 @@ def angle_from_velocity(velocity: ArrayLike, fs: float, *, initial: float = 0.0)
     """
     speed = check_signal(velocity, "velocity").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    initial = check_number(initial, "initial", at_least=-_FARTHEST, at_most=_FARTHEST, unit="rad")
+    # Beyond this, the resolution of float64 is coarser than 1e-7 rad.
+    initial = check_number(initial, "initial", at_least=-1e9, at_most=1e9, unit="rad")
     with np.errstate(over="ignore", invalid="ignore"):
         angle = initial + cumulative_trapezoid(speed, dx=1 / fs, initial=0)  # Eq. (2.9)
     return _in_range(angle, "velocity must be in rad/s")
@@ -101,7 +99,8 @@ def angle_from_wrapped(angle: ArrayLike, *, period: float = 2 * np.pi) -> Angle:
     values = check_signal(angle, "angle").astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         span, steps = np.ptp(values), np.abs(np.diff(values))
-    if span > _WIDEST * period and steps.max() > period / 2:
+    # With noise, a wrapped angle spans up to 1.25 periods.
+    if span > 1.25 * period and steps.max() > period / 2:
         raise ValueError(
             f"an angle that is wrapped at period = {period:.6g} spans at most that, but this one "
             f"spans {span:.6g} (from {values.min():.6g} to {values.max():.6g}) and steps by "

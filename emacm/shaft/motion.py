@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from emacm import _kernels
@@ -320,3 +321,94 @@ def blocks(series: Series, start: int = 0, stop: int | None = None) -> Iterator[
 def sources(series: Series) -> list[NDArray[Any]]:
     """Return the arrays that the samples of a series are computed from; an array itself."""
     return series.sources if isinstance(series, LazySeries) else [np.asarray(series)]
+
+
+class Jump(NamedTuple):
+    """An isolated jump of the shaft angle.
+
+    Attributes
+    ----------
+    sample : int
+        Number of the sample of the shaft reference.
+    angle : float
+        Size of the jump [rad].
+    """
+
+    sample: int
+    angle: float
+
+
+def largest_jump(
+    velocity: Series,
+    fs: float,
+    *,
+    width: int = 2,
+    reach: int = 12,
+    above_neighbours: float = 6.0,
+    above_median: float = 10.0,
+    above_mean: float = 4.0,
+) -> Jump | None:
+    """Return the largest isolated jump of the shaft angle.
+
+    A jump is a section of at most three samples with a speed of more than six times the highest
+    speed in the eleven samples on either side, and more than ten times the median speed. No shaft
+    accelerates and brakes so fast; an encoder that slips or an electrical spike looks like this.
+    Steps of a stepping motor and counts of a coarse encoder are not jumps, because there are many.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,), or LazySeries
+        Shaft velocity [rad/s].
+    fs : float
+        Its sampling rate [Hz].
+    width, reach : int
+        A jump is less than `width` samples wide on either side; it is compared with the speed from
+        there to `reach` samples away.
+    above_neighbours, above_median, above_mean : float
+        Multiples of the highest speed near by, of the median speed while turning (more than a count
+        of an encoder) and of the mean speed; where no speed is above the last, there is no jump.
+
+    Returns
+    -------
+    Jump or None
+        None if there is none.
+
+    Examples
+    --------
+    >>> speed = np.full(100, 3.0)
+    >>> speed[40] = 500.0
+    >>> largest_jump(speed, fs=100.0)
+    Jump(sample=40, angle=5.06)
+    """
+    largest = None
+    for first in range(0, len(velocity), BLOCK):
+        low, high = max(first - reach, 0), min(first + BLOCK + reach, len(velocity))
+        speed = np.abs(velocity[low:high])
+        if speed.max() <= above_mean * speed.mean():
+            continue
+        usual = above_neighbours * _neighbours(speed, width, reach)
+        turning = np.median(speed[speed > 0])
+        jump = _largest(speed, np.maximum(usual, above_median * turning), fs)
+        if jump is not None and (largest is None or jump.angle > largest.angle):
+            largest = Jump(low + jump.sample, jump.angle)
+    return largest
+
+
+def _largest(speed: NDArray[np.floating], limit: NDArray[np.floating], fs: float) -> Jump | None:
+    jumps = np.flatnonzero(speed > limit)
+    if not len(jumps):
+        return None
+    # A jump of an angle shows in two samples of its central difference.
+    angles = [float(speed[max(k - 1, 0) : k + 2].sum()) / fs for k in jumps]
+    place = int(np.argmax(angles))
+    return Jump(int(jumps[place]), angles[place])
+
+
+def _neighbours(speed: NDArray[np.floating], width: int, reach: int) -> NDArray[np.floating]:
+    """Return the highest speed from `width` to `reach` samples away, on either side.
+
+    Beyond its ends the speed continues: a motion that starts in the last sample is no jump.
+    """
+    padded = np.pad(speed, reach, mode="edge")
+    highest = sliding_window_view(padded, reach - width + 1).max(axis=-1)
+    return np.maximum(highest[: len(speed)], highest[reach + width :][: len(speed)])

@@ -22,7 +22,6 @@ from emacm.shaft.motion import (
 
 DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 _WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
-_MOST_SAMPLES = 1 << 31  # over the angle of one path
 
 
 class _remembered:
@@ -137,7 +136,7 @@ class ShaftPath:
             If there are more than 2**31.
         """
         count = self.length / theta_s + 1e-9
-        if count > _MOST_SAMPLES:
+        if count > 1 << 31:  # more than memory holds
             raise ValueError(
                 f"theta_s = {theta_s:g} rad would make {count:.3g} samples of a stroke of "
                 f"{self.length / (2 * np.pi):.3g} revolutions. It is the angle between samples, "

@@ -1,8 +1,14 @@
-"""Refinement of a shaft speed by the phases of the lines of the shaft."""
+"""Refinement of a shaft speed by the phases of the lines of the shaft.
+
+Where a shaft reverses, its lines vanish for a moment, and each of them has another phase
+afterwards: that of order k changes by -2 (k a + p), where a is the angle at which the shaft
+reverses and p the phase of this line at angle 0. The phases p are independent, so no change of the
+speed explains the new phases. Such seconds are not steady.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +17,9 @@ from scipy import fft, ndimage
 from scipy.interpolate import PchipInterpolator
 
 from emacm.shaft.speed_evidence import Whitened
-from emacm.shaft.steady_seconds import steady_seconds
+from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
 
 Array = NDArray[np.floating]
-
-_ROUNDS = 3  # of refinement by phase
-_ASIDE = 0.41  # orders from a line to where there is none
-_CLEAR = 4.0  # power of a line over that between the orders, to be used for its phase
-# Distance of a line of a shaft from its order: in 1/duration, and as a fraction of the order.
-_APART, _AGREED = 0.1, 5e-5
-_LEVERAGE = 3.0  # orders between two lines whose spacing gives the speed
-_FURTHEST = 5e-3  # largest correction that sidebands give, as a fraction of the speed
 
 
 class Course(NamedTuple):
@@ -53,7 +51,9 @@ class Course(NamedTuple):
     refusal: str
 
 
-def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool_]]:
+def refined_speed(
+    course: Course, orders: Array, *, settings: SpeedSearchSettings = DEFAULT_SETTINGS
+) -> tuple[Array, NDArray[np.bool_]]:
     """Refine a speed by the phases of the orders, demodulated with the angle found so far.
 
     Parameters
@@ -62,6 +62,8 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
         Speeds in frames.
     orders : ndarray of shape (n_orders,)
         Orders that may have lines; the clear ones are used.
+    settings : SpeedSearchSettings
+        Constants of the method.
 
     Returns
     -------
@@ -78,18 +80,18 @@ def refined_speed(course: Course, orders: Array) -> tuple[Array, NDArray[np.bool
     analytic = _analytic(white.signal)
     window = course.duration / (4 if course.duration >= 1 else 2)
     hop = max(1, int(window * white.fs / 2))
-    for _ in range(_ROUNDS):
+    for _ in range(settings.rounds):
         turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
-        centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs)
+        centres, change, _ = _phase_speeds(analytic, turns, orders, hop, white.fs, settings)
         trusted = np.interp(centres, course.times, course.trusted.astype(float)) > 0
         speed = speed + np.interp(times, centres, np.where(trusted, change, 0.0))
     turns = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2)]) / white.fs
-    *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs)
+    *_, (agreed, shift) = _phase_speeds(analytic, turns, orders, hop, white.fs, settings)
     if shift:
         analytic = analytic * np.exp(-2j * np.pi * shift * times)
     lines = _demodulated(analytic, turns, agreed)
     gap = float(np.diff(orders, prepend=0.0).min())
-    return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs)
+    return speed, steady_seconds(lines, turns, gap, course.reliable, white.fs, settings=settings)
 
 
 def _along(times: Array, course: Course) -> Array:
@@ -106,7 +108,12 @@ def _along(times: Array, course: Course) -> Array:
 
 
 def _phase_speeds(
-    analytic: NDArray[np.complex128], turns: Array, orders: Array, hop: int, fs: float
+    analytic: NDArray[np.complex128],
+    turns: Array,
+    orders: Array,
+    hop: int,
+    fs: float,
+    settings: SpeedSearchSettings,
 ) -> tuple[Array, Array, tuple[Array, float]]:
     """Return times [s], corrections of the speed [Hz] from the phases of clear orders, and these.
 
@@ -121,7 +128,7 @@ def _phase_speeds(
         blocks = np.add.reduceat(wave, starts) / length
         return np.asarray((blocks[1:] + blocks[:-1]) / 2, np.complex128)
 
-    aside = np.exp(-2j * np.pi * _ASIDE * turns)
+    aside = np.exp(-2j * np.pi * settings.aside * turns)
     waves = _demodulated(analytic, turns, orders)
     centre = (starts[1:] + 0.0) / fs
     middle, apart = (centre[1:] + centre[:-1]) / 2, np.diff(centre)
@@ -130,19 +137,19 @@ def _phase_speeds(
         line = joined(wave)
         between = np.mean(np.abs(joined(wave * aside)) ** 2) + 1e-300
         power = np.mean(np.abs(line) ** 2)
-        if power < _CLEAR * between:
+        if power < settings.clear_phase * between:
             continue
         step = line[1:] * np.conj(line[:-1])
         clear.append(order)
         steps.append(step / power)
         # Beyond ten times the noise, a line says no more than others: it may not be the order's.
-        weights.append(np.minimum(np.abs(step) / between, 10 * _CLEAR))
+        weights.append(np.minimum(np.abs(step) / between, 10 * settings.clear_phase))
     if not clear:
         return middle, np.zeros(len(middle)), (np.zeros(0), 0.0)
     lines, found = np.array(steps), np.array(clear)
     moved = np.angle(lines.sum(axis=1)) / (2 * np.pi * apart.mean())
     duration = len(turns) / fs
-    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration)
+    agreed, shift = _lines_of_shaft(found, moved, turns[-1] / duration, duration, settings)
     changes = (np.angle(lines) / (2 * np.pi * apart) - shift) / found[:, np.newaxis]
     weight = np.array(weights) * (agreed * found**2)[:, np.newaxis]
     change = (weight * changes).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
@@ -169,7 +176,7 @@ def _demodulated(
 
 
 def _lines_of_shaft(
-    orders: Array, moved: Array, speed: float, duration: float
+    orders: Array, moved: Array, speed: float, duration: float, settings: SpeedSearchSettings
 ) -> tuple[NDArray[np.bool_], float]:
     """Return which lines belong to the shaft, and their common distance from its orders [Hz].
 
@@ -177,8 +184,8 @@ def _lines_of_shaft(
     frequency lie at the same distance from several orders; their spacing is the speed. As any two
     lines have a spacing, sidebands must be more by two lines than others.
     """
-    tolerance = _APART / duration + _AGREED * orders * speed
-    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -_LEVERAGE)
+    tolerance = settings.apart / duration + settings.agreed * orders * speed
+    first, second = np.nonzero(np.subtract.outer(orders, orders) <= -settings.leverage)
     spacing = (moved[second] - moved[first]) / (orders[second] - orders[first])
     changes = np.concatenate([moved / orders, spacing])
     shifts = np.concatenate([np.zeros(len(orders)), moved[first] - orders[first] * spacing])
@@ -186,7 +193,7 @@ def _lines_of_shaft(
     agreed = np.abs(left) <= tolerance
     votes = np.sum(agreed * (1 - (left / tolerance) ** 2), axis=1)  # a near line counts more
     votes[len(orders) :] -= 2
-    votes[np.abs(changes) > _FURTHEST * speed] = 0
+    votes[np.abs(changes) > settings.furthest * speed] = 0
     best = int(np.argmax(votes))  # the lowest order of equals
     if best < len(orders):
         return np.asarray(agreed[best]), 0.0
@@ -199,3 +206,92 @@ def _analytic(signal: Array) -> NDArray[np.complex128]:
     spectrum: NDArray[np.complex128] = fft.fft(signal)
     spectrum[(len(signal) + 1) // 2 :] = 0
     return np.asarray(fft.ifft(spectrum), complex)
+
+
+def steady_seconds(
+    lines: Iterable[NDArray[np.complex128]],
+    turns: Array,
+    gap: float,
+    reliable: NDArray[np.bool_],
+    fs: float,
+    *,
+    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
+) -> NDArray[np.bool_]:
+    """Tell in which seconds the lines of a shaft keep their level and phase.
+
+    The shortest blocks decide in which the lines stand out from the noise. If they do in none, the
+    longest ones decide. Blocks overlap by half, so that one of them lies within a short rest.
+
+    Parameters
+    ----------
+    lines : iterable of ndarray of shape (n_times,)
+        The signal moved down by each of the orders of some lines.
+    turns : ndarray of shape (n_times,)
+        Shaft angle, in revolutions, ascending.
+    gap : float
+        Distance of two orders. Blocks of whole periods of it separate the lines.
+    reliable : ndarray of bool, shape (n_seconds,)
+        Seconds that count.
+    fs : float
+        Sampling rate [Hz].
+    settings : SpeedSearchSettings
+        Constants of the method.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_seconds,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> times = np.arange(4000) / 1000
+    >>> line = np.where(times < 2.5, 1.0, 1j) * np.ones(4000)  # another phase after 2.5 s
+    >>> steady_seconds([line], 20 * times, 1.0, np.ones(4, bool), 1000)
+    array([ True,  True, False,  True])
+    """
+    sums = [np.concatenate([[0], np.cumsum(line)]) for line in lines]
+    steady = np.zeros(len(reliable), bool)
+    if not (sums and reliable.any()):
+        return steady
+    speed = (turns[-1] - turns[0]) / (len(turns) / fs)
+    for shortest in settings.blocks:
+        length = np.ceil(shortest * speed * gap) / gap
+        n_halves = int((turns[-1] - turns[0]) / (length / 2))
+        starts = turns[0] + np.arange(n_halves - 1) * (length / 2)
+        starts = np.append(starts, turns[-1] - length)  # a last block that ends with the signal
+        first = np.searchsorted(turns, starts)
+        last = np.maximum(np.searchsorted(turns, starts + length), first + 1)
+        blocks = np.array([(total[last] - total[first]) / (last - first) for total in sums])
+        levels = np.mean(np.abs(blocks) ** 2, axis=1)
+        weights = np.minimum(levels, settings.line_weight * np.median(levels))
+        weights /= max(weights.sum(), 1e-300)
+        few = weights @ weights > 1 / settings.few_lines
+        if n_halves < 4 or (few and length / speed > settings.short_block):
+            continue
+        changes, known = _largest_changes(blocks, weights, first / fs, last / fs, reliable)
+        least, factor, most = settings.steady_change
+        steady = changes < min(least + factor * known, most)
+        if known < settings.noise_change:
+            break
+    return steady
+
+
+def _largest_changes(
+    blocks: NDArray[np.complex128],
+    weights: Array,
+    starts: Array,
+    stops: Array,
+    reliable: NDArray[np.bool_],
+) -> tuple[Array, float]:
+    """Return the largest change between blocks in each second, and the median of all changes."""
+    largest, usual = np.zeros(len(reliable)), []
+    for lag in (2, 3, 4):  # half blocks
+        one, other = blocks[:, :-lag], blocks[:, lag:]
+        power = np.abs(one) ** 2 + np.abs(other) ** 2
+        change = weights @ (np.abs(other - one) ** 2 / np.maximum(power, 1e-300))
+        low, high = starts[:-lag], stops[lag:]
+        for second in np.flatnonzero(reliable):
+            inside = change[(high > second) & (low < second + 1)]
+            largest[second] = max(largest[second], inside.max(initial=0))
+            usual.append(inside)
+    return largest, float(np.median(np.concatenate(usual)))

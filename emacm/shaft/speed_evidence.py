@@ -18,28 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-Array = NDArray[np.floating]
+from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
 
-_MAINS = (50.0, 60.0)  # Hz
-_MAINS_TOLERANCE = 1e-3  # of the frequency
-_MAINS_LINE = 20.0  # power over the background that makes a line
-_LONG = 4.0  # s: frames of the background
-_LOBE = 1.6  # half the main lobe of a Hann window, and a little less, in 1/duration
-_PRESENT = 0.8  # probability that an order of the shaft has a line
-# Probability of a line, and distribution of its rank, Beta(shape, 1): the first orders, others.
-_LINES = (0.95, 0.08), (_PRESENT, 0.25)
-_FIRST = 2  # orders that have lines in nearly all machines
-_CLEAR_LINE = 15.0  # power over the background
-_TOP_RANKS = 5e-4, 0.03  # limits of the share of bins with a clear line
-_SKIRT = 0.02  # of the power of a line, within six bins
-_RANKS = 20_000  # values from which the distribution of powers is estimated
-_KNOTS = 129  # ranks of which the powers are estimated
-_TABLE = 1025  # logarithms of power of which the scores are computed
-_STEP = 0.5  # of the grid of speeds, in bins at the highest order
-# Numbers of orders that may have lines, from the first one on; in short frames, in which the
-# lines of high orders are not separate, the fewer ones.
-MANY_ORDERS, FEW_ORDERS = (4, 6, 8, 12, 16, 24), (4, 6, 8)
-_FRACTIONS = (1 / 2, 1 / 3, 2 / 3)  # orders that have lines if the speed is a multiple of the true
+Array = NDArray[np.floating]
 
 
 class Whitened(NamedTuple):
@@ -91,7 +72,14 @@ class Evidence(NamedTuple):
     fastest: float
 
 
-def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whitened:
+def whiten(
+    signal: Array,
+    fs: float,
+    highest: float,
+    smoothing: float,
+    *,
+    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
+) -> Whitened:
     """Flatten the background of a signal, remove lines of the mains, and reduce the rate.
 
     Parameters
@@ -104,6 +92,8 @@ def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whiten
         Highest frequency of interest [Hz], below fs / 2.
     smoothing : float
         What is broader than this on either side [Hz] is background, such as a resonance.
+    settings : SpeedSearchSettings
+        Constants of the method.
 
     Returns
     -------
@@ -114,12 +104,14 @@ def whiten(signal: Array, fs: float, highest: float, smoothing: float) -> Whiten
     spectrum = fft.rfft(signal - signal.mean(), n_fft)
     frequencies = np.arange(len(spectrum)) * (fs / n_fft)
     kept = int(np.searchsorted(frequencies, highest)) + 1
-    axis, background = _background(signal, fs, highest, smoothing)
+    axis, background = _background(signal, fs, highest, smoothing, settings)
     level = np.interp(frequencies[:kept], axis, background)
     flat = spectrum[:kept] / np.sqrt(np.maximum(level, 1e-300))
-    mains = _mains_lines(flat, fs / n_fft, n_times / fs)
+    mains = _mains_lines(flat, fs / n_fft, n_times / fs, settings)
     for line in mains:
-        near = np.abs(frequencies[:kept] - line) < _MAINS_TOLERANCE * line + 2 * fs / n_times
+        near = (
+            np.abs(frequencies[:kept] - line) < settings.mains_tolerance * line + 2 * fs / n_times
+        )
         flat[near] = 0
     n_reduced = fft.next_fast_len(min(4 * kept, n_fft), real=True)
     padded = np.zeros(n_reduced // 2 + 1, complex)
@@ -137,7 +129,8 @@ def measure(
     orders: Array | None,
     *,
     n_rates: int,
-    counts: tuple[int, ...] = MANY_ORDERS,
+    counts: tuple[int, ...] | None = None,
+    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
 ) -> Evidence:
     """Compute the evidence in frames of one duration.
 
@@ -154,12 +147,15 @@ def measure(
     n_rates : int
         Number of rates of change that are tried, odd.
     counts : tuple of int
-        Without `orders`: numbers of orders that may have lines.
+        Without `orders`: numbers of orders that may have lines; by default `many_orders`.
+    settings : SpeedSearchSettings
+        Constants of the method.
 
     Returns
     -------
     Evidence
     """
+    counts = counts or settings.many_orders
     n_frame = min(len(white.signal), int(duration * white.fs)) // 2 * 2
     duration = n_frame / white.fs
     top_order = counts[-1] if orders is None else float(orders.max())
@@ -169,28 +165,28 @@ def measure(
     powers, starts = _powers(white.signal, n_frame, rates, white.fs)
     spacing = white.fs / n_frame
     usable = np.ones(powers.shape[-1], bool)
-    usable[: int(np.ceil(_LOBE)) + 1] = False
+    usable[: int(np.ceil(settings.lobe)) + 1] = False
     usable[int(top / spacing) + 1 :] = False
     for line in white.mains if duration >= 1 else ():
         bins = np.abs(np.arange(len(usable)) * spacing - line)
-        usable &= bins > _LOBE * spacing + _MAINS_TOLERANCE * line
+        usable &= bins > settings.lobe * spacing + settings.mains_tolerance * line
     if not usable.any():
         usable[1:] = True
     level = np.median(powers[:, n_rates // 2, usable], axis=-1)  # that between the lines
     powers /= np.maximum(level, 1e-300)[:, np.newaxis, np.newaxis]
     # The skirts of a strong line are no lines.
-    skirts = powers < _SKIRT * ndimage.maximum_filter1d(powers, 13, axis=-1)
+    skirts = powers < settings.skirt * ndimage.maximum_filter1d(powers, 13, axis=-1)
     powers[skirts] = np.minimum(powers[skirts], 1.0)
-    rank = _rank_of(powers, usable)
-    scores = [_scores_by_rank(*rank, *shape) for shape in _LINES]
+    rank = _rank_of(powers, usable, settings)
+    scores = [_scores_by_rank(*rank, *shape) for shape in settings.lines]
     for score in scores:
         score[..., ~usable] = 0
-    grid = np.arange(speeds[0], speeds[1] + 1e-9, _STEP * spacing / top_order)
+    grid = np.arange(speeds[0], speeds[1] + 1e-9, settings.speed_step * spacing / top_order)
     rows = [np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T) for score in scores]
     if orders is None:
-        found = _sum_over_first_orders(rows[0], rows[1], grid / spacing, counts)
+        found = _sum_over_first_orders(rows[0], rows[1], grid / spacing, counts, settings)
     else:
-        found = _on_lattice(rows[0], rows[0], grid / spacing, orders, (len(orders),))
+        found = _on_lattice(rows[0], rows[0], grid / spacing, orders, (len(orders),), settings)
     ratios = found.T.reshape(len(starts), n_rates, len(grid))
     chosen = ratios.argmax(axis=1)
     times = (starts + n_frame / 2) / white.fs
@@ -199,9 +195,11 @@ def measure(
     return Evidence(times, grid, likely, rates[chosen], duration, hop, float(rates[-1]))
 
 
-def _background(signal: Array, fs: float, highest: float, smoothing: float) -> tuple[Array, Array]:
+def _background(
+    signal: Array, fs: float, highest: float, smoothing: float, settings: SpeedSearchSettings
+) -> tuple[Array, Array]:
     """Return frequencies and the power between the lines of a signal."""
-    n_frame = min(len(signal), int(_LONG * fs)) // 2 * 2
+    n_frame = min(len(signal), int(settings.background_frame * fs)) // 2 * 2
     powers, _ = _powers(signal, n_frame, np.zeros(1), fs, highest)
     mean = powers[:, 0].mean(axis=0)
     spacing = fs / n_frame
@@ -209,7 +207,9 @@ def _background(signal: Array, fs: float, highest: float, smoothing: float) -> t
     return np.arange(len(mean)) * spacing, ndimage.median_filter(mean, size, mode="nearest")
 
 
-def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) -> Array:
+def _mains_lines(
+    flat: NDArray[np.complex128], spacing: float, length: float, settings: SpeedSearchSettings
+) -> Array:
     """Return the multiples of the mains frequency at which there is a steady line.
 
     A machine has one supply: that whose first or second multiple is the strongest. Lines of a shaft
@@ -217,14 +217,14 @@ def _mains_lines(flat: NDArray[np.complex128], spacing: float, length: float) ->
     """
     power = np.abs(flat) ** 2
     found: dict[float, list[float]] = {}
-    strongest = dict.fromkeys(_MAINS, 0.0)
-    for mains in _MAINS:
+    strongest = dict.fromkeys(settings.mains, 0.0)
+    for mains in settings.mains:
         for line in mains * np.arange(1, int(len(flat) * spacing / mains) + 1):
-            reach = _MAINS_TOLERANCE * line + 1.5 / length
+            reach = settings.mains_tolerance * line + 1.5 / length
             low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
             wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
             height = power[low : high + 1].max(initial=0) / max(np.median(power[wide]), 1e-300)
-            if height > _MAINS_LINE:
+            if height > settings.mains_line:
                 found.setdefault(mains, []).append(line)
                 if line <= 2 * mains:
                     strongest[mains] = max(strongest[mains], height)
@@ -261,22 +261,26 @@ def _powers(
     return powers, starts
 
 
-def _rank_of(powers: Array, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
+def _rank_of(
+    powers: Array, usable: NDArray[np.bool_], settings: SpeedSearchSettings
+) -> tuple[NDArray[np.intp], Array]:
     """Return the place of each power in a table, and the ranks of the table, 1 for the smallest.
 
     A machine has lines that are none of its shaft, in any number, so what counts is how rare a
     power is among all bins. All clear lines count alike: none decides alone.
     """
     pool = powers[..., usable].ravel()
-    pool = pool[:: max(1, len(pool) // _RANKS)]
-    top = np.clip(np.mean(pool > _CLEAR_LINE), *_TOP_RANKS)
-    ranks = np.geomspace(1, top, _KNOTS)
+    pool = pool[:: max(1, len(pool) // settings.n_ranked)]
+    top = np.clip(np.mean(pool > settings.clear_line), *settings.top_ranks)
+    ranks = np.geomspace(1, top, settings.n_knots)
     knots = np.quantile(pool, 1 - ranks)
     # By table, over the logarithm of the power: much faster than interpolation.
-    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), _TABLE)
+    logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), settings.n_table)
     place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
-    place = (place - np.float32(logs[0])) * np.float32((_TABLE - 1) / (logs[-1] - logs[0]))
-    places = np.clip(place, 0, _TABLE - 1).astype(np.intp)
+    place = (place - np.float32(logs[0])) * np.float32(
+        (settings.n_table - 1) / (logs[-1] - logs[0])
+    )
+    places = np.clip(place, 0, settings.n_table - 1).astype(np.intp)
     levels = np.exp(logs)
     levels[-1] = max(knots[-1], 2e-9)  # not below it by rounding, as many knots may be equal
     return places, np.exp(np.interp(levels, knots, np.log(ranks)))
@@ -296,14 +300,17 @@ def _sum_over_first_orders(
     others: NDArray[np.float32],
     places: Array,
     counts: tuple[int, ...],
+    settings: SpeedSearchSettings,
 ) -> NDArray[np.float32]:
     """Sum scores of shape (n_bins, n_rows) at the orders of each speed, given in bins."""
-    found = _on_lattice(first, others, places, np.arange(1.0, counts[-1] + 1), counts)
+    found = _on_lattice(first, others, places, np.arange(1.0, counts[-1] + 1), counts, settings)
     # Lines between the orders mean that the speed is a multiple of the true one.
     between = np.zeros_like(found)
-    for fraction in _FRACTIONS:
+    for fraction in settings.fractions:
         lattice = np.arange(counts[-1]) + fraction
-        np.maximum(between, _on_lattice(others, others, places, lattice, counts), out=between)
+        np.maximum(
+            between, _on_lattice(others, others, places, lattice, counts, settings), out=between
+        )
     return found - between - np.float32(np.log(len(counts)))
 
 
@@ -313,12 +320,13 @@ def _on_lattice(
     places: Array,
     orders: Array,
     counts: tuple[int, ...],
+    settings: SpeedSearchSettings,
 ) -> NDArray[np.float32]:
     """Sum scores over the first orders, for the number of them that gives most."""
     total = np.zeros((len(places), first.shape[1]), np.float32)
     most = np.full_like(total, -np.inf)
     for count, order in enumerate(orders, 1):
-        scores = first if count <= _FIRST else others
+        scores = first if count <= settings.first_orders else others
         bins = np.rint(order * places).astype(np.intp)
         inside = int(np.searchsorted(bins, len(scores)))
         total[:inside] += scores[bins[:inside]]

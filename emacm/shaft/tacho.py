@@ -14,7 +14,6 @@ from emacm._checks import check_choice, check_count, check_number, check_signal,
 Angle = NDArray[np.float64]
 
 _REACH = 3  # intervals on either side from which the length of an interval is estimated
-_MOST_PARTS = 10  # a gap of more intervals is a standstill or a lost sensor, not a lost pulse
 
 
 def pulse_times(
@@ -377,10 +376,10 @@ def _parts_due(pulses: Angle, parts: NDArray[np.int64], index: int) -> int:
     return max(1, round(due))
 
 
-def _check_gap(due: float, place: str) -> None:
-    if due > _MOST_PARTS:
+def _check_gap(due: float, place: str, *, most: int = 10) -> None:
+    if due > most:
         raise ValueError(
-            f"times must leave gaps of at most {_MOST_PARTS} intervals, got one of {due:.4g} "
+            f"times must leave gaps of at most {most} intervals, got one of {due:.4g} "
             f"{place}: a standstill or a sensor lost. Cut the recording there."
         )
 

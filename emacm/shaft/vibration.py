@@ -8,34 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from emacm._checks import check_number, check_signal
-from emacm.shaft.line_families import orders_stand_out
 from emacm.shaft.phase_refinement import Course, refined_speed
 from emacm.shaft.speed_evidence import (
-    FEW_ORDERS,
-    MANY_ORDERS,
     Evidence,
     Whitened,
     measure,
     whiten,
 )
+from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
 
 Array = NDArray[np.floating]
-
-# Durations of the frames [s], numbers of rates of change, and log likelihood ratios to any other
-# speed that are needed: the longest frames give most evidence, the shortest follow most.
-_FRAMES = (4.0, 5, 4.0), (1.4, 15, 10.0)
-_HIGHEST_ORDER = MANY_ORDERS[-1]  # without `orders`
-_BROAD = 16.0  # what is broader than this over the duration of a frame is no line
-_TOGETHER = 3  # frames that decide together
-_ABSENT = -4.0  # of speeds outside of the range, in the frames in which they are
-_ALONE = 2.0  # log likelihood ratio to noise of every single frame
-_BARRED = 100.0  # log likelihood ratio against what is excluded
-_SAME = 0.004  # relative distance of speeds that are one
-_ENOUGH = 0.9  # share of reliable seconds at which no shorter frames are tried
-_FEW = 17  # cycles of a frame, of the smallest distance of two orders at the lowest speed
 
 
 class Confidence(NamedTuple):
@@ -86,6 +71,7 @@ def angle_from_vibration(
     *,
     speeds: tuple[float, float],
     orders: Sequence[float] | None = None,
+    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
 ) -> VibrationAngle:
     """Find the shaft angle in a vibration signal, without any shaft sensor.
 
@@ -101,6 +87,8 @@ def angle_from_vibration(
     orders : sequence of float, optional
         Orders at which the signal has lines, such as the tooth number of a gear. Default: some of
         1, 2, 3, ..., 24, the first ones before the others.
+    settings : SpeedSearchSettings
+        Constants of the method.
 
     Returns
     -------
@@ -181,7 +169,7 @@ def angle_from_vibration(
     limits = _checked_speeds(speeds, fs)
     chosen = None if orders is None else _checked_orders(orders)
     longest = len(samples) / fs
-    shortest = _FEW / (limits[0] * (1.0 if chosen is None else _smallest_gap(chosen)))
+    shortest = settings.cycles / (limits[0] * (1.0 if chosen is None else _smallest_gap(chosen)))
     if longest < shortest:
         raise ValueError(
             f"signal lasts {longest:.3g} s, but {shortest:.3g} s are needed to separate the orders "
@@ -190,13 +178,13 @@ def angle_from_vibration(
         )
     if not np.ptp(samples) > 0:
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
-    top = _HIGHEST_ORDER if chosen is None else float(chosen.max())
+    top = settings.many_orders[-1] if chosen is None else float(chosen.max())
     highest = min(0.45 * fs, top * limits[1])
-    best = _best_course(samples, fs, highest, limits, chosen, shortest)
+    best = _best_course(samples, fs, highest, limits, chosen, shortest, settings)
     if not best.reliable.any():
         raise ValueError(best.refusal)
-    lines = np.arange(1.0, _HIGHEST_ORDER + 1) if chosen is None else chosen
-    speed, steady = refined_speed(best, lines)
+    lines = np.arange(1.0, settings.many_orders[-1] + 1) if chosen is None else chosen
+    speed, steady = refined_speed(best, lines, settings=settings)
     reliable = best.reliable & steady
     if not reliable.any():
         raise ValueError(best.refusal)
@@ -214,22 +202,25 @@ def _best_course(
     limits: tuple[float, float],
     orders: Array | None,
     shortest: float,
+    settings: SpeedSearchSettings,
 ) -> Course:
     """Return the course from frames of the duration with the most reliable seconds."""
     longest = len(signal) / fs
-    lines = np.arange(1.0, _HIGHEST_ORDER + 1) if orders is None else orders
+    lines = np.arange(1.0, settings.many_orders[-1] + 1) if orders is None else orders
     best: Course | None = None
-    for number, (frame, n_rates, margin) in enumerate(_FRAMES):
+    for number, (frame, n_rates, margin) in enumerate(settings.frames):
         duration = max(min(frame, longest), shortest)
         if number and not shortest < frame < longest:
             continue
-        counts = FEW_ORDERS if number else MANY_ORDERS
-        white = whiten(signal, fs, highest, _BROAD / duration)
-        evidence = measure(white, duration, limits, orders, n_rates=n_rates, counts=counts)
-        course = _course(white, evidence, longest, limits, lines, margin)
+        counts = settings.few_orders if number else settings.many_orders
+        white = whiten(signal, fs, highest, settings.broad / duration, settings=settings)
+        evidence = measure(
+            white, duration, limits, orders, n_rates=n_rates, counts=counts, settings=settings
+        )
+        course = _course(white, evidence, longest, limits, lines, margin, settings)
         if best is None or course.reliable.sum() > best.reliable.sum():
             best = course
-        if best.reliable.mean() >= _ENOUGH:
+        if best.reliable.mean() >= settings.enough:
             break
     assert best is not None
     return best
@@ -242,22 +233,25 @@ def _course(
     limits: tuple[float, float],
     lines: Array,
     margin: float,
+    settings: SpeedSearchSettings,
 ) -> Course:
     path = _most_likely_path(evidence, evidence.ratios)
     speeds = evidence.speeds[path]
     frames = np.arange(len(path))
-    margins, sums, rivals = _margins(evidence, speeds)
-    inside = (speeds > limits[0] * (1 + _SAME)) & (speeds < limits[1] * (1 - _SAME))
+    margins, sums, rivals = _margins(evidence, speeds, settings)
+    inside = (speeds > limits[0] * (1 + settings.same_speed)) & (
+        speeds < limits[1] * (1 - settings.same_speed)
+    )
     needed = np.log(len(evidence.speeds))
     trusted = (margins >= margin) & (sums >= needed) & inside
-    trusted &= evidence.ratios[frames, path] >= _ALONE
+    trusted &= evidence.ratios[frames, path] >= settings.alone
     rates = evidence.rates[frames, path]
     n_frame = round(evidence.duration * white.fs)
     for number in np.flatnonzero(trusted):
         start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
         frame = white.signal[start : start + n_frame]
         trusted[number] = orders_stand_out(
-            frame, speeds[number], rates[number], lines, white.fs, white.highest
+            frame, speeds[number], rates[number], lines, white.fs, white.highest, settings=settings
         )
     reliable = np.array(
         [
@@ -295,7 +289,9 @@ def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
     return np.array(path[::-1])
 
 
-def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
+def _margins(
+    evidence: Evidence, speeds: Array, settings: SpeedSearchSettings
+) -> tuple[Array, Array, Array]:
     """Return log likelihood ratios of the path to its best rival and to noise, and the rival.
 
     Rivals are the speeds in a constant ratio to the path, so that no multiple or fraction is
@@ -304,33 +300,39 @@ def _margins(evidence: Evidence, speeds: Array) -> tuple[Array, Array, Array]:
     grid = evidence.speeds
     step = grid[1] - grid[0]
     # A line is as wide as the resolution, whatever its order.
-    same = np.maximum(_SAME, 2.0 / (evidence.duration * speeds))[:, np.newaxis]
+    same = np.maximum(settings.same_speed, 2.0 / (evidence.duration * speeds))[:, np.newaxis]
     elsewhere = evidence.ratios.copy()
     elsewhere[np.abs(grid / speeds[:, np.newaxis] - 1) <= same] = -np.inf
-    second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -_BARRED))]
+    second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -settings.excluded_score))]
     n_ratios = 2 * int(np.log(grid[-1] / grid[0]) / (step / grid[-1])) + 1
     ratios = np.exp(np.linspace(-1, 1, n_ratios) * np.log(grid[-1] / grid[0]))
-    others = [_windowed(evidence, _at(evidence.ratios, grid, ratios * speeds[:, np.newaxis]))]
+    others = [
+        _windowed(
+            evidence, _at(evidence.ratios, grid, ratios * speeds[:, np.newaxis], settings), settings
+        )
+    ]
     own = np.abs(ratios - 1) <= same
     mine = np.where(own, others[0], -np.inf).max(axis=1)
     rigid = np.where(own, -np.inf, others[0])
-    free = _windowed(evidence, _at(elsewhere, grid, second[:, np.newaxis]))[:, 0]
+    free = _windowed(evidence, _at(elsewhere, grid, second[:, np.newaxis], settings), settings)[
+        :, 0
+    ]
     best = rigid.argmax(axis=1)
     rival = np.where(free > rigid.max(axis=1), second, ratios[best] * speeds)
     return mine - np.maximum(rigid.max(axis=1), free), mine, rival
 
 
-def _at(scores: Array, grid: Array, speeds: Array) -> Array:
+def _at(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSettings) -> Array:
     """Return the scores of each frame at some speeds; those outside of the grid are excluded."""
     places = np.rint((speeds - grid[0]) / (grid[1] - grid[0])).astype(np.intp)
     inside = (places >= 0) & (places < len(grid))
     found = np.take_along_axis(scores, np.clip(places, 0, len(grid) - 1), axis=1)
-    return np.where(inside, np.maximum(found, -_BARRED), _ABSENT)
+    return np.where(inside, np.maximum(found, -settings.excluded_score), settings.absent_score)
 
 
-def _windowed(evidence: Evidence, scores: Array) -> Array:
+def _windowed(evidence: Evidence, scores: Array, settings: SpeedSearchSettings) -> Array:
     """Sum the scores of neighbouring frames, which see the same lines and so count half."""
-    width = min(_TOGETHER, len(scores))
+    width = min(settings.joined_frames, len(scores))
     if width < 2:
         return scores
     summed: Array = ndimage.uniform_filter1d(scores, width, axis=0, mode="nearest")
@@ -367,3 +369,120 @@ def _checked_orders(orders: Sequence[float]) -> Array:
 def _smallest_gap(orders: Array) -> float:
     """Return the smallest distance of the orders from one another and from 0."""
     return float(np.diff(orders, prepend=0.0).min())
+
+
+def orders_stand_out(
+    frame: Array,
+    speed: float,
+    rate: float,
+    orders: Array,
+    fs: float,
+    highest: float,
+    *,
+    settings: SpeedSearchSettings = DEFAULT_SETTINGS,
+) -> bool:
+    """Tell whether few other positions between the orders have as many lines as the orders.
+
+    A machine that repeats its motion, such as an actuator that reverses all the time, has lines at
+    all multiples of the frequency of repetition. Any multiple of this frequency then looks like a
+    speed. Where these lines are too close together to be counted, they are recognised by two
+    properties: they are evenly spaced, and together they are a signal whose level varies during the
+    motion. A damaged bearing may have evenly spaced lines too, and a shaft in noise a level that
+    varies, but not both.
+
+    Parameters
+    ----------
+    frame : ndarray of shape (n_times,)
+        Signal with a flat background.
+    speed : float
+        Speed at the centre of the frame [Hz].
+    rate : float
+        Relative rate of change of the speed [1/s].
+    orders : ndarray of shape (n_orders,)
+        Orders with lines, ascending.
+    fs : float
+        Sampling rate [Hz].
+    highest : float
+        Highest frequency in the signal [Hz].
+    settings : SpeedSearchSettings
+        Constants of the method.
+
+    Returns
+    -------
+    bool
+        False if lines are everywhere between the orders.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(8000) / 2000
+    >>> noise = 0.1 * np.random.default_rng(0).normal(size=len(t))
+    >>> shaft = sum(np.cos(2 * np.pi * 20 * k * t + k * k) for k in range(1, 9))
+    >>> orders_stand_out(shaft + noise, 20.0, 0.0, np.arange(1.0, 9), 2000, 1000)
+    True
+    >>> repeated = sum(np.cos(2 * np.pi * 2 * k * t + k * k) for k in range(1, 90))
+    >>> orders_stand_out(repeated + noise, 20.0, 0.0, np.arange(1.0, 9), 2000, 1000)
+    False
+    """
+    n_times = len(frame)
+    centred = (np.arange(n_times) - (n_times - 1) / 2) / fs
+    if rate:
+        turned = centred + rate * centred**2 / 2
+        frame = np.interp(centred, turned, frame)
+    n_bins = int(highest * n_times / fs) + 1
+    power = np.abs(fft.rfft(frame * np.hanning(n_times))[:n_bins]) ** 2
+    raw = np.clip(np.log(np.maximum(power, 1e-300) / np.median(power)), 0, settings.strong)
+    heights = ndimage.maximum_filter1d(raw, 3)
+    revolutions = speed * n_times / fs
+    gap = revolutions * float(np.diff(orders, prepend=0.0).min())
+    half = int(gap / 2)
+    places = np.rint(orders[:, np.newaxis] * revolutions).astype(np.intp)
+    places = places + np.arange(-half, half + 1)
+    inside = places[:, -1] < len(heights)
+    if half < settings.family_width or not inside.any():  # too little is between the orders
+        return False
+    mean = heights[places[inside]].mean(axis=0)
+    own = mean[half - 1 : half + 2].max()
+    mean[half - settings.line_width : half + settings.line_width + 1] = 0
+    like = ndimage.maximum_filter1d(mean, 2 * settings.line_width + 1, mode="wrap") == mean
+    like &= mean >= max(settings.like_orders * own, 1e-9)
+    if int(like.sum()) > min(settings.families, 2 * half // settings.family_width):
+        return False
+    steady = (
+        _scatter(frame, orders[inside] * speed, settings.windows / speed, fs) < settings.unsteady
+    )
+    return steady or _evenness(raw, places[inside, half], gap, settings) < settings.even
+
+
+def _evenness(
+    heights: Array, places: NDArray[np.intp], gap: float, settings: SpeedSearchSettings
+) -> float:
+    """Return the contrast of evenly spaced lines between orders, relative to that of the orders.
+
+    Lines of a repeated motion are at all m-th parts of the distance of two orders, and none is
+    halfway between two of them.
+    """
+    across = np.minimum(places[:, np.newaxis] + np.arange(int(gap)), len(heights) - 1)
+    profile = heights[across].mean(axis=0)
+    own = profile[[-1, 0, 1]].max() - np.median(profile)
+    most = 0.0
+    for m in range(settings.families + 1, int(gap / settings.close) + 1):
+        lines = np.rint(np.arange(1, m) * gap / m).astype(np.intp)
+        halfway = np.rint((np.arange(m - 1) + 0.5) * gap / m).astype(np.intp)
+        # Some lines may be weak and some between may be high, but not many.
+        low, high = np.quantile(profile[lines], 0.25), np.quantile(profile[halfway], 0.75)
+        most = max(most, float(low - high))
+    return most / max(float(own), 1e-9)
+
+
+def _scatter(frame: Array, frequencies: Array, duration: float, fs: float) -> float:
+    """Return the scatter of the mean level of lines over time, relative to that of noise.
+
+    The logarithm of the power of noise in one bin has a variance of pi²/6.
+    """
+    n_window = round(duration * fs)
+    windows = np.lib.stride_tricks.sliding_window_view(frame, n_window)[:: max(1, n_window // 2)]
+    spectra = np.abs(fft.rfft(windows * np.hanning(n_window + 2)[1:-1])) ** 2
+    bins = np.rint(frequencies * n_window / fs).astype(np.intp)
+    levels = np.log(np.maximum(spectra[:, bins], 1e-300)).mean(axis=1)
+    return float(levels.std() / (np.pi / np.sqrt(6 * len(frequencies))))

@@ -12,26 +12,39 @@ from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
-from emacm.simulation.actuator import RATED_CURRENT, Actuator, draw_run, draw_unit
-from emacm.simulation.conditions import CONDITIONS, load_error, load_force, position_command
-from emacm.simulation.constants import CARRIER, RUNS_PER_MOUNTING, SHAFT_DECIMATION
-from emacm.simulation.drive import carrier_ripple, phase_voltage
-from emacm.simulation.faults import FAULTS, Passage, ball_passage, check_faults
-from emacm.simulation.imperfections import (
+from emacm.simulation.faults import (
+    FAULTS,
     Imperfections,
+    Passage,
+    ball_passage,
+    check_faults,
     draw_imperfections,
     drift,
     healthy_lines,
     resolver_error,
     warmth,
 )
-from emacm.simulation.mechanics import bench_motion, rod_position
-from emacm.simulation.motor import Torques, phase_currents, shaft_torques
+from emacm.simulation.laboratory import (
+    ASSUMED,
+    CONDITIONS,
+    RATED_CURRENT,
+    Actuator,
+    draw_run,
+    draw_unit,
+    load_error,
+    load_force,
+    position_command,
+)
+from emacm.simulation.mechanics import bench_motion, carrier_ripple, phase_voltage, rod_position
+from emacm.simulation.motor import (
+    Torques,
+    housing_acceleration,
+    housing_force,
+    phase_currents,
+    shaft_torques,
+)
 from emacm.simulation.sensors import cable_noise, interference, measured, resolver_angle
-from emacm.simulation.vibration import housing_acceleration, housing_force
 from emacm.simulation.waves import PHASES, OrderWaves
-
-_BEFORE = 0.1  # s simulated before the recording, so that filters and resonances settle
 
 
 class BenchTruth(NamedTuple):
@@ -232,18 +245,11 @@ class LaboratoryBench:
             drift(name, truth.times, self.run_spread)
             for name in ("lvdt_gain", "accelerometer_gain")
         )
-        lvdt *= truth.actuator.lvdt_gain
-        lvdt *= truth.position
-        lvdt += truth.actuator.lvdt_offset
-        accelerometer *= truth.actuator.accelerometer_gain
-        accelerometer *= truth.acceleration
-        slope += 1
-        slope *= truth.torques.velocity
         quantities = {
-            "lvdt": lvdt,
-            "velocity": slope,  # computed from the resolver
+            "lvdt": lvdt * truth.actuator.lvdt_gain * truth.position + truth.actuator.lvdt_offset,
+            "velocity": (slope + 1) * truth.torques.velocity,  # computed from the resolver
             **{f"current_{x}": i for x, i in zip(self.phases, truth.currents, strict=True)},
-            "accelerometer": accelerometer,
+            "accelerometer": accelerometer * truth.actuator.accelerometer_gain * truth.acceleration,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
@@ -264,7 +270,7 @@ class LaboratoryBench:
             {name: signals[name] for name in self.channels},
             self.fs,
             angle=resolver_angle(angle[kept], self._rng("resolver", condition, run), error[kept]),
-            shaft_fs=self.fs / SHAFT_DECIMATION,
+            shaft_fs=self.fs / ASSUMED.shaft_decimation,
             meta=self.meta(condition, run),
         )
 
@@ -295,7 +301,7 @@ class LaboratoryBench:
         unit = self._in_run(condition, run, of_run)
         phase = of_run.uniform(0, 2 * np.pi)
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
-        n_before = round(_BEFORE * self.fs)
+        n_before = round(ASSUMED.before * self.fs)
         times = np.arange(-n_before, round(self.duration * self.fs)) / self.fs
         motion = bench_motion(
             row, unit, times, phase=phase, load_share=share, jam=faults.get("jam", 0.0)
@@ -323,7 +329,7 @@ class LaboratoryBench:
         shaking = housing_force(torques, *known, knocks, of_forces, self.fs, lines.force, turning)
         voltage = phase_voltage(torques.motor, torques.velocity, unit)
         currents = phase_currents(torques.motor, turning, unit, faults, phases)
-        if self.fs / 2 > CARRIER:
+        if self.fs / 2 > ASSUMED.carrier:
             turned = self._rng("carrier", condition, run).uniform(0, 2 * np.pi)
             currents += carrier_ripple(voltage, turning, times, turned, unit, phases)
         truth = BenchTruth(
@@ -379,7 +385,7 @@ class LaboratoryBench:
 
     def _in_run(self, condition: int, run: int, rng: np.random.Generator) -> Actuator:
         """Return the constants of the unit in a run: warm-up, and the mounted accelerometer."""
-        mounted = self._rng("mounting", condition, (run - 1) // RUNS_PER_MOUNTING)
+        mounted = self._rng("mounting", condition, (run - 1) // ASSUMED.runs_per_mounting)
         return draw_run(
             self.built,
             rng,

@@ -28,10 +28,7 @@ def chapter3_recording(
     fs: float = 2000.0,
     mean_speed: float = 20 * np.pi,
     speed_frequency: float = 5.0,
-    current_amplitude: float = 5.0,
-    current_order: float = 6.0,
     supply_amplitude: float = 0.1,
-    supply_frequency: float = 100.0,
     defect_amplitude: float = 0.1,
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
     reference: str = "velocity",
@@ -61,10 +58,8 @@ def chapter3_recording(
         Mean of the speed, and amplitude of its sine [rad/s].
     speed_frequency : float
         Frequency of the speed variation [Hz].
-    current_amplitude, current_order : float
-        Fundamental current [A] and its order.
-    supply_amplitude, supply_frequency : float
-        Amplitude [A] and frequency [Hz] of the component of constant frequency.
+    supply_amplitude : float
+        Amplitude of the component of 100 Hz [A].
     defect_amplitude : float
         Amplitude of a defect [A].
     defect_orders : mapping of str to float or None
@@ -98,18 +93,15 @@ def chapter3_recording(
     check_choice(reference, "reference", ("velocity", "angle"))
     for value, name, unit in (
         (sigma, "sigma", "A"),
-        (current_amplitude, "current_amplitude", "A"),
-        (current_order, "current_order", ""),
         (supply_amplitude, "supply_amplitude", "A"),
-        (supply_frequency, "supply_frequency", "Hz"),
         (defect_amplitude, "defect_amplitude", "A"),
     ):
         check_number(value, name, at_least=0, unit=unit)
     check_number(duration, "duration", above=0, unit="s")
     times = np.arange(round(duration * check_number(fs, "fs", above=0, unit="Hz"))) / fs
     velocity, angle = chapter3_motion(times, mean_speed, speed_frequency)
-    current = current_amplitude * np.sin(current_order * angle)  # Eq. (3.4)
-    current += supply_amplitude * np.sin(2 * np.pi * supply_frequency * times)
+    current = 5.0 * np.sin(6 * angle)  # Eq. (3.4)
+    current += supply_amplitude * np.sin(2 * np.pi * 100 * times)
     order = defect_orders[label]
     if order is not None:
         order = check_number(order, f"order of {label!r}", above=0)

@@ -1,4 +1,4 @@
-"""Faults of the laboratory bench: names, fault orders, sizes, and rolling element passages."""
+"""Faults of the bench, rolling element passages, and imperfections of a healthy unit."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import arcminute
 
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
-from emacm.simulation.constants import SLIP
+from emacm.simulation.laboratory import ASSUMED, Actuator
+from emacm.simulation.waves import OrderWaves
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -24,8 +26,6 @@ SCREW = Bearing(20, 0.1323, 1.0, math.radians(45))
 POLE_PAIRS = 6  # Table 4.1: 12 poles
 _LINES = fault_orders(BEARING)["order"]
 CAGE_ORDER = float(_LINES["FTF"])
-_LOAD_ZONE = 1.2  # assumed: Stribeck's epsilon; above 1 the whole ring is loaded, as under thrust
-_IMPACT_SCATTER = 0.2  # assumed: standard deviation of the logarithm of the size of an impact
 # Orders of the rolling elements of a healthy unit, by part.
 HEALTHY_ORDERS: Mapping[str, float] = MappingProxyType(
     {
@@ -235,12 +235,208 @@ def ball_passage(
     (order,) = FAULTS[fault].orders
     steps = np.diff(angle, prepend=angle[0]) * (order / (2 * np.pi))
     start = rng.uniform()
-    slip = np.cumsum(SLIP * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
+    slip = np.cumsum(ASSUMED.slip * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
     phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
     impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
-    sizes = np.exp(_IMPACT_SCATTER * rng.standard_normal(len(impacts)))
+    sizes = np.exp(ASSUMED.impact_scatter * rng.standard_normal(len(impacts)))
     weight, turns_with = np.ones_like(phase), FAULTS[fault].turns_with
     if turns_with:
         psi = turns_with * angle + mark
-        weight = (1 - (1 - np.cos(psi)) / (2 * _LOAD_ZONE)) ** 1.5
+        weight = (1 - (1 - np.cos(psi)) / (2 * ASSUMED.load_zone)) ** 1.5
     return Passage(phase, weight, impacts, sizes)
+
+
+class Imperfections(NamedTuple):
+    """Sizes relative to the nominal actuator, and phases, of the imperfections of one unit.
+
+    Attributes
+    ----------
+    resolver_shares, resolver_phases : ndarray of shape (3,)
+        Error of the resolver at orders 1, 2 and 12, in the order of `ASSUMED.resolver_errors`.
+    line_shares : ndarray of shape (n_lines,)
+        Lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
+    """
+
+    resolver_shares: NDArray[np.floating]
+    resolver_phases: NDArray[np.floating]
+    line_shares: NDArray[np.floating]
+
+
+def draw_imperfections(rng: np.random.Generator, *, spread: float = 1.0) -> Imperfections:
+    """Draw the imperfections of one unit.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random numbers of the unit.
+    spread : float
+        Unit-to-unit variation relative to the default; 0: all relative sizes are 1.
+
+    Returns
+    -------
+    Imperfections
+
+    Examples
+    --------
+    >>> draw_imperfections(np.random.default_rng(0), spread=0).resolver_shares
+    array([1., 1., 1.])
+    """
+    n_errors, n_lines = len(ASSUMED.resolver_errors), len(ASSUMED.healthy_lines)
+    shares = np.exp(spread * ASSUMED.of_lines * rng.standard_normal(n_errors + n_lines))
+    phases = min(spread, 1.0) * rng.uniform(0, 2 * np.pi, n_errors)
+    return Imperfections(shares[:n_errors], phases, shares[n_errors:])
+
+
+def resolver_error(
+    angle: NDArray[np.floating] | OrderWaves, actuator: Actuator, imperfections: Imperfections
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the error of the resolver, and its derivative by the angle.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,) or OrderWaves
+        Shaft angle [rad].
+    actuator : Actuator
+        Constants.
+    imperfections : Imperfections
+        Imperfections of the unit.
+
+    Returns
+    -------
+    error : ndarray of shape (n_times,)
+        Indicated minus true angle [rad], at orders 1, 2 and 12.
+    slope : ndarray of shape (n_times,)
+        Error of the indicated velocity, relative to the velocity.
+
+    Examples
+    --------
+    >>> unit = draw_imperfections(np.random.default_rng(0), spread=0)
+    >>> error, _ = resolver_error(np.array([np.pi / 2]), Actuator(), unit)  # 3' at order 1
+    >>> (error * 180 * 60 / np.pi).round(6)
+    array([3.])
+    """
+    waves, size = OrderWaves.of(angle), actuator.resolver_error * arcminute
+    parts = [
+        (order, size * relative * share, phase)
+        for (order, relative), share, phase in zip(
+            ASSUMED.resolver_errors, *imperfections[:2], strict=True
+        )
+    ]
+    slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]
+    return waves.sines(*parts), waves.sines(*slopes)
+
+
+class HealthyLines(NamedTuple):
+    """Lines that the rolling elements of a healthy unit cause.
+
+    Attributes
+    ----------
+    force, torque : ndarray of shape (n_times,)
+        Force on the housing relative to `Actuator.waviness`, and friction torque relative to
+        `Actuator.recirculation`.
+    """
+
+    force: NDArray[np.floating]
+    torque: NDArray[np.floating]
+
+
+def healthy_lines(
+    angle: NDArray[np.floating],
+    imperfections: Imperfections,
+    rng: np.random.Generator,
+    fs: float,
+) -> HealthyLines:
+    """Return the lines of waviness and of the passage of balls in bearing and screw.
+
+    Every part has its own slip: a random walk over the travel, as in `ball_passage`.
+
+    Parameters
+    ----------
+    angle : ndarray of shape (n_times,)
+        Shaft angle [rad].
+    imperfections : Imperfections
+        Imperfections of the unit.
+    rng : Generator
+        Random numbers of the run: positions of the balls at the start, and slip.
+    fs : float
+        Sampling rate [Hz]. Lines are at most at 1 kHz: above 12 kHz they are interpolated.
+
+    Returns
+    -------
+    HealthyLines
+    """
+    step = max(1, int(fs / ASSUMED.line_rate))
+    fine = _every(len(angle), step)
+    turned = angle[fine]
+    force, torque = np.zeros_like(turned), np.zeros_like(turned)
+    coarse = _every(len(turned), ASSUMED.walk_steps)
+    travel = np.abs(np.diff(turned[coarse])) / (2 * np.pi)
+    waves = {}
+    for part, order in HEALTHY_ORDERS.items():
+        steps = ASSUMED.slip * np.sqrt(order * travel) * rng.standard_normal(len(travel))
+        walk = 2 * np.pi * np.concatenate(([rng.uniform()], steps)).cumsum()
+        slipped = np.interp(np.arange(len(turned)), coarse, walk)
+        waves[part] = OrderWaves(order * turned + slipped)
+    for (part, harmonic, of_force, of_torque), share in zip(
+        ASSUMED.healthy_lines, imperfections.line_shares, strict=True
+    ):
+        wave = waves[part].sines((harmonic, share, 0.0))
+        force += of_force * wave
+        torque += of_torque * wave
+    if step == 1:
+        return HealthyLines(force, torque)
+    samples = np.arange(len(angle))
+    return HealthyLines(*(np.interp(samples, fine, wave) for wave in (force, torque)))
+
+
+def _every(n_samples: int, step: int) -> NDArray[np.intp]:
+    """Return every `step`-th sample and the last."""
+    kept = np.arange(0, n_samples, step)
+    return kept if kept[-1] == n_samples - 1 else np.append(kept, n_samples - 1)
+
+
+def warmth(rng: np.random.Generator, run: int) -> float:
+    """Return how warm a unit is in a run: 0 cold, 1 warm.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random numbers of the unit in a condition: its temperature at the first run.
+    run : int
+        Number of the run, from 1.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> [round(warmth(np.random.default_rng(0), run), 2) for run in (1, 10, 100)]
+    [0.32, 0.78, 1.0]
+    """
+    first = rng.uniform(*ASSUMED.coldest)
+    return float(1 - (1 - first) * np.exp(-(run - 1) / ASSUMED.warm_up))
+
+
+def drift(name: str, times: NDArray[np.floating], spread: float = 1.0) -> NDArray[np.floating]:
+    """Return a constant during a recording, relative to its value at the start.
+
+    Parameters
+    ----------
+    name : str
+        One of the constants in `ASSUMED.warm`.
+    times : ndarray of shape (n_times,)
+        Times [s]; the recording starts at 0.
+    spread : float
+        Run-to-run variation relative to the default; 0: no drift.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+
+    Examples
+    --------
+    >>> drift("viscous", np.array([0.0, 10.0]))
+    array([1.  , 0.98])
+    """
+    return 1 + spread * ASSUMED.heating * ASSUMED.warm[name] * times

@@ -1,8 +1,10 @@
-"""Short recordings of many actuators on the bench, to try a pipeline within seconds."""
+"""Units on the bench: those of the thesis, fleets for a trial within seconds, and wear."""
 
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,10 @@ from numpy.typing import NDArray
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
-from emacm.simulation.constants import SHORT_RUN_CUTOFF
+from emacm.simulation.faults import FAULTS
+from emacm.simulation.laboratory import ASSUMED
 
 STATES = ("healthy", "screw", "inner ring")
-_UNITS_OF_A_STATE = 1_000_000  # numbers of units that are reserved for each state
 
 
 def simulate_actuator(
@@ -67,7 +69,12 @@ def simulate_actuator(
     fs = check_number(fs, "fs", above=0, unit="Hz")
     faults = {} if state == "healthy" else {state: severity}
     bench = LaboratoryBench(
-        unit=unit, faults=faults, duration=duration, fs=fs, cutoff=SHORT_RUN_CUTOFF * fs, seed=seed
+        unit=unit,
+        faults=faults,
+        duration=duration,
+        fs=fs,
+        cutoff=ASSUMED.short_run_cutoff * fs,
+        seed=seed,
     )
     return bench.record(condition, run)
 
@@ -124,7 +131,7 @@ def simulate_fleet(
         for number in range(first_unit, first_unit + n_units):
             rng = np.random.default_rng([seed, zlib.crc32(state.encode()), number])
             size = rng.uniform(min(low, high), max(low, high))
-            unit = _UNITS_OF_A_STATE * position + number
+            unit = 1_000_000 * position + number  # a range of numbers for each state
             recordings += [
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)
                 for run in range(1, n_runs + 1)
@@ -132,3 +139,285 @@ def simulate_fleet(
     states = np.array([recording.meta["label"] for recording in recordings])
     units = np.array([recording.meta["unit"] for recording in recordings])
     return recordings, states, units
+
+
+def thesis_benches(
+    *,
+    severity: float = 0.5,
+    grease: float = 0.75,
+    electrical_noise: tuple[float, float] = (1.0, 0.2),
+    **constants: Any,
+) -> tuple[LaboratoryBench, LaboratoryBench]:
+    """Return the two units of the thesis: a healthy one and one with a bad bearing.
+
+    Parameters
+    ----------
+    severity : float
+        Severity of the defect of the inner ring; not in the thesis, assumed.
+    grease : float
+        Fraction of the grease in that bearing; 0.75 in chapter 4.
+    electrical_noise : (float, float)
+        Electrical noise in the cables of the healthy and of the degraded unit. Section 4.5
+        reports it for LVDT and velocity of the healthy unit, and less for the other (the ratio is
+        assumed): a classifier can distinguish the units by noise that is unrelated to the fault.
+        Use equal values for a study without this confounding.
+    **constants
+        Parameters of both benches, as for `LaboratoryBench`.
+
+    Returns
+    -------
+    healthy, degraded : LaboratoryBench
+        Units 0 and 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is invalid.
+
+    Examples
+    --------
+    >>> [bench.label for bench in thesis_benches()]
+    ['healthy', 'inner ring + lubrication']
+    """
+    if not isinstance(electrical_noise, tuple) or len(electrical_noise) != 2:
+        raise TypeError(
+            f"electrical_noise must be a pair, of the healthy and of the degraded unit; "
+            f"got {electrical_noise!r}."
+        )
+    grease = check_number(grease, "grease", at_least=0, at_most=1)
+    faults = {"inner ring": severity, "lubrication": 1 - grease}
+    return (
+        LaboratoryBench(unit=0, electrical_noise=electrical_noise[0], **constants),
+        LaboratoryBench(unit=1, faults=faults, electrical_noise=electrical_noise[1], **constants),
+    )
+
+
+Array = NDArray[np.float64]
+
+
+class UnitLife(NamedTuple):
+    """True life of a simulated unit, and its damage at the readings.
+
+    Attributes
+    ----------
+    unit : int
+        Number of the unit.
+    ages : ndarray of shape (n_readings,)
+        Ages of the readings [h].
+    severity : ndarray of shape (n_readings,)
+        Severity at the readings: 0 before the onset, 1 at the failure.
+    onset : float
+        Age at the onset of damage [h].
+    life : float
+        Age at the failure [h].
+    observed : float
+        Age until which the unit is observed [h]: its life, or less.
+    """
+
+    unit: int
+    ages: Array
+    severity: Array
+    onset: float
+    life: float
+    observed: float
+
+    @property
+    def censored(self) -> bool:
+        """Whether the observation ends before the failure."""
+        return self.observed < self.life
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearLaw:
+    """Law by which damage begins and grows.
+
+    The age at the onset has a Weibull distribution. From then on the logarithm of the severity is
+    a Wiener process with drift, so that the severity grows exponentially; the drift is normal
+    over units. A unit fails when the severity reaches 1.
+
+    Parameters
+    ----------
+    onset_shape, onset_scale : float
+        Weibull distribution of the age at the onset [h].
+    start : float
+        Severity at the onset, in (0, 1).
+    drift, drift_spread : float
+        Mean and standard deviation over units of the growth of the logarithm [1/h]; drifts below
+        a fifth of the mean are drawn again.
+    diffusion : float
+        Variance of the growth of the logarithm per hour, of one unit.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is invalid.
+
+    Examples
+    --------
+    >>> found = WearLaw().draw(unit=3, interval=10.0)
+    >>> bool(found.onset < found.life), found.censored
+    (True, False)
+    """
+
+    onset_shape: float = 2.0
+    onset_scale: float = 200.0
+    start: float = 0.05
+    drift: float = 0.03
+    drift_spread: float = 0.008
+    diffusion: float = 0.004
+
+    def __post_init__(self) -> None:
+        for name in ("onset_shape", "onset_scale", "drift"):
+            check_number(getattr(self, name), name, above=0)
+        for name in ("drift_spread", "diffusion"):
+            check_number(getattr(self, name), name, at_least=0)
+        check_number(self.start, "start", above=0, below=1)
+
+    def draw(
+        self, unit: int, interval: float, *, observed: float = np.inf, seed: int = 0
+    ) -> UnitLife:
+        """Draw the life of a unit. The same unit and seed have the same life.
+
+        Parameters
+        ----------
+        unit : int
+            Number of the unit.
+        interval : float
+            Time between two readings [h]; the life is computed to 1/64 of it.
+        observed : float
+            Age at which the observation ends, if the unit has not failed [h].
+        seed : int
+            Seed of all units.
+
+        Returns
+        -------
+        UnitLife
+            With readings at 0, `interval`, ... before the end of the observation.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a parameter is invalid.
+        """
+        interval = check_number(interval, "interval", above=0, unit="h")
+        key = (check_count(unit, "unit", at_least=0), check_count(seed, "seed", at_least=0))
+        rng = np.random.default_rng([key[1], key[0], 7919])
+        onset = float(self.onset_scale * rng.weibull(self.onset_shape))
+        drift = 0.0
+        while drift < 0.2 * self.drift:
+            drift = self.drift + self.drift_spread * rng.standard_normal()
+        step = interval / 64
+        distance = -np.log(self.start)
+        n_steps = int(
+            20 * distance / self.drift / step
+        )  # a unit is given up after 20 mean durations
+        noise = np.sqrt(self.diffusion * step) * rng.standard_normal(n_steps)
+        logarithm = np.append(0.0, np.cumsum(drift * step + noise)) - distance
+        failed = int(np.argmax(logarithm >= 0))
+        life = onset + (failed if failed else n_steps) * step
+        end = min(life, float(observed))
+        ages = np.arange(0, end, interval)
+        times = onset + step * np.arange(len(logarithm))
+        severity = np.where(ages < onset, 0.0, np.exp(np.interp(ages, times, logarithm)))
+        return UnitLife(unit, ages, np.minimum(severity, 1.0), onset, life, end)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _WornBench(LaboratoryBench):
+    """A bench whose recordings also state the life of the unit."""
+
+    life: dict[str, Any] = field(default_factory=dict, hash=False)
+
+    def meta(self, condition: int, run: int) -> dict[str, Any]:
+        return super().meta(condition, run) | self.life
+
+
+def run_to_failure_fleet(
+    n_units: int,
+    *,
+    law: WearLaw | None = None,
+    interval: float = 10.0,
+    fault: str = "inner ring",
+    condition: int = 4,
+    censored: float = 0.0,
+    duration: float = 1.0,
+    fs: float = 4000.0,
+    seed: int = 0,
+    first_unit: int = 0,
+) -> list[Recording]:
+    """Simulate units on the laboratory bench from new to failed.
+
+    Parameters
+    ----------
+    n_units : int
+        Number of units.
+    law : WearLaw, optional
+        Law of the damage. Default: ``WearLaw()``: onset after 177 h on average, then 100 h.
+    interval : float
+        Time between two recordings [h].
+    fault : str
+        Kind of damage, one of `FAULTS`.
+    condition : int
+        Row of Table 4.3 of the thesis.
+    censored : float
+        Fraction of units whose observation ends before they fail, at an age that is uniform
+        between 0.3 and 1 of their life.
+    duration, fs : float
+        Length [s] and sampling rate [Hz] of a recording.
+    seed, first_unit : int
+        Seed of all random numbers, and number of the first unit: other numbers are other units.
+
+    Returns
+    -------
+    list of Recording
+        By unit and age, as returned by `LaboratoryBench.record`. `meta` also contains "age",
+        "onset" and "life" [h] (the truth), "observed_life" (until the failure or the end of the
+        observation), "remaining_life" (observed_life - age) and "censored".
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is invalid.
+
+    Examples
+    --------
+    >>> recordings = run_to_failure_fleet(2, interval=100.0, duration=0.25)
+    >>> sorted({recording.meta["unit"] for recording in recordings})
+    [0, 1]
+    >>> recordings[0].meta["age"], recordings[0].meta["label"]
+    (0.0, 'healthy')
+    """
+    check_count(n_units, "n_units")
+    check_count(first_unit, "first_unit", at_least=0)
+    check_choice(fault, "fault", tuple(FAULTS))
+    censored = check_number(censored, "censored", at_least=0, at_most=1)
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    law = WearLaw() if law is None else law
+    if not isinstance(law, WearLaw):
+        raise TypeError(f"law must be a WearLaw, got {law!r}.")
+    recordings = []
+    for unit in range(first_unit, first_unit + n_units):
+        found = law.draw(unit, interval, seed=seed)
+        rng = np.random.default_rng([seed, unit, 104_729])
+        if rng.uniform() < censored:
+            end = rng.uniform(0.3, 1.0) * found.life
+            found = law.draw(unit, interval, observed=end, seed=seed)
+        for run, (age, severity) in enumerate(zip(found.ages, found.severity, strict=True), 1):
+            bench = _WornBench(
+                unit=unit,
+                faults={fault: float(severity)},
+                duration=duration,
+                fs=fs,
+                cutoff=ASSUMED.short_run_cutoff * fs,
+                seed=seed,
+                life={
+                    "age": float(age),
+                    "onset": found.onset,
+                    "life": found.life,
+                    "observed_life": found.observed,
+                    "remaining_life": found.observed - float(age),
+                    "censored": found.censored,
+                },
+            )
+            recordings.append(bench.record(condition, run))
+    return recordings

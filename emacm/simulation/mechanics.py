@@ -1,28 +1,158 @@
-"""Motion of the shaft from the position command, and of the rod from the shaft."""
+"""Motion of the shaft under its controller and inverter, and of the rod."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
+from scipy.constants import inch, lbf
 
 from emacm import _kernels
-from emacm.simulation.actuator import PEAK_SPEED, Actuator
-from emacm.simulation.conditions import INCH, POUND, Condition, load_force, position_command
-from emacm.simulation.drive import drive_limits
-from emacm.simulation.faults import FAULTS
-from emacm.simulation.waves import BLOCK
+from emacm.simulation.faults import FAULTS, POLE_PAIRS
+from emacm.simulation.laboratory import (
+    ASSUMED,
+    PEAK_SPEED,
+    SUPPLY_VOLTAGE,
+    Actuator,
+    Condition,
+    load_force,
+    position_command,
+)
+from emacm.simulation.waves import PHASES, OrderWaves, of_phases, sine_wave
 
 Coefficients = tuple[float, float, float]
 
-_CONTROL_RATE = 2000.0  # Hz, assumed
-_HEADROOM = 0.99  # the command is limited to 99 % of the peak speed, because ripple adds to it
 _JAM = FAULTS["jam"]
-_HOLDING_FORCE = 10.0  # lbf: friction that holds the nut at its flank; assumed
-_CROSSING_TIME = 0.002  # s, of the nut from flank to flank; assumed
+
+
+VOLTAGE_LIMIT = SUPPLY_VOLTAGE * sqrt(2 / 3)  # V peak of a phase, which 220 V between phases allow
+_LINK = SUPPLY_VOLTAGE * sqrt(2)  # V: rectified supply
+
+
+def phase_voltage(
+    torque: NDArray[np.floating], velocity: NDArray[np.floating], actuator: Actuator
+) -> NDArray[np.floating]:
+    """Return the peak voltage of a phase that a torque requires at a speed.
+
+    With the current perpendicular to the rotor flux, ``v_q = k w + R i`` and ``v_d = -p w L i``.
+
+    Parameters
+    ----------
+    torque, velocity : ndarray of shape (n_times,)
+        Motor torque [N m] and shaft speed [rad/s].
+    actuator : Actuator
+        Constants.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Voltage [V].
+
+    Examples
+    --------
+    >>> rated = phase_voltage(np.array([0.0]), np.array([4572 * np.pi / 30]), Actuator())
+    >>> (rated * np.sqrt(3 / 2)).round(1)  # RMS between phases
+    array([206.3])
+    """
+    current = torque / actuator.torque_constant
+    across = actuator.emf_constant * velocity + actuator.winding_resistance * current
+    along = POLE_PAIRS * actuator.winding_inductance * velocity * current
+    return np.sqrt(across**2 + along**2)
+
+
+def voltage_free_speed(actuator: Actuator, current: float) -> float:
+    """Return a speed up to which the voltage allows a current of either sign [rad/s].
+
+    Examples
+    --------
+    >>> round(voltage_free_speed(Actuator(), 10.0))
+    381
+    """
+    left = ASSUMED.voltage_reserve * VOLTAGE_LIMIT - actuator.winding_resistance * current
+    per_speed = actuator.emf_constant + POLE_PAIRS * actuator.winding_inductance * current
+    return max(left, 0.0) / per_speed  # voltages added as if in phase: a lower bound
+
+
+def drive_limits(
+    actuator: Actuator,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Return the limits of current and voltage, as `limited_torque` of the kernels reads them.
+
+    Examples
+    --------
+    >>> from emacm import _kernels
+    >>> limit, limits = _kernels.loops.limited_torque, drive_limits(Actuator())
+    >>> [round(limit(30.0, speed, limits) / limits[0], 1) for speed in (0.0, 460.0)]  # A
+    [40.0, 10.9]
+    """
+    quarter = actuator.max_current / 4
+    return (
+        actuator.torque_constant,
+        actuator.emf_constant,
+        actuator.winding_resistance,
+        POLE_PAIRS * actuator.winding_inductance,
+        ASSUMED.voltage_reserve * VOLTAGE_LIMIT,
+        actuator.max_torque,
+        voltage_free_speed(actuator, quarter),
+        actuator.max_torque / 4,
+    )
+
+
+def carrier_ripple(
+    voltage: NDArray[np.floating],
+    angle: NDArray[np.floating] | OrderWaves,
+    times: NDArray[np.floating],
+    phase: float,
+    actuator: Actuator,
+    phases: str = PHASES,
+) -> NDArray[np.floating]:
+    """Return the ripple of the phase currents at the switching frequency of the inverter.
+
+    The lines at ``carrier +- 2 x`` the electrical frequency of a sine-triangle modulation have the
+    voltage ``2 V_dc / pi J_2(pi M / 2)`` each [1]_, M being the voltage relative to half the
+    DC link; the line at the carrier itself is equal in all phases and drives no current. They are
+    fixed in time, and sum to zero over the phases. Lines at twice the carrier are above the
+    conditioning filter.
+
+    Parameters
+    ----------
+    voltage : ndarray of shape (n_times,)
+        Peak voltage of a phase [V].
+    angle : ndarray of shape (n_times,) or OrderWaves
+        Shaft angle [rad].
+    times : ndarray of shape (n_times,)
+        Times [s].
+    phase : float
+        Phase of the carrier [rad].
+    actuator : Actuator
+        Constants; without inductance there is no ripple to compute, and 0 is returned.
+    phases : str
+        Phases to compute.
+
+    Returns
+    -------
+    ndarray of shape (n_phases, n_times)
+        Currents [A].
+
+    References
+    ----------
+    .. [1] D. G. Holmes and T. A. Lipo, Pulse Width Modulation for Power Converters, 2003.
+    """
+    if not actuator.winding_inductance:
+        return np.zeros((len(phases), len(times)))
+    x2 = (np.pi * voltage / _LINK) ** 2  # square of pi M / 2
+    bessel = x2 / 8 * (1 - x2 / 12 * (1 - x2 / 32))  # J_2 within 1 % up to M = 1.15
+    reactance = 2 * np.pi * ASSUMED.carrier * actuator.winding_inductance
+    size = bessel * sine_wave(ASSUMED.carrier, times, phase)
+    size *= 2 * (2 * _LINK / np.pi) / reactance
+    waves = OrderWaves.of(angle)
+    a = size * waves.sines((2 * POLE_PAIRS, 1.0, np.pi / 2))
+    across = size * waves.sines((2 * POLE_PAIRS, -np.sqrt(3) / 2, 0.0)) if phases != "a" else a
+    return of_phases(a, across, phases)
 
 
 class Motion(NamedTuple):
@@ -80,22 +210,24 @@ def bench_motion(
 
     Examples
     --------
-    >>> from emacm.simulation.conditions import CONDITIONS, RPM
+    >>> from emacm.simulation.laboratory import CONDITIONS, RPM
     >>> motion = bench_motion(CONDITIONS[3], Actuator(), np.arange(48_000) / 48_000)
     >>> round(float(motion.velocity.max()) / RPM)
     4526
     """
     # The derivatives of the last interval need one more control step.
     before = max(1.0, 1 / condition.frequency) - float(times[0])
-    n_before = int(np.ceil(before * _CONTROL_RATE))
-    n_after = int(np.ceil(float(times[-1]) * _CONTROL_RATE)) + 2
-    steps = np.arange(-n_before, n_after) / _CONTROL_RATE
+    n_before = int(np.ceil(before * ASSUMED.control_rate))
+    n_after = int(np.ceil(float(times[-1]) * ASSUMED.control_rate)) + 2
+    steps = np.arange(-n_before, n_after) / ASSUMED.control_rate
     targets = position_command(condition, steps, phase) * actuator.angle_per_inch
     start, velocities = _follow(targets, condition, actuator, load_share, jam)
-    angle, velocity, acceleration = _between_steps(velocities, (times - steps[0]) * _CONTROL_RATE)
-    angle /= _CONTROL_RATE
+    angle, velocity, acceleration = _between_steps(
+        velocities, (times - steps[0]) * ASSUMED.control_rate
+    )
+    angle /= ASSUMED.control_rate
     angle += start
-    acceleration *= _CONTROL_RATE
+    acceleration *= ASSUMED.control_rate
     return Motion(times, angle, velocity, acceleration)
 
 
@@ -114,17 +246,12 @@ def _between_steps(
     curve = np.diff(slope, append=slope[-1:]) / 2
     whole = value + slope / 2 + curve / 3
     turned = np.concatenate(([0.0], np.cumsum(whole)[:-1]))
-    angle, velocity, acceleration = (np.empty_like(places) for _ in range(3))
-    for start in range(0, len(places), BLOCK):
-        block = slice(start, start + BLOCK)
-        x = places[block] + 0.5
-        number = x.astype(np.intp)
-        x -= number
-        a, b, d = value[number], slope[number], curve[number]
-        angle[block] = turned[number] + x * (a + x * (b / 2 + x * d / 3))
-        velocity[block] = a + x * (b + x * d)
-        acceleration[block] = b + 2 * x * d
-    return angle, velocity, acceleration
+    x = places + 0.5
+    number = x.astype(np.intp)
+    x -= number
+    a, b, d = value[number], slope[number], curve[number]
+    angle = turned[number] + x * (a + x * (b / 2 + x * d / 3))
+    return angle, a + x * (b + x * d), b + 2 * x * d
 
 
 def _follow(
@@ -136,16 +263,16 @@ def _follow(
 ) -> tuple[float, NDArray[np.floating]]:
     """Return the first angle and the velocity at each control step."""
     resists = [
-        float(load_force(condition, place, load_share)) * POUND * actuator.torque_per_force
+        float(load_force(condition, place, load_share)) * lbf * actuator.torque_per_force
         for place in (np.array(0.0), np.array(1.0))
     ]
     velocities = _kernels.loops.follow(
         targets,
-        1 / _CONTROL_RATE,
+        1 / ASSUMED.control_rate,
         (
             actuator.position_gain,
-            min(1.0, 2 * np.pi * actuator.velocity_bandwidth / _CONTROL_RATE),
-            _HEADROOM * PEAK_SPEED,
+            min(1.0, 2 * np.pi * actuator.velocity_bandwidth / ASSUMED.control_rate),
+            ASSUMED.headroom * PEAK_SPEED,
             actuator.inertia,
         ),
         (resists[0], (resists[1] - resists[0]) / actuator.angle_per_inch),
@@ -230,11 +357,11 @@ def rod_position(
     >>> position[[0, -1]].round(3), knocks
     (array([0.152, 0.163]), array([4800]))
     """
-    position = angle / actuator.angle_per_inch - force * POUND / actuator.stiffness / INCH
+    position = angle / actuator.angle_per_inch - force * lbf / actuator.stiffness / inch
     if not backlash:
         return position, np.zeros(0, dtype=np.intp)
     side = _side(force)
-    decay = np.exp(-1 / (_CROSSING_TIME * fs))
+    decay = np.exp(-1 / (ASSUMED.crossing_time * fs))
     eased, _ = filters.lfilter([1 - decay], [1, -decay], side, zi=[decay * side[0]])
     position = position - FAULTS["backlash"].backlash / 2 * backlash * eased
     return position, np.flatnonzero(np.diff(side)) + 1
@@ -242,7 +369,7 @@ def rod_position(
 
 def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the sign of the force, unchanged while friction can hold the nut."""
-    certain = np.flatnonzero(np.abs(force) > _HOLDING_FORCE)
+    certain = np.flatnonzero(np.abs(force) > ASSUMED.holding_force)
     if not len(certain):
         return np.ones_like(force)
     last = np.searchsorted(certain, np.arange(len(force)), side="right") - 1

@@ -1,4 +1,4 @@
-"""Torque required by a motion, and the phase currents that produce it."""
+"""Torque required by a motion, phase currents, and vibration of the housing."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as filters
+from scipy.constants import g, lbf
 
-from emacm.simulation.actuator import RATED_CURRENT, Actuator
-from emacm.simulation.conditions import POUND
-from emacm.simulation.constants import (
-    COGGING_ORDER,
-    DAMPING,
-    DEAD_TIME,
-    FREE_TORQUE,
-    STICTION_SPEED,
+from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage, drift
+from emacm.simulation.laboratory import (
+    ASSUMED,
+    PEAK_SPEED,
+    RATED_CURRENT,
+    RATED_FORCE,
+    Actuator,
 )
-from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage
-from emacm.simulation.imperfections import drift
 from emacm.simulation.mechanics import Motion, jam_torque, responses
 from emacm.simulation.waves import PHASES, OrderWaves, of_phases
 
@@ -88,24 +86,17 @@ def shaft_torques(
     ``d / (J (s² + 2 z w s + w²))``, and the motor compensates the rest: below the bandwidth of the
     loop a defect is visible in the current, above it in the speed.
     """
-    load = force * POUND * actuator.torque_per_force
-    direction = np.tanh(motion.velocity / STICTION_SPEED)
+    load = force * lbf * actuator.torque_per_force
+    direction = np.tanh(motion.velocity / ASSUMED.stiction_speed)
     dry = faults.get("lubrication", 0.0)
     dry_friction = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
-    # Mostly in place: memory for new arrays takes longer than the arithmetic.
-    friction = drift("coulomb", motion.times, run_spread)
-    friction *= dry_friction
+    friction = drift("coulomb", motion.times, run_spread) * dry_friction
     friction += (1 / actuator.efficiency - 1) * np.abs(load)
     if jam := faults.get("jam", 0.0):
         friction += jam_torque(motion.angle, actuator, jam)
-    friction *= direction
-    viscous = drift("viscous", motion.times, run_spread)
-    viscous *= actuator.viscous
-    viscous *= motion.velocity
-    friction += viscous
-    motor = actuator.inertia * motion.acceleration
-    motor += load
-    motor += friction
+    viscous = drift("viscous", motion.times, run_spread) * actuator.viscous
+    friction = friction * direction + viscous * motion.velocity
+    motor = actuator.inertia * motion.acceleration + load + friction
     if max(motor.max(), -motor.min()) > actuator.max_torque:
         # Where a jam stops the shaft, friction takes what exceeds the torque limit.
         limited = np.clip(motor, -actuator.max_torque, actuator.max_torque)
@@ -114,21 +105,18 @@ def shaft_torques(
     waves = OrderWaves(motion.angle)
     ripple = _ripple(waves, motor, actuator, faults)
     braking = _braking(motion.angle, waves, load, actuator, faults, passages, rng)
-    recirculating = np.abs(load)
-    recirculating /= actuator.torque_constant * RATED_CURRENT
-    recirculating += FREE_TORQUE
-    recirculating *= actuator.recirculation
-    recirculating *= lines
-    braking += recirculating
-    braking *= direction
-    ripple -= braking
+    loaded = np.abs(load) / (actuator.torque_constant * RATED_CURRENT) + ASSUMED.free_torque
+    ripple -= (braking + loaded * actuator.recirculation * lines) * direction
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
-    motor += actuator.inertia * acceleration
-    motor -= ripple
-    angle += motion.angle
-    velocity += motion.velocity
-    acceleration += motion.acceleration
-    return Torques(motor, load, friction, ripple, angle, velocity, acceleration)
+    return Torques(
+        motor + actuator.inertia * acceleration - ripple,
+        load,
+        friction,
+        ripple,
+        angle + motion.angle,
+        velocity + motion.velocity,
+        acceleration + motion.acceleration,
+    )
 
 
 def phase_currents(
@@ -172,8 +160,8 @@ def phase_currents(
     length = torque / actuator.torque_constant
     waves, mismatch = OrderWaves.of(angle), _mismatch(actuator, faults)
     # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
-    positive = ((1, 1.0), (7, DEAD_TIME[1]))
-    negative = ((1, mismatch), (5, DEAD_TIME[0]))
+    positive = ((1, 1.0), (7, ASSUMED.dead_time[1]))
+    negative = ((1, mismatch), (5, ASSUMED.dead_time[0]))
 
     def waves_of(side: int, phase: float) -> NDArray[np.floating]:
         sizes = [(n, size) for n, size in positive] + [(n, side * size) for n, size in negative]
@@ -199,7 +187,7 @@ def _ripple(
     eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
     ripple = waves.sines(
         (1, actuator.ripple, actuator.mark),
-        (COGGING_ORDER, actuator.cogging, actuator.mark),
+        (ASSUMED.cogging_order, actuator.cogging, actuator.mark),
         (1, eccentric, 2 * actuator.mark),
     )
     # The torque of the negative sequence pulsates at twice the supply order.
@@ -223,7 +211,7 @@ def _braking(
     rated = actuator.torque_constant * RATED_CURRENT
     for name, passage in passages.items():
         size = faults[name] * FAULTS[name].torque
-        braking += size * (FREE_TORQUE + np.abs(load) / rated) * passage.pulses
+        braking += size * (ASSUMED.free_torque + np.abs(load) / rated) * passage.pulses
     if cage := faults.get("cage", 0.0):
         braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
     if dry := faults.get("lubrication", 0.0):
@@ -250,11 +238,125 @@ def _loop_response(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
-    below = (1.0, 2 * DAMPING * corner, corner**2)
+    below = (1.0, 2 * ASSUMED.damping * corner, corner**2)
     disturbed = ripple / actuator.inertia
     systems = [((0.0, 0.0, 1.0), below), ((0.0, 1.0, 0.0), below)]
     angle, velocity = responses(systems, disturbed, 1 / (times[1] - times[0]))
     # s² + 2 z w s + w² is the denominator, so the acceleration is what the loop leaves.
-    disturbed -= below[1] * velocity
-    disturbed -= below[2] * angle
-    return angle, velocity, disturbed
+    return angle, velocity, disturbed - below[1] * velocity - below[2] * angle
+
+
+def housing_force(
+    torques: Torques,
+    actuator: Actuator,
+    faults: Mapping[str, float],
+    passages: Mapping[str, Passage],
+    knocks: NDArray[np.intp],
+    rng: np.random.Generator,
+    fs: float,
+    lines: NDArray[np.floating] | float = 0.0,
+    waves: OrderWaves | None = None,
+) -> NDArray[np.floating]:
+    """Return the force that excites the housing.
+
+    Rolling noise and impacts are proportional to speed and to the square root of the load
+    (assumed; measured exponents vary); unbalance is proportional to the square of speed. The
+    force of waviness is displacement times contact stiffness, and does not depend on speed.
+
+    Parameters
+    ----------
+    torques : Torques
+        Torques and motion of the shaft.
+    actuator : Actuator
+        Constants.
+    faults : mapping of str to float
+        Severities in [0, 1].
+    passages : mapping of str to Passage
+        Passages of rolling elements over the defects.
+    knocks : ndarray of shape (n_knocks,), of int
+        Samples at which the nut hits its opposite flank.
+    rng : Generator
+        Random numbers of the rolling noise.
+    fs : float
+        Sampling rate [Hz].
+    lines : ndarray of shape (n_times,) or float
+        `HealthyLines.force`.
+    waves : OrderWaves, optional
+        Those of the shaft angle, if they exist already.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Force [N].
+    """
+    waves = OrderWaves(torques.angle) if waves is None else waves
+    speed = np.abs(torques.velocity) / PEAK_SPEED
+    rated_torque = RATED_FORCE * actuator.torque_per_force
+    pressed = np.sqrt(np.abs(torques.load) / rated_torque + ASSUMED.preload)
+    current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
+    rolling = 1 + FAULTS["lubrication"].rolling_noise * faults.get("lubrication", 0.0)
+    if cage := faults.get("cage", 0.0):
+        rub = FAULTS["cage"].rolling_noise * cage
+        rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * torques.angle + actuator.mark))
+    density = actuator.rolling_noise * np.sqrt(fs / ASSUMED.noise_rate)  # the same at any rate
+    force = rng.standard_normal(len(speed)) * density * rolling * speed * pressed
+    force += actuator.waviness * pressed * lines
+    force += waves.sines((1, actuator.unbalance, 2 * actuator.mark)) * torques.velocity**2
+    force += waves.sines((2 * POLE_PAIRS, ASSUMED.radial, actuator.mark)) * current
+    if eccentric := faults.get("eccentricity", 0.0):
+        # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
+        strength = FAULTS["eccentricity"].force * eccentric
+        pull = waves.sines((1, strength, 2 * actuator.mark)) * (0.3 + current)
+        force += pull * (1 + waves.sines((2 * POLE_PAIRS, 0.5, np.pi / 2)))
+    if not passages and not len(knocks):
+        return force
+    impulses = np.zeros_like(speed)
+    for name, passage in passages.items():
+        at = passage.impacts
+        size = faults[name] * FAULTS[name].impact * passage.sizes
+        impulses[at] += size * passage.weight[at] * speed[at] * pressed[at]
+    impulses[knocks] += FAULTS["backlash"].impact * faults.get("backlash", 0.0)
+    return force + _contact_force(impulses, fs)
+
+
+def housing_acceleration(
+    force: NDArray[np.floating], actuator: Actuator, fs: float
+) -> NDArray[np.floating]:
+    """Return the acceleration of the housing under a force.
+
+    A sum of three modes, each ``share / mass * s² / (s² + 2 z w s + w²)``. Modes above 0.45 of
+    the sampling rate, which the conditioning filter removes, are left out.
+
+    Parameters
+    ----------
+    force : ndarray of shape (n_times,)
+        Force [N].
+    actuator : Actuator
+        Constants.
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+        Acceleration [g].
+    """
+    modes = []
+    for ratio, share in ASSUMED.modes:
+        if actuator.resonance * ratio > ASSUMED.highest_mode * fs:
+            continue
+        omega = 2 * np.pi * actuator.resonance * ratio
+        # Prewarping: the bilinear transform shifts frequencies.
+        omega = 2 * fs * np.tan(omega / (2 * fs))
+        above = (share / actuator.housing_mass / g, 0.0, 0.0)
+        modes.append((above, (1.0, 2 * actuator.damping * omega, omega**2)))
+    if not modes:
+        return np.zeros_like(force)
+    return responses(modes, force, fs).sum(axis=0)
+
+
+def _contact_force(impulses: NDArray[np.floating], fs: float) -> NDArray[np.floating]:
+    """Convert impulses [N s] to half-sines of force [N] of the duration of the contact."""
+    n_contact = max(1, round(ASSUMED.contact * fs))
+    shape = np.sin(np.pi * (np.arange(n_contact) + 0.5) / n_contact)
+    return filters.lfilter(shape * (fs / shape.sum()), [1.0], impulses)

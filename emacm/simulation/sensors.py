@@ -10,24 +10,8 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 
 from emacm.shaft.angle import angle_from_resolver
-from emacm.simulation.conditions import TRANSDUCERS
-from emacm.simulation.constants import (
-    BANDWIDTH,
-    BITS,
-    CARRIER,
-    CARRIER_PICKUP,
-    FILTER_ORDER,
-    MAINS,
-    MAINS_LINES,
-    NOISE,
-    NOISE_RATE,
-    PICKUP,
-    PICKUP_FLOOR,
-    RANGE,
-    RESOLVER_NOISE,
-    SHAFT_DECIMATION,
-)
 from emacm.simulation.faults import POLE_PAIRS
+from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS
 from emacm.simulation.waves import OrderWaves, sine_wave
 
 PICKUP_ORDERS = (2 * POLE_PAIRS, 6 * POLE_PAIRS)
@@ -64,12 +48,11 @@ def cable_noise(
     ndarray of shape (n_times,), or 0.0
         Noise [V].
     """
-    if sensor not in PICKUP or not level:
+    if sensor not in ASSUMED.pickup or not level:
         return 0.0
-    parts = zip(PICKUP_ORDERS, PICKUP[sensor], strict=True)
-    noise = OrderWaves.of(angle).sines(*((order, level * size, mark) for order, size in parts))
-    noise *= PICKUP_FLOOR + np.abs(current)
-    return noise
+    parts = zip(PICKUP_ORDERS, ASSUMED.pickup[sensor], strict=True)
+    waves = OrderWaves.of(angle).sines(*((order, level * size, mark) for order, size in parts))
+    return waves * (ASSUMED.pickup_floor + np.abs(current))
 
 
 def measured(
@@ -114,20 +97,18 @@ def measured(
     3.0
     """
     scale, peak, _ = TRANSDUCERS[sensor]
-    noise = NOISE[sensor] * np.sqrt(fs / NOISE_RATE) * rng.standard_normal(len(values))
+    noise = (
+        ASSUMED.noise[sensor] * np.sqrt(fs / ASSUMED.noise_rate) * rng.standard_normal(len(values))
+    )
     volts = values / scale
-    if sensor in BANDWIDTH and BANDWIDTH[sensor] < fs / 2:
-        volts = _low_pass(volts, 2, BANDWIDTH[sensor], fs)
+    if sensor in ASSUMED.bandwidth and ASSUMED.bandwidth[sensor] < fs / 2:
+        volts = _low_pass(volts, 2, ASSUMED.bandwidth[sensor], fs)
     volts += noise
     volts += cable
-    volts = _low_pass(volts, FILTER_ORDER, cutoff, fs)
-    step = 2 * RANGE / 2**BITS
-    volts /= step
-    np.rint(volts, out=volts)
-    volts *= step
-    np.clip(volts, -peak / scale, peak / scale, out=volts)
-    volts *= scale
-    return volts.astype(np.float32)
+    volts = _low_pass(volts, ASSUMED.filter_order, cutoff, fs)
+    step = 2 * ASSUMED.range / 2**ASSUMED.bits
+    volts = np.clip(np.rint(volts / step) * step, -peak / scale, peak / scale)
+    return (volts * scale).astype(np.float32)
 
 
 def _low_pass(
@@ -154,7 +135,7 @@ class Interference(NamedTuple):
     Attributes
     ----------
     mains, carrier : ndarray of shape (n_times,)
-        Mains and switching of the inverter, relative to `MAINS` and `CARRIER_PICKUP`.
+        Mains and switching of the inverter, relative to their sizes in `ASSUMED`.
     """
 
     mains: NDArray[np.floating]
@@ -162,8 +143,8 @@ class Interference(NamedTuple):
 
     def volts(self, sensor: str) -> NDArray[np.floating]:
         """Return the interference in the cable of a sensor [V]."""
-        volts = MAINS[sensor] * self.mains
-        if carrier := CARRIER_PICKUP.get(sensor, 0.0):
+        volts = ASSUMED.mains[sensor] * self.mains
+        if carrier := ASSUMED.carrier_pickup.get(sensor, 0.0):
             volts += carrier * self.carrier
         return volts
 
@@ -184,13 +165,13 @@ def interference(times: NDArray[np.floating], rng: np.random.Generator) -> Inter
         Lines above half the sampling rate, which the conditioning filter removes, are left out.
     """
     fs = 1 / (times[1] - times[0])
-    phases = rng.uniform(0, 2 * np.pi, len(MAINS_LINES) + 1)
+    phases = rng.uniform(0, 2 * np.pi, len(ASSUMED.mains_lines) + 1)
     mains, carrier = np.zeros_like(times), np.zeros_like(times)
-    for (hertz, size), phase in zip(MAINS_LINES, phases[1:], strict=True):
+    for (hertz, size), phase in zip(ASSUMED.mains_lines, phases[1:], strict=True):
         if hertz < fs / 2:
             mains += size * sine_wave(hertz, times, phase)
-    if fs / 2 > CARRIER:
-        carrier = sine_wave(CARRIER, times, phases[0])
+    if fs / 2 > ASSUMED.carrier:
+        carrier = sine_wave(ASSUMED.carrier, times, phases[0])
     return Interference(mains, carrier)
 
 
@@ -215,6 +196,6 @@ def resolver_angle(
     ndarray of shape (ceil(n_times / 10),)
         Cumulative angle [rad], the first within half a revolution of 0, with noise and error.
     """
-    turned = (angle + error)[::SHAFT_DECIMATION]
-    noise = RESOLVER_NOISE * rng.standard_normal((2, len(turned)))
+    turned = (angle + error)[:: ASSUMED.shaft_decimation]
+    noise = ASSUMED.resolver_noise * rng.standard_normal((2, len(turned)))
     return angle_from_resolver(np.sin(turned) + noise[0], np.cos(turned) + noise[1])

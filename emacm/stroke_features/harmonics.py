@@ -12,12 +12,10 @@ from emacm._checks import check_choice, check_count, check_number, check_signal
 from emacm.orders.columns import number_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.signals import StrokeSignal
-from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures
+from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
 
-_TURN = 2 * np.pi
 _COLUMNS = {
     "absolute": ("cos", "sin"),
     "relative": ("in_phase", "quadrature"),
@@ -168,7 +166,7 @@ class ShaftHarmonics(StrokeFeatures):
         found = [(s, whole_revolutions(s.travel, section, self.n_sections)) for s in strokes]
         cut = [stroke.cut(whole) for stroke, whole in found if whole is not None]
         if not cut:
-            longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / _TURN
+            longest = max(float(np.ptp(stroke.travel)) for stroke in strokes) / (2 * np.pi)
             of = f"each of {self.n_sections} sections of a " if self.n_sections > 1 else "a "
             raise ValueError(
                 f"a shaft-locked line needs one whole revolution in {of}stroke, but the "
@@ -254,7 +252,7 @@ def harmonic_coefficients(
     chosen = np.array(check_orders(orders))
     sections = [_checked(angle, signal) for angle, signal in zip(angles, signals, strict=True)]
     travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta, _ in sections]
-    turned = sum(travel[-1] for travel in travels) / _TURN
+    turned = sum(travel[-1] for travel in travels) / (2 * np.pi)
     n_steps = sum(len(travel) - 1 for travel in travels)
     _check_density(n_steps, turned, chosen)
     models, targets = [], []
@@ -303,10 +301,10 @@ def whole_revolutions(travel: ArrayLike, section: int = 0, n_sections: int = 1) 
     step = (run[-1] - run[0]) / (len(run) - 1)
     edges = np.array([section, section + 1]) / n_sections
     low, high = run[0] + (run[-1] + step - run[0]) * edges
-    revolutions = np.floor((high - low) / _TURN + 1e-6)
+    revolutions = np.floor((high - low) / (2 * np.pi) + 1e-6)
     if revolutions < 1:
         return None
-    spare = (high - low - revolutions * _TURN) / 2
+    spare = (high - low - revolutions * (2 * np.pi)) / 2
     first, last = np.searchsorted(run, np.array([low + spare, high - spare]) - 1e-6 * step)
     return slice(int(first), int(last)) if last - first > 1 else None
 

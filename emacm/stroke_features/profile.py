@@ -12,12 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice, check_count, check_signal
-from emacm.stroke_features.signals import StrokeSignal
-from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures
+from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
-
-_BLOCK = 1 << 20  # products of coefficients and samples computed at a time
 
 
 class StrokeProfile(StrokeFeatures):
@@ -190,7 +187,7 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
     middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), -np.sqrt(2) * np.diff(x)
     mean = (x[..., 1:] + x[..., :-1]) @ width / 2
     total = np.zeros((*x.shape[:-1], len(waves)))
-    step = max(1, _BLOCK // max(1, len(waves)))  # so that the memory does not grow with both
+    step = max(1, (1 << 20) // max(1, len(waves)))  # so that the memory does not grow with both
     for start in range(0, len(width), step):
         part = slice(start, start + step)
         weights = np.sin(waves * middle[part]) * np.sinc(waves * width[part] / (2 * np.pi)) / waves

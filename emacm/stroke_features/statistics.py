@@ -11,14 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_finite, check_number, check_real_array
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.stroke_features.signals import StrokeSignal
-from emacm.stroke_features.transformer import Row, StrokeFeatures
+from emacm.stroke_features.transformer import Row, StrokeFeatures, StrokeSignal
 
 SECTIONS = ("stroke", "start", "stop", "rest")
 
 Array = NDArray[np.float64]
-
-_ROUNDING = 8  # rounding errors by which samples of a constant signal may differ
 
 
 class RecordingStatistics(StrokeFeatures):
@@ -346,7 +343,8 @@ def _size(x: Array) -> Array:
 
 def _standardised(x: NDArray[np.floating], name: str) -> Array:
     """Scale to mean 0 and standard deviation 1; a constant, up to rounding, is an error."""
-    if np.any(_peak_to_peak(x) <= _ROUNDING * np.finfo(x.dtype).eps * _peak(x)):
+    # Samples of a constant signal differ by eight rounding errors at most.
+    if np.any(_peak_to_peak(x) <= 8 * np.finfo(x.dtype).eps * _peak(x)):
         raise ValueError(
             f"the {name} of a constant signal is undefined. Leave {name!r} or the channel out."
         )

@@ -111,6 +111,8 @@ def test_tables_of_all_types_hold_the_same_rows(here, capsys, suffix):
 def test_an_alarm_is_status_1(here):
     assert run("--fail-on", "worn") == 1
     assert run("--fail-on", "worn", paths=["files/ok_00.npz"]) == 0
+    assert run("--fail-on", "worn", paths=["files/worn_02.npz", "files/ok_00.npz"]) == 1
+    assert run("--fail-on", "ok", paths=["files/worn_02.npz", "files/ok_00.npz"]) == 1
 
 
 def test_a_failed_file_is_status_3_and_the_table_is_complete(here, capsys):
@@ -199,16 +201,6 @@ def test_only_new_changed_and_failed_files_are_decided_on_again(here, monkeypatc
     scored.clear()
     assert run("--out", str(table), "--priors", "uniform") == 0
     assert len(scored) == 14  # other priors, other results
-
-
-def test_a_file_replaced_by_one_of_the_same_size_and_time_is_decided_on_again(here, monkeypatch):
-    path = here / "files" / "ok_00.npz"
-    assert run("--out", "table.csv") == 0
-    scored, time = counted(monkeypatch), os.stat(path).st_mtime_ns
-    write(path, True, 0)
-    os.utime(path, ns=(time, time))
-    assert run("--out", "table.csv") == 0
-    assert scored == ["files/ok_00.npz"]
 
 
 def test_a_killed_run_is_continued_and_ends_with_the_same_table(here, monkeypatch):

@@ -10,7 +10,6 @@ import scipy.io
 
 from emacm import Layout, RecordingFolder, describe_model, evaluate, load_model
 from emacm.__main__ import main
-from emacm.commands.train import rates_table
 
 pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
 N, FS = 4000, 1280
@@ -71,16 +70,36 @@ def test_files_in_three_formats_become_a_table_of_decisions(here, capsys):
 
 
 @pytest.mark.slow
-def test_the_rates_are_those_of_evaluate(here):
+def test_the_rates_are_those_of_evaluate(here, capsys):
     assert train("--max-order", "10", "--revolutions", "8") == 0
     model = load_model("model.emacm")
     folder = RecordingFolder("files", Layout.from_toml("layout.toml"))
     labels = [recording.meta["state"] for recording in folder]
     found = evaluate(model, folder, labels, units="unit", healthy="healthy")
-    rates = rates_table(found.table)
-    assert list(rates.columns) == ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
-    value = found.table["missed_detection_rate"].iloc[0]
-    assert rates["missed_detection_rate"].iloc[0].startswith(f"{value:.3f} (")
+    names = ["false_alarm_rate", "inspection_rate", "missed_detection_rate"]
+    lines = capsys.readouterr().out.splitlines()
+    start = next(k for k, line in enumerate(lines) if line.split() == names) + 1
+    rows = [line for line in lines[start:] if re.search(r"\(.* to .*\)", line)]
+    assert len(rows) == len(found.table)
+    for row, (_, expected) in zip(rows, found.table.iterrows(), strict=True):
+        printed = re.findall(r"(\S+) \((\S+) to (\S+)\)", row)
+        for name, texts in zip(names, printed, strict=True):
+            values = expected[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
+            np.testing.assert_allclose(np.array(texts, float), values, atol=5.1e-4)
+
+
+@pytest.mark.slow
+def test_costs_and_priors_of_the_command_are_in_the_saved_model(here):
+    Path("cost.csv").write_text(",healthy,worn\nhealthy,0,40\nworn,2,0\ninspect,0.5,0.25\n")
+    options = ("--cost", "cost.csv", "--priors", "healthy=0.8,worn=0.2")
+    assert train("--max-order", "10", "--revolutions", "8", *options) == 0
+    final = load_model("model.emacm")[-1]
+    cost = pd.DataFrame(final.cost_, index=final.decisions_, columns=final.truths_)
+    assert cost.loc["healthy", ["healthy", "worn"]].tolist() == [0, 40]
+    assert cost.loc["worn", ["healthy", "worn"]].tolist() == [2, 0]
+    assert cost.loc["inspect", ["healthy", "worn"]].tolist() == [0.5, 0.25]
+    priors = dict(zip(final.truths_, final.priors_, strict=False))
+    assert priors["healthy"] == pytest.approx(4 * priors["worn"])
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from emacm.conditions.mean_signals import AngleBaseline, GridSignals, mean_sections
+from emacm.conditions.signal_baseline import AngleBaseline, GridSignals, mean_sections
 
 
 def test_a_mean_is_known_where_half_of_the_recordings_have_been():

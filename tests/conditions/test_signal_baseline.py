@@ -32,7 +32,7 @@ from emacm import (
     Recording,
     SignalBaseline,
 )
-from emacm.conditions.mean_signals import ResidualRecording
+from emacm.conditions.signal_baseline import ResidualRecording
 from emacm.orders.store import spectrum_key
 from emacm.resampling.angle_recording import AngleRecording
 

@@ -7,11 +7,12 @@ import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
-from emacm.decisions.density_checks import check_densities, check_seen
 from emacm.decisions.fit_checks import (
     agreed_classes,
     as_counts,
+    check_densities,
     check_parameters,
+    check_seen,
     check_unweighted,
 )
 from emacm.decisions.moments import ClassMoments
@@ -139,7 +140,7 @@ def test_a_class_that_varies_counts_more_than_once(counts, scatter, pooled, name
 def test_one_recording_alone_has_no_scatter_and_is_singular():
     singular = np.array([True, False])
     one = moments([1.0, 4.0], [0.0, 2.0])
-    message = "The covariance of class 'dry' is singular; .* raised to 1e-09 .* Use shrinkage="
+    message = "The covariance of class 'dry' is singular; .* raised to 1e-9 .* Use shrinkage="
     with pytest.warns(UserWarning, match=message):
         check_densities(one, singular, CLASSES, None, stacklevel=1)
     for shrinkage, remedy in ((0.0, "Use shrinkage="), ("oas", "Use fewer"), ("auto", "Use fewer")):

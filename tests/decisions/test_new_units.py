@@ -14,10 +14,8 @@ from sklearn.covariance import shrunk_covariance
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
-from emacm.decisions.prediction_sets import LeftOutDensities, probability_threshold
-from emacm.decisions.refits import parts_of
+from emacm.decisions.new_units import probability_threshold
 from emacm.decisions.shrinkage import population_eigenvalues
-from emacm.decisions.temperature import fit_temperature
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
@@ -360,39 +358,15 @@ def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
     own = np.array([0.2] * 3 + [0.45, 0.4, 0.35, 0.3, 0.25, 0.15, 0.12, 0.1, 0.05])
     logs = np.log(np.column_stack([own, 1 - own]))
     units = np.array([0, 0, 0, *range(1, 10)])
-    left_out = LeftOutDensities(logs, np.zeros(12, int), units)
+    left_out = logs, np.zeros(12, int), units
     even = np.array([0.5, 0.5])
-    assert probability_threshold(left_out, even, 1.0, 0.5) == pytest.approx(0.25)
-    assert probability_threshold(left_out, even, 1.0, 0.6) == pytest.approx(0.2)
-    assert probability_threshold(left_out, even, 1.0, 0.9) == pytest.approx(0.1)
-    nine = LeftOutDensities(*(part[units > 0] for part in left_out))
-    assert probability_threshold(nine, even, 1.0, 0.9) == pytest.approx(0.05)
+    assert probability_threshold(*left_out, even, 1.0, 0.5) == pytest.approx(0.25)
+    assert probability_threshold(*left_out, even, 1.0, 0.6) == pytest.approx(0.2)
+    assert probability_threshold(*left_out, even, 1.0, 0.9) == pytest.approx(0.1)
+    nine = [part[units > 0] for part in left_out]
+    assert probability_threshold(*nine, even, 1.0, 0.9) == pytest.approx(0.05)
     with pytest.raises(ValueError, match=r"10 units cannot .* at least 19; .* at most 0.909"):
-        probability_threshold(left_out, even, 1.0, 0.95)
-
-
-def test_recordings_of_left_out_units_are_judged_by_a_fit_to_the_others():
-    X, y, units = fleet(14, 4)
-    y = np.where((units % 7 == 2) & (units != 9), "backlash", y)
-    y[units == 5] = "worn"  # of one unit: unknown without it
-    fitted = NewUnitClassifier(shrinkage=0.1, temperature="groups").fit(X, y, groups=units)
-    left_out = fitted._left_out
-    first = np.unique(units, return_index=True)[1]
-    parts = parts_of(np.unique(y, return_inverse=True)[1][first])[units]
-    expected = np.full((len(X), 4), -np.inf)
-    for part in np.unique(parts):
-        rows, others = parts == part, parts != part
-        anew = NewUnitClassifier(shrinkage=0.1).fit(X[others], y[others], groups=units[others])
-        known = np.isin(fitted.classes_, anew.classes_)
-        expected[np.ix_(rows, known)] = anew._gaussians.log_densities(X[rows])
-    judged = y != "worn"
-    assert np.isneginf(expected[judged]).any()
-    np.testing.assert_allclose(left_out.log_densities, expected[judged], rtol=1e-9)
-    assert left_out.units.tolist() == units[judged].tolist()
-    assert fitted.classes_[left_out.codes].tolist() == y[judged].tolist()
-    weight, priors = np.ones(judged.sum()), fitted.class_count_ / len(X)
-    best = fit_temperature(left_out.log_densities, left_out.codes, weight, priors)
-    assert fitted.temperature_ == best
+        probability_threshold(*left_out, even, 1.0, 0.95)
 
 
 def test_the_threshold_weights_classes_by_priors_and_cools_densities():
@@ -407,21 +381,12 @@ def test_the_threshold_weights_classes_by_priors_and_cools_densities():
     weight = 1 / np.array([np.sum(units == unit) for unit in units])
     weight *= (priors / [weight[codes == k].sum() for k in range(3)])[codes]
     assert weight.sum() == pytest.approx(1)
-    left_out = LeftOutDensities(logs, codes, units)
+    left_out = logs, codes, units
     for coverage in (0.6, 0.8, 0.95):
         enough = [p for p in own if weight[own >= p].sum() >= coverage]
-        assert probability_threshold(left_out, priors, 2.5, coverage) == max(enough)
+        assert probability_threshold(*left_out, priors, 2.5, coverage) == max(enough)
     with pytest.raises(ValueError, match=r"20 units cannot support .* at least 24; .* most 0\.952"):
-        probability_threshold(left_out, priors, 2.5, 0.96)
-
-
-def test_classes_that_no_judged_recording_has_and_impossible_ones_take_no_part():
-    left_out = LeftOutDensities(np.zeros((3, 3)), np.array([0, 1, 0]), np.arange(3))
-    assert probability_threshold(left_out, np.array([0.5, 0.5, 0.0]), 1.0, 0.5) == 1.0
-    assert probability_threshold(left_out, np.array([0.6, 0.2, 0.2]), 1.0, 0.7) == 1.0
-    assert probability_threshold(left_out, np.array([0.6, 0.2, 0.2]), 1.0, 0.75) == 1.0
-    third = probability_threshold(left_out, np.array([0.6, 0.22, 0.18]), 1.0, 0.75)
-    assert third == pytest.approx(0.22)
+        probability_threshold(*left_out, priors, 2.5, 0.96)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import logsumexp
 
-from emacm.decisions.opinion_pools import pooled_log_posterior
+from emacm.decisions.risks import pooled_log_posterior
 
 HALF = [0.5, 0.5]
 

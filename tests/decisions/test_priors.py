@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm.decisions.priors import check_equal_priors, check_possible, class_priors
+from emacm.decisions.truths import check_equal_priors, check_possible, class_priors
 
 CLASSES, COUNTS = np.array(["dry", "new", "worn"]), np.array([1.0, 6.0, 3.0])
 

@@ -1,5 +1,7 @@
 """Facts about typicality: what is far, calibrated on groups that were left out."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,28 +9,37 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import logsumexp, pseudo_huber
 
-from emacm.decisions.gaussians import FLOOR, fit_gaussians
-from emacm.decisions.left_out import Remaining, Training
+from emacm.calibration.tails import peaks_over_threshold, student_tail
+from emacm.decisions.gaussians import fit_gaussians
+from emacm.decisions.moments import moments_for
 from emacm.decisions.shrinkage import ledoit_wolf_coefficients
-from emacm.decisions.tails import peaks_over_threshold, student_tail
 from emacm.decisions.typicality import fit_typicality
 
 
+class Training(NamedTuple):
+    """Recordings of some classes and groups."""
+
+    X: np.ndarray
+    codes: np.ndarray
+    groups: np.ndarray
+    weight: np.ndarray
+    n_classes: int
+
+    def take(self, rows):
+        """Return some of the recordings."""
+        return Training(*(column[rows] for column in self[:4]), self.n_classes)
+
+
 def pooled_gaussians(training):
-    moments = training.moments(pooled=True)
-    target = ledoit_wolf_coefficients(training.X, training.codes, moments.means, pooled=True)
-    return fit_gaussians(moments, *target, floor=FLOOR * moments.feature_variances.max())
-
-
-def left_out_gaussians(training):
-    return Remaining(training, training.moments(pooled=True)).left_out_gaussians("auto")
+    X, codes = training.X, training.codes
+    moments = moments_for("tied", "auto", X, codes, training.n_classes, training.weight)
+    target = ledoit_wolf_coefficients(X, codes, moments.means, pooled=True)
+    return fit_gaussians(moments, *target)
 
 
 def fit(X, codes, groups, weight=None):
     weight = np.ones(len(X)) if weight is None else weight
-    training = Training(X, codes, groups, weight, int(codes.max()) + 1)
-    left_out = left_out_gaussians(training)
-    return fit_typicality(training, pooled_gaussians(training), left_out)
+    return fit_typicality(X, codes, groups, weight)
 
 
 def draw(seed, n_groups=12, n_features=9, n_classes=3, unit_spread=0.7):
@@ -96,24 +107,6 @@ def test_units_offsets_and_order_change_no_typicality(seed):
     assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_weights_equal_repetitions():
-    X, codes, groups = draw(6, n_groups=5)
-    # Classes in 5, 3 and 5 groups: what all classes share would cancel otherwise.
-    chosen = (codes != 1) | (groups < 3)
-    X, codes, groups = X[chosen], codes[chosen], groups[chosen]
-    weight = np.random.default_rng(6).integers(1, 4, len(X))
-    rows = np.repeat(np.arange(len(X)), weight)
-    weighted = Training(X, codes, groups, weight.astype(float), 3)
-    repeated = weighted.take(rows)
-    gaussians = pooled_gaussians(weighted)  # of either: what is compared is the calibration
-    new = draw(7)[0]
-    first, second = (
-        fit_typicality(t, gaussians, left_out_gaussians(t))(new)
-        for t in (weighted, Training(*repeated_columns(repeated), n_classes=3))
-    )
-    assert_allclose(first, second, rtol=1e-6)
-
-
 def repeated_columns(training):
     return training.X, training.codes, training.groups, np.ones(len(training.X))
 
@@ -153,46 +146,6 @@ def test_a_constant_feature_is_no_obstacle_and_its_change_is_found():
     assert (typicality(changed) < 0.01).all()
 
 
-def test_a_singular_covariance_gives_the_distances_of_its_gaussians():
-    rng = np.random.default_rng(21)
-    signs, codes = np.tile([1.0, -1.0], 12), np.repeat([0, 1, 2], 8)
-    places, groups = 3 * rng.normal(size=(3, 5)), np.arange(24) // 2 % 4
-    X = places[codes] + np.multiply.outer(signs, rng.normal(size=5))  # along one direction
-    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(24), 3))
-    assert gaussians.singular.all()
-    training = Training(X, codes, groups, np.ones(24), 3)
-    for part in left_out_gaussians(training):
-        others = pooled_gaussians(training.take(groups != groups[part.rows[0]]))
-        assert others.singular.all()
-        covariance = others.covariances[0]
-        assert_allclose(
-            part.root @ part.root.T, covariance, rtol=1e-6, atol=1e-8 * covariance.max()
-        )
-    distances = fit(X, codes, groups).distances
-    factor = distances.factor
-    assert_array_equal(np.tril(factor, -1), 0)
-    inverse = gaussians.factors[0] @ gaussians.factors[0].T
-    assert_allclose(factor @ factor.T, inverse, rtol=1e-6, atol=1e-9 * np.abs(inverse).max())
-    expected = gaussians.squared_distances(X)
-    for code in range(3):
-        found = distances.squares(X, code)
-        assert_allclose(found, expected[:, code], rtol=1e-6, atol=1e-6)
-    # Means that differ by far more than the floor are nearest to themselves.
-    assert_array_equal(distances.nearest(X), codes)
-
-
-def test_the_range_of_features_is_that_of_all_recordings():
-    X, codes, groups = draw(22, n_groups=80, n_features=3)
-    X[[3, 600, 1199], [0, 1, 2]], X[[700, 1100, 5], [0, 1, 2]] = 99.0, -99.0
-    found = fit(X, codes, groups).feature_range
-    assert_array_equal(found, [X.min(axis=0), X.max(axis=0)])
-
-
-def test_it_is_deterministic():
-    X, codes, groups = draw(12)
-    assert_array_equal(fit(X, codes, groups)(X), fit(X, codes, groups)(X))
-
-
 def test_overflowing_distances_are_the_least_typical():
     typicality = fit(*draw(13))
     found = typicality(np.full((1, 9), 1e300))
@@ -213,40 +166,6 @@ def test_classes_of_equal_means_have_no_discriminant_space():
     typicality = fit(np.vstack([X, X]), np.repeat([0, 1], len(X)), np.tile(groups, 2))
     assert typicality.distances.directions.shape == (9, 0)
     assert typicality.used.tolist() == [False, True, True]
-
-
-def test_squares_of_small_deviations_add_up_to_the_mahalanobis_distance():
-    X, codes, groups = draw(9, n_groups=4)
-    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
-    distances = fit(X, codes, groups).distances
-    near = gaussians.means[codes] + 0.1 * (X - gaussians.means[codes])
-    # Each has 0.001 added, so that logarithms of small distances stay bounded.
-    inside, outside, largest = (np.exp(logs) - 1e-3 for logs in distances.log_squares(near))
-    squares = gaussians.squared_distances(near)
-    assert_allclose(inside[codes, np.arange(len(X))] + outside, squares.min(axis=1), rtol=0.01)
-    assert_array_equal(distances.nearest(near), squares.argmin(axis=1))
-    away = (near - gaussians.means[codes]) / distances.deviations
-    assert_allclose(largest, (away**2).max(axis=1), rtol=1e-6)
-
-
-def test_squares_outside_are_quadratic_for_small_deviations_and_linear_for_large_ones():
-    X, codes, groups = draw(9, n_groups=4)
-    distances = fit(X, codes, groups).distances
-    # Orthogonal to the differences between the means of the classes.
-    outward = np.linalg.svd(distances.directions.T)[2][-1]
-    steps = np.multiply.outer([0.05, 0.1, 1e3, 1e4], outward)
-    outside = np.exp(distances.log_squares(distances.means[0] + steps)[1]) - 1e-3
-    assert outside[1] / outside[0] == pytest.approx(4, rel=1e-2)
-    assert outside[3] / outside[2] == pytest.approx(10, rel=0.1)
-
-
-def test_variances_are_moderated_by_three_degrees_of_freedom():
-    X, codes, groups = draw(14, n_groups=4)
-    gaussians = pooled_gaussians(Training(X, codes, groups, np.ones(len(X)), 3))
-    within, between = gaussians.covariances[0].diagonal(), gaussians.means.var(axis=0)
-    expected = (within / (within + between)).mean() * (within + between)
-    moderated = (9 * within + 3 * expected) / 12  # 4 groups in 3 classes: 9 degrees of freedom
-    assert_allclose(fit(X, codes, groups).distances.deviations ** 2, moderated)
 
 
 def plain_logs(known, X, present):
@@ -323,23 +242,6 @@ def test_typicality_is_that_of_separate_fits_and_plain_formulas(n_classes, n_fea
     assert_allclose(typicality(new), plain_typicality(training, new), rtol=1e-5)
     assert typicality.used.tolist() == [n_classes > 1, n_features >= n_classes, True]
     assert_array_equal(typicality.feature_range, [X.min(axis=0), X.max(axis=0)])
-
-
-def test_rounding_far_from_the_origin_adds_no_direction():
-    X, codes, groups = draw(18, n_groups=4)
-    assert fit(X + 1e9, codes, groups).distances.directions.shape == (9, 2)
-
-
-def test_classes_on_a_line_span_one_direction():
-    X, codes, groups = draw(18, n_groups=4)
-    means = np.array([X[codes == code].mean(axis=0) for code in range(3)])
-    on_a_line = X - means[codes] + np.multiply.outer(codes, np.linspace(-2, 5, 9))
-    directions = fit(on_a_line, codes, groups).distances.directions
-    assert directions.shape == (9, 1)
-    # Rounding far from the origin adds directions, but fewer than there are classes.
-    assert fit(on_a_line + 1e9, codes, groups).distances.directions.shape[1] <= 2
-    covariance = pooled_gaussians(Training(on_a_line, codes, groups, np.ones(len(X)), 3))
-    assert directions.T @ covariance.covariances[0] @ directions == pytest.approx(1)
 
 
 def test_the_distance_to_one_class_has_the_slope_of_its_gradient():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from emacm.decisions.unknown import evidence_for_unknown, unknown_probability
+from emacm.decisions.typicality import evidence_for_unknown, unknown_probability
 
 
 def test_the_evidence_of_known_recordings_has_the_mean_1():

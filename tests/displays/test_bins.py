@@ -8,7 +8,6 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler
 from emacm.displays import OrderBinsDisplay
-from emacm.orders.columns import parse_bin_columns
 from emacm.simulation import simulate_actuator
 
 EDGES = [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)]
@@ -73,25 +72,6 @@ def test_stop_bands_are_last_in_the_legend_and_only_if_they_are_drawn():
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
 
 
-def test_several_stop_bands_have_one_entry_in_the_legend():
-    (ax,) = axes()
-    bands = [(0.5, 0.7), (1.2, 1.5)]
-    OrderBinsDisplay([(0, 1), (1, 2)], {"a": [1.0, 2.0], "b": [2, 1]}, stop_bands=bands).plot(ax=ax)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "b", "stop band"]
-    assert [(band.get_x(), band.get_width()) for band in ax.patches] == [
-        (0.5, pytest.approx(0.2)),
-        (1.2, pytest.approx(0.3)),
-    ]
-
-
-def test_options_take_precedence_over_those_of_the_pipeline():
-    psd = pd.DataFrame(np.ones((1, 11)), columns=[f"a@{k}" for k in range(11)])
-    bins = BinTransformer(max_order=10, stop_bands=((5.5, 6.5),)).fit(psd)
-    (ax,) = axes()
-    display = OrderBinsDisplay.from_estimator(bins, psd, stop_bands=((2, 3),), ax=ax)
-    assert display.stop_bands == [(2, 3)]
-
-
 def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     (ax,) = axes()
     columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]
@@ -114,14 +94,6 @@ def test_bins_that_touch_and_bins_in_any_order_have_an_order_axis():
     OrderBinsDisplay(["a@2-3", "a@0-2", "a@3-4"], {"all": [1.0, 2.0, 4.0]}).plot(ax=ax)
     assert ax.get_xlim() == (0, 4)
     assert ax.get_xlabel() == "order [cycles per revolution]"
-
-
-def test_bins_of_an_envelope_are_named_as_such():
-    (ax,) = axes()
-    OrderBinsDisplay(
-        ["v@0-1", "v@1-2"], {"a": [1.0, 2.0]}, unit={"v": "g"}, envelopes={"v": "amplitude"}
-    ).plot(ax=ax)
-    assert ax.get_ylabel() == "envelope power of v [dB re 1 g²]"
 
 
 def test_decibel_bars_start_below_the_minimum():
@@ -168,68 +140,8 @@ def test_named_bands_are_drawn_by_their_names():
     assert not ax.texts  # there is no order axis to mark one on
 
 
-def test_many_named_bands_are_not_all_named():
-    (ax,) = axes()
-    names = [f"a@band number {i}" for i in range(100)]
-    OrderBinsDisplay(names, {"all": np.ones(100)}).plot(ax=ax)
-    assert 20 <= len(ax.get_xticks()) <= 40
-    assert ax.get_xticklabels()[0].get_rotation() == 90
-
-
 def test_zero_power_has_no_bar_in_db():
     (ax,) = axes()
     OrderBinsDisplay(EDGES, {"all": [1.0, 0.0, 2.0]}).plot(ax=ax)
     assert np.isfinite([bar.get_height() for bar in ax.patches]).tolist() == [True, False, True]
     OrderBinsDisplay(EDGES, {"all": np.zeros(3)}).plot(ax=axes()[0])
-
-
-def test_tables_without_names_or_channel_are_refused():
-    with pytest.raises(ValueError, match=r"has no order axis; pass .* or use from_estimator"):
-        OrderBinsDisplay.from_table(np.ones((2, 3)))
-    with pytest.raises(ValueError, match=r"no channel 'speed'; its channels are \['current'\]"):
-        OrderBinsDisplay.from_table(table(), "speed")
-    with pytest.raises(ValueError, match="one label for each of 2 recordings"):
-        OrderBinsDisplay.from_table(table(), labels=["a"])
-    with pytest.raises(ValueError, match=r"must be finite, got nan at index \(0, 1\)"):
-        OrderBinsDisplay.from_table(table().replace(10.0, np.nan))
-    with pytest.raises(ValueError, match="no step of the pipeline is a BinTransformer"):
-        OrderBinsDisplay.from_estimator(make_pipeline(OrderResampler()), [])
-
-
-def test_numbers_that_do_not_fit_the_bins_are_refused():
-    with pytest.raises(ValueError, match=r"powers of 'a' must have shape \(3,\), got \(2,\)"):
-        OrderBinsDisplay(EDGES, {"a": [1, 2]})
-    with pytest.raises(ValueError, match="powers of 'a' must be at least 0"):
-        OrderBinsDisplay(EDGES, {"a": [1, 2, -3]})
-    with pytest.raises(TypeError, match="unit must be text, or map channels to text; got 3"):
-        OrderBinsDisplay(["a@0-1"], {"a": [1.0]}, unit=3).plot()
-    with pytest.raises(TypeError, match=r"ax must be matplotlib Axes.*got 'left'"):
-        OrderBinsDisplay(["a@0-1"], {"a": [1.0]}).plot(ax="left")
-    with pytest.raises(ValueError, match="powers hold no group"):
-        OrderBinsDisplay(EDGES, {})
-    with pytest.raises(ValueError, match="at least one name or band, got none"):
-        OrderBinsDisplay([], {"a": []})
-    with pytest.raises(ValueError, match="name each bin once, but 'a@0-1' is repeated"):
-        OrderBinsDisplay(["a@0-1", "a@0-1"], {"a": [1, 2]})
-    with pytest.raises(TypeError, match="all names or all bands, got \\(1, 2\\)"):
-        OrderBinsDisplay(["a@0-1", (1, 2)], {"a": [1, 2]})
-    with pytest.raises(ValueError, match="from a lower to a higher order"):
-        OrderBinsDisplay([(2, 1)], {"a": [1]})
-
-
-def test_names_of_bins_read_back_as_the_bins():
-    psd = pd.DataFrame(np.ones((1, 11)), columns=[f"a+@{k}" for k in range(11)])
-    bins = BinTransformer(edges=[1e-5, 0.1, 1 / 3, 10]).fit(psd)
-    (block,) = parse_bin_columns(bins.get_feature_names_out())
-    assert block.channel == "a+"
-    assert [tuple(band) for band in block.bands] == list(bins.bins_)
-
-
-def test_names_of_another_form_are_no_bins():
-    assert parse_bin_columns(["x0", "x1"]) is None
-    assert parse_bin_columns(["a@0-1", "load"]) is None
-    assert parse_bin_columns([]) is None
-    (block,) = parse_bin_columns(["a@0-1", "a@3-2"])
-    assert block.bands is None
-    (block,) = parse_bin_columns(["a@0-1", "a@BPFI"])
-    assert block.bands is None

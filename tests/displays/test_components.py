@@ -43,30 +43,6 @@ def test_the_shares_are_those_of_the_analysis_in_per_cent(pipeline):
     assert ax.get_ylabel() == "share of the variance [%]"
 
 
-def test_the_last_of_several_analyses_is_drawn():
-    X = np.random.default_rng(5).normal(size=(30, 4))
-    twice = make_pipeline(PCA(3), StandardScaler(), PCA(2)).fit(X)
-    display = ExplainedVarianceDisplay.from_estimator(twice, ax=axes())
-    assert np.allclose(display.shares, twice[-1].explained_variance_ratio_)
-
-
-def test_no_more_components_are_shown_than_asked():
-    (ax,) = axes()
-    ExplainedVarianceDisplay(np.full(50, 0.02), n_shown=5).plot(ax=ax)
-    assert len(ax.patches) == 5
-
-
-def test_invalid_shares_are_refused(pipeline):
-    with pytest.raises(ValueError, match=r"add up to at most 1; got 2 that add up to 1\.4"):
-        ExplainedVarianceDisplay([0.7, 0.7])
-    with pytest.raises(ValueError, match="shares must be at least 0"):
-        ExplainedVarianceDisplay([1.0, -0.1])
-    with pytest.raises(ValueError, match="at least one"):
-        ExplainedVarianceDisplay([])
-    with pytest.raises(ValueError, match="no step of the pipeline is a fitted PCA"):
-        ExplainedVarianceDisplay.from_estimator(pipeline[:2])
-
-
 def test_the_loadings_are_steps_by_channel_with_the_names_of_the_bins(pipeline):
     panels = axes(2)
     display = LoadingsDisplay.from_estimator(pipeline, ax=panels)
@@ -86,13 +62,6 @@ def test_the_loadings_of_one_channel_are_signed_bars():
     LoadingsDisplay([(0, 1), (3, 5)], [[0.6, -0.8]]).plot(ax=ax)
     bars = [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in ax.patches]
     assert bars == [(0, 1, 0.6), (3, 2, -0.8)]
-
-
-def test_channels_of_different_bins_share_one_order_axis():
-    (ax,) = axes()
-    LoadingsDisplay(["a@2-3", "b@0-1", "b@9-10"], [[1, 2, 3]]).plot(ax=ax)
-    assert ax.get_xlim() == (0, 10)
-    assert len(ax.lines) == 3  # two channels, and zero
 
 
 def test_bins_and_named_bands_together_are_drawn_by_name():
@@ -116,16 +85,3 @@ def test_missing_column_names_are_an_error_with_a_remedy():
         LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))
     with pytest.raises(ValueError, match="pass columns"):
         LoadingsDisplay.from_estimator(PCA(1).fit(np.eye(3)), n_components=1)
-
-
-def test_loadings_that_do_not_fit_are_refused(pipeline):
-    with pytest.raises(ValueError, match=r"loadings must have shape \(n, 2\), got \(1, 3\)"):
-        LoadingsDisplay([(0, 1), (1, 2)], [[1, 2, 3]])
-    with pytest.raises(ValueError, match="loadings must be finite, got nan"):
-        LoadingsDisplay([(0, 1)], [[np.nan]])
-    with pytest.raises(ValueError, match="loadings hold no component"):
-        LoadingsDisplay([(0, 1)], np.ones((0, 1)))
-    with pytest.raises(ValueError, match="titles must name 1 components, got 2"):
-        LoadingsDisplay([(0, 1)], [[1]], titles=["a", "b"])
-    with pytest.raises(ValueError, match="n_components = 4, but the PCA has 3"):
-        LoadingsDisplay.from_estimator(pipeline, n_components=4)

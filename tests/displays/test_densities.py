@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from sklearn.exceptions import NotFittedError
-from sklearn.linear_model import LogisticRegression
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import FeatureDensityDisplay
@@ -59,20 +57,6 @@ def test_classes_differ_by_marker_and_line_and_have_one_entry_each(ax):
     assert np.array_equal(drawn, X)
 
 
-def test_without_shares_only_recordings_are_drawn(ax):
-    X, y = two_classes(20)
-    model = CostSensitiveGaussianBayes().fit(X, y)
-    FeatureDensityDisplay.from_estimator(model, X, y, shares=(), ax=ax)
-    assert not ax.lines
-    assert len(ax.collections) == 2
-
-
-def test_the_ellipse_of_a_singular_covariance_is_a_line(ax):
-    display = FeatureDensityDisplay(["a"], [[1, 1]], [[[1, 1], [1, 1]]], np.ones((1, 2)), ["a"])
-    x, y = display.plot(ax=ax).ellipse(0, 0.5)
-    assert np.allclose(x, y)
-
-
 def test_the_table_has_means_deviations_and_correlation(ax):
     X, y = two_classes(50)
     model = CostSensitiveGaussianBayes().fit(X, y)
@@ -89,42 +73,3 @@ def test_a_recording_of_an_unknown_class_is_shown_too(ax):
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "new"]
     known, unknown = (to_hex(marks.get_facecolor()[0]) for marks in ax.collections)
     assert (known, unknown) == ("#d55e00", "#4c4c4c")  # grey: unknown to the classifier
-
-
-def test_other_than_two_features_are_refused():
-    X, y = two_classes(20)
-    three = CostSensitiveGaussianBayes().fit(np.column_stack([X, X[:, 0] ** 2]), y)
-    with pytest.raises(ValueError, match=r"the classifier was fitted on 3\. Fit it on two"):
-        FeatureDensityDisplay.from_estimator(three, X, y)
-    with pytest.raises(ValueError, match=r"two features, got X of shape \(40, 1\)"):
-        FeatureDensityDisplay.from_estimator(three, X[:, :1], y)
-    with pytest.raises(ValueError, match="X contains no recording"):
-        FeatureDensityDisplay.from_estimator(three, X[:0], y[:0])
-
-
-def test_numbers_that_do_not_fit_are_refused():
-    good = {
-        "classes": ["a"],
-        "means": [[0, 0]],
-        "covariances": [np.eye(2)],
-        "points": np.zeros((2, 2)),
-        "labels": ["a", "a"],
-    }
-    bad = [
-        ("means", [[0, 0, 0]], r"means must have shape \(1, 2\)"),
-        ("covariances", np.eye(2), r"covariances must have shape \(1, 2, 2\)"),
-        ("points", [[0, np.nan]] * 2, r"points must be finite, got nan at index \(0, 1\)"),
-        ("labels", ["a"], r"one label for each of 2 recordings, got shape \(1,\)"),
-        ("shares", (1.0,), "a share must be a number above 0 and below 1"),
-    ]
-    for name, value, words in bad:
-        with pytest.raises(ValueError, match=words):
-            FeatureDensityDisplay(**{**good, name: value})
-
-
-def test_a_classifier_without_densities_is_refused():
-    X, y = np.array([[0.0, 1], [1, 0], [4, 3], [3, 5]]), ["dry", "dry", "worn", "worn"]
-    with pytest.raises(NotFittedError, match="not fitted"):
-        FeatureDensityDisplay.from_estimator(CostSensitiveGaussianBayes(), X, y)
-    with pytest.raises(TypeError, match=r"got LogisticRegression\(\); it has no means_"):
-        FeatureDensityDisplay.from_estimator(LogisticRegression().fit(X, y), X, y)

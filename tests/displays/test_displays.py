@@ -15,11 +15,12 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import LogisticRegression
 
 from emacm import Bearing, Recording, displays, fault_orders
 from emacm.displays import (
     AlarmDisplay,
-    ComparisonDisplay,
     ContributionsDisplay,
     DecisionRegionsDisplay,
     EvaluationDisplay,
@@ -33,49 +34,31 @@ from emacm.displays import (
     OrderSpectrumDisplay,
     OutcomesDisplay,
     RecordingDisplay,
-    ReliabilityDisplay,
     RemainingLifeDisplay,
     TrendDisplay,
-    TypicalityDisplay,
     UnknownRocDisplay,
 )
 from emacm.displays._drawing import (
     COLOURS,
-    HATCHES,
-    MARKERS,
-    PLAIN,
-    STYLES,
-    colour_of,
-    decibels,
-    label_y,
-    line_style,
     mark_orders,
-    mark_orders_beside,
-    panel_axes,
     spread,
-    state_numbers,
-    style_of,
     tint,
 )
-from emacm.displays._tables import check_values, predicted_lines, unit_of
-from emacm.recordings.kurtogram import Kurtogram
+from emacm.displays._tables import predicted_lines
+from emacm.envelopes.kurtogram import Kurtogram
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
 BINS = [(0, 1), (1, 2)]
 RATE = {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [1.0]}
-CURVE = {"from": 0.5, "to": 0.6, "confidence": 0.55, "frequency": 0.5, "low": 0.2, "high": 0.7}
 TYPICALITY = pd.DataFrame(
     {
-        "confidence": [0.9, 0.7],
         "typicality": [0.5, 0.001],
-        "label": ["a", "b"],
         "is_unknown": [False, True],
     }
 )
 REMAINING = {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0]}
 ONE_OF_EACH = [
     AlarmDisplay([3.0, 4.0, 8.0], [0.5, 6.0, 5.5], 5.0),
-    ComparisonDisplay(pd.DataFrame(RATE, index=["current"])),
     ContributionsDisplay(BINS, [1.0, -1.0]),
     DecisionRegionsDisplay([0, 1], [0, 2], [[0, 1], [0, 1]], ["a", "b"], POINTS, ["a", "b"]),
     EvaluationDisplay(
@@ -92,7 +75,6 @@ ONE_OF_EACH = [
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
     RecordingDisplay({"a": [0, 1]}, {"a": [1, 2]}, [0, 1], [1, 1]),
-    ReliabilityDisplay({"by run": pd.DataFrame([CURVE]).assign(count=5)}),
     RemainingLifeDisplay(
         pd.DataFrame(REMAINING | {"lower": [5.0, 7.0], "upper": [np.inf, 19.0]}), true=[20.0, 11.0]
     ),
@@ -101,15 +83,14 @@ ONE_OF_EACH = [
             alarm=[False, True]
         )
     ),
-    TypicalityDisplay(TYPICALITY),
     UnknownRocDisplay(TYPICALITY.assign(left_out="b")),
 ]
-NAMED = OutcomesDisplay | EvaluationDisplay | ComparisonDisplay  # what is drawn has names
+NAMED = OutcomesDisplay | EvaluationDisplay  # what is drawn has names
 each = pytest.mark.parametrize("display", ONE_OF_EACH, ids=lambda d: type(d).__name__)
 
 
 def axes_for(display):
-    two = RecordingDisplay | EvaluationDisplay | ReliabilityDisplay
+    two = RecordingDisplay | EvaluationDisplay
     n_panels = 2 if isinstance(display, two) else 1
     return Figure(layout="constrained").subplots(n_panels, squeeze=False)[:, 0]
 
@@ -257,61 +238,9 @@ def test_drawing_changes_no_number(display):
     pd.testing.assert_frame_equal(display.frame(), before)
 
 
-@each
-def test_without_matplotlib_the_extra_is_named(display, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"install emacm\[plot\]"):
-        display.plot()
-
-
 def test_all_displays_are_public():
     tested = {type(display).__name__ for display in ONE_OF_EACH}
     assert tested == {name for name in displays.__all__ if name.endswith("Display")}
-
-
-def test_eight_classes_differ_by_colour_and_by_more_than_colour():
-    for kinds in (COLOURS, STYLES, MARKERS, HATCHES):
-        assert len(set(kinds)) == len(kinds) == 8
-
-
-def test_of_fifty_seven_states_no_two_look_alike():
-    assert len({str(line_style(number)) for number in range(57)}) == 57
-
-
-def test_the_colour_of_the_healthy_state_is_that_of_no_other():
-    assert colour_of(0) not in {colour_of(number) for number in range(1, 57)}
-    assert {style_of(kinds, 0) for kinds in (STYLES, MARKERS, HATCHES)} == {"-", "o", ""}
-
-
-def test_healthy_is_the_first_state_and_the_others_keep_their_order():
-    numbers = state_numbers(["worn", "broken", "new"], "new")
-    assert list(numbers.items()) == [("new", 0), ("worn", 1), ("broken", 2)]
-    assert state_numbers(["worn", "broken"], "new") == {"worn": 1, "broken": 2}
-    assert state_numbers([3, 0, 7], 0) == {"0": 0, "3": 1, "7": 2}
-    assert COLOURS[state_numbers(["all recordings"], "new")["all recordings"]] == PLAIN
-
-
-def test_a_new_figure_is_made_where_no_axes_are_given():
-    from matplotlib import pyplot
-
-    display = OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]).plot()
-    assert pyplot.fignum_exists(display.figure_.number)
-    pyplot.close(display.figure_)
-    axes = panel_axes(None, 3)
-    assert len(axes) == 3
-    assert axes[0].get_shared_x_axes().joined(axes[0], axes[2])
-    pyplot.close(axes[0].figure)
-
-
-def test_a_display_of_one_panel_refuses_several_axes():
-    with pytest.raises(ValueError, match=r"1 panels and needs as many Axes, got 2. Leave ax out"):
-        ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2))
-
-
-def test_as_many_axes_as_panels_are_asked_for():
-    recording = Recording({"a": [1.0, 2.0]}, 1, velocity=[1.0, 1.0])
-    with pytest.raises(ValueError, match=r"2 panels and needs as many Axes, got 1. Leave ax out"):
-        RecordingDisplay.from_recording(recording, ax=Figure().subplots())
 
 
 def test_fault_orders_beyond_the_axis_are_passed_over():
@@ -333,28 +262,6 @@ def test_names_of_fault_orders_do_not_cover_each_other():
     assert all(one.x1 <= other.x0 for one, other in pairwise(boxes))
 
 
-def test_names_of_fault_orders_stand_in_their_order_with_lines_to_what_they_name():
-    ax = Figure(figsize=(6, 3)).subplots()
-    ax.set_xlim(0, 50)
-    orders = {"the last name": 6.4, "the first name": 6.0, "the middle name": 6.2, "far": 40.0}
-    mark_orders(ax, predicted_lines(orders, 0))
-    ax.figure.draw_without_rendering()
-    places = {text.get_text(): Text.get_window_extent(text).x0 for text in ax.texts}
-    assert sorted(places, key=places.get) == [
-        "the first name",
-        "the middle name",
-        "the last name",
-        "far",
-    ]
-    lines = {text.get_text(): text.arrow_patch is not None for text in ax.texts}
-    assert lines == {
-        "the first name": True,
-        "the middle name": False,
-        "the last name": True,
-        "far": False,
-    }
-
-
 @pytest.mark.parametrize("names", [["a"], ["a long name", "another long name"]])
 def test_the_legend_stands_above_the_names_of_fault_orders(names):
     ax = Figure(layout="constrained").subplots()
@@ -365,40 +272,12 @@ def test_the_legend_stands_above_the_names_of_fault_orders(names):
     assert ax.get_legend().get_window_extent().y0 > max(tops) > ax.get_window_extent().y1
 
 
-def test_slip_bars_beside_an_axis_end_with_it():
-    ax = Figure().subplots()
-    ax.set_ylim(2, 10)
-    mark_orders_beside(ax, predicted_lines({"BPFI": 9.8, "BSF": 2.1, "beyond": 11.0}, 0.1))
-    ends = [line.get_ydata().tolist() for line in ax.lines]
-    assert np.allclose(ends, [[2, 2.31], [8.82, 10]])
-    assert [text.get_text() for text in ax.texts] == ["BSF", "BPFI"]
-
-
 def test_panels_that_do_not_share_the_x_axis_are_each_labelled():
     display = OrderBinsDisplay(["a@0-1", "b@0-1"], {"all": [1.0, 2.0]})
     apart = display.plot(ax=Figure().subplots(2)).ax_
     assert [bool(panel.get_xlabel()) for panel in apart] == [True, True]
     shared = display.plot(ax=Figure().subplots(2, sharex=True)).ax_
     assert [bool(panel.get_xlabel()) for panel in shared] == [False, True]
-
-
-def test_the_unit_of_a_channel_is_that_of_its_name_without_direction_or_suffix():
-    units = {"v": "V", "v2": "g"}
-    assert unit_of(units, "v2+") == "g"
-    assert unit_of(units, "v2_envelope", derived=True) == "g"
-    assert unit_of(units, "v_envelope", derived=True) == "V"
-    assert unit_of(units, "v2_raw") == "unit"
-    assert unit_of("A", "v2") == "A"
-
-
-def test_a_name_too_long_for_its_axis_is_written_in_lines():
-    ax = Figure(figsize=(6, 1)).subplots()
-    label_y(ax, "vibration of the motor housing", "m/s²")
-    assert ax.get_ylabel().endswith("\n[m/s²]")
-    label_y(ax, "speed", "V")
-    assert ax.get_ylabel() == "speed [V]"
-    label_y(ax, "accelerometer_of_the_housing", "g")  # no line breaks within a name
-    assert ax.get_ylabel() == "accelerometer_of_the_housing\n[g]"
 
 
 @given(st.lists(st.floats(0, 500), min_size=1, max_size=12), st.floats(1, 40))
@@ -409,27 +288,55 @@ def test_places_drawn_apart_keep_their_order_their_gap_and_their_mean(places, ga
     assert np.isclose(apart.mean(), places.mean())
 
 
-def test_no_power_has_no_level():
-    levels = decibels(np.array([0.0, 1.0, 100.0]))
-    assert np.isnan(levels[0])
-    assert levels[1:].tolist() == [0.0, 20.0]
+@pytest.mark.slow
+def test_without_matplotlib_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"emacm\[plot\]"):
+        ONE_OF_EACH[0].plot()
 
 
-def test_values_that_do_not_fit_say_where():
-    with pytest.raises(ValueError, match=r"psd must have shape \(n, 3\), got \(2, 2\)"):
-        check_values(np.ones((2, 2)), "psd", (None, 3))
-    with pytest.raises(ValueError, match=r"psd must be finite, got nan at index \(1, 0\)"):
-        check_values([[1, 2], [np.nan, 3]], "psd", (None, None))
-    with pytest.raises(ValueError, match=r"psd must be at least 0, got -2.0 at index 1"):
-        check_values([1, -2], "psd", (2,), least=0)
-    with pytest.raises(TypeError, match="psd must be numeric"):
-        check_values(["high"], "psd", (1,))
+SPECTRA = pd.DataFrame(np.ones((2, 4)), columns=["a@0", "a@1", "b@0", "b@2"])
+RUN = Recording({"a": np.ones(400)}, 100, velocity=np.ones(400))
+FINE = np.arange(100) / 10
+LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
 
 
-def test_fault_orders_are_a_mapping_to_numbers():
-    with pytest.raises(TypeError, match=r"fault_orders or a mapping .*, got \[3\.1\]"):
-        predicted_lines([3.1], 0.02)
-    with pytest.raises(ValueError, match=r"order of 'screw' must be a number .*above 0 .*, got -1"):
-        predicted_lines({"screw": -1.0}, 0.02)
-    with pytest.raises(ValueError, match="slip must be a number at least 0 and below 1, got 1"):
-        predicted_lines({"screw": 3.125}, 1)
+@pytest.mark.parametrize(
+    ("make", "place"),
+    [
+        (lambda: OrderBinsDisplay(BINS, {"a": [1.0, -2.0]}), r"powers of 'a'.*\[1\]"),
+        (lambda: OrderBinsDisplay(BINS, {"a": [1.0]}), r"powers of 'a' must have shape"),
+        (lambda: OrderBinsDisplay.from_table(np.ones((2, 3))), "order axis"),
+        (lambda: OrderBinsDisplay(BINS, {"a": [1, 2]}, fault_orders={"screw": -1.0}), "screw"),
+        (lambda: OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, np.nan, 3.0]}), r"'a'.*\[1\]"),
+        (lambda: OrderSpectrumDisplay([0, 1], {"a": [1.0, 2.0]}, slip=1), "slip"),
+        (lambda: OrderSpectrumDisplay.from_table(SPECTRA), "different orders"),
+        (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "c"), "'c'"),
+        (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=["x"]), "labels"),
+        (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=[1, np.nan]), "recording 1"),
+        (lambda: OrderSpectrumDisplay.from_estimator(ExplainedVarianceDisplay, []), "OrderPSD"),
+        (lambda: OrderMapDisplay([0, 1], [[1, -1]], [[0, 1]], [1.0]), "psd"),
+        (lambda: OrderMapDisplay.from_recording([RUN]), "one Recording"),
+        (lambda: RecordingDisplay.from_recording(RUN, between=(2, 1)), "start and stop"),
+        (lambda: RecordingDisplay.from_recording(RUN, channels=["b"]), "'b'"),
+        (lambda: RecordingDisplay.from_recording(RUN, ax=Figure().subplots()), "2 panels"),
+        (lambda: ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2)), "1 panels"),
+        (lambda: LoadingsDisplay(BINS, [[1.0]]), "loadings"),
+        (lambda: ContributionsDisplay.from_table(pd.DataFrame({"low": [1.0]})), "channel"),
+        (lambda: FeatureDensityDisplay.from_estimator(LogisticRegression(), POINTS, [0, 1]), "fit"),
+        (lambda: EvaluationDisplay(pd.DataFrame(RATE), SPECTRA, figures=["speed"]), "speed"),
+        (lambda: UnknownRocDisplay(TYPICALITY), "left_out"),
+        (lambda: UnknownRocDisplay(TYPICALITY.assign(left_out=["a", "b"])), "'a'"),
+        (lambda: OutcomesDisplay(pd.DataFrame({"good": [1]})), "good"),
+        (lambda: OutcomesDisplay.from_predictions(y_pred=["new"], **LABELS), "y_pred"),
+        (lambda: OutcomesDisplay.from_predictions(["worn"], ["dry"], healthy="new"), "'new'"),
+        (lambda: FaultLinesDisplay(FINE, np.ones(100), {"mesh": 30.0}), "mesh"),
+        (lambda: FaultLinesDisplay([0, 1, 2], np.ones(3), {"mesh": 1.0}, faults=["x"]), "'x'"),
+        (lambda: KurtogramDisplay([1.0]), "kurtogram"),
+        (lambda: AlarmDisplay([0.0, 1.0], [2.0], 3.0), "statistic"),
+        (lambda: RemainingLifeDisplay(pd.DataFrame(REMAINING)), "lower"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_with_its_place(make, place):
+    with pytest.raises((TypeError, ValueError, NotFittedError), match=place):
+        make()

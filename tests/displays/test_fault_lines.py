@@ -51,34 +51,6 @@ def test_the_chosen_channel_and_faults_are_drawn():
     assert set(display.frame().index.get_level_values("fault")) == {"BSF"}
 
 
-@pytest.mark.parametrize(
-    ("make", "error", "match"),
-    [
-        (lambda: FaultLinesDisplay(ORDERS, np.ones(7), BEARING), ValueError, "spectrum"),
-        (
-            lambda: FaultLinesDisplay(ORDERS, np.ones(501), BEARING, faults=["x"]),
-            ValueError,
-            "faults names 'x'; those of the parts are",
-        ),
-        (
-            lambda: FaultLinesDisplay(ORDERS, np.ones(501), {"mesh": 30.0}),
-            ValueError,
-            "lines of 'mesh' reach order",
-        ),
-        (lambda: FaultLinesDisplay.from_recording([], BEARING), TypeError, "one Recording"),
-        (
-            lambda: FaultLinesDisplay.from_recording(struck(), BEARING, channel="z"),
-            ValueError,
-            "no channel 'z'",
-        ),
-        (lambda: KurtogramDisplay([1.0]), TypeError, "result of kurtogram"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(make, error, match):
-    with pytest.raises(error, match=match):
-        make()
-
-
 def test_the_outline_is_the_band_of_the_largest_kurtosis():
     signal = struck().signals["foot"]
     found = kurtogram(signal, FS, levels=5)

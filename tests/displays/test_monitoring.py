@@ -63,19 +63,3 @@ def test_the_remaining_life_of_one_unit_is_that_of_the_estimator():
     texts = [text.get_text().replace("\n", " ") for text in shown.ax_.get_legend().get_texts()]
     assert "90% interval, life of the population" in texts
     assert "90% interval, from the health index" in texts
-
-
-def test_invalid_values_are_refused():
-    table = pd.DataFrame({"age": [0.0, 1.0], "stage": "damage", "median": 1.0, "lower": 0.0})
-    with pytest.raises(ValueError, match=r"it has no \['upper'\]"):
-        RemainingLifeDisplay(table)
-    with pytest.raises(ValueError, match="ages in table must increase"):
-        RemainingLifeDisplay(table.assign(upper=3.0).iloc[::-1])
-    with pytest.raises(ValueError, match="true must have shape"):
-        RemainingLifeDisplay(table.assign(upper=3.0), true=[1.0])
-    with pytest.raises(ValueError, match="statistic must have shape"):
-        AlarmDisplay([0.0, 1.0], [2.0], 3.0)
-    with pytest.raises(TypeError, match="estimator must be EWMA or CUSUM, got int"):
-        AlarmDisplay.from_estimator(3, [[1.0]])
-    with pytest.raises(TypeError, match="estimator must be RemainingLife, got EWMA"):
-        RemainingLifeDisplay.from_estimator(EWMA(), [[1.0]])

@@ -100,21 +100,6 @@ def test_a_decision_for_the_family_of_a_class_is_correct():
     ]
 
 
-def test_families_may_be_given_class_by_class():
-    of_class = {HEALTHY: HEALTHY, "worn1": WORN, "worn2": WORN, "spalled1": SPALLED}
-    decisions = [WORN, HEALTHY, SPALLED, SPALLED, WORN]
-    one, other = (
-        counted(SUB_STATES, decisions, families=families, ax=axes()).counts
-        for families in (FAMILIES, of_class)
-    )
-    pd.testing.assert_frame_equal(one, other)
-
-
-def test_a_class_without_a_family_is_named():
-    with pytest.raises(ValueError, match=r"families must name a family .* missing: \['spalled1'\]"):
-        counted(SUB_STATES, SUB_STATES, families={HEALTHY: HEALTHY, WORN: ["worn1", "worn2"]})
-
-
 def test_bars_are_the_shares_of_each_condition_in_per_cent():
     (ax,) = axes()
     truths = [HEALTHY] * 4 + [WORN] * 4
@@ -139,12 +124,6 @@ def test_each_signal_has_a_panel_with_its_own_conditions():
     assert [panel.get_title(loc="left") for panel in panels] == ["LVDT", "current"]
     assert [len(panel.get_yticks()) for panel in panels] == [1, 2]
     assert display.frame().loc[("current", 1), "false alarm"] == 100
-
-
-def test_signals_alone_have_a_bar_each():
-    panels = axes(2)
-    counted([HEALTHY, WORN], [HEALTHY, HEALTHY], signals=["a", "b"], ax=panels)
-    assert [len(panel.get_yticks()) for panel in panels] == [1, 1]
 
 
 def test_a_published_table_of_per_cent_is_drawn_as_it_is():
@@ -177,27 +156,3 @@ def test_every_recording_has_one_outcome(pairs):
     )
     assert display.counts["inspection"].sum() == chosen.count("i")
     assert np.isclose(display.frame().drop(columns="n").sum(axis=1), 100).all()
-
-
-def test_invalid_counts_are_refused():
-    with pytest.raises(TypeError, match="counts must be a DataFrame, got dict"):
-        OutcomesDisplay({"correct": [1]})
-    with pytest.raises(ValueError, match=r"columns among \['correct'.*got columns \['right'\]"):
-        OutcomesDisplay(pd.DataFrame({"right": [1]}))
-    with pytest.raises(ValueError, match="counts of 'b' are all 0"):
-        OutcomesDisplay(pd.DataFrame({"correct": [1, 0]}, index=["a", "b"]))
-    with pytest.raises(ValueError, match="each row once, but 'a' is repeated"):
-        OutcomesDisplay(pd.DataFrame({"correct": [1, 1]}, index=["a", "a"]))
-    with pytest.raises(ValueError, match="counts must be at least 0"):
-        OutcomesDisplay(pd.DataFrame({"correct": [-1]}))
-    with pytest.raises(ValueError, match="counts must be finite"):
-        OutcomesDisplay(pd.DataFrame({"correct": [np.nan]}))
-
-
-def test_decisions_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="y_pred must hold one label for each of 2 recordings"):
-        counted([HEALTHY, WORN], [HEALTHY])
-    with pytest.raises(ValueError, match="conditions must hold one label for each of 2"):
-        counted([HEALTHY, WORN], [HEALTHY, WORN], conditions=["a"])
-    with pytest.raises(ValueError, match=r"'healthy' is neither in y_true nor in y_pred"):
-        counted([WORN], [SPALLED])

@@ -6,7 +6,6 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.path import Path
-from sklearn.naive_bayes import GaussianNB
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import DecisionRegionsDisplay
@@ -70,18 +69,6 @@ def test_a_grid_need_not_be_square(ax):
     display.plot(ax=ax)
     assert (ax.get_xlim(), ax.get_ylim()) == ((0, 2), (0, 5))
     assert areas(ax)[1].get_paths()[0].contains_point((1.1, 0.2))
-    with pytest.raises(ValueError, match=r"at least two values, got \(1, 2\)"):
-        DecisionRegionsDisplay([0], [0, 5], [[0], [0]], ["a"], [[0, 0]], ["a"])
-
-
-def test_a_decision_without_a_region_is_not_in_the_legend(ax):
-    regions([[0, 0], [2, 2]], ["a", "b", "c"]).plot(ax=ax)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "c"]
-
-
-def test_regions_need_two_features():
-    with pytest.raises(ValueError, match=r"two features, got X of shape \(4, 3\)"):
-        DecisionRegionsDisplay.from_estimator(None, np.ones((4, 3)), ["a"] * 4)
 
 
 def areas(ax):
@@ -105,24 +92,12 @@ def test_between_two_regions_lies_no_third(ax):
     assert third.get_paths()[0].contains_point((2.5, 2))
 
 
-def test_regions_differ_by_hatch(ax):
-    regions([[0, 1], [2, 2]], ["a", "b", "c"]).plot(ax=ax)
-    hatches = [patch.get_hatch() for patch in ax.patches]
-    assert len(set(hatches)) == 3
-    assert [area.hatches[0] for area in areas(ax)] == hatches
-
-
 def test_the_borders_of_regions_are_drawn_as_lines(ax):
     regions(np.repeat([[0, 0, 1, 1]], 4, axis=0), ["a", "b"]).plot(ax=ax)
     borders = [c for c in ax.collections if not getattr(c, "filled", True)]
     assert len(borders) == 2
     for border in borders:
         assert np.allclose(border.get_paths()[0].vertices[:, 0], 1.5)
-
-
-def test_a_single_decision_fills_the_plane(ax):
-    regions(np.zeros((3, 3)), ["a"]).plot(ax=ax)
-    assert len(areas(ax)) == len(ax.collections) - 1 == 1  # and the recordings
 
 
 def test_features_of_a_classifier_keep_their_names(ax):
@@ -132,42 +107,6 @@ def test_features_of_a_classifier_keep_their_names(ax):
     model = CostSensitiveGaussianBayes().fit(X, y)
     display = DecisionRegionsDisplay.from_estimator(model, X, y, n_grid=20, ax=ax)
     assert np.array_equal(display.points, X.to_numpy())
-
-
-def test_a_single_recording_has_a_plane_around_it(ax):
-    X, y = [[0.0, 1.0], [1.0, 1.0], [3.0, 1.5], [4.0, 1.0]], ["a", "a", "b", "b"]
-    model = CostSensitiveGaussianBayes(shrinkage=0.5).fit(X, y)
-    DecisionRegionsDisplay.from_estimator(model, X[:1], y[:1], n_grid=10, ax=ax)
-    low, high = ax.get_ylim()
-    assert low < 1.0 < high
-
-
-def test_numbers_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="hold decision number 2, but there are 2 decisions"):
-        regions([[0, 2], [0, 0]], ["a", "b"])
-    with pytest.raises(ValueError, match=r"hold decision number 0\.5, but there are 2 decisions"):
-        regions([[0, 0.5], [0, 0]], ["a", "b"])
-    with pytest.raises(ValueError, match=r"regions must have shape \(2, 2\), got \(2, 3\)"):
-        regions([[0, 0, 0], [0, 0, 0]], ["a"])
-    with pytest.raises(ValueError, match="regions must be at least 0"):
-        regions([[0, -1], [0, 0]], ["a", "b"])
-    with pytest.raises(ValueError, match="X must be finite, got nan"):
-        DecisionRegionsDisplay.from_estimator(None, [[0.0, np.nan]], ["a"])
-    with pytest.raises(ValueError, match="one label for each of 1 recordings"):
-        DecisionRegionsDisplay([0, 1], [0, 1], np.zeros((2, 2)), ["a"], [[0, 0]], ["a", "b"])
-
-
-def test_a_classifier_without_decisions_and_too_fine_a_grid_are_refused():
-    X, y = np.array([[0.0, 1], [1, 0], [4, 3], [3, 5]]), ["dry", "dry", "worn", "worn"]
-    fitted = CostSensitiveGaussianBayes(shrinkage=0.5).fit(X, y)
-    refused = [
-        (CostSensitiveGaussianBayes(), {}, ValueError, "not fitted"),
-        (GaussianNB().fit(X, y), {}, TypeError, r"got GaussianNB\(\); it has no decisions_"),
-        (fitted, {"n_grid": 10**6}, ValueError, "n_grid must .* at most 5000"),
-    ]
-    for classifier, options, error, words in refused:
-        with pytest.raises(error, match=words):
-            DecisionRegionsDisplay.from_estimator(classifier, X, y, **options)
 
 
 def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):
@@ -196,14 +135,3 @@ def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):
         inside = sum(ring.contains_point((x, y)) for ring in rings) % 2  # a hole has two rings
         assert inside == (model.predict([[x, y]])[0] == "novel")
     assert model.predict([[display.first[-2], display.second[-2]]])[0] == "novel"
-
-
-def test_the_margin_around_the_recordings_can_be_chosen(ax):
-    model, points, truths = asymmetric()
-    DecisionRegionsDisplay.from_estimator(model, points, truths, n_grid=5, margin=0.5, ax=ax)
-    width = np.ptp(points[:, 1])
-    assert np.allclose(
-        ax.get_ylim(), [points[:, 1].min() - width / 2, points[:, 1].max() + width / 2]
-    )
-    with pytest.raises(ValueError, match="margin must be a number at least 0"):
-        DecisionRegionsDisplay.from_estimator(model, points, truths, margin=-1)

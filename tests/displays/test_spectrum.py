@@ -1,7 +1,6 @@
 """Order spectra are drawn with their values, units and labels."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
@@ -49,15 +48,6 @@ def test_a_spectrum_marks_fault_orders_and_stops_where_asked(ax):
     assert "(m/s²)²/order" in ax.get_ylabel()
 
 
-def test_a_spectrum_of_a_dataframe_is_the_same(ax):
-    _, table = spectra()
-    frame = pd.DataFrame(np.asarray(table), columns=list(table.columns))
-    one = OrderSpectrumDisplay.from_table(table, "current", ax=ax).frame()
-    pd.testing.assert_frame_equal(
-        one, OrderSpectrumDisplay.from_table(frame, "current", ax=ax).frame()
-    )
-
-
 def test_every_channel_has_a_panel_and_its_own_unit():
     _, table = spectra()
     axes = Figure(figsize=(6, 9)).subplots(2)
@@ -103,14 +93,6 @@ def test_where_there_is_no_power_there_is_no_line(ax):
     assert np.isnan(ax.lines[0].get_ydata()).tolist() == [False, True, False]
 
 
-def test_eight_spectra_differ_by_colour_and_line(ax):
-    names = [f"unit {i}" for i in range(8)]
-    OrderSpectrumDisplay(np.arange(3), {name: np.ones(3) for name in names}).plot(ax=ax)
-    assert len({line.get_color() for line in ax.lines}) == 7  # the eighth is that of healthy
-    assert len({(line.get_color(), line.get_linestyle()) for line in ax.lines}) == 8
-    assert {"--", "-.", ":"} <= {line.get_linestyle() for line in ax.lines}
-
-
 def test_an_envelope_is_named_with_its_quantity_and_unit(ax):
     spectra, units = {"a": np.ones((2, 3))}, {"vibration": "m/s²", "torque": "V"}
     panels = Figure(figsize=(6, 12)).subplots(2)
@@ -126,8 +108,6 @@ def test_an_envelope_is_named_with_its_quantity_and_unit(ax):
         "squared envelope order spectrum of torque+ [dB re 1 V⁴/order]",
         "envelope order spectrum of vibration [dB re 1 (m/s²)²/order]",
     ]
-    with pytest.raises(ValueError, match="envelopes must map channels to 'amplitude' or 'squared'"):
-        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}, envelopes={"signal": "peak"})
 
 
 @pytest.mark.parametrize(("squared", "unit"), [(False, "g²"), (True, "g⁴")])
@@ -161,64 +141,7 @@ def test_an_envelope_beside_its_channel_is_named_and_the_channel_keeps_its_unit(
     ]
 
 
-def test_a_single_spectrum_is_a_solid_line(ax):
-    OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}).plot(ax=ax)
-    assert ax.lines[0].get_linestyle() == "-"
-
-
-def test_a_group_without_power_is_not_in_the_legend(ax):
-    spectra = {"a": np.ones(3), "silent": np.zeros(3)}
-    OrderSpectrumDisplay(np.arange(3), spectra).plot(ax=ax)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
-
-
 def test_lines_are_drawn_at_their_orders(ax):
     orders = np.array([0, 0.4, 0.8, 1.2])
     OrderSpectrumDisplay(orders, {"a": [9.0, 1.0, 10.0, 1000.0]}, max_order=1.1).plot(ax=ax)
     assert np.allclose(ax.lines[0].get_xydata(), [[0.4, 0], [0.8, 10]])
-
-
-def test_a_spectrum_without_axis_or_channel_says_so():
-    _, table = spectra()
-    with pytest.raises(ValueError, match="has no order axis; pass the result of OrderPSD"):
-        OrderSpectrumDisplay.from_table(np.ones((2, 3)), "current")
-    with pytest.raises(ValueError, match=r"no channel 'speed'; .* are \['vibration', 'current'\]"):
-        OrderSpectrumDisplay.from_table(table, "speed")
-    with pytest.raises(ValueError, match="each once"):
-        OrderSpectrumDisplay.from_table(table, ["current", "current"])
-
-
-def test_labels_that_do_not_fit_the_recordings_are_refused():
-    _, table = spectra()
-    with pytest.raises(ValueError, match=r"one label for each of 3 recordings, got shape \(2,\)"):
-        OrderSpectrumDisplay.from_table(table, "current", labels=["a", "b"])
-    with pytest.raises(ValueError, match="got none for recording 1"):
-        OrderSpectrumDisplay.from_table(table, "current", labels=[1.0, np.nan, 1.0])
-
-
-def test_invalid_spectra_are_refused():
-    with pytest.raises(ValueError, match=r"spectrum of 'a' must have shape \(3,\), got \(2,\)"):
-        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(2)})
-    with pytest.raises(ValueError, match="spectrum of 'a' must be finite, got nan at index 1"):
-        OrderSpectrumDisplay(np.arange(3), {"a": np.array([1, np.nan, 1])})
-    with pytest.raises(ValueError, match=r"must be at least 0, got -1\.0"):
-        OrderSpectrumDisplay(np.arange(3), {"a": -np.ones(3)})
-    with pytest.raises(ValueError, match="and increase"):
-        OrderSpectrumDisplay(np.zeros(3), {"a": np.ones(3)})
-    with pytest.raises(ValueError, match="scale must be one of 'dB', 'linear'"):
-        OrderSpectrumDisplay(np.arange(3), {"a": np.ones(3)}, scale="log")
-    with pytest.raises(ValueError, match="holds no recording"):
-        OrderSpectrumDisplay.from_table(pd.DataFrame(columns=["a@0", "a@1"], dtype=float), "a")
-
-
-def test_channels_of_different_orders_are_drawn_one_by_one():
-    table = pd.DataFrame(np.ones((1, 4)), columns=["a@0", "a@1", "b@0", "b@2"])
-    with pytest.raises(ValueError, match="'a' and 'b' have different orders; draw each"):
-        OrderSpectrumDisplay.from_table(table)
-
-
-def test_a_pipeline_without_spectra_says_which_steps_it_has():
-    with pytest.raises(ValueError, match=r"no step of the pipeline is an OrderPSD; .*resampler"):
-        OrderSpectrumDisplay.from_estimator(make_pipeline(OrderResampler()), [])
-    with pytest.raises(ValueError, match="estimator must be or contain an OrderPSD"):
-        OrderSpectrumDisplay.from_estimator(OrderResampler(), [])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.metrics import log_loss
 
-from emacm.evaluation.calibration import brier_scores, log_losses, most_probable, reliability
+from emacm.evaluation.figures import brier_scores, log_losses, most_probable, reliability
 
 
 def stated(n_recordings, n_classes, seed=0):
@@ -71,22 +71,6 @@ def test_the_mean_of_a_bin_lies_within_it():
     assert ((curve["from"] <= curve["confidence"]) & (curve["confidence"] <= curve["to"])).all()
 
 
-@pytest.mark.parametrize("function", [log_losses, brier_scores, reliability])
-def test_invalid_probabilities_are_refused(function):
-    with pytest.raises(ValueError, match=r"add up to 1, got \[0.5, 0.6\] for recording 1"):
-        function([[0.5, 0.5], [0.5, 0.6]], [0, 1])
-    with pytest.raises(ValueError, match="add up to 1, got"):
-        function([[np.nan, 0.5]], [0])
-    with pytest.raises(ValueError, match=r"got shapes \(1, 2\) and \(2,\)"):
-        function([[0.5, 0.5]], [0, 1])
-    with pytest.raises(
-        ValueError, match=r"truths must be indices of the 2 classes, .*got 0 to 2\."
-    ):
-        function([[0.5, 0.5]] * 3, [1, 0, 2])
-    with pytest.raises(ValueError, match=r"truths must be indices .*got -1 to 1\."):
-        function([[0.5, 0.5]] * 3, [1, -1, 0])
-
-
 def test_the_number_of_bins_is_checked():
     with pytest.raises(ValueError, match="n_bins must be a whole number of at least 1, got 0"):
         reliability([[0.5, 0.5]], [0], n_bins=0)
@@ -96,35 +80,6 @@ def test_a_probability_rounded_to_above_1_has_no_negative_loss():
     loss = log_losses([[1 + 4e-16, 0.0]], [0])
     assert loss.tolist() == [0.0]
     assert not np.signbit(loss).any()
-
-
-@pytest.mark.parametrize(
-    ("row", "accepted"),
-    [
-        ([0.5, 0.5 + 0.9e-5], True),
-        ([0.5, 0.5 - 0.9e-5], True),
-        ([0.5, 0.5 + 1.1e-5], False),
-        ([0.5, 0.5 - 1.1e-5], False),
-        ([1.0, 0.0], True),
-        ([1 + 1e-9, -1e-9], False),
-    ],
-)
-def test_probabilities_add_up_to_1_but_for_single_precision(row, accepted):
-    if accepted:
-        assert brier_scores([row], [0]).shape == (1,)
-    else:
-        with pytest.raises(ValueError, match="must be at least 0 and add up to 1"):
-            brier_scores([row], [0])
-
-
-@pytest.mark.parametrize("truths", [[0.0, 1.0], [True, False], [[0, 1]], ["a", "b"], [-1, 0]])
-def test_truths_are_indices_of_classes(truths):
-    with pytest.raises(ValueError, match="truths must"):
-        log_losses(np.full((2, 2), 0.5), truths)
-    assert log_losses(np.empty((0, 3)), np.empty(0, int)).shape == (0,)
-    assert log_losses([[0.25, 0.75]] * 2, np.array([0, 1], np.uint8)) == pytest.approx(
-        -np.log([0.25, 0.75])
-    )
 
 
 def test_a_reliability_curve_by_hand():

@@ -167,7 +167,7 @@ def test_families_have_the_probability_of_their_classes_in_the_predicted_cost():
     y = ["worn1", "new", "worn2", "new"] * 2
     families = {"new": "new", "worn1": "worn", "worn2": "worn"}
     cost = pd.DataFrame([[0, 7], [2, 0]], index=["new", "worn"], columns=["new", "worn"])
-    found = evaluate(Stated(), X, y, families=families, cost=cost, n_splits=2)
+    found = evaluate(Stated(), X, y, n_splits=2).rescored(families=families, cost=cost)
     held = found.predictions.sort_values("recording")["predicted_cost"]
     assert held.tolist() == pytest.approx([2 * 0.5, 7 * 0.4] * 4)
 

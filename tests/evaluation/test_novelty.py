@@ -4,14 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.metrics import roc_auc_score
-from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes
 from emacm.evaluation.bootstrap import draw_interval, drawn_groups
-from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.novelty import novelty_table, pair_counts
+from emacm.evaluation.novelty import evaluate_unknown, novelty_table, pair_counts
 
 STATES = ["new", "dry1", "dry2", "worn"]
 FAMILIES = {"new": ["new"], "dry": ["dry1", "dry2"], "worn": ["worn"]}
@@ -34,15 +32,15 @@ def classifier(**options):
 def found():
     X, y, units = fleet()
     model = make_pipeline(StandardScaler(), classifier())
-    return evaluate(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=5)
+    return evaluate_unknown(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=5)
 
 
 @pytest.mark.slow
 def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found):
-    assert found.novelty.index.tolist() == ["dry", "worn"]
-    assert found.novelty["unknown"].tolist() == [40, 20]
-    assert found.novelty["known"].tolist() == [40, 60]
-    held = found.novelty_predictions
+    assert found.table.index.tolist() == ["dry", "worn"]
+    assert found.table["unknown"].tolist() == [40, 20]
+    assert found.table["known"].tolist() == [40, 60]
+    held = found.predictions
     for _, part in held.groupby("left_out"):
         assert sorted(part["recording"]) == list(range(80))
     assert (held["is_unknown"] == (held["true_label"] == held["left_out"])).all()
@@ -51,8 +49,10 @@ def test_each_family_of_faults_is_left_out_once_and_the_healthy_one_never(found)
 @pytest.mark.slow
 def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_and_the_units():
     X, y, units = fleet()
-    found = evaluate(classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
-    held = found.novelty_predictions.query("left_out == 'dry'")
+    found = evaluate_unknown(
+        classifier(), X, y, units=units, families=FAMILIES, healthy="new", n_splits=2
+    )
+    held = found.predictions.query("left_out == 'dry'")
     assert held["fold"].nunique() > 1  # how many depends on the version of scikit-learn
     for _, part in held.groupby("fold"):
         test = np.isin(units, part["group"])
@@ -68,22 +68,22 @@ def test_decisions_and_typicality_are_those_of_a_classifier_without_the_family_a
 
 
 def test_the_area_under_the_curve_is_that_of_scikit_learn(found):
-    assert found.novelty_predictions.index.tolist() == list(range(160))  # both families
+    assert found.predictions.index.tolist() == list(range(160))  # both families
     assert found.predictions.index.tolist() == list(range(160))  # both schemes
-    for family, part in found.novelty_predictions.groupby("left_out"):
+    for family, part in found.predictions.groupby("left_out"):
         expected = roc_auc_score(part["is_unknown"], -part["typicality"])
-        row = found.novelty.loc[family]
+        row = found.table.loc[family]
         assert row["auroc"] == pytest.approx(expected, rel=1e-12)
         assert row["auroc_low"] <= row["auroc"] <= row["auroc_high"]
 
 
 def test_a_family_far_from_all_others_is_recognised_as_unknown(found):
-    far = found.novelty.loc["worn"]
+    far = found.table.loc["worn"]
     assert far["auroc"] == 1
     assert far["unknown_flagged"] == 1
     assert far["unknown_called_healthy"] == 0
-    assert (found.novelty["known_flagged"] < 0.1).all()
-    held = found.novelty_predictions.query("left_out == 'worn' and is_unknown")
+    assert (found.table["known_flagged"] < 0.1).all()
+    held = found.predictions.query("left_out == 'worn' and is_unknown")
     assert (held["decision"] == "unknown").all()
 
 
@@ -169,33 +169,12 @@ def test_pairs_are_counted_by_groups():
     assert auroc == pytest.approx(roc_auc_score(is_unknown, -typicality))
 
 
-def test_a_classifier_without_typicality_leaves_no_family_out_and_a_caveat_says_so():
-    X, y, units = fleet()
-    found = evaluate(GaussianNB(), X, y, units=units)
-    assert found.novelty.empty
-    assert found.novelty_predictions.empty
-    (caveat,) = [text for text in found.caveats if "left out as unknown" in text]
-    assert "has no typicality (see unknown= of CostSensitiveGaussianBayes)" in caveat
-    asked = evaluate(GaussianNB(), X, y, units=units, unknown_families=True)
-    assert caveat in asked.caveats
-    silent = evaluate(GaussianNB(), X, y, units=units, unknown_families=False)
-    assert not [text for text in silent.caveats if "unknown" in text]
-
-
-def test_families_are_left_out_only_if_wanted():
-    X, y, units = fleet()
-    found = evaluate(classifier(), X, y, units=units, n_splits=2, unknown_families=False)
-    assert found.novelty.empty
-    assert "typicality" in found.predictions
-
-
 def test_a_family_without_which_the_classifier_cannot_be_fitted_is_named():
     X, y, units = fleet()
     chosen = np.isin(y, ["new", "dry1"])
     one_healthy = np.where(y == "new", 0, units)[chosen]
-    with pytest.warns(UserWarning, match="'new' only in 0"):
-        found = evaluate(classifier(), X[chosen], y[chosen], units=one_healthy, healthy="new")
-    assert found.novelty.empty
+    found = evaluate_unknown(classifier(), X[chosen], y[chosen], units=one_healthy, healthy="new")
+    assert found.table.empty
     (caveat,) = [text for text in found.caveats if "could not be left out" in text]
     assert caveat.startswith("'dry1' could not be left out of training. The estimator refuses:")
     assert "no class has recordings in two groups" in caveat
@@ -207,9 +186,9 @@ def test_costs_and_priors_of_the_family_left_out_are_left_out():
     priors = {"new": 0.5, "dry1": 0.125, "dry2": 0.125, "worn": 0.25}
     cost = {("new", "worn"): 10, ("worn", "new"): 2, ("new", "unknown"): 5}
     model = classifier(cost=cost, priors=priors)
-    found = evaluate(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
-    assert found.novelty.index.tolist() == ["dry", "worn"]
-    held = found.novelty_predictions.query("left_out == 'worn' and fold == 0")
+    found = evaluate_unknown(model, X, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
+    assert found.table.index.tolist() == ["dry", "worn"]
+    held = found.predictions.query("left_out == 'worn' and fold == 0")
     rows, test = held["recording"].to_numpy(), np.isin(units, held["group"])
     train = ~test & (y != "worn")
     some = {"new": 2 / 3, "dry1": 1 / 6, "dry2": 1 / 6}
@@ -218,13 +197,7 @@ def test_costs_and_priors_of_the_family_left_out_are_left_out():
     assert held["decision"].tolist() == alone.predict(X[rows]).tolist()
     table = pd.DataFrame(X, columns=["a", "b", "c"]).assign(load=np.arange(len(X)) // 2 % 2)
     router = ConditionRouter(model, "load")
-    routed = evaluate(router, table, y, units=units, families=FAMILIES, healthy="new", n_splits=2)
-    assert routed.novelty.index.tolist() == ["dry", "worn"]
-
-
-def test_the_table_of_families_is_printed_and_escaped(found):
-    text = str(found)
-    assert "families of faults left out of training:" in text
-    assert "AUROC, unknown from known" in text
-    assert "known with typicality &lt;= 0.01" in found._repr_html_()
-    assert found.novelty_summary().loc["worn", "unknown decided healthy"] == "0 (0 to 0)"
+    routed = evaluate_unknown(
+        router, table, y, units=units, families=FAMILIES, healthy="new", n_splits=2
+    )
+    assert routed.table.index.tolist() == ["dry", "worn"]

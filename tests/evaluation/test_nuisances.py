@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,19 +13,27 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 
 from emacm import OrderPSD, OrderResampler, Recording
+from emacm.evaluation import evaluate as evaluation
 from emacm.evaluation.bootstrap import cell_mean, draw_interval, drawn_groups, group_intervals
-from emacm.evaluation.evaluate import evaluate
-from emacm.evaluation.nuisances import (
+from emacm.evaluation.caveats import (
     Nuisance,
     nuisance_caveats,
     nuisance_table,
     predict_by_level,
     read_nuisances,
 )
-from emacm.evaluation.schemes import Fold, Scheme
+from emacm.evaluation.held_out import Fold, Scheme
 from emacm.recordings.meta import Grouping
 
 DATA = Path(os.environ.get("EMACM_DATA", Path(__file__).parents[3] / "shared" / "data"))
+
+
+def evaluate(model, X, y, *, nuisances, **options):
+    """Evaluate, and score the nuisances."""
+    result = evaluation.evaluate(model, X, y, **options)
+    table = result.by_nuisance(X, nuisances)
+    caveats = [*table.attrs["caveats"], *result.caveats]
+    return SimpleNamespace(nuisances=table, caveats=caveats, table=result.table)
 
 
 def fleet(days, n_each=3, seed=0):
@@ -219,17 +228,6 @@ def test_invalid_nuisances_are_refused(nuisances, words):
     table = pd.DataFrame({"day": ["mo", "tu"]})
     with pytest.raises((TypeError, ValueError), match=re.escape(words)):
         read_nuisances(nuisances, table)
-
-
-def test_each_nuisance_has_a_row_for_each_scheme_and_a_line_in_print():
-    X, y, units, day = fleet(["monday", "tuesday"] * 6 + ["tuesday", "monday"])
-    nuisances = {"day": day, "shift": np.tile(["early", "late", "night"], 14)}
-    found = evaluate(GaussianNB(), X, y, units=units, nuisances=nuisances)
-    rows = list(zip(found.nuisances["nuisance"], found.nuisances["scheme"], strict=True))
-    schemes = ["random split", "by unit"]
-    assert rows == [(name, scheme) for name in nuisances for scheme in schemes]
-    assert found.nuisance_summary().loc[("day", "by unit"), "chance"] == "0.5"
-    assert "balanced accuracy by nuisance:" in str(found)
 
 
 def test_the_sampling_rate_of_the_mfpt_rig_predicts_two_of_its_three_states():

@@ -17,7 +17,7 @@ from emacm import (
     Recording,
     explain_decision,
 )
-from emacm.explanations.class_deviations import class_deviations
+from emacm.explanations.deviations import class_deviations
 
 N, FS, SPEED = 6000, 1100, 70.0  # 60.8 revolutions
 LINE = 4.55

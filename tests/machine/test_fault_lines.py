@@ -9,8 +9,8 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import Bearing, FaultLines, OrderPSD, OrderResampler, Recording
-from emacm.machine import lines as machine_lines
-from emacm.machine.lines import FaultSeries, LineLevels, fault_series
+from emacm.machine import fault_lines as machine_lines
+from emacm.machine.fault_lines import FaultSeries, LineLevels, fault_series
 from emacm.orders.columns import OrderTable
 
 STEP = 1 / 25
@@ -204,28 +204,6 @@ def test_sidebands_are_averaged_where_the_spectrum_has_them():
     assert found == {"cage": pytest.approx(15), "far": pytest.approx(8)}
 
 
-def test_a_p_value_counts_the_simulated_levels_that_are_at_least_as_high(monkeypatch):
-    monkeypatch.setattr(machine_lines, "DRAWS", 200)
-    measure = LineLevels(ORDERS, fault_series(BEARING, 2), 0.02, 0.5)
-    shapes = np.array([2.0, 9.0, 2.0])
-    monkeypatch.setattr(measure, "background_shapes", lambda psd: shapes)
-    drawn = [np.sort(measure._background_levels(shape), axis=0) for shape in shapes]
-    assert drawn[0].shape == (200, 4)
-    assert drawn[0].std() > 1.5 * drawn[1].std()  # averages of more segments vary less
-    levels = np.stack([drawn[0][-3], drawn[1][0] - 1, drawn[2][-1] + 1])
-    excess, p = measure.compare(np.ones((3, len(ORDERS))), levels)
-    np.testing.assert_allclose(p, np.repeat([[4 / 201], [1], [1 / 201]], 4, axis=1))
-    np.testing.assert_allclose(excess, levels - [rows.mean(axis=0) for rows in drawn])
-    np.testing.assert_array_equal(measure.p_values(np.ones((3, len(ORDERS))), levels), p)
-
-
-def test_a_series_keeps_what_is_known_of_its_line():
-    (inner,) = [fault for fault in fault_series(BEARING, 3) if fault.name == "BPFI"]
-    line = next(line for line in BEARING.lines() if line.name == "BPFI")
-    assert (inner.kind, inner.slips, inner.sidebands) == (line.kind, True, line.sidebands)
-    assert inner.orders == pytest.approx([line.order * k for k in (1, 2, 3)])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", [1.0, 6.0, 40.0])
 def test_background_alone_is_named_as_often_as_its_p_value_says(shape):
@@ -247,28 +225,6 @@ def test_the_shape_of_the_background_is_found_beside_strong_lines():
     assert np.median(found, axis=1) == pytest.approx([3, 25], rel=0.1)
 
 
-@pytest.mark.parametrize("reach", [0.02, 0.018])
-@pytest.mark.parametrize("place", range(-6, 7))
-def test_the_slip_is_searched_in_steps_of_one_line_of_the_highest_harmonic(reach, place):
-    # A line shows one line of the axis beside it, too; of equal levels the smallest slip is taken.
-    psd = np.ones((1, len(ORDERS)))
-    psd[0, 200 + place] = 100.0
-    series = [FaultSeries("wear", (3.0, 8.0), True)]
-    level, slip, (heights,) = LineLevels(ORDERS, series, reach, 0.5).measure(psd)
-    nearest = np.sign(place) * max(abs(place) - 1, 0)
-    found = abs(nearest) <= 4
-    assert level == pytest.approx(10 if found else 0)
-    assert slip == pytest.approx(nearest * reach / 4 if found else 0)
-    np.testing.assert_allclose(heights, [[0, 20 if found else 0]], atol=1e-9)
-
-
-@pytest.mark.parametrize(("third", "level"), [(10.015, 20 / 3), (10.025, 0)])
-def test_a_line_within_half_a_step_of_a_whole_order_is_predicted_there(third, level):
-    fault = FaultSeries("wear", (third / 3, 2 * third / 3, third), True)
-    measure = LineLevels(ORDERS, [fault], 0.02, 0.5, without_shaft=True)
-    assert measure.measure(spectrum([10])[np.newaxis])[0] == pytest.approx(level, abs=1e-9)
-
-
 @pytest.mark.parametrize(("distance", "level"), [(0.0599, 20), (0.0601, 0)])
 def test_a_fault_within_one_and_a_half_steps_of_the_shaft_is_not_separated(distance, level):
     fault = FaultSeries("wear", tuple((5 + distance) * k for k in (1, 2, 3)), True)
@@ -279,20 +235,6 @@ def test_a_fault_within_one_and_a_half_steps_of_the_shaft_is_not_separated(dista
 def test_order_0_is_no_harmonic_of_the_shaft():
     measure = LineLevels(ORDERS, [FaultSeries("cage", (0.08,), True)], 0.0, 0.5, without_shaft=True)
     assert measure.measure(spectrum([0.04])[np.newaxis])[0] == pytest.approx(20)
-
-
-@pytest.mark.parametrize(
-    ("make", "accepted", "refused"),
-    [
-        (lambda n: fault_series({"screw": 0.1}, n), 100, 101),
-        (lambda n: FaultLines({"screw": 3.0}, slip=n).fit(table(spectrum([]))), 0.1999, 0.2),
-        (lambda n: FaultLines({"screw": 3.0}, background=n).fit(table(spectrum([]))), 0.08, 0.0),
-    ],
-)
-def test_limits_of_the_options(make, accepted, refused):
-    make(accepted)
-    with pytest.raises(ValueError, match=f"got {refused}"):
-        make(refused)
 
 
 def test_levels_of_float32_spectra_are_of_double_precision():
@@ -312,62 +254,6 @@ def test_the_least_p_value_is_one_in_2001_and_is_the_same_in_every_run():
     excess, p = measure().compare(psd, np.array([[100.0]]))
     assert p == pytest.approx(1 / 2001, rel=1e-12)
     assert measure().compare(psd, np.array([[100.0]]))[0] == excess
-
-
-def test_shapes_of_the_background_are_found_from_a_half_to_two_thousand():
-    measure = LineLevels(ORDERS, [FaultSeries("wear", (4.0,), False)], 0.0, 0.5)
-    rng = np.random.default_rng(0)
-    psd = np.stack([np.ones(501), *(rng.standard_gamma(k, 501) for k in (0.1, 3.0, 40.0))])
-    smooth, rough, *others = measure.background_shapes(psd)
-    assert (smooth, rough) == pytest.approx((2000, 0.5), rel=1e-12)
-    steps = np.log(np.divide(others, 0.5)) / np.log(4000) * 119  # a grid of 120, 7 % apart
-    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
-
-
-def test_levels_slips_and_lines_have_a_row_for_each_spectrum():
-    series = [FaultSeries("wear", (4.0, 8.0), True), FaultSeries("belt", (3.0,), False)]
-    psd = np.stack([spectrum([3]), spectrum([4, 8]), spectrum([4.08, 8.16, 3], 1000)])
-    levels, slips, (wear, belt) = LineLevels(ORDERS, series, 0.03, 0.5).measure(psd)
-    np.testing.assert_allclose(levels, [[0, 20], [20, 0], [30, 30]], atol=1e-9)
-    np.testing.assert_allclose(slips, [[0, 0], [0, 0], [0.015, 0]], atol=1e-9)
-    np.testing.assert_allclose(wear, [[0, 0], [20, 20], [30, 30]], atol=1e-9)
-    np.testing.assert_allclose(belt, [[20], [0], [30]], atol=1e-9)
-
-
-@pytest.mark.parametrize(("side", "found"), [(19.96, True), (20.0, False), (20.04, False)])
-def test_sidebands_at_the_end_of_the_spectrum_are_not_taken(side, found):
-    fault = FaultSeries("wear", (11.0,), True, "", (("cage", side - 11.0),))
-    measure = LineLevels(ORDERS, [fault], 0.02, 0.5)
-    psd = spectrum([11, min(side, 20.0)])[np.newaxis]
-    places = measure.sidebands(psd, fault, 0.0)
-    lower = 0.0  # at 22 - side, where there is no line
-    assert places == pytest.approx({"cage": (20 + lower) / 2 if found else lower}, abs=1e-9)
-
-
-def test_the_spread_of_heights_is_their_interquartile_range():
-    rows = np.stack([np.arange(101.0), 3 * np.arange(101.0)[::-1] ** 2])
-    found = machine_lines._spread(rows)
-    assert found.tolist() == [50, 3 * (75**2 - 25**2)]
-
-
-def test_sidebands_are_found_on_an_axis_that_does_not_begin_at_0():
-    fault = FaultSeries("wear", (5.0,), True, "", (("cage", 1.0), ("shaft", 4.88)))
-    psd = spectrum([4, 6.2, 9.88, 0.12], 1000)
-    whole = LineLevels(ORDERS, [fault], 0.02, 0.5)
-    part = LineLevels(ORDERS[1:], [fault], 0.02, 0.5)
-    found = whole.sidebands(psd[np.newaxis], fault, 0.0)
-    assert found == pytest.approx({"cage": 15, "shaft": 30}, abs=1e-9)
-    assert part.sidebands(psd[np.newaxis, 1:], fault, 0.0) == found
-    assert whole.sidebands(psd[np.newaxis], fault, 0.04)["cage"] == pytest.approx(15)
-
-
-def test_half_a_step_is_at_the_shaft_and_one_and_a_half_steps_are_apart_from_it():
-    orders = np.arange(0, 20.25, 0.25)  # exact in binary
-    psd = np.where(np.isin(orders, [3, 6]), 100.0, 1.0)[np.newaxis]
-    for lines, level in (((3.375, 6.75), 0), ((3.374, 6.748), 20), ((2.4375, 6.125), 10)):
-        fault = FaultSeries("wear", lines, True)
-        measure = LineLevels(orders, [fault], 0.125, 4.0, without_shaft=True)
-        assert measure.measure(psd)[0] == pytest.approx(level, abs=1e-9)
 
 
 def test_a_sideband_at_the_second_line_is_not_taken():

@@ -7,7 +7,7 @@ import pytest
 from sklearn.base import clone
 
 from emacm import ConditionRouter, Recording, ShaftHarmonics, evaluate, family_costs
-from emacm.models.actuator_recipe import actuator_recipe
+from emacm.models.recipes import actuator_recipe
 
 FS, TURN = 100.0, 2 * np.pi
 STATES = ("normal", "worn1", "worn2")
@@ -164,7 +164,7 @@ def test_evaluate_passes_the_runs_and_counts_decisions_on_families():
     X, y = campaign(4, loads=(20,))
     families = {"normal": ["normal"], "worn": ["worn1", "worn2"]}
     model = recipe(cost=family_costs(families))
-    result = evaluate(model, X, y, runs="run", families=families, healthy="normal", n_splits=4)
+    result = evaluate(model, X, y, runs="run", healthy="normal", n_splits=4)
     assert result.table.loc["by run", "accuracy"] == 1.0
     assert result.table.loc["by run", "false_alarm_rate"] == 0.0
 

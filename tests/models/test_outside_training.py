@@ -302,19 +302,13 @@ def test_a_recording_without_a_segment_is_stated_to_be_short():
     assert about(run(9, n=N // 10), model).endswith("revolutions, in the training at least 29.92")
 
 
-# What decisions warn of
+# What is stated of single recordings
 
 
-def warned(recording, model=None):
+def defects(recording, model=None):
+    """Return what the resampler and `outside_training` state of a recording."""
     model = model or fitted()[0]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        model.predict([run(50), recording, run(51)])
-    return [str(warning.message) for warning in caught]
-
-
-def test_a_decision_on_good_recordings_warns_of_nothing():
-    assert warned(run(9)) == []
+    return "; ".join([*model[0].quality([recording])["warnings"], about(recording, model)])
 
 
 @pytest.mark.parametrize(
@@ -329,26 +323,12 @@ def test_a_decision_on_good_recordings_warns_of_nothing():
     ],
     ids=["gain", "rpm", "clipping"],
 )
-def test_a_decision_on_a_wrong_input_warns_once_and_names_the_recording(bad, text):
-    (words,) = warned(bad)
-    assert words.startswith("recording 1 (load=20, unit='u9'): ")
-    assert text in words
-    assert words.count("recording") == 1
-
-
-def test_a_decision_does_not_warn_of_what_all_training_recordings_have():
-    model, _ = fitted(change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
-    clipped = run(9, change=lambda s: s | {"current": np.clip(s["current"], -6, 9)})
-    assert not any("recording 1" in text for text in warned(clipped, model))
-    assert "is clipped at 9" in model[0].quality([clipped])["warnings"][0]
-
-
-def test_a_warning_lists_five_recordings_and_counts_the_others():
-    model, _ = fitted()
-    with pytest.warns(UserWarning, match="and 2 more recordings") as caught:
-        model.predict([run(seed, gain=(100, 100)) for seed in range(7)])
-    (warning,) = caught
-    assert str(warning.message).count("all channels 40 dB above training") == 5
+def test_a_wrong_input_is_stated_and_a_decision_is_made_all_the_same(bad, text):
+    model = fitted()[0]
+    assert text in defects(bad, model)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*line at order")  # of `BinTransformer`
+        assert len(model.predict([bad])) == 1
 
 
 def in_units(recording, **units):
@@ -370,8 +350,6 @@ def in_g():
 def test_a_channel_in_another_unit_is_stated_whatever_its_level(in_g, unit, remedy):
     stated = f"channel 'vibration' is in {unit}, in the training in g: {remedy}, or correct the un"
     assert stated in about(in_units(run(9), vibration=unit), in_g)
-    (words,) = warned(in_units(run(9), vibration=unit), in_g)
-    assert stated in words
 
 
 @pytest.mark.parametrize("units", [{}, {"vibration": "g"}, {"vibration": "gn", "current": " A"}])
@@ -443,17 +421,13 @@ FEATURES = [
         (-1, (1, -1), "50 % of the revolutions are forward, in the training only in reverse"),
     ],
 )
-def test_a_direction_that_the_training_does_not_have_is_stated_and_warned_of(
-    features, known, new, text
-):
+def test_a_direction_that_the_training_does_not_have_is_stated(features, known, new, text):
     model = make_pipeline(clone(features), DecisionTreeClassifier(random_state=0))
     X, y = [turning(seed, (known,)) for seed in range(6)], ["healthy", "worn"] * 3
     model.fit(X, y)
     assert outside_training(model, X) == [[]] * 6
     stated = outside_training(model, [turning(9, new)])[0]
     assert sum(text in sentence for sentence in stated) == 1
-    with pytest.warns(UserWarning, match=f"recording 1: .*{text}"):
-        model.predict([X[0], turning(9, new)])
 
 
 def test_directions_of_the_training_and_short_moves_are_not_stated():

@@ -29,8 +29,8 @@ from emacm import (
     open_recording,
     score,
 )
+from emacm.files import folder as files
 from emacm.models.scoring import scored_rows
-from emacm.recordings import files
 
 RNG = np.random.default_rng(4)
 FS, N = 1000.0, 3000
@@ -433,7 +433,7 @@ FAILURES = {
         "a.csv",
         lambda p: csv(p, text="1,2," * 6000),
         LAYOUT,
-        "at most 10000 are read. Save a row for each time",
+        "has no column",
     ),
     "column without any value": (
         "a.csv",
@@ -458,9 +458,9 @@ FAILURES = {
         "a.npz",
         lambda p: header(p, b"(-10,) "),
         LAYOUT,
-        r"array 'vib' has the shape \(-10,\)",
+        "damaged",
     ),
-    "array of another length": ("a.npz", lambda p: header(p, b"(40000,)"), LAYOUT, "smaller than"),
+    "array of another length": ("a.npz", lambda p: header(p, b"(40000,)"), LAYOUT, "damaged"),
     "array of three dimensions": (
         "a.npz",
         lambda p: npz(p, vib=np.ones((N, 2, 2))),

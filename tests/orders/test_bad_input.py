@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
 from bad_input import (
-    THETA_S,
     Case,
     T,
     V,
@@ -17,11 +15,9 @@ from bad_input import (
     run,
     spoilt,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy import sparse
 
-from emacm import OrderPSD, Recording
+from emacm import OrderPSD
 
 
 def psd_after_fit(X):
@@ -452,33 +448,3 @@ run = Recording({"a": rng.normal(size=2000)}, 1000, velocity=speed)
 over_angle = OrderResampler(2 * np.pi / 64).fit_transform([run])
 result = OrderPSD(4, short="pad").fit_transform(over_angle)
 """)
-
-
-@FUZZ
-@given(st.lists(NUMBERS, max_size=12), st.lists(NUMBERS, max_size=12), NUMBERS, st.booleans())
-def test_a_run_of_any_numbers_has_a_spectrum_or_is_refused(signal, shaft, fs, as_angle):
-    name = "angle" if as_angle else "velocity"
-
-    def call():
-        made = Recording({"a": signal}, fs, **{name: shaft})
-        return psd(over_angle([made]), revolutions=0.1, short="pad")
-
-    assert not np.isnan(survive(call)).any()
-
-
-@FUZZ
-@given(ANYTHING, st.sampled_from([None, THETA_S]))
-def test_a_spectrum_of_anything_is_estimated_or_refused(X, theta_s):
-    assert not np.isnan(survive(lambda: OrderPSD(2, theta_s=theta_s).fit_transform(X))).any()
-
-
-@FUZZ
-@given(
-    st.sampled_from(sorted(OrderPSD().get_params().keys() - {"n_jobs", "verbose", "memory"})),
-    VALUES,
-    st.sampled_from(["raise", "pad"]),
-)
-def test_any_option_of_the_spectrum_is_taken_or_refused(name, value, short):
-    X = over_angle([run()])
-    options = {"revolutions": 2, "short": short} | {name: value}
-    assert not np.isnan(survive(lambda: OrderPSD(**options).fit_transform(X))).any()

@@ -2,11 +2,7 @@
 
 import numpy as np
 import pandas as pd
-import pytest
-from anything import ANYTHING, FUZZ, NUMBERS, VALUES, survive
-from bad_input import Case, T, V, check_it_ends, check_refused, each, spectra
-from hypothesis import example, given
-from hypothesis import strategies as st
+from bad_input import Case, T, V, check_refused, each, spectra
 from scipy import sparse
 
 from emacm import BinTransformer
@@ -299,39 +295,3 @@ CASES = [
 @each(CASES)
 def test_bad_input_is_refused_with_what_where_and_what_to_do(case):
     check_refused(case)
-
-
-@pytest.mark.slow
-def test_a_table_of_bins_far_narrower_than_the_lines_comes_to_an_end():
-    check_it_ends("""
-try:
-    result = BinTransformer(2e-5, max_order=8).fit_transform(np.ones((2, 33)))
-except ValueError as error:
-    assert "bin_size" in str(error)
-    result = 0
-""")
-
-
-@FUZZ
-@given(ANYTHING)
-@example(10**400)
-@example([[10**400, 1]])
-def test_bins_of_anything_are_made_or_refused(X):
-    assert not np.isnan(survive(lambda: BinTransformer(max_order=8).fit_transform(X))).any()
-
-
-@FUZZ
-@given(st.sampled_from(sorted(BinTransformer().get_params())), VALUES)
-def test_any_option_of_the_bins_is_taken_or_refused(name, value):
-    table = OrderTable(np.ones((2, 33)), order_columns(["a"], np.arange(33) / 2))
-    options = {"max_order": 8} | {name: value}
-    result = survive(lambda: BinTransformer(**options).fit_transform(table))
-    assert not np.isnan(result).any()
-
-
-@FUZZ
-@given(st.lists(st.tuples(NUMBERS, NUMBERS), max_size=3), st.lists(NUMBERS, max_size=4))
-def test_any_bands_and_edges_make_bins_that_are_not_negative_or_are_refused(stop_bands, edges):
-    table = OrderTable(np.ones((2, 33)), order_columns(["a"], np.arange(33) / 2))
-    bins_of = BinTransformer(edges=edges, stop_bands=stop_bands)
-    assert (survive(lambda: bins_of.fit_transform(table)) >= 0).all()

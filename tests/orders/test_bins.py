@@ -66,16 +66,6 @@ def test_edges_carry_no_rounding_errors():
     assert bin_edges(0.1, 0.5) == [(0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.4, 0.5)]
 
 
-def test_a_bin_wider_than_the_range_is_the_range():
-    assert bin_edges(10, 3) == [(0, 3)]
-
-
-def test_there_are_ten_thousand_bins_at_most():
-    assert len(bin_edges(1, 10_000)) == 10_000
-    with pytest.raises(ValueError, match=r"bin_size = 1 would make 1e\+04 bins up to order 10001"):
-        bin_edges(1, 10_001)
-
-
 @given(st.floats(0.01, 100), st.floats(0.01, 100))
 def test_bins_adjoin_from_0_to_the_highest_order(bin_size, max_order):
     edges = bin_edges(bin_size, max_order)
@@ -142,13 +132,6 @@ def test_a_flat_spectrum_fills_each_bin_by_its_width(lines_per_bin):
     np.testing.assert_allclose(bins, 1, rtol=1e-12)
 
 
-def test_uneven_lines_are_integrated_too():
-    orders, psd = np.array([0.0, 0.1, 2.0, 2.5, 7.0]), np.array([1.0, 3.0, 0.5, 4.0, 2.0])
-    bins = bin_operator(orders, [(0.05, 2.2), (2.2, 6.9)]) @ psd
-    expected = [integral(orders, psd, 0.05, 2.2), integral(orders, psd, 2.2, 6.9)]
-    np.testing.assert_allclose(bins, expected, rtol=1e-12)
-
-
 # Stop bands
 
 
@@ -175,10 +158,6 @@ def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
     taken = bin_operator(orders, whole) @ psd - bin_operator(orders, whole, stop_bands=bands) @ psd
     expected = sum(integral(orders, psd, low, high) for low, high in union)
     assert taken[0] == pytest.approx(expected, rel=1e-9, abs=1e-9 * trapezoid(psd, orders))
-
-
-def test_stop_bands_are_joined_where_they_touch():
-    assert check_stop_bands([(6, 7), (1, 2), (2, 3), (6.5, 6.8)]) == [(1, 3), (6, 7)]
 
 
 @pytest.mark.parametrize(
@@ -245,12 +224,6 @@ def test_bins_are_named_by_channel_and_edges():
 def test_numbers_in_names_are_the_shortest_exact_ones(bin_size, max_order, names):
     bins = BinTransformer(bin_size, max_order=max_order).fit(table(np.arange(3.0), np.ones(3)))
     assert bins.get_feature_names_out().tolist() == names
-
-
-@pytest.mark.parametrize("zero", [-0.0, 0.0])
-def test_edges_of_either_zero_have_one_name(zero):
-    bins = BinTransformer(edges=[zero, 1, 2]).fit(table(np.arange(3.0), np.ones(3)))
-    assert bins.get_feature_names_out().tolist() == ["current@0-1", "current@1-2"]
 
 
 def test_columns_run_channel_by_channel():
@@ -441,50 +414,10 @@ def test_a_value_that_is_not_finite_is_named_with_recording_and_column(form, val
             use(bad)
 
 
-def test_the_orders_of_a_plain_table_may_end_below_one():
-    psd = np.ones((2, 9))
-    bins = BinTransformer(0.3, max_order=0.8).fit(psd)
-    assert bins.get_feature_names_out().tolist() == [
-        "signal@0-0.3",
-        "signal@0.3-0.6",
-        "signal@0.6-0.8",
-    ]
-    np.testing.assert_allclose(bins.transform(psd)[1], [0.3, 0.3, 0.2], rtol=1e-12)
-
-
 def test_a_step_that_contradicts_two_orders_is_refused():
     two = OrderTable(np.ones((1, 2)), ["a@0", "a@0.75"])
     with pytest.raises(ValueError, match=r"order_step = 0.5 contradicts .*'a'.* lie 0.75 apart"):
         BinTransformer(0.5, max_order=0.5, order_step=0.5).fit(two)
-
-
-def test_an_edge_lies_on_the_start_of_the_axis_to_1e_9():
-    orders = np.array([0.5, 1, 2])
-    assert bin_operator(orders, [(0.5 - 0.9e-9, 2)]).sum() == pytest.approx(1.5)
-    with pytest.raises(ValueError, match="reaches beyond"):
-        bin_operator(orders, [(0.5 - 1.1e-9, 2)])
-
-
-def test_ten_thousand_bins_are_the_most():
-    assert len(bin_edges(0.0008, 8)) == 10_000
-    with pytest.raises(ValueError, match=r"would make 1.01e\+04 bins up to order 8"):
-        bin_edges(0.00079, 8)
-
-
-@pytest.mark.parametrize(("factor", "same"), [(1 + 0.9e-9, True), (1 + 1.1e-9, False)])
-def test_a_step_agrees_with_the_orders_to_1e_9(factor, same):
-    spectrum = OrderTable(np.ones((1, 5)), [f"a@{k / 2}" for k in range(5)])
-    bins = BinTransformer(1, max_order=2, order_step=0.5 * factor)
-    if same:
-        assert bins.fit_transform(spectrum).shape == (1, 2)
-    else:
-        with pytest.raises(ValueError, match=r"contradicts the columns of 'a'"):
-            bins.fit(spectrum)
-
-
-def test_an_edge_of_minus_0_is_0():
-    bins = BinTransformer(edges=[-0.0, 1.5]).fit(np.ones((1, 51)))
-    assert bins.get_feature_names_out().tolist() == ["signal@0-1.5"]
 
 
 @pytest.mark.parametrize("lost", [np.asarray, lambda X: X[:, :].view(np.ndarray), lambda X: X + 0])
@@ -529,32 +462,6 @@ def test_of_columns_at_uneven_orders_the_step_that_differs_is_stated(orders, apa
     spectrum = OrderTable(np.ones((1, 3)), [f"a@{order}" for order in orders])
     with pytest.raises(ValueError, match=rf"order_step = 1 contradicts .* lie {apart} apart\."):
         BinTransformer(1, max_order=1, order_step=1).fit(spectrum)
-
-
-def test_orders_of_columns_without_names_need_a_highest_one_above_0():
-    for top in (0, -1):
-        with pytest.raises(ValueError, match=f"max_order must be .* above 0, got {top}"):
-            BinTransformer(edges=[0, 1], max_order=top).fit(np.ones((1, 5)))
-
-
-@pytest.mark.parametrize("options", [{"bin_size": 0.5}, {"edges": [0.3, 0.7, 2.9]}])
-def test_columns_without_names_reach_to_the_highest_order(options):
-    psd = np.random.default_rng(0).gamma(2, size=(3, 13))
-    named = OrderTable(psd, [f"a@{k / 4}" for k in range(13)])
-    bins = BinTransformer(max_order=3, **options)
-    expected = np.asarray(bins.fit_transform(named))
-    np.testing.assert_allclose(bins.fit_transform(psd), expected, rtol=1e-12)
-    stated = BinTransformer(max_order=3, order_step=0.25, **options)
-    np.testing.assert_allclose(stated.fit_transform(psd), expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("at_once", [1, 2, 3, 7])
-def test_bins_that_are_computed_in_groups_are_those_of_one_group(at_once, monkeypatch):
-    orders, edges = np.arange(25) / 4, bin_edges(0.5, 6)
-    expected = bin_operator(orders, edges, stop_bands=[(1.1, 1.3), (3.9, 5.2)])
-    monkeypatch.setattr("emacm.orders.bins._AT_ONCE", at_once * len(orders))
-    found = bin_operator(orders, edges, stop_bands=[(1.1, 1.3), (3.9, 5.2)])
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("names", [["a@0", "a@1", "a@1"], ["x", "x", "y"]])

@@ -469,36 +469,10 @@ def test_names_of_other_channels_are_refused(over_angle):
         estimator.get_feature_names_out(["torque", "lvdt", "error"])
 
 
-def test_a_stroke_of_two_samples_is_long_enough_to_be_padded():
-    angle = np.linspace(0, 3, 50)
-    signals = {"a": np.cos(angle), "b": np.sin(3 * angle)}
-    rows = OrderResampler(2.0).fit_transform([Recording(signals, 50, angle=angle)])
-    assert rows[0].strokes[0].n_angles == 2
-    cross = OrderCrossSpectrum(n_per_segment=4, kind="cross", short="pad", detrend=None)
-    assert np.isfinite(cross.fit_transform(rows)).all()
-
-
 def test_a_recording_of_another_angle_step_is_named(over_angle):
     other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive(unit="odd")])
     with pytest.raises(ValueError, match=r"recording 2 \(unit='odd'\).*theta_s"):
         OrderCrossSpectrum(4).fit([*over_angle[:2], *other])
-
-
-def test_a_stroke_of_one_sample_beside_longer_ones_is_left_out_of_padding():
-    resampler = OrderResampler(TURN / 8, antialias=False, interpolation="linear")
-    rng = np.random.default_rng(3)
-    forth, back = np.linspace(0, 30, 400), np.linspace(30, 29.7, 9)
-    angle = np.r_[forth, back[1:]]
-    signals = {"z": rng.standard_normal(len(angle)), "a": rng.standard_normal(len(angle))}
-    rows = resampler.fit_transform([Recording(signals, 100, angle=angle)])
-    assert [stroke.n_angles for stroke in rows[0].strokes] == [39, 1]
-    one = resampler.fit_transform(
-        [Recording({name: x[:400] for name, x in signals.items()}, 100, angle=forth)]
-    )
-    for estimator in (OrderCrossSpectrum(8, kind="cross", short="pad"), OrderPSD(8, short="pad")):
-        np.testing.assert_allclose(
-            estimator.fit_transform(rows), estimator.fit_transform(one), rtol=1e-9
-        )
 
 
 def constant_speed(signals, n_times=4000):
@@ -523,47 +497,6 @@ def test_the_unit_of_a_channel_changes_the_response_by_its_factor(unit):
         for f in (1.0, unit)
     )
     np.testing.assert_allclose(np.asarray(other) * unit, one, rtol=1e-9)
-
-
-def test_a_stroke_that_just_holds_a_segment_is_used():
-    x, y = np.random.default_rng(0).standard_normal((2, 4000))
-    rows = constant_speed({"z": x, "a": y})
-    n_angles = rows[0].strokes[0].n_angles
-    cross = OrderCrossSpectrum(n_per_segment=n_angles, kind="cross").fit_transform(rows)
-    assert np.abs(cross).max() > 0
-    psd = OrderPSD(n_per_segment=n_angles).fit_transform(rows)
-    assert psd.min() > 0
-    with pytest.raises(ValueError, match="no stroke holds a segment"):
-        OrderCrossSpectrum(n_per_segment=n_angles + 1).fit_transform(rows)
-
-
-def test_values_beyond_float64_are_refused_without_a_warning():
-    x, y = np.random.default_rng(0).standard_normal((2, 4000))
-    rows = constant_speed({"z": 1e-160 * x, "a": 1e160 * y})
-    with pytest.raises(ValueError, match="recording 0: some value exceeds the range of float64"):
-        OrderCrossSpectrum(8).fit_transform(rows)
-
-
-def test_input_names_are_the_channels_of_the_first_recording():
-    x = np.random.default_rng(0).standard_normal((3, 4000))
-    rows = constant_speed({"z": x[0], "a": x[1]}) + constant_speed(dict(zip("zba", x, strict=True)))
-    cross = OrderCrossSpectrum(8, bin_size=4, max_order=4).fit(rows)
-    assert cross.get_feature_names_out(["z", "a"])[0] == "z*a:response.real@0-4"
-    with pytest.raises(ValueError, match="input_features"):
-        cross.get_feature_names_out([*"zba"])
-
-
-@pytest.mark.parametrize(("factor", "has_power"), [(0.98, False), (1.02, True)])
-def test_a_constant_may_vary_by_one_part_in_100_million(factor, has_power):
-    tone, other = np.sin(np.arange(4000) / 10), np.random.default_rng(0).standard_normal(4000)
-    psd = np.asarray(OrderPSD(8).fit_transform(constant_speed({"z": tone})))
-    least = 1e-8 * 3 / np.sqrt(psd.max())  # amplitude of a tone whose density is the square of it
-    rows = constant_speed({"z": 3 + factor * least * tone, "a": other})
-    if has_power:
-        assert np.isfinite(OrderCrossSpectrum(8).fit_transform(rows)).all()
-    else:
-        with pytest.raises(ValueError, match="channel 'z' has no power"):
-            OrderCrossSpectrum(8).fit_transform(rows)
 
 
 @pytest.mark.parametrize("first", [1000, 3000])

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import fft
 
-from emacm import _kernels
 from emacm._kernels import using
 from emacm.orders.segment_plan import SegmentPlan
 
@@ -110,37 +109,6 @@ def test_the_mean_is_kept_unless_it_is_to_be_removed(name):
 
 
 @both_kernels
-@pytest.mark.parametrize("size", [1, 3000, 100_000])
-def test_batches_of_rows_and_segments_add_up(name, monkeypatch, size):
-    signals = np.random.default_rng(0).standard_normal((5, 4096))
-    cut = signals, 0, 32, np.ones(64), 127
-    with using(name):
-        monkeypatch.setattr(_kernels.loops, "SEGMENT_BYTES", size)
-    found = segment_powers(name, *cut, 33, False)
-    np.testing.assert_allclose(found, by_scipy(*cut, False), rtol=1e-11)
-
-
-@pytest.mark.parametrize("n_segments", [1, 2])
-def test_a_quarter_is_transformed_for_the_lowest_lines(monkeypatch, n_segments):
-    lengths = []
-
-    def noting(transform):
-        def noted(segments, *args, **kwargs):
-            lengths.append(segments.shape[-1])
-            return transform(segments, *args, **kwargs)
-
-        return noted
-
-    cut = np.ones((1, 8192)), 0, 4096, np.ones(4096), n_segments
-    segment_powers("numba", *cut, 256, False)  # designs the low pass, by a transform
-    for name in ("fft", "rfft"):
-        monkeypatch.setattr(fft, name, noting(getattr(fft, name)))
-    segment_powers("numba", *cut, 256, False)
-    segment_powers("numba", *cut, 257, False)
-    assert lengths == [1024, 4096]
-
-
-@both_kernels
 @pytest.mark.parametrize("length", [2, 4, 6, 7, 8, 10, 12, 64, 72])
 def test_any_number_of_lines_may_be_wanted(name, length):
     signals = np.random.default_rng(0).standard_normal((2, 4 * length))
@@ -159,18 +127,6 @@ def test_segments_may_be_odd_in_number_and_in_length(name, n_segments, length):
     cut = signals, 2, length // 2, np.hanning(length), n_segments
     found = segment_powers(name, *cut, length // 2 + 1, True)
     np.testing.assert_allclose(found, by_scipy(*cut, True), rtol=1e-11, atol=1e-20)
-
-
-@both_kernels
-@pytest.mark.parametrize("remove_mean", [True, False])
-def test_windowed_segments_are_those_of_the_signal(name, remove_mean):
-    signals = np.random.default_rng(0).standard_normal((2, 1000)) + 5
-    window, found = np.hanning(128), np.empty((2, 17, 128))
-    with using(name):
-        _kernels.loops.set_segments(signals, 7, 50, window, remove_mean, None, found)
-    part = signals[1, 7 + 3 * 50 :][:128]
-    expected = window * (part - remove_mean * part.mean())
-    np.testing.assert_allclose(found[1, 3], expected, atol=1e-14)
 
 
 @both_kernels

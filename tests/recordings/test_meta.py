@@ -1,18 +1,14 @@
 """Facts about the reader of meta: every form is read alike, and what is missing is located."""
 
 import re
-from collections import UserList
 
 import numpy as np
 import pandas as pd
 import pytest
-import scipy.sparse
 from sklearn.linear_model import LogisticRegression
 
 from emacm import ConditionRouter, Recording
 from emacm.recordings.meta import (
-    chosen_rows,
-    condition_name,
     plain_label,
     read_grouping,
     read_meta,
@@ -61,13 +57,6 @@ def test_labels_are_named_by_their_key_or_series():
     assert read_grouping(None, FLEET, "runs", "run") is None
 
 
-def test_labels_of_tuples_stay_apart_when_written_as_text():
-    pairs = [("a, 1", 2), ("a", "1, 2"), ("a", 12)]
-    labels = read_grouping(pairs, FLEET, "runs", "run").labels
-    assert labels.ndim == 1
-    assert len(np.unique(labels)) == 3
-
-
 def test_dates_are_labels():
     days = pd.to_datetime(["2024-05-02", "2024-05-01", "2024-05-02"])
     frame = pd.DataFrame({"day": days})
@@ -110,11 +99,6 @@ def test_what_selects_nothing_is_refused(keys):
         read_grouping(keys, FLEET, "units", "unit")
 
 
-def test_no_key_is_refused():
-    with pytest.raises(ValueError, match=r"condition must name at least one key of meta, got \(\)"):
-        read_meta(FLEET, ())
-
-
 @pytest.mark.parametrize("values", [[1, 2], [[1, 2, 3]], np.zeros((3, 1))])
 def test_an_array_of_another_length_is_refused(values):
     with pytest.raises(ValueError, match=r"runs must hold one label for each of 3 recordings.*got"):
@@ -134,74 +118,8 @@ def test_an_array_is_not_split_with_the_recordings():
         router.fit(np.zeros((4, 1)), ["a", "b"] * 2)
 
 
-@pytest.mark.parametrize(
-    "values", [["a", "b", "c"], ("a", "b", "c"), np.array(["a", "b", "c"]), UserList("abc")]
-)
-def test_rows_are_chosen_from_any_sequence(values):
-    assert list(chosen_rows(values, np.array([2, 0]))) == ["c", "a"]
-
-
-def test_labels_may_be_numbers_of_several_types():
-    assert read_grouping([7, 2.5, 3], FLEET, "runs", "run").labels.tolist() == [7, 2.5, 3]
-    with pytest.raises(TypeError, match="runs must hold labels of one kind, got int, str"):
-        read_grouping([7, "a", 3], FLEET, "runs", "run")
-
-
 def test_labels_are_python_objects():
     labels = [np.int64(3), np.float32(0.5), np.str_("a"), np.timedelta64(2, "s"), "b", None]
     found = [plain_label(label) for label in labels]
     assert found == [3, 0.5, "a", pd.Timedelta("2s"), "b", None]
     assert [type(label) for label in found[:4]] == [int, float, str, pd.Timedelta]
-
-
-def test_a_table_without_rows_has_no_recordings():
-    with pytest.raises(ValueError, match="X contains no recording; at least one is needed"):
-        read_meta(pd.DataFrame({"load": []}), "load")
-
-
-def test_rows_of_tables_are_chosen_by_their_place_and_not_by_their_index():
-    frame = pd.DataFrame({"load": [40, 100, 20]}, index=[2, 0, 1])
-    assert chosen_rows(frame, np.array([2, 0]))["load"].to_dict() == {1: 20, 2: 40}
-    assert chosen_rows(frame["load"], np.array([2, 0])).to_dict() == {1: 20, 2: 40}
-
-
-def test_a_condition_is_named_by_its_keys_or_as_a_condition():
-    assert condition_name("load", 20.5) == "load=20.5"
-    assert condition_name(("unit", "load"), ("A", 20)) == "unit='A', load=20"
-    assert condition_name(lambda run: run.meta["load"], "low") == "condition 'low'"
-
-
-def test_chosen_rows_of_an_array_are_an_array():
-    found = chosen_rows(np.array([[1, 2], [3, 4], [5, 6]]), np.array([2, 0]))
-    assert isinstance(found, np.ndarray)
-    assert found.tolist() == [[5, 6], [1, 2]]
-
-
-def test_labels_of_sparse_rows_are_read():
-    X = scipy.sparse.csr_array(np.eye(3))
-    assert read_meta(X, ["a", "b", "c"], arrays=True) == ["a", "b", "c"]
-
-
-def test_kinds_of_labels_are_listed_by_name():
-    with pytest.raises(TypeError, match="labels of one kind, got float, int, str, tuple"):
-        read_grouping([("a",), 2, "b", 2.5], runs({}, {}, {}, {}), "runs", "run")
-
-
-@pytest.mark.parametrize(("arrays", "words"), [(True, "an array with one label"), (False, None)])
-def test_an_array_is_offered_only_where_it_is_accepted(arrays, words):
-    with pytest.raises(TypeError, match="a function of the recording") as caught:
-        read_meta(FLEET, {"unit"}, arrays=arrays)
-    assert ("or an array with one label for each recording" in str(caught.value)) is arrays
-    remedy = "or an array." if arrays else "or a function that reads it."
-    with pytest.raises(TypeError, match=r"Pass recordings with meta={'load': \.\.\.}, " + remedy):
-        read_meta([1, 2], "load", arrays=arrays)
-
-
-def test_a_missing_column_is_called_a_column():
-    with pytest.raises(ValueError, match=r"recording 0 has no column 'run', only \['unit', 'load'"):
-        read_meta(FRAME, "run")
-
-
-def test_rows_of_a_list_or_tuple_are_a_list():
-    for kind in (list, tuple, UserList):
-        assert chosen_rows(kind("abc"), np.array([2, 0])) == ["c", "a"]

@@ -28,7 +28,6 @@ from emacm import (
     LeastRiskClassifier,
     Recording,
     RecordingStatistics,
-    SignalCache,
     bearing_recipe,
     family_costs,
     order_bands,
@@ -37,6 +36,7 @@ from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import page_of
 from emacm.reports.pictures import draw, n_panels
+from emacm.resampling.signal_cache import SignalCache
 
 
 def page(model, new, name="run 7", **options):

@@ -9,7 +9,8 @@ import pytest
 FORKS = """
 import os, threading, time, warnings
 import numpy as np
-from emacm import OrderResampler, Recording, SignalCache
+from emacm import OrderResampler, Recording
+from emacm.resampling.signal_cache import SignalCache
 
 warnings.simplefilter("ignore")  # Python 3.12 warns of any fork with threads
 angle = 30 * np.sin(np.arange(40_000) / 900)

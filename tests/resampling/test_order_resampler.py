@@ -417,19 +417,6 @@ def test_quality_resamples_nothing(count):
 # What comes out
 
 
-def test_strokes_follow_what_is_written_to_the_file_of_the_velocity(tmp_path):
-    file = tmp_path / "velocity.npy"
-    np.save(file, run(0).velocity)
-    mapped = Recording(run(0).signals, FS, velocity=np.load(file, mmap_mode="r"))
-    (over_angle,) = OrderResampler(THETA_S).fit_transform([mapped])
-    np.testing.assert_array_equal(values([over_angle])[0], values(resampled(run(0).velocity))[0])
-    np.save(file, run(1).velocity)  # in place: the map shows it
-    for found, expected in zip(
-        values([over_angle]), values(resampled(run(1).velocity)), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
-
-
 def test_two_reads_of_the_same_strokes_compare_equal():
     (recording,) = OrderResampler(THETA_S).fit_transform([run()])
     assert recording.strokes == recording.strokes
@@ -643,12 +630,9 @@ def test_a_slip_of_the_encoder_is_refused_with_its_time(slip, reference):
         resampler.transform([slipping(0.0), slipping(slip, reference=reference)])
 
 
-def test_a_small_slip_gives_a_warning_in_transform_and_quality():
+def test_a_small_slip_is_resampled_and_stated_in_quality():
     resampler = OrderResampler(2 * np.pi / 32).fit([slipping(0.0)])
-    with pytest.warns(
-        UserWarning, match=r"recording 0 \(unit='B'\): the shaft's angle jumps by 0.8"
-    ):
-        resampler.transform([slipping(0.8)])
+    assert len(resampler.transform([slipping(0.8)])) == 1
     assert "angle jumps by 0.8" in resampler.quality([slipping(0.8)])["warnings"][0]
     assert "12" in resampler.quality([slipping(12.0)])["warnings"][0]
 

@@ -17,10 +17,10 @@ from emacm import (
     Recording,
     RecordingStatistics,
     SignalBaseline,
-    SignalCache,
     StrokeProfile,
     actuator_recipe,
 )
+from emacm.resampling.signal_cache import SignalCache
 
 FS = {"torque": 900.0, "current": 600.0, "force": 600.0}
 LENGTHS = (6.5, -6.5, 5.3, -2.2)  # revolutions of the strokes

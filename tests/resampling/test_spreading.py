@@ -14,8 +14,8 @@ import emacm.resampling.spreading
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording, _kernels
 from emacm._kernels import using
 from emacm.orders.welch import order_psd
+from emacm.resampling.angle_recording import interpolated
 from emacm.resampling.fine_grid import PASS
-from emacm.resampling.interpolation import interpolated
 from emacm.resampling.spreading import spread_rows, upsampling
 from emacm.shaft.paths import ShaftPath
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.shaft.jumps import largest_jump
-from emacm.shaft.motion import BLOCK, DifferentiatedVelocity
+from emacm.shaft.motion import BLOCK, DifferentiatedVelocity, largest_jump
 
 FS = 1000.0
 

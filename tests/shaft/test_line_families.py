@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.shaft.line_families import orders_stand_out
+from emacm.shaft.vibration import orders_stand_out
 
 FS = 2000
 TIMES = np.arange(4 * FS) / FS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.shaft.steady_seconds import steady_seconds
+from emacm.shaft.phase_refinement import steady_seconds
 
 FS = 1000
 N_SECONDS = 8

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from emacm import OrderPSD, OrderResampler
-from emacm.simulation.fleet import STATES, simulate_actuator, simulate_fleet
+from emacm.simulation.fleet import STATES, simulate_actuator, simulate_fleet, thesis_benches
 
 
 def density_at(recording, channel, order):
@@ -85,3 +85,24 @@ def test_the_range_of_severities_is_a_pair_in_0_to_1():
         simulate_fleet(1, 1, severity=(0.5, 1.5))
     with pytest.raises(TypeError, match=r"severity must be a pair such as \(0.3, 0.7\), got 0.5"):
         simulate_fleet(1, 1, severity=0.5)
+
+
+def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease():
+    healthy, degraded = thesis_benches()
+    assert healthy.faults == {}
+    assert degraded.faults == {"inner ring": 0.5, "lubrication": 0.25}
+    assert degraded.orders["inner ring"][0] == pytest.approx(6.123, abs=5e-4)
+    assert degraded.electrical_noise < healthy.electrical_noise
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"grease": 1.2}, ValueError, "grease must be a number at least 0 and at most 1, got 1.2"),
+        ({"severity": 2}, ValueError, "severity of 'inner ring' must be a number"),
+        ({"electrical_noise": 1.0}, TypeError, "electrical_noise must be a pair, .* got 1.0"),
+    ],
+)
+def test_a_wrong_unit_of_the_thesis_is_named(arguments, error, message):
+    with pytest.raises(error, match=message):
+        thesis_benches(**arguments)

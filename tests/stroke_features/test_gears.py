@@ -8,7 +8,7 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from emacm import GearIndicators, OrderResampler, Recording, SynchronousAverage
-from emacm.stroke_features.gear_signals import (
+from emacm.stroke_features.gears import (
     fm0,
     mesh_envelope,
     mesh_orders,
@@ -98,7 +98,7 @@ def test_the_average_is_exact_over_whole_revolutions():
     one_turn = rng.normal(size=N)
     signal = np.tile(one_turn, 21)[: 20 * N + 17]
     from emacm.stroke_features.gears import average_revolution
-    from emacm.stroke_features.signals import StrokeSignal
+    from emacm.stroke_features.transformer import StrokeSignal
 
     travel = TURN / N * np.arange(len(signal))
     stroke = StrokeSignal(signal, travel, 0.0, 1, None)

@@ -142,11 +142,3 @@ def test_what_are_no_positions_is_refused(kind, position, signal, message):
 def test_no_coefficient_is_none(kind):
     with pytest.raises(ValueError, match="at least 1, got 0"):
         kind([0, 1], [0, 1], 0)
-
-
-def test_a_long_signal_is_projected_a_block_at_a_time(monkeypatch):
-    position = np.linspace(0, 1, 1001) ** 1.5
-    signal = np.stack([np.sin(9 * position), position**2])
-    whole = cosine_coefficients(position, signal, 7)
-    monkeypatch.setattr("emacm.stroke_features.profile._BLOCK", 6 * 64)
-    np.testing.assert_allclose(cosine_coefficients(position, signal, 7), whole, atol=1e-15)

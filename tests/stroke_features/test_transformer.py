@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.compose import ColumnTransformer, make_column_selector
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
@@ -143,15 +142,6 @@ def test_numbers_are_the_same_with_workers_after_pickle_and_for_a_tuple(kind):
 
 
 @kinds_over_time
-def test_parameters_are_kept_as_they_are_given(kind):
-    parameters = kind.get_params()
-    copied = clone(kind)
-    assert copied.get_params() == parameters
-    copied.fit(FLEET)
-    assert copied.get_params() == parameters
-
-
-@kinds_over_time
 def test_without_directions_no_column_has_a_sign(kind):
     names = clone(kind).set_params(by_direction=False).fit(FLEET).get_feature_names_out()
     assert {name.partition(":")[0] for name in names} == {"current", "position"}
@@ -244,20 +234,6 @@ def test_a_saved_pipeline_decides_as_before(tmp_path):
     joblib.dump(fitted, tmp_path / "model.joblib")
     loaded = joblib.load(tmp_path / "model.joblib")
     np.testing.assert_array_equal(loaded.predict_proba(FLEET), fitted.predict_proba(FLEET))
-
-
-def test_columns_can_be_chosen_by_their_names():
-    frame = RecordingStatistics().set_output(transform="pandas").fit_transform(FLEET)
-    scaled = ColumnTransformer(
-        [("rms", StandardScaler(), make_column_selector(pattern=":rms$"))],
-        verbose_feature_names_out=False,
-    ).set_output(transform="pandas")
-    assert list(scaled.fit_transform(frame).columns) == [
-        "current+:rms",
-        "current-:rms",
-        "position+:rms",
-        "position-:rms",
-    ]
 
 
 @kinds
@@ -421,20 +397,6 @@ def test_channels_whose_columns_would_have_one_name_are_refused(kind):
     levels = RecordingStatistics(("rms",), by_direction=False, sections=("stroke", "rest"))
     with pytest.raises(ValueError, match="give two columns the same name"):
         levels.fit([recording])
-
-
-def test_numbers_beyond_a_float_name_the_column():
-    recording = Recording({"force": [1e308, -1e308] * 5}, 1, angle=np.arange(10.0))
-    levels = RecordingStatistics(("peak_to_peak",), by_direction=False)
-    with pytest.raises(ValueError, match="'force:peak_to_peak' exceeds the range of floating"):
-        levels.fit_transform([recording])
-
-
-def test_names_are_asked_for_with_as_many_channels_as_there_are():
-    fitted = RecordingStatistics().fit(FLEET)
-    assert len(fitted.get_feature_names_out(["current", "position"])) == 24
-    with pytest.raises(ValueError, match="should have length equal to what fit saw"):
-        fitted.get_feature_names_out(["current"])
 
 
 @pytest.mark.parametrize("resampled", [False, True])

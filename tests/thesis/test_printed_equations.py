@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emacm.thesis.printed_equations import printed_angle, printed_resampling, rectangle_angle
+from printed_equations import printed_angle, printed_resampling, rectangle_angle
 
 
 def test_resampling_as_printed_is_a_time_sample_early_at_constant_speed():
@@ -27,5 +27,3 @@ def test_eq_2_9_as_printed_adds_a_speed_to_an_angle():
 def test_eq_2_13_is_not_defined_where_the_shaft_reverses():
     with pytest.raises(ValueError, match=r"angle must not decrease; Eq. \(2.13\)"):
         printed_resampling([0.0, 1.0, 2.0], [0.0, 1.0, 0.5], 0.1)
-    with pytest.raises(ValueError, match="the same length, got 3 and 2 samples"):
-        printed_resampling([0.0, 1.0, 2.0], [0.0, 1.0], 0.1)

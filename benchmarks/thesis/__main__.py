@@ -1,0 +1,76 @@
+"""Published figures of the thesis, computed again: ``python benchmarks/thesis``.
+
+All chapters are reproduced, and a report compares each published figure with ours: a page
+(``report.html``), all findings (``summary.json``) and each table as a CSV file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from chapter2 import reproduce_chapter2
+from chapter3 import reproduce_chapter3
+from chapter4 import reproduce_chapter4
+from chapter5 import reproduce_chapter5
+from findings import counted
+from report import REPORT, write_report
+
+CHAPTERS = {
+    2: reproduce_chapter2,
+    3: reproduce_chapter3,
+    4: reproduce_chapter4,
+    5: reproduce_chapter5,
+}
+
+
+def main() -> None:
+    """Reproduce chapters, write the report, and print the findings that disagree."""
+    parser = argparse.ArgumentParser(prog="python benchmarks/thesis", description=__doc__)
+    parser.add_argument(
+        "--chapter",
+        action="append",
+        type=int,
+        choices=CHAPTERS,
+        help="only this chapter; may be given several times (default: all)",
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer draws: about a minute")
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace an existing report in the folder"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("emacm_reproduction"), help="folder (default: %(default)s)"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
+    options = parser.parse_args()
+    if (options.out / REPORT).exists() and not options.overwrite:
+        parser.error(f"{options.out} contains a report: pass --overwrite, or another --out.")
+    options.out.mkdir(parents=True, exist_ok=True)
+    start = time.perf_counter()
+
+    def progress(line: str) -> None:
+        print(f"[{time.perf_counter() - start:4.0f} s] {line}", file=sys.stderr, flush=True)
+
+    chapters = [
+        CHAPTERS[number](quick=options.quick, n_jobs=options.jobs, report=progress)
+        for number in dict.fromkeys(options.chapter or CHAPTERS)
+    ]
+    write_report(options.out, chapters, quick=options.quick)
+    findings = [finding for chapter in chapters for finding in chapter.findings]
+    single = [f for f in findings if f.kind == "random" and f.draws == 1]
+    for f in findings:
+        if not (f.agrees_by_range or f in single):
+            print(
+                f"{f.where}: published {f.published:g}, ours {f.ours:.4g} ({f.low:.4g} to "
+                f"{f.high:.4g}). {f.note}"
+            )
+    if single:
+        print(f"{len(single)} random figures rest on a single draw, and are not listed here.")
+    print(f"Report written: {options.out / REPORT}")
+    print(counted(findings))
+
+
+if __name__ == "__main__":
+    main()

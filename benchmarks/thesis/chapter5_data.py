@@ -1,0 +1,216 @@
+"""Recordings of many units with ten faults, and their features: the data of chapter 5."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+from sklearn.pipeline import make_pipeline
+
+from chapter4_spectra import MIN_SPEED, SIGNALS
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
+from emacm.orders.order_psd import OrderPSD
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
+from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.faults import FAULTS
+
+CONDITION = 4  # strokes past the jam, under a load that changes its sign: every fault has an effect
+MAX_ORDER = 48
+PAIRS = (
+    ("current_a", "velocity"),
+    ("current_a", "accelerometer"),
+    ("velocity", "lvdt"),
+    ("velocity", "accelerometer"),
+)
+_REVOLUTIONS = 4
+_OPTIONS: dict[str, Any] = {"duration": 3.0, "fs": 12_000.0, "cutoff": 5000.0}
+_TESTED, _CALIBRATION = 1000, 2000  # first numbers of the units
+
+
+class Extent5(NamedTuple):
+    """Amount of computation.
+
+    Attributes
+    ----------
+    n_training, n_calibration : int
+        Healthy units from which mean and scatter, and the threshold, are estimated.
+    n_tested : int
+        Units that are recorded healthy and with each fault.
+    n_runs : int
+        Runs of a healthy unit.
+    severities : tuple of float
+        Severities of each fault.
+    trend_units : int
+        Units whose fault grows.
+    trend_faults : tuple of str
+        Faults that grow.
+    trend_runs : (int, int)
+        Healthy runs of the baseline, and runs during which the fault grows.
+    life_units : (int, int), optional
+        Units from new to failed, for training and for test of the remaining life.
+    """
+
+    n_training: int
+    n_calibration: int
+    n_tested: int
+    n_runs: int
+    severities: tuple[float, ...]
+    trend_units: int
+    trend_faults: tuple[str, ...]
+    trend_runs: tuple[int, int]
+    life_units: tuple[int, int] | None = None
+
+
+FULL = Extent5(
+    30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20), (15, 10)
+)
+QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("inner ring",), (8, 10))
+
+
+class Features(NamedTuple):
+    """Features of a set of recordings.
+
+    Attributes
+    ----------
+    frame : DataFrame
+        One row per recording: "role" ("training", "calibration", "tested" or "trend"), "unit",
+        "run", "label" and "severity".
+    spectra : dict of str to DataFrame
+        log10 of the power in bins of one order, by channel.
+    cross : DataFrame
+        Coherence and frequency response of `PAIRS` in bins of four orders; missing in rows of
+        other roles than "tested".
+    """
+
+    frame: pd.DataFrame
+    spectra: dict[str, pd.DataFrame]
+    cross: pd.DataFrame
+
+    def rows(self, mask: NDArray[np.bool_] | pd.Series) -> Features:
+        """Return the rows of a mask."""
+        kept = np.flatnonzero(mask)
+        return Features(
+            self.frame.iloc[kept].reset_index(drop=True),
+            {name: table.iloc[kept].reset_index(drop=True) for name, table in self.spectra.items()},
+            self.cross.iloc[kept].reset_index(drop=True),
+        )
+
+    def joint(self) -> pd.DataFrame:
+        """Return the spectra of all signals in one table."""
+        return pd.concat(self.spectra.values(), axis=1)
+
+
+def severity_of_run(run: int, n_runs: int) -> float:
+    """Return the severity of a growing fault: from 0.02 to 1 in equal ratios (assumed).
+
+    Examples
+    --------
+    >>> [round(severity_of_run(run, 3), 3) for run in (1, 2, 3)]
+    [0.02, 0.141, 1.0]
+    """
+    return float(0.02 ** (1 - (run - 1) / (n_runs - 1)))
+
+
+def planned_runs(extent: Extent5) -> list[tuple[str, LaboratoryBench, int]]:
+    """Return role, bench and run of each recording."""
+    runs: list[tuple[str, LaboratoryBench, int]] = []
+    groups = (
+        ("training", 0, extent.n_training),
+        ("calibration", _CALIBRATION, extent.n_calibration),
+        ("tested", _TESTED, extent.n_tested),
+    )
+    for role, first, number in groups:
+        for unit in range(first, first + number):
+            bench = LaboratoryBench(unit=unit, **_OPTIONS)
+            runs += [(role, bench, 1 + 4 * number) for number in range(extent.n_runs)]
+    for unit in range(_TESTED, _TESTED + extent.n_tested):
+        for place, fault in enumerate(FAULTS):
+            for number, severity in enumerate(extent.severities):
+                # Spread over the same runs as the healthy ones: as warm, whatever the severity.
+                run = 2 + (3 * number + 5 * place) % 11
+                bench = LaboratoryBench(unit=unit, faults={fault: severity}, **_OPTIONS)
+                runs.append(("tested", bench, run))
+    n_healthy, n_growing = extent.trend_runs
+    for unit in range(_TESTED, _TESTED + extent.trend_units):
+        healthy = LaboratoryBench(unit=unit, **_OPTIONS)
+        # After the baseline, as many further runs without a fault: their alarms are false.
+        runs += [("trend", healthy, 101 + run) for run in range(n_healthy + n_growing)]
+        for fault in extent.trend_faults:
+            for run in range(1, n_growing + 1):
+                faults = {fault: severity_of_run(run, n_growing)}
+                bench = LaboratoryBench(unit=unit, faults=faults, **_OPTIONS)
+                runs.append(("trend", bench, 100 + n_healthy + run))
+    return runs
+
+
+def compute_features(
+    extent: Extent5, *, n_jobs: int | None = None, report: Callable[[str], None] | None = None
+) -> Features:
+    """Simulate all recordings, twenty at a time, and return their features.
+
+    Parameters
+    ----------
+    extent : Extent5
+        Amount of computation.
+    n_jobs : int, optional
+        Number of processes.
+    report : callable, optional
+        Receives lines of progress.
+
+    Returns
+    -------
+    Features
+    """
+    runs = planned_runs(extent)
+    pieces = [runs[start : start + 20] for start in range(0, len(runs), 20)]
+    tables: list[tuple[pd.DataFrame, pd.DataFrame]] = []
+    n_done = 0
+    tasks = (delayed(_features_of)(piece) for piece in pieces)
+    for piece, made in zip(
+        pieces, Parallel(n_jobs=n_jobs, return_as="generator")(tasks), strict=True
+    ):
+        tables.append(made)
+        n_done += len(piece)
+        if report is not None and (n_done % 100 == 0 or n_done == len(runs)):
+            report(f"chapter 5: {n_done} of {len(runs)} recordings")
+    auto, cross = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+    spectra = {name: auto.filter(regex=f"^{name}@") for name in SIGNALS}
+    rows = [(role, b.unit, run, b.label, b.severity) for role, b, run in runs]
+    frame = pd.DataFrame(rows, columns=["role", "unit", "run", "label", "severity"])
+    return Features(frame, spectra, cross)
+
+
+def _features_of(
+    runs: Sequence[tuple[str, LaboratoryBench, int]],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    # In the order in which the pairs name the channels, so that all spectra share the signals.
+    channels = list(dict.fromkeys(name for pair in PAIRS for name in pair))
+    resampler = make_pipeline(
+        OrderResampler(np.pi / 64, channels=channels, min_speed=MIN_SPEED), SignalCache()
+    )
+    # A jam may leave strokes shorter than a segment.
+    psd = OrderPSD(_REVOLUTIONS, max_order=MAX_ORDER, short="pad").set_output(transform="pandas")
+    bins = BinTransformer(1.0, max_order=MAX_ORDER).set_output(transform="pandas")
+    cross = OrderCrossSpectrum(
+        _REVOLUTIONS,
+        pairs=PAIRS,
+        kind=("coherence", "response"),
+        form="log",
+        bin_size=4,
+        short="pad",
+        max_order=MAX_ORDER,
+    ).set_output(transform="pandas")
+    recordings = resampler.fit_transform([bench.record(CONDITION, run) for _, bench, run in runs])
+    auto = np.log10(bins.fit_transform(psd.fit_transform(recordings)))
+    tested = [place for place, (role, *_) in enumerate(runs) if role == "tested"]
+    crosses = pd.DataFrame(index=range(len(runs)))
+    if tested:
+        found = cross.fit_transform([recordings[place] for place in tested])
+        crosses = found.set_axis(tested).reindex(crosses.index)
+    return auto, crosses

@@ -1,0 +1,74 @@
+"""Early detection of a growing fault by control charts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from chapter4_spectra import SIGNALS
+from chapter5_data import Features
+from chapter5_detection import ALL, Detector
+from emacm.alarms.control_charts import CUSUM
+
+_LENGTH = 100.0  # nominal number of runs until a false alarm
+
+
+def trend_table(features: Features, found: dict[str, Detector], n_baseline: int) -> pd.DataFrame:
+    """Return when a chart of each signal raises an alarm while a fault grows.
+
+    The reading is the logarithm of the largest deviation of `Detector`. Its baseline are the first
+    healthy runs of the same unit; a CUSUM chart follows the runs of the growing fault, and for
+    comparison as many runs without a fault.
+
+    Parameters
+    ----------
+    features : Features
+        Those of all recordings.
+    found : dict of str to Detector
+        Result of `detectors`.
+    n_baseline : int
+        Healthy runs of the baseline.
+
+    Returns
+    -------
+    DataFrame
+        One row per fault and signal: units with an alarm, median severity at the first alarm, and
+        median number of runs from it to severity 1. Alarms of the rows "none" are false.
+    """
+    rows = features.rows(features.frame["role"] == "trend")
+    tables = rows.spectra | {ALL: rows.joint()}
+    made = {}
+    for fault in pd.unique(rows.frame["label"]):
+        for name, detector in found.items():
+            readings = np.log(detector.deviation(tables[name]))
+            alarms = [
+                _first_alarm(readings, rows.frame[rows.frame["unit"] == unit], fault, n_baseline)
+                for unit in pd.unique(rows.frame["unit"])
+            ]
+            raised = [alarm for alarm in alarms if alarm is not None]
+            known = raised if fault != "healthy" else []
+            severity, left = np.median(known, axis=0) if known else (np.nan, np.nan)
+            made["none" if fault == "healthy" else fault, SIGNALS.get(name, name)] = {
+                "units with an alarm": f"{len(raised)} of {len(alarms)}",
+                "severity at the alarm": severity,
+                "runs left until severity 1": left,
+            }
+    table = pd.DataFrame.from_dict(made, orient="index")
+    table.index = pd.MultiIndex.from_tuples(made, names=["fault", "signal"])
+    return table
+
+
+def _first_alarm(
+    readings: np.ndarray, frame: pd.DataFrame, fault: str, n_baseline: int
+) -> tuple[float, int] | None:
+    """Return severity and remaining runs at the first alarm, or None."""
+    healthy = frame[frame["label"] == "healthy"].sort_values("run")
+    growing = healthy[n_baseline:]
+    if fault != "healthy":
+        growing = frame[frame["label"] == fault].sort_values("run")
+    chart = CUSUM(arl=_LENGTH).fit(readings[healthy.index[:n_baseline]][:, np.newaxis])
+    alarm = chart.update(readings[growing.index][:, np.newaxis]).alarm[:, 0]
+    if not alarm.any():
+        return None
+    first = int(alarm.argmax())
+    return float(growing["severity"].iloc[first]), len(growing) - 1 - first

@@ -1,0 +1,228 @@
+"""Results of a reproduction: published figures and ours, tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib import pyplot
+from numpy.typing import ArrayLike
+
+KINDS = ("arithmetic", "input", "random")
+
+
+class Finding(NamedTuple):
+    """One published number and ours.
+
+    Attributes
+    ----------
+    where : str
+        Place in the publication, such as "Table 2.1, eigenvalue 1".
+    kind : {"arithmetic", "input", "random"}
+        "arithmetic": follows from definitions; "input": an input of the simulation, which is found
+        again; "random": a result that depends on drawn numbers. Only the last is evidence.
+    published : float
+        The published number.
+    ours : float
+        Our number; the median of the draws.
+    low, high : float
+        Range of our numbers, including a tolerance for rounding in print.
+    draws : int
+        Number of draws; 1 if nothing is random.
+    probability_of_a_miss : float
+        Probability that a further draw of ours would not agree by range: 2/(draws + 1) for a
+        number, the share of draws in which another bin leads for a leading bin, and 0 if nothing
+        is random.
+    agrees_by_range : bool
+        Whether the published number lies within the range.
+    agrees_by_median : bool
+        Whether it lies within the middle half of the draws (first to third quartile), as about
+        half of further draws would.
+    note : str
+        Method and, where the numbers do not agree, the reason.
+    """
+
+    where: str
+    kind: str
+    published: float
+    ours: float
+    low: float
+    high: float
+    draws: int
+    probability_of_a_miss: float
+    agrees_by_range: bool
+    agrees_by_median: bool
+    note: str
+
+
+@dataclass
+class Chapter:
+    """Results of one chapter.
+
+    Attributes
+    ----------
+    number : int
+        Number of the chapter in the publication.
+    title : str
+        Its title.
+    inputs : DataFrame
+        Inputs and chosen readings with their sources.
+    opening : str
+        The result and what it rests on, at the beginning of the chapter.
+    remarks : list of str
+        Paragraphs of plain text, in order.
+    findings : list of Finding
+        Published figures and ours.
+    tables : dict of str to DataFrame
+        Tables by name.
+    figures : dict of str to (bytes, str)
+        Pictures (PNG) and their captions by name, such as "Fig. 2.7".
+    """
+
+    number: int
+    title: str
+    inputs: pd.DataFrame
+    opening: str = ""
+    remarks: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    figures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+
+    def draw(self, name: str, figure: Any, caption: str) -> None:
+        """Keep a picture and its caption, and close the figure."""
+        image = BytesIO()
+        figure.savefig(image, dpi=110, metadata={"Software": None})
+        pyplot.close(figure)
+        self.figures[name] = (image.getvalue(), caption)
+
+    def compare(
+        self,
+        where: str,
+        published: float,
+        values: ArrayLike,
+        note: str,
+        *,
+        kind: str,
+        slack: float = 0.0,
+    ) -> Finding:
+        """Compare a published number with our values of it, one for each draw.
+
+        Parameters
+        ----------
+        where : str
+            Place in the publication.
+        published : float
+            The published number.
+        values : float or array-like
+            Ours.
+        note : str
+            Method.
+        kind : {"arithmetic", "input", "random"}
+            As for `Finding`.
+        slack : float
+            Tolerance beyond the range of the values, for rounding in print.
+
+        Returns
+        -------
+        Finding
+            Also appended to `findings`.
+        """
+        ours = np.atleast_1d(np.asarray(values, dtype=float))
+        low, first, median, third, high = np.quantile(ours, (0, 0.25, 0.5, 0.75, 1)).tolist()
+        finding = Finding(
+            where,
+            kind,
+            float(published),
+            median,
+            low - slack,
+            high + slack,
+            len(ours),
+            2 / (len(ours) + 1) if kind == "random" else 0.0,
+            low - slack <= published <= high + slack,
+            first - slack <= published <= third + slack,
+            note,
+        )
+        self.findings.append(finding)
+        return finding
+
+    def compare_leader(self, where: str, published: int, leaders: ArrayLike, note: str) -> Finding:
+        """Compare a published leading bin with the bin that leads in each of our draws.
+
+        Parameters
+        ----------
+        where : str
+            Place in the publication.
+        published : int
+            The published bin.
+        leaders : array-like of int
+            The bin that leads in each draw.
+        note : str
+            Method.
+
+        Returns
+        -------
+        Finding
+            Also appended to `findings`. `ours` is the bin that leads most often; it agrees by
+            range if the published bin leads in any draw, and by median if it leads in at least
+            half of them.
+        """
+        bins = np.asarray(leaders, dtype=int)
+        numbers, counts = np.unique(bins, return_counts=True)
+        most, share = int(numbers[counts.argmax()]), float(np.mean(bins == published))
+        finding = Finding(
+            where,
+            "random",
+            float(published),
+            float(most),
+            float(bins.min()),
+            float(bins.max()),
+            len(bins),
+            1 - share,
+            share > 0,
+            share >= 0.5,
+            f"most often bin {most}, in {counts.max()} of {len(bins)} draws; the published bin "
+            f"leads in {np.sum(bins == published)}{note}",
+        )
+        self.findings.append(finding)
+        return finding
+
+
+def agreement_frame(findings: Sequence[Finding]) -> pd.DataFrame:
+    """Count findings by kind, and how many of them agree.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        Those of one or more chapters.
+
+    Returns
+    -------
+    DataFrame
+        One row per kind that occurs: "figures", "agree by range", "agree by median", and
+        "expected misses": the sum of the probabilities that a further draw of ours would miss the
+        range.
+    """
+    table = pd.DataFrame(findings, columns=Finding._fields).groupby("kind")
+    counts = pd.DataFrame({
+        "figures": table.size(),
+        "agree by range": table["agrees_by_range"].sum(),
+        "agree by median": table["agrees_by_median"].sum(),
+        "expected misses": table["probability_of_a_miss"].sum(),
+    })  # fmt: skip
+    return counts.reindex([kind for kind in KINDS if kind in counts.index]).rename_axis("kind")
+
+
+def counted(findings: Sequence[Finding]) -> str:
+    """Return how many random figures lie within the range of ours, as text."""
+    random = [finding for finding in findings if finding.kind == "random"]
+    within = sum(finding.agrees_by_range for finding in random)
+    middle = sum(finding.agrees_by_median for finding in random)
+    others = len(findings) - len(random)
+    return (
+        f"{within} of {len(random)} random figures within the range of ours, {middle} within its "
+        f"middle half; {others} other figure{'s' * (others != 1)}"
+    )

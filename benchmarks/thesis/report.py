@@ -1,0 +1,93 @@
+"""The report of a reproduction: one HTML page, a summary of the findings, tables as CSV files."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import pandas as pd
+
+import emacm
+from findings import Chapter, agreement_frame, counted
+
+REPORT = "report.html"
+
+
+def write_report(folder: Path, chapters: Sequence[Chapter], *, quick: bool = False) -> None:
+    """Write the page, the summary of all findings, and the tables.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder.
+    chapters : sequence of Chapter
+        Results, in this order.
+    quick : bool
+        Whether this was a quick run, which the page states.
+
+    Raises
+    ------
+    ValueError
+        If a number of a finding is not finite.
+    """
+    findings = [finding for chapter in chapters for finding in chapter.findings]
+    rows = [finding._asdict() for finding in findings]
+    summary = json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "cell": cell,
+        "flat": flat_table,
+        "counted": counted,
+        "base64": lambda image: b64encode(image).decode("ascii"),
+    }
+    packages = ("numpy", "scipy", "scikit-learn", "pandas", "matplotlib")
+    page = environment.get_template("report.html.jinja").render(
+        chapters=chapters,
+        findings=findings,
+        agreement=agreement_frame(findings),
+        quick=quick,
+        versions=", ".join(
+            [f"emacm {emacm.__version__}", f"Python {platform.python_version()}"]
+            + [f"{name} {version(name)}" for name in packages]
+        ),
+    )
+    (folder / "tables").mkdir(exist_ok=True)
+    for chapter in chapters:
+        for name, table in chapter.tables.items():
+            short = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+            path = folder / "tables" / f"chapter{chapter.number}_{short}.csv"
+            flat_table(table).to_csv(path, index=False)
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+    (folder / REPORT).write_text(page, encoding="utf-8")
+
+
+def flat_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table without index: its levels become columns, and each column has one name."""
+    names = [", ".join(map(str, n)) if isinstance(n, tuple) else str(n) for n in table.columns]
+    plain = isinstance(table.index, pd.RangeIndex) and table.index.name is None
+    return table.set_axis(names, axis=1).reset_index(drop=plain)
+
+
+def cell(value: Any) -> str:
+    """Return a number with four digits, whole numbers without a point, and "–" for a gap."""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float | np.number):
+        return str(value)
+    if not np.isfinite(value):
+        return "–"
+    return f"{int(value)}" if float(value).is_integer() else f"{value:.4g}"

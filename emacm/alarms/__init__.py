@@ -1,0 +1,1 @@
+"""Health indices, control charts and other alarms on readings."""

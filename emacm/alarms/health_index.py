@@ -1,0 +1,493 @@
+"""Health index: distance of feature rows from healthy recordings, with limits and trends."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import TransformerMixin
+from sklearn.covariance import LedoitWolf
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from emacm._checks import check_count, check_number, check_table, column_sizes
+from emacm._saved import SavedEstimator
+from emacm.recordings.inputs import as_list
+from emacm.recordings.meta import read_grouping, read_meta
+
+
+def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) -> pd.DataFrame:
+    """Return the trend of each unit from recordings; one that is invalid is a row with its error.
+
+    Parameters
+    ----------
+    model : Pipeline
+        Fitted on healthy recordings; ends in a `HealthIndex`. Its other steps turn recordings into
+        features.
+    recordings : sequence of Recording
+        Such as a `RecordingFolder`; they are read one by one.
+    unit : key of meta, tuple of keys, callable or array-like, optional
+        The unit of each recording. Default: all are of one unit, compared with the population.
+    time : key of meta, callable or array-like
+        Time of each recording: dates, or numbers such as hours or cycles.
+
+    Returns
+    -------
+    DataFrame
+        As of `HealthIndex.trend`, with the columns "recording" (path, or number in `recordings`)
+        and "error" (empty if there is none); rows with an error have no index.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `model` is no such pipeline, units or times are invalid, or there are too few groups for
+        the limit.
+
+    Examples
+    --------
+    >>> from emacm import OrderPSD, OrderResampler, Recording
+    >>> from sklearn.pipeline import make_pipeline
+    >>> rng = np.random.default_rng(0)
+    >>> runs = [
+    ...     Recording({"vib": level * rng.normal(size=4000)}, 1000, velocity=100.0, meta={"day": k})
+    ...     for k, level in enumerate(12 * [1.0] + [1.5, 2.0])
+    ... ]
+    >>> index = HealthIndex(false_alarm=0.1)
+    >>> model = make_pipeline(OrderResampler(2 * np.pi / 16), OrderPSD(0.25), index)
+    >>> model = model.fit(runs[:12], healthindex__groups=range(12))
+    >>> health_trend(model, runs[10:], time="day")["alarm"].tolist()
+    [False, False, True, True]
+    """
+    index = _index_of(model)
+    entries = as_list(recordings)
+    units = ["all"] * len(entries)
+    if unit is not None:
+        units = read_meta(entries, unit, role="unit", arrays=True)
+    times = read_meta(entries, time, role="time", arrays=True)
+    names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
+    features, errors = _features(model, entries)
+    table = pd.DataFrame(
+        {"unit": units, "time": times, "index": np.nan, "limit": np.nan, "alarm": False}
+    )
+    table = table.assign(baseline="", recording=names, error=errors)
+    good = [k for k, error in enumerate(errors) if not error]
+    if good:
+        columns = ["unit", "time", "index", "limit", "alarm", "baseline"]
+        found = index.rows(np.vstack(features), [times[k] for k in good], [units[k] for k in good])
+        table.loc[good, columns] = found[columns].to_numpy(object)
+    table = table.astype({"index": float, "limit": float, "alarm": bool})
+    table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+    table.attrs = {"false_alarm": index.false_alarm}
+    return table
+
+
+def _index_of(model: Any) -> HealthIndex:
+    if not isinstance(model, Pipeline) or not isinstance(model[-1], HealthIndex):
+        raise TypeError(
+            f"model must be a Pipeline that ends in a HealthIndex, got {type(model).__name__}."
+        )
+    check_is_fitted(model[-1])
+    return model[-1]
+
+
+def _features(model: Pipeline, entries: Sequence[Any]) -> tuple[list[Any], list[str]]:
+    """Return the features of the recordings that are valid, and the error of each."""
+    rows: list[Any] = []
+    errors: list[str] = []
+    for entry in entries:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                rows.append(np.asarray(model[:-1].transform([entry])))
+            errors.append("")
+        except Exception as error:  # whatever it is, it is the result for this recording
+            errors.append(" ".join(str(error).split()) or type(error).__name__)
+    return rows, errors
+
+
+Array = NDArray[np.float64]
+
+_NAME = "health_index"
+_UNIT, _POPULATION = "unit", "population"  # kinds of baselines
+
+
+class HealthIndex(TransformerMixin, SavedEstimator):
+    """Distance of recordings from healthy ones, in usual distances of healthy recordings.
+
+    It is fitted on healthy recordings only and needs no faults. The distance is that of
+    Mahalanobis, divided by the square root of the number of features: healthy recordings are about
+    1 away. A unit with enough healthy recordings in `fit` is compared with its own mean; any other
+    with the mean of all units, whose differences then count as usual.
+
+    Parameters
+    ----------
+    false_alarm : float or None, default=0.05
+        Probability that a healthy recording exceeds the limit. None: there is no limit.
+    min_baseline : int, default=5
+        Number of healthy recordings from which a unit has a baseline of its own.
+
+    Attributes
+    ----------
+    units_ : tuple
+        Units with a baseline of their own.
+    left_out_ : DataFrame
+        Index of each recording that was left out together with its group, or its whole unit, from
+        which the limits are computed: columns "row" (number in X), "group", "baseline" ("unit" or
+        "population") and "index".
+    n_features_in_ : int
+        Number of features.
+    feature_names_in_ : ndarray of str
+        Their names, if they have any.
+
+    Notes
+    -----
+    Limits are quantiles of `left_out_` in which each group counts the same and one more group is
+    taken to be beyond all: ``sum over groups of fraction <= limit`` is at least (1 - false_alarm)
+    (n_groups + 1), as in [1]_. They need no normal distribution, and at least 1 / false_alarm - 1
+    groups: 19 for 5 %, 99 for 1 %. With fewer, the limit is refused. The rate holds on average over
+    sets of training groups that are exchangeable with the new ones. For units with a baseline, a
+    group of recordings of the unit is left out; for others, a whole unit.
+
+    Covariances are estimated with the shrinkage of Ledoit and Wolf, of standardised features.
+    Features that are constant in the healthy recordings are not used. Powers should be logarithms.
+
+    References
+    ----------
+    .. [1] Lee, Barber and Willett, Distribution-free inference with hierarchical data, 2023,
+       arXiv:2306.06342, section 3. Here each group is left out of the fit in its turn.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> healthy = rng.normal(size=(60, 3))
+    >>> index = HealthIndex(false_alarm=0.1).fit(healthy, groups=np.arange(60) // 3)
+    >>> index.transform([[0.5, -0.2, 0.1], [9.0, 0.0, 0.0]]).round(1).ravel().tolist()
+    [0.4, 4.7]
+    >>> round(index.limit(), 2)
+    1.49
+    """
+
+    def __init__(self, false_alarm: float | None = 0.05, *, min_baseline: int = 5) -> None:
+        self.false_alarm = false_alarm
+        self.min_baseline = min_baseline
+
+    def fit(
+        self, X: Any, y: Any = None, groups: ArrayLike | None = None, units: ArrayLike | None = None
+    ) -> HealthIndex:
+        """Learn the baselines, and leave out groups and units to learn the limits.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features of healthy recordings.
+        y : ignored
+        groups : array-like of shape (n_recordings,), optional
+            Recordings that were measured together (run, day). Default: single recordings are left
+            out, with a warning.
+        units : array-like of shape (n_recordings,), optional
+            Unit of each recording. Default: all are of one population, without own baselines.
+
+        Returns
+        -------
+        HealthIndex
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X, a label or a parameter is invalid, or there are fewer than two recordings.
+
+        Warns
+        -----
+        UserWarning
+            Without `groups`.
+        """
+        if self.false_alarm is not None:
+            check_number(self.false_alarm, "false_alarm", above=0, below=1)
+        check_count(self.min_baseline, "min_baseline", at_least=2)
+        check_table(X)
+        X = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
+        if groups is None:
+            warnings.warn(
+                "without groups, single recordings are left out: near-duplicates, such as parts of "
+                "one run, then make the limits too low. Pass groups=, such as the run.",
+                UserWarning,
+                stacklevel=2,
+            )
+        own = None if units is None else read_meta(X, units, role="units", arrays=True)
+        rows = list(range(len(X)))
+        blocks = rows if groups is None else read_meta(X, groups, role="groups", arrays=True)
+        self._baselines = known = _Baselines.of(X, own, self.min_baseline)
+        if not known.total.any() or (known.means and not known.within.any()):
+            where = "" if not known.total.any() else " within units: are recordings copies?"
+            raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
+        self.units_ = tuple(known.means)
+        self.left_out_ = pd.DataFrame(
+            [*_without_groups(X, own, blocks, self.min_baseline)],
+            columns=["row", "group", "baseline", "index"],
+        )
+        return self
+
+    def transform(self, X: Any, units: ArrayLike | None = None) -> Array:
+        """Return the index of recordings.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features.
+        units : array-like of shape (n_recordings,), optional
+            Unit of each recording. Default: all are compared with the population.
+
+        Returns
+        -------
+        ndarray of shape (n_recordings, 1)
+            About 1 for healthy recordings; larger is worse.
+
+        Raises
+        ------
+        ValueError
+            If X or the units are invalid.
+        """
+        X, own = self._checked(X, units)
+        return self._baselines.distances(X, own)[:, np.newaxis]
+
+    def score_samples(self, X: Any, units: ArrayLike | None = None) -> Array:
+        """Return the negative index, shape (n_recordings,): larger is more normal."""
+        return -self.transform(X, units)[:, 0]
+
+    def limit(self, unit: Any = None) -> float:
+        """Return the limit of the index of a unit, at `false_alarm`.
+
+        Parameters
+        ----------
+        unit : label, optional
+            The unit; one without a baseline of its own, and None, have the limit of the population.
+
+        Returns
+        -------
+        float
+            NaN if `false_alarm` is None.
+
+        Raises
+        ------
+        ValueError
+            If there are too few groups for `false_alarm`.
+        """
+        check_is_fitted(self)
+        if self.false_alarm is None:
+            return float("nan")
+        kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
+        own = self.left_out_[self.left_out_["baseline"] == kind]
+        if own.empty:
+            raise ValueError(self._nothing_left_out(kind))
+        return _limit(own, self.false_alarm, kind)
+
+    def _nothing_left_out(self, kind: str) -> str:
+        """Say why there is no limit: to leave a group out, there must be another one."""
+        remedy = (
+            f"Give at least {_needed(self.false_alarm)} of them, measured at different times, or "
+            f"set false_alarm to None for an index without limit."
+        )
+        if kind == _UNIT:
+            return (
+                f"a limit for units with a baseline of their own needs units that were measured in "
+                f"several groups, with {self.min_baseline} recordings or more in the others; here "
+                f"no unit has them. {remedy}"
+            )
+        return f"a limit needs several groups, but all recordings are of one. {remedy}"
+
+    def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
+        """Return the index of each unit over time or cycles, with its limit.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_recordings, n_features)
+            Features.
+        times : array-like of shape (n_recordings,)
+            Time of each recording: dates, or numbers such as hours or cycles.
+        units : array-like of shape (n_recordings,), optional
+            Unit of each recording. Default: all are of one unit, compared with the population.
+
+        Returns
+        -------
+        DataFrame
+            Sorted by unit and time: "unit", "time", "index", "limit", "alarm" (whether it exceeds
+            the limit) and "baseline" ("unit" or "population"). In `attrs`: "false_alarm".
+
+        Raises
+        ------
+        ValueError
+            If X, times or units are invalid, or there are too few groups for the limit.
+        """
+        table = self.rows(X, times, units)
+        table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
+        table.attrs = {"false_alarm": self.false_alarm}
+        return table
+
+    def rows(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
+        """Return the rows of `trend` in the order of X."""
+        X, own = self._checked(X, units)
+        when = read_meta(X, times, role="times", arrays=True)
+        read_grouping(times, X, "times", "time")  # refuses times without an order
+        labels = ["all"] * len(X) if own is None else own
+        limits = {unit: self.limit(unit) for unit in dict.fromkeys(labels)}
+        index = self._baselines.distances(X, own)
+        limit = np.array([limits[unit] for unit in labels])
+        kinds = [_UNIT if unit in self.units_ else _POPULATION for unit in labels]
+        columns = {"unit": labels, "time": when, "index": index, "limit": limit}
+        return pd.DataFrame({**columns, "alarm": index > limit, "baseline": kinds})
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the name of the index, "health_index"."""
+        check_is_fitted(self)
+        return np.array([_NAME], dtype=object)
+
+    def _checked(self, X: Any, units: Any) -> tuple[Array, list[Any] | None]:
+        check_is_fitted(self)
+        check_table(X)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        return X, None if units is None else read_meta(X, units, role="units", arrays=True)
+
+
+@dataclass(frozen=True)
+class _Baselines:
+    """Means of units and of the population, and factors P with P P' = inverse covariance.
+
+    Attributes
+    ----------
+    means : dict of unit to (ndarray of shape (n_features,), int)
+        Mean and number of recordings, of units with enough of them.
+    mean : ndarray of shape (n_features,)
+        Mean of the means of all units.
+    n_units : int
+        Number of units; without units, of recordings.
+    within, total : ndarray of shape (n_features, n_features)
+        Factors for deviations from the mean of the unit, and from that of the population.
+    """
+
+    means: dict[Any, tuple[Array, int]]
+    mean: Array
+    n_units: int
+    within: Array
+    total: Array
+
+    @classmethod
+    def of(cls, X: Array, units: list[Any] | None, min_baseline: int) -> _Baselines:
+        """Estimate the baselines of healthy recordings."""
+        if units is None:
+            mean = X.mean(axis=0)
+            factor = _factor(X - mean, X, len(X) - 1)
+            return cls({}, mean, len(X), factor, factor)
+        labels = pd.Index(units)
+        codes, names = pd.factorize(labels)
+        counts = np.bincount(codes)
+        sums = np.zeros((len(names), X.shape[1]))
+        np.add.at(sums, codes, X)
+        means = sums / counts[:, np.newaxis]
+        mean = means.mean(axis=0)
+        own = {
+            name: (means[k], int(counts[k]))
+            for k, name in enumerate(names.tolist())
+            if counts[k] >= min_baseline
+        }
+        within = _factor(X - means[codes], X, len(X) - len(names))
+        total = _factor(X - mean, X, max(len(X) - 1, 1))
+        return cls(own, mean, len(names), within, total)
+
+    def distances(self, X: Array, units: list[Any] | None) -> Array:
+        """Return the distance of each row per feature, shape (n_recordings,)."""
+        labels = [None] * len(X) if units is None else units
+        found = np.empty(len(X))
+        for unit in dict.fromkeys(labels):
+            rows = np.array([label == unit for label in labels])
+            known = unit is not None and unit in self.means
+            mean, count = self.means[unit] if known else (self.mean, self.n_units)
+            factor = self.within if known else self.total
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares = np.sum(((X[rows] - mean) @ factor) ** 2, axis=1)
+            if not np.isfinite(squares).all():
+                raise ValueError(
+                    f"the features of recording {np.flatnonzero(rows)[~np.isfinite(squares)][0]} "
+                    f"are so far away that distances overflow. Check them and their units."
+                )
+            used = max(np.count_nonzero(factor.any(axis=1)), 1)
+            # A baseline of few recordings is itself uncertain.
+            found[rows] = np.sqrt(squares / used / (1 + 1 / count))
+        return found
+
+
+def _factor(residuals: Array, X: Array, divisor: int) -> Array:
+    """Return P with P P' = inverse of the shrunk covariance of residuals; 0 for constant ones."""
+    count, width = residuals.shape
+    sizes = column_sizes(X)
+    scale = np.sqrt(np.sum((residuals / sizes) ** 2, axis=0) / max(divisor, 1)) * sizes
+    used = scale > 1e-12 * sizes
+    factor = np.zeros((width, width))
+    if divisor < 1 or not used.any():
+        return factor
+    white = residuals[:, used] / scale[used]
+    covariance = LedoitWolf(assume_centered=True).fit(white).covariance_ * count / divisor
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
+    places = np.flatnonzero(used)
+    factor[np.ix_(places, places)] = root / scale[used][:, np.newaxis]
+    return factor
+
+
+def _without_groups(
+    X: Array, units: list[Any] | None, groups: list[Any], min_baseline: int
+) -> list[tuple[int, Any, str, float]]:
+    """Return the index of each recording by baselines of the others."""
+    found: list[tuple[int, Any, str, float]] = []
+
+    def leave_out(chosen: NDArray[np.bool_], group: Any, kind: str) -> None:
+        rest = None if units is None else _chosen(units, ~chosen)
+        baselines = _Baselines.of(X[~chosen], rest, min_baseline)
+        own = _chosen(units, chosen) if units is not None and kind == _UNIT else None
+        if own is not None and own[0] not in baselines.means:
+            return  # too few are left for a baseline of its own
+        values = baselines.distances(X[chosen], own)
+        rows = np.flatnonzero(chosen).tolist()
+        found.extend((row, group, kind, float(v)) for row, v in zip(rows, values, strict=True))
+
+    labels = groups if units is None else units
+    for group in dict.fromkeys(labels):
+        chosen = np.array([label == group for label in labels])
+        if len(X) - chosen.sum() >= 2:
+            leave_out(chosen, group, _POPULATION)
+    if units is not None:
+        pairs = list(zip(units, groups, strict=True))
+        for pair in dict.fromkeys(pairs):
+            leave_out(np.array([own == pair for own in pairs]), pair, _UNIT)
+    return found
+
+
+def _chosen(labels: list[Any], chosen: NDArray[np.bool_]) -> list[Any]:
+    return [label for label, is_chosen in zip(labels, chosen.tolist(), strict=True) if is_chosen]
+
+
+def _needed(false_alarm: float | None) -> int:
+    """Return the number of groups that a limit needs."""
+    return int(np.ceil(1 / (false_alarm or 1.0) - 1 - 1e-9))
+
+
+def _limit(left_out: pd.DataFrame, false_alarm: float, kind: str) -> float:
+    """Return the quantile of left-out indices in which each group counts the same."""
+    n_groups, needed = left_out.groupby("group").ngroups, _needed(false_alarm)
+    if n_groups < needed:
+        what = "groups of units with a baseline" if kind == _UNIT else "units or groups"
+        raise ValueError(
+            f"a limit with a false alarm rate of {false_alarm:g} needs at least {needed} {what} "
+            f"that can be left out, but there are {n_groups}: the smallest possible rate is "
+            f"{1 / (n_groups + 1):.2g}. Raise false_alarm, fit on more of them, or set it to None "
+            f"for an index without limit."
+        )
+    ordered = left_out.sort_values("index", kind="stable")
+    sizes = ordered.groupby("group")["index"].transform("size")
+    reached = np.cumsum(1 / sizes.to_numpy()) >= (1 - false_alarm) * (n_groups + 1) - 1e-9
+    return float(ordered["index"].to_numpy()[np.argmax(reached)])

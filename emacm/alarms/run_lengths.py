@@ -1,0 +1,399 @@
+"""Average run lengths of control charts on independent normal readings, by integral equations.
+
+The average run length (ARL) is the mean number of readings until an alarm. All functions are for
+a known mean and standard deviation; what an estimated baseline costs is computed by
+`emacm.alarms.run_lengths.stated_run_length`.
+
+References
+----------
+.. [1] S. V. Crowder, A simple method for studying run-length distributions of exponentially
+   weighted moving average charts, Technometrics 29(4), 401-407, 1987.
+.. [2] E. S. Page, Continuous inspection schemes, Biometrika 41, 100-115, 1954.
+.. [3] J. M. Lucas and M. S. Saccucci, Exponentially weighted moving average control schemes:
+   properties and enhancements, Technometrics 32(1), 1-12, 1990.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import chi2, norm
+
+Array = NDArray[np.float64]
+
+FEWEST_READINGS = 50  # with fewer, the correlation is too uncertain: measured in the tests
+FEWEST_GROUPS = 5
+_N_BASELINES = 500
+_STEPS = (500, 4000)  # simulated readings after each baseline: least and most
+_FEWEST_ALARMS = 25  # with fewer, the run length is stated as a lower limit
+_LARGEST_CORRELATION = 0.98
+_REACH = 1.5  # standard deviations of the correlation, at which the alarm rate is simulated again
+_SETTLING = 50  # steps until the autoregression has forgotten its start
+
+
+class RunLength(NamedTuple):
+    """Average number of readings until a false alarm.
+
+    Attributes
+    ----------
+    nominal : float
+        For one column with a known baseline and independent normal readings.
+    stated : float
+        With the size, the correlation and the distribution of the baseline, for all columns
+        together: readings per false alarm of many machines with baselines like this one.
+    kind : {"bootstrap", "at least", "nominal"}
+        How `stated` was obtained. "at least": too few alarms in the simulation; `stated` is a
+        lower limit with 95 % confidence. "nominal": too few readings or groups; `stated` equals
+        `nominal` and must not be relied on.
+    correlation : float
+        Correlation of successive readings; the largest of all columns.
+    n_readings, n_groups : int
+        Size of the baseline.
+    """
+
+    nominal: float
+    stated: float
+    kind: str
+    correlation: float
+    n_readings: int
+    n_groups: int
+
+    def __str__(self) -> str:
+        size = f"{self.n_readings} readings"
+        size += f" in {self.n_groups} groups" if self.n_groups > 1 else ""
+        if self.kind == "nominal":
+            return (
+                f"nominal: {self.nominal:.3g} readings per false alarm if the baseline were known "
+                f"and readings independent; a baseline of {size} is too small to state more"
+            )
+        least = "at least " if self.kind == "at least" else ""
+        return (
+            f"{least}{self.stated:.3g} readings per false alarm with this baseline ({size}, "
+            f"correlation {self.correlation:.2f}); nominal {self.nominal:.3g}"
+        )
+
+
+def stated_run_length(
+    baseline: Array,
+    groups: NDArray[np.intp],
+    advance: Callable[[Array, Array], Array],
+    exceeds: Callable[[Array], NDArray[np.bool_]],
+    nominal: float,
+    rng: np.random.Generator,
+) -> RunLength:
+    """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
+
+    Parameters
+    ----------
+    baseline : ndarray of shape (n_readings, n_columns)
+        Readings, in the order in which they were taken within each group.
+    groups : ndarray of int, shape (n_readings,)
+        Number of the group of each reading, from 0.
+    advance : callable
+        Next statistic, from statistic and standardised readings, of any shape.
+    exceeds : callable
+        Whether a statistic is beyond the limit.
+    nominal : float
+        Average run length with a known baseline.
+    rng : Generator
+        Random numbers.
+
+    Returns
+    -------
+    RunLength
+        The mean and the standard deviation are estimated anew from each simulated baseline. The
+        readings after it have the offset of a further group.
+
+    Notes
+    -----
+    The alarm rate is convex in the correlation, so that errors of the estimated correlation make it
+    too high on average. This bias is estimated from the correlations of the simulated baselines and
+    removed [2]_.
+
+    What is stated is an average over baselines: all readings of many machines, each with its own
+    baseline of this size, divided by all their false alarms. It was compared with a simulation of
+    20,000 machines, for baselines of 50, 100, 200 and 500 normal readings with correlations of 0,
+    0.2, 0.5 and 0.8 (EWMA 0.2 with limit 2.962, CUSUM 0.5 with limit 5). The mean of the stated
+    alarm rates deviates by -4 to +5 % in all 32 cases, with standard errors of 1 to 3 %.
+
+    A single statement is less certain, as the logarithm of the run length is about nine times as
+    sensitive as the standard deviation is. Eight of ten statements are, over the true run length,
+    of EWMA and CUSUM:
+
+    ========  =================  =================  =================
+    readings  correlation 0      0.2                0.5
+    ========  =================  =================  =================
+    50        0.5-5.4, 0.5-7.9   0.6-3.2, 0.5-3.7   0.7-2.1, 0.7-2.2
+    100       0.6-3.3, 0.5-4.1   0.6-1.9, 0.6-2.7   0.8-1.6, 0.7-1.6
+    200       0.6-3.0, 0.6-3.2   0.7-1.5, 0.7-1.8   0.8-1.3, 0.8-1.3
+    500       0.6-1.9, 0.7-2.0   0.8-1.6, 0.7-1.7   0.9-1.2, 0.9-1.2
+    ========  =================  =================  =================
+    """
+    n_readings, n_groups = len(baseline), int(groups.max()) + 1
+    process = _Process(baseline, groups, rng)
+    correlation = float(process.correlations.max())
+    size = (correlation, n_readings, n_groups)
+    # Successive readings of a group state the correlation; each group has one reading without.
+    if n_readings - n_groups < FEWEST_READINGS - 1 or 1 < n_groups < FEWEST_GROUPS:
+        return RunLength(nominal, nominal, "nominal", *size)
+    n_steps = int(np.clip(2 * nominal, *_STEPS))
+    seed = int(rng.integers(1 << 60))
+
+    def alarms(shift: Array | float) -> tuple[int, Array]:
+        """Return false alarms, and the correlations of baselines, for shifted correlations."""
+        moved = process.with_correlations(np.tanh(own + shift), np.random.default_rng(seed))
+        return _simulated(moved, advance, exceeds, n_steps)
+
+    own = np.arctanh(process.correlations)
+    n_alarms, estimated = alarms(0.0)
+    n_simulated = n_steps * len(estimated)
+    if n_alarms < _FEWEST_ALARMS:
+        most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
+        return RunLength(nominal, n_simulated / most, "at least", *size)
+    errors = np.arctanh(estimated) - own
+    spread = errors.std(axis=0)
+    counts = [alarms(-_REACH * spread)[0], n_alarms, alarms(_REACH * spread)[0]]
+    # The logarithm of the rate is a parabola through the three.
+    logs = np.log(np.maximum(counts, 1)) - np.log(n_alarms)
+    parabola = np.polyfit([-_REACH, 0.0, _REACH], logs, 2)
+    scaled = np.clip(np.divide(errors, spread, out=np.zeros_like(errors), where=spread > 0), -3, 3)
+    bias = float(np.mean(np.exp(np.polyval(parabola, scaled))))
+    return RunLength(nominal, bias * n_simulated / n_alarms, "bootstrap", *size)
+
+
+def _simulated(
+    process: _Process,
+    advance: Callable[[Array, Array], Array],
+    exceeds: Callable[[Array], NDArray[np.bool_]],
+    n_steps: int,
+) -> tuple[int, Array]:
+    """Return the false alarms after simulated baselines, and the correlations of these."""
+    mean, scale, estimated = process.estimated_baselines()
+    process.start_group()
+    statistic, n_alarms = np.zeros_like(mean), 0
+    for _ in range(n_steps):
+        statistic = advance(statistic, (process.next_readings() - mean) / scale)
+        alarmed = exceeds(statistic).any(axis=1)
+        n_alarms += int(np.count_nonzero(alarmed))
+        statistic[alarmed] = 0
+    return n_alarms, estimated
+
+
+class _Process:
+    """Simulated readings: offset of the group + autoregression of resampled residual blocks.
+
+    Resampling blocks of the readings themselves would weaken their correlation, to which run
+    lengths are very sensitive; with blocks of residuals it is kept.
+    """
+
+    def __init__(self, baseline: Array, groups: NDArray[np.intp], rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._lengths = np.bincount(groups)
+        n_groups = len(self._lengths)
+        means = np.array([baseline[groups == g].mean(axis=0) for g in range(n_groups)])
+        grand = baseline.mean(axis=0)
+        # Deviations of n drawn values are too small by (n - 1) / n on average.
+        inflation = np.sqrt(n_groups / (n_groups - 1)) if n_groups > 1 else 0.0
+        self._offsets = (means - grand) * inflation
+        centred = baseline - means[groups]
+        follows = np.flatnonzero(groups[1:] == groups[:-1]) + 1
+        self.correlations = _correlations(centred, follows, self._lengths.mean())
+        residuals = centred[follows] - self.correlations * centred[follows - 1]
+        lost = 2 * n_groups  # degrees of freedom: mean and first reading of each group
+        factor = np.sqrt(len(residuals) / max(len(residuals) - lost / 2, 1))
+        self._residuals = (residuals - residuals.mean(axis=0)) * factor if len(residuals) else None
+        self._block = max(1, round(len(baseline) ** 0.25) - 1)
+        self._left = 0
+
+    def with_correlations(self, correlations: Array, rng: np.random.Generator) -> _Process:
+        """Return a process with the same residuals and other correlations."""
+        other = copy(self)
+        other.correlations, other._rng, other._left = correlations, rng, 0
+        return other
+
+    def estimated_baselines(self) -> tuple[Array, Array, Array]:
+        """Return mean, standard deviation and correlation of simulated baselines.
+
+        Each of shape (n_baselines, n_columns).
+        """
+        shape = (_N_BASELINES, self._offsets.shape[1])
+        total, squares, power, products = np.zeros((4, *shape))
+        for length in self._lengths:
+            self.start_group()
+            first = last = self.next_readings() - self._offset
+            sums = np.array(
+                [first, first**2, np.zeros(shape)]
+            )  # of x, x**2, x times the one before
+            for _ in range(length - 1):
+                deviation = self.next_readings() - self._offset
+                sums += [deviation, deviation**2, deviation * last]
+                last = deviation
+            centre = sums[0] / length
+            power += sums[1] - length * centre**2
+            products += sums[2] - centre * (2 * sums[0] - first - last) + (length - 1) * centre**2
+            total += sums[0] + length * self._offset
+            squares += sums[1] + 2 * self._offset * sums[0] + length * self._offset**2
+        n_readings = self._lengths.sum()
+        mean = total / n_readings
+        variance = np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1)
+        # A baseline without variation gives no alarms, as in the chart.
+        scale = np.sqrt(np.where(variance > 0, variance, np.inf))
+        return mean, scale, _corrected(products, power, self._lengths.mean())
+
+    def start_group(self) -> None:
+        """Draw the offset of a new group, and let the autoregression settle."""
+        chosen = self._rng.integers(len(self._offsets), size=_N_BASELINES)
+        self._offset = self._offsets[chosen]
+        self._deviation = np.zeros_like(self._offset)
+        for _ in range(_SETTLING):
+            self.next_readings()
+
+    def next_readings(self) -> Array:
+        """Return the next reading of each simulated machine."""
+        assert self._residuals is not None
+        if not self._left:
+            last = len(self._residuals) - self._block
+            self._row, self._left = self._rng.integers(last + 1, size=_N_BASELINES), self._block
+        self._deviation = self.correlations * self._deviation + self._residuals[self._row]
+        self._row, self._left = self._row + 1, self._left - 1
+        return self._offset + self._deviation
+
+
+def _correlations(centred: Array, follows: NDArray[np.intp], length: float) -> Array:
+    """Return the correlation of successive readings, corrected for the bias of short series."""
+    power = np.sum(centred**2, axis=0)
+    products = np.sum(centred[follows] * centred[follows - 1], axis=0)
+    return _corrected(products, power, length)
+
+
+def _corrected(products: Array, power: Array, length: float) -> Array:
+    raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
+    # M. G. Kendall, Biometrika 41, 403-404, 1954: the bias is -(1 + 3 rho) / n.
+    return np.clip(raw + (1 + 3 * raw) / length, -_LARGEST_CORRELATION, _LARGEST_CORRELATION)
+
+
+_LEAST_NODES = 40
+_LONGEST = 1e12  # readings; above, the equations are singular in double precision
+_NODES_PER_WIDTH = 4  # of the kernel; the error of the quadrature is then below 1e-6
+_MOST_NODES = 2000
+LONGEST = 1e9  # readings; a limit with a longer average run length is of no use
+
+
+def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
+    """Return the average run length of a two-sided EWMA chart [1]_.
+
+    Parameters
+    ----------
+    weight : float
+        Weight of the newest reading, in (0, 1].
+    limit : float
+        Limit, in standard deviations of the chart's statistic in the long run.
+    shift : float
+        Shift of the mean from the first reading on, in standard deviations of a reading.
+
+    Returns
+    -------
+    float
+        Mean number of readings until the alarm, starting at the mean of the baseline; infinite
+        from 1e12 on, which cannot be computed.
+
+    Examples
+    --------
+    The published value is 500 [3]_:
+
+    >>> round(ewma_run_length(0.2, 2.962))
+    500
+    """
+    half = limit * np.sqrt(weight / (2 - weight))
+    nodes, weights = _nodes(-half, half, weight)
+    starts = np.append(nodes, 0.0)[:, np.newaxis]
+    kernel = norm.pdf((nodes - (1 - weight) * starts) / weight - shift) * weights / weight
+    return _solved(kernel[:-1], kernel[-1])
+
+
+def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> float:
+    """Return the average run length of an upward CUSUM chart [2]_.
+
+    Parameters
+    ----------
+    reference : float
+        Reference value, in standard deviations of a reading: half of the shift to be detected.
+    limit : float
+        Limit of the sum, in standard deviations of a reading.
+    shift : float
+        Shift of the mean from the first reading on, in standard deviations of a reading.
+
+    Returns
+    -------
+    float
+        Mean number of readings until the alarm, starting at a sum of 0; infinite from 1e12 on,
+        which cannot be computed.
+
+    Examples
+    --------
+    >>> round(cusum_run_length(0.5, 5.0)), round(cusum_run_length(0.5, 5.0, shift=1.0), 1)
+    (931, 10.4)
+    """
+    nodes, weights = _nodes(0.0, limit, 1.0)
+    starts = np.append(nodes, 0.0)
+    step = reference - shift
+    kernel = norm.pdf(nodes - starts[:, np.newaxis] + step) * weights
+    at_zero = norm.cdf(step - starts)  # probability that the next sum is 0
+    full = np.column_stack([kernel, at_zero])
+    return _resolved(float(_lengths(full)[-1]))
+
+
+def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> float:
+    """Return the limit whose average run length is `arl`.
+
+    Raises
+    ------
+    ValueError
+        If no limit has this average run length.
+
+    Examples
+    --------
+    >>> round(limit_for(lambda limit: cusum_run_length(0.5, limit), 930, "CUSUM"), 2)
+    5.0
+    """
+    low, high = 1e-3, 1.0
+    if run_length(low) >= arl:
+        shortest = min(run_length(low), _LONGEST)
+        remedy = "Give a longer one" if shortest < LONGEST else "Give a smaller reference"
+        raise ValueError(
+            f"no limit of this {what} has an average run length of {arl:g}; the shortest is "
+            f"{shortest:.3g} readings{' or more' if shortest == _LONGEST else ''}. {remedy}."
+        )
+    while run_length(high) < arl:
+        high *= 1.5
+    return float(brentq(lambda x: np.log(min(run_length(x), _LONGEST) / arl), low, high, xtol=1e-9))
+
+
+def _nodes(low: float, high: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return Gauss-Legendre nodes and weights that resolve a kernel of this width."""
+    wanted = _LEAST_NODES + int(_NODES_PER_WIDTH * (high - low) / width)
+    nodes, weights = leggauss(min(wanted, _MOST_NODES))
+    half = (high - low) / 2
+    return low + half * (nodes + 1), half * weights
+
+
+def _solved(kernel: np.ndarray, from_start: np.ndarray) -> float:
+    return _resolved(float(1 + from_start @ _lengths(kernel)))
+
+
+def _lengths(kernel: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
+    except np.linalg.LinAlgError:  # no alarm within double precision
+        return np.full(len(kernel), np.inf)
+
+
+def _resolved(length: float) -> float:
+    """Return a run length; infinite where the probability of an alarm is lost in rounding."""
+    return length if 0 < length < _LONGEST else np.inf

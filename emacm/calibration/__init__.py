@@ -1,0 +1,1 @@
+"""Leaving groups out: quantiles, tails and temperatures that hold for new groups."""

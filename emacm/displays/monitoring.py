@@ -1,0 +1,388 @@
+"""Alarm charts, trends of health indices, and remaining life."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_number
+from emacm.alarms.control_charts import CUSUM, EWMA
+from emacm.alarms.health_index import HealthIndex
+from emacm.displays import _drawing, _tables
+from emacm.displays._drawing import Display
+from emacm.life.life_calibration import BEFORE_ONSET, DAMAGE
+from emacm.life.remaining_life import RemainingLife
+
+
+@dataclass(eq=False, repr=False)
+class AlarmDisplay(Display):
+    """Statistic of an alarm over time, its limit, and the readings beyond it.
+
+    Parameters
+    ----------
+    times : array-like of shape (n_readings,)
+        Time, age or number of each reading.
+    statistic : array-like of shape (n_readings,)
+        Statistic of the chart.
+    limit : float
+        Limit of the statistic.
+    two_sided : bool
+        Whether the limit also holds downwards.
+    name : str
+        Name of the statistic, for the label.
+    time_label : str
+        Label of the x axis, with its unit.
+
+    Attributes
+    ----------
+    ax_, figure_
+        Axes and figure, set when the display is drawn.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the lengths differ, a value is not finite, or the limit is not positive.
+
+    Examples
+    --------
+    >>> AlarmDisplay([0, 1, 2], [0.5, 2.0, 5.5], 5.0).frame()["alarm"].tolist()
+    [False, False, True]
+    """
+
+    times: ArrayLike
+    statistic: ArrayLike
+    limit: float
+    two_sided: bool = field(default=False, kw_only=True)
+    name: str = field(default="statistic", kw_only=True)
+    time_label: str = field(default="number of the reading", kw_only=True)
+
+    def __post_init__(self) -> None:
+        self.times = _tables.check_values(self.times, "times", (None,))
+        self.statistic = _tables.check_values(self.statistic, "statistic", (len(self.times),))
+        check_number(self.limit, "limit", above=0)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: EWMA | CUSUM,
+        X: Any,
+        times: ArrayLike | None = None,
+        *,
+        column: int = 0,
+        ax: Any = None,
+        **options: Any,
+    ) -> AlarmDisplay:
+        """Compute the chart of readings, from its start, and draw it.
+
+        Parameters
+        ----------
+        estimator : EWMA or CUSUM
+            Fitted; its state is neither used nor changed.
+        X : array-like or DataFrame of shape (n_readings, n_columns)
+            Readings.
+        times : array-like of shape (n_readings,), optional
+            Default: the number of each reading, from 1.
+        column : int
+            Column to draw.
+        ax : matplotlib Axes, optional
+            Where to draw.
+        **options
+            As for the class: name, time_label.
+
+        Returns
+        -------
+        AlarmDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `estimator` is no fitted alarm, or X is invalid.
+        """
+        check_is_fitted(estimator)
+        state = estimator.state()
+        statistic = estimator.reset().update(X).statistic[:, column]
+        estimator.restore(state)
+        known: dict[str, Any] = {
+            "two_sided": isinstance(estimator, EWMA),
+            "name": type(estimator).__name__ + " [standard deviations]",
+        }
+        times = np.arange(1, len(statistic) + 1) if times is None else times
+        return cls(times, statistic, estimator.limit_, **(known | options)).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row per reading: "time", "statistic", "alarm"."""
+        statistic = np.asarray(self.statistic)
+        beyond = np.abs(statistic) if self.two_sided else statistic
+        columns = {"time": self.times, "statistic": statistic, "alarm": beyond > self.limit}
+        return pd.DataFrame(columns)
+
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=2.6)
+        table = self.frame()
+        ax.plot(table["time"], table["statistic"], color=_drawing.PLAIN, label="statistic")
+        style = {"color": "0.3", "linestyle": "--", "linewidth": 1}
+        ax.axhline(self.limit, label=f"limit {self.limit:.3g}", **style)
+        if self.two_sided:
+            ax.axhline(-self.limit, **style)
+        alarms = table[table["alarm"]]
+        if len(alarms):
+            look = {"color": _drawing.COLOURS[1], "marker": "s", "markersize": 4, "linestyle": ""}
+            first = f"alarm, first at {alarms['time'].iloc[0]:.6g}"
+            ax.plot(alarms["time"], alarms["statistic"], label=first, **look)
+        ax.set(xlabel=self.time_label, ylabel=self.name)
+        _drawing.legend_above(ax)
+        return ax
+
+
+@dataclass(eq=False, repr=False)
+class TrendDisplay(Display):
+    """Health index over time or cycles, one panel for each unit.
+
+    The limit is a dashed line; its false alarm rate is stated. Recordings beyond it are filled.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none)
+        and "alarm". Rows without an index are not drawn.
+    time_label : str
+        Label of the time axis, with its unit.
+    units : sequence of label, optional
+        Units to be drawn, in this order. Default: all; at most 8.
+
+    Attributes
+    ----------
+    ax_, figure_
+        Axes (one for each unit) and figure, set when the display is drawn.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, no unit has an index, or there are too many units for one figure.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"unit": "A", "time": [1, 2], "index": [0.9, 3.1], "limit": 1.5})
+    >>> display = TrendDisplay(table.assign(alarm=table["index"] > table["limit"]))
+    >>> display.frame()["alarm"].tolist()
+    [False, True]
+    """
+
+    table: Any
+    time_label: str = field(default="time", kw_only=True)
+    units: Any = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _tables.check_columns(self.table, ("unit", "time", "index", "limit", "alarm"))
+        known = self.table["unit"][self.table["index"].notna()].unique().tolist()
+        chosen = known if self.units is None else list(self.units)
+        unknown = [unit for unit in chosen if unit not in known]
+        if unknown or not chosen:
+            raise ValueError(f"no index of unit {(unknown or ['any'])[0]!r}; known are {known}.")
+        if len(chosen) > 8:
+            raise ValueError(
+                f"{len(chosen)} units do not fit into one figure. Choose at most 8 by units=."
+            )
+        self._units = chosen
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: HealthIndex,
+        X: Any,
+        times: ArrayLike,
+        units: ArrayLike | None = None,
+        *,
+        time_label: str = "time",
+        ax: Any = None,
+    ) -> TrendDisplay:
+        """Compute the trend of recordings, and draw it.
+
+        Parameters
+        ----------
+        estimator : HealthIndex
+            Fitted.
+        X, times, units
+            As for `HealthIndex.trend`.
+        time_label : str
+            As for the class.
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each unit.
+
+        Returns
+        -------
+        TrendDisplay
+
+        Raises
+        ------
+        ValueError
+            As `HealthIndex.trend`.
+        """
+        return cls(estimator.trend(X, times, units), time_label=time_label).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the rows that are drawn."""
+        drawn = self.table["unit"].isin(self._units) & self.table["index"].notna()
+        return self.table[drawn].reset_index(drop=True)
+
+    def _draw(self, ax: Any) -> Any:
+        axes = _drawing.panel_axes(ax, len(self._units))
+        table = self.frame()
+        rate = self.table.attrs.get("false_alarm")
+        stated = "" if rate is None else f" ({100 * rate:g} % false alarms)"
+        for panel, unit in zip(axes, self._units, strict=True):
+            own = table[table["unit"] == unit]
+            alarm = own["alarm"].to_numpy(bool)
+            panel.plot(own["time"], own["index"], color="0.6", linewidth=0.9, zorder=1)
+            for chosen, colour, marker, label in (
+                (~alarm, _drawing.COLOURS[0], "o", "within the limit"),
+                (alarm, _drawing.COLOURS[1], "s", "alarm"),
+            ):
+                style = {"color": colour, "marker": marker, "linestyle": "", "markersize": 4}
+                anywhere = bool((table["alarm"].to_numpy(bool) == (label == "alarm")).any())
+                text = label if panel is axes[0] and anywhere else None
+                panel.plot(own["time"][chosen], own["index"][chosen], label=text, **style)
+            limits = own["limit"].to_numpy(float)
+            if np.isfinite(limits).any():
+                look = {"color": "black", "linestyle": "--", "linewidth": 1.0}
+                text = f"limit{stated}" if panel is axes[0] else None
+                panel.axhline(limits[np.isfinite(limits)][-1], label=text, **look)
+            panel.set_ylim(bottom=0)
+            panel.set_ylabel("health index" if len(axes) == 1 else f"{unit}")
+        if len(axes) > 1:
+            axes[0].figure.supylabel("health index of unit", fontsize=10)
+        _drawing.label_x(axes, self.time_label)
+        if isinstance(table["time"].iloc[0], pd.Timestamp):
+            axes[0].figure.autofmt_xdate()
+        _drawing.legend_above(axes[0])
+        return axes if len(axes) > 1 else axes[0]
+
+
+_NAMES = {BEFORE_ONSET: "life of the population", DAMAGE: "from the health index"}
+
+
+@dataclass(eq=False, repr=False)
+class RemainingLifeDisplay(Display):
+    """Remaining life of one unit over its age.
+
+    Before the onset of damage, where only the life of the population is known, interval and median
+    are grey.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Result of `RemainingLife.predict_interval` for one unit: "age", "stage", "median", "lower",
+        "upper"; infinite upper limits are drawn to the upper end.
+    true : array-like of shape (n_readings,), optional
+        True remaining life at each age.
+    unit : str
+        Unit of time, for the labels.
+    coverage : float
+        Coverage of the interval, for the legend.
+
+    Attributes
+    ----------
+    ax_, figure_
+        Axes and figure, set when the display is drawn.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is missing, or `true` has another length.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame(
+    ...     {"age": [0.0, 9.0], "stage": ["before onset", "damage"], "median": [50.0, 11.0],
+    ...      "lower": [5.0, 7.0], "upper": [np.inf, 19.0]}
+    ... )
+    >>> RemainingLifeDisplay(table, true=[20.0, 11.0]).frame()["true"].tolist()
+    [20.0, 11.0]
+    """
+
+    table: pd.DataFrame
+    true: ArrayLike | None = None
+    unit: str = field(default="h", kw_only=True)
+    coverage: float = field(default=0.9, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _tables.check_columns(self.table, ("age", "stage", "median", "lower", "upper"))
+        if self.true is not None:
+            self.true = _tables.check_values(self.true, "true", (len(self.table),), least=0)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: RemainingLife,
+        X: Any,
+        y: ArrayLike | None = None,
+        *,
+        ax: Any = None,
+        **options: Any,
+    ) -> RemainingLifeDisplay:
+        """Predict the remaining life of one unit as it ages, and draw it.
+
+        Parameters
+        ----------
+        estimator : RemainingLife
+            Fitted on other units.
+        X : array-like or DataFrame of shape (n_readings, n_columns)
+            Readings of one unit, by increasing age.
+        y : array-like of shape (n_readings,), optional
+            True remaining lives.
+        ax : matplotlib Axes, optional
+            Where to draw.
+        **options
+            As for the class: unit.
+
+        Returns
+        -------
+        RemainingLifeDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `estimator` is no fitted `RemainingLife`, or X is invalid.
+        """
+        table = estimator.predict_interval(X, np.zeros(len(X)))
+        known: dict[str, Any] = {"coverage": estimator.coverage}
+        return cls(table, y, **(known | options)).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the table, with the column "true" if it is known."""
+        return self.table if self.true is None else self.table.assign(true=self.true)
+
+    def _draw(self, ax: Any) -> Any:
+        (ax,) = _drawing.panel_axes(ax, height=3.0)
+        table = self.frame()
+        shown = [table["median"].max()] + ([table["true"].max()] if "true" in table else [])
+        top = 2.0 * max(float(np.max(shown)), 1e-300)
+        damaged = (table["stage"] == DAMAGE).to_numpy()
+        first = int(np.argmax(damaged)) if damaged.any() else len(table)
+        for stage, rows, colour in (
+            (BEFORE_ONSET, table.iloc[: first + 1] if first else table.iloc[:0], "#777777"),
+            (DAMAGE, table.iloc[first:], _drawing.PLAIN),
+        ):
+            if len(rows):
+                interval = f"{self.coverage:.0%} interval, {_NAMES[stage]}"
+                upper = np.minimum(rows["upper"], top)
+                look = {"color": _drawing.tint(colour, 0.3), "linewidth": 0, "label": interval}
+                # Before the onset, the interval is that of the last reading until the next one.
+                step = "post" if stage == BEFORE_ONSET else None
+                ax.fill_between(rows["age"], rows["lower"], upper, step=step, **look)
+                median = rows if stage == DAMAGE or first == len(table) else rows.iloc[:-1]
+                ax.plot(
+                    median["age"], median["median"], color=colour, label=f"median, {_NAMES[stage]}"
+                )
+        if "true" in table:
+            style = {"color": "black", "linestyle": "--", "linewidth": 1}
+            ax.plot(table["age"], table["true"], label="true remaining life", **style)
+        ax.set_ylim(0, top)
+        ax.set(xlabel=f"age [{self.unit}]", ylabel=f"remaining life [{self.unit}]")
+        _drawing.legend_above(ax)
+        return ax

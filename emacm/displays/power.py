@@ -1,0 +1,415 @@
+"""Power over the order: order spectra and order bins, by group of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import InitVar, dataclass, field
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_choice
+from emacm.displays import _bars, _drawing, _tables
+from emacm.displays._bars import bar_style
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.bins import check_stop_bands
+from emacm.orders.columns import BinBlock, column_names, parse_order_columns
+from emacm.orders.order_psd import OrderPSD
+from emacm.orders.welch import SCALINGS
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class PowerDisplay(_tables.OrderDisplay):
+    """Power over the order, by group of recordings and channel.
+
+    Subclasses state the pipeline step of `from_estimator` and the parameters taken from it.
+    """
+
+    _step: ClassVar[type]
+    _from_step: ClassVar[tuple[str, ...]]
+
+    unit: str | Mapping[str, str] = "unit"
+    envelopes: Any = None
+    healthy: Any = _drawing.HEALTHY
+    scale: str = "dB"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.envelopes = dict(self.envelopes or {})
+        check_choice(self.scale, "scale", ("dB", "linear"))
+
+    @classmethod
+    def from_table(
+        cls, table: Any, channel: str | Sequence[str] | None = None, **options: Any
+    ) -> Self:
+        """Draw the mean of the recordings of each label; see the subclasses."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_estimator(
+        cls,
+        estimator: Any,
+        X: Any,
+        channel: str | Sequence[str] | None = None,
+        *,
+        labels: ArrayLike | None = None,
+        ax: Any = None,
+        **options: Any,
+    ) -> Self:
+        """Transform recordings by a fitted pipeline, and draw the mean of each label.
+
+        Parameters
+        ----------
+        estimator : OrderPSD, BinTransformer, or Pipeline with such a step
+            Fitted. Steps after the one that is drawn are not used. Envelope channels, `scaling`
+            and `stop_bands` are taken from the steps, units from the first recording.
+        X : list of Recording
+            Recordings, or the input of the first step.
+        channel : str or sequence of str, optional
+            Channels to draw, as in the column names. Default: all.
+        labels : array-like of shape (n_recordings,), optional
+            Label of each recording. Default: the mean of all.
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class.
+
+        Returns
+        -------
+        OrderSpectrumDisplay or OrderBinsDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the pipeline has no such step, and as for `from_table`.
+        """
+        name = cls._step.__name__
+        wanted = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
+        step, before = _tables.pipeline_until(estimator, lambda s: isinstance(s, cls._step), wanted)
+        values = step.transform(X if before is None else before.transform(X))
+        table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
+        known = {option: getattr(step, option) for option in cls._from_step}
+        known["envelopes"] = _tables.envelopes_of(before)
+        known["unit"] = _tables.units_in(X) or "unit"
+        return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
+
+    def _scaled(self, power: NDArray[np.floating]) -> NDArray[np.floating]:
+        return _drawing.decibels(power) if self.scale == "dB" else power
+
+    def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
+        """Label the y axis with quantity, channel and unit."""
+        kind = self.envelopes.get(channel, self.envelopes.get(channel.rstrip("+-")))
+        unit = _tables.unit_of(self.unit, channel, derived=kind is not None)
+        quantity, unit = _tables.as_envelope(quantity, unit, kind)
+        base = channel if kind is None else channel.removesuffix("_envelope")
+        reference = "dB re 1 " if self.scale == "dB" else ""
+        unit = f"{reference}{_drawing.squared(unit)}{per}"
+        _drawing.label_y(panel, f"{quantity} of {base}", unit)
+
+
+@dataclass(eq=False, repr=False)
+class OrderSpectrumDisplay(PowerDisplay):
+    """Order spectra, one line for each group of recordings, one panel for each channel.
+
+    Parameters
+    ----------
+    orders : ndarray of shape (n_orders,)
+        Orders of the spectral lines.
+    spectra : mapping of str to ndarray of shape (n_orders,) or (n_channels, n_orders)
+        Power spectral density [unit²/order] by label.
+    channel : str or sequence of str
+        Channel of the spectra, or the channels of their rows.
+    unit : str or mapping of str to str
+        Unit of the channel, or of each.
+    envelopes : mapping of str to {"amplitude", "squared"}, optional
+        Channels that are envelopes, see `EnvelopeDetector`: their axes show the envelope order
+        spectrum and its unit. The unit to be given is that of the measured channel.
+    max_order : float, optional
+        Highest order to draw.
+    fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
+        Predicted fault orders, which are marked. Those above `max_order` are not drawn.
+    slip : float
+        Largest relative slip: a line that slips may be lower or higher by this fraction of its
+        order, and this range is shaded. In a mapping every order may slip.
+    healthy : str
+        Label of the healthy state: it is first in the legend and always has the same colour.
+    scale : {"dB", "linear"}
+        Scale of the power. In dB nothing is drawn where it is 0.
+    scaling : {"density", "spectrum"}
+        As for `OrderPSD`: unit²/order or unit².
+
+    Attributes
+    ----------
+    ax_ : Axes, or ndarray of Axes of shape (n_channels,) if `channel` is a sequence
+        Set when the display is drawn.
+    figure_ : Figure
+        Figure of these Axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If orders do not increase, spectra do not fit them, are negative or not finite, or an
+        option is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> display = OrderSpectrumDisplay(np.arange(3), {"healthy": np.array([0.0, 2.0, 1.0])})
+    >>> display.frame()["healthy"].tolist()
+    [0.0, 2.0, 1.0]
+    """
+
+    _step = OrderPSD
+    _from_step = ("scaling",)
+
+    orders: Any
+    spectra: Any
+    channel: Any = field(default="signal", kw_only=True)
+    max_order: float | None = field(default=None, kw_only=True)
+    scaling: str = field(default="density", kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.orders = _tables.check_values(self.orders, "orders", (None,), least=0)
+        shape: tuple[int, ...] = (len(self.orders),)
+        if not isinstance(self.channel, str):
+            shape = (len(self.channel), *shape)
+        self.spectra = {
+            str(label): _tables.check_values(values, f"the spectrum of {label!r}", shape, least=0)
+            for label, values in self.spectra.items()
+        }
+        check_choice(self.scaling, "scaling", SCALINGS)
+
+    @classmethod
+    def from_table(
+        cls,
+        table: Any,
+        channel: str | Sequence[str] | None = None,
+        *,
+        labels: ArrayLike | None = None,
+        ax: Any = None,
+        **options: Any,
+    ) -> OrderSpectrumDisplay:
+        """Draw the mean spectrum of the recordings of each label.
+
+        Parameters
+        ----------
+        table : OrderTable or DataFrame of shape (n_recordings, n_columns)
+            Result of `OrderPSD`.
+        channel : str or sequence of str, optional
+            Channels to draw, as in the column names. Default: all.
+        labels : array-like of shape (n_recordings,), optional
+            Label of each recording. Default: the mean of all.
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class: unit, envelopes, max_order, fault_orders, slip, healthy, scale,
+            scaling.
+
+        Returns
+        -------
+        OrderSpectrumDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the table has no order axis or no such channel, labels do not fit it, or an option
+            is invalid.
+        """
+        names = column_names(table)
+        parsed = None if names is None else parse_order_columns(names)
+        blocks = _tables.channel_blocks(parsed, channel)
+        orders = blocks[0].orders
+        for block in blocks:
+            if not np.array_equal(block.orders, orders):
+                raise ValueError(
+                    f"channels {blocks[0].channel!r} and {block.channel!r} have different orders; "
+                    f"draw each in a display of its own."
+                )
+        single = channel if isinstance(channel, str) else None
+        means = _tables.means_by_label(table, labels, single or "all recordings")
+        rows = {name: [mean[b.columns] for b in blocks] for name, mean in means.items()}
+        spectra = {name: each[0] if single else np.stack(each) for name, each in rows.items()}
+        channels = single or [block.channel for block in blocks]
+        return cls(orders, spectra, channel=channels, **options).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the spectra: one row per order, one column per label (or channel and label)."""
+        index = pd.Index(self.orders, name="order")
+        if isinstance(self.channel, str):
+            return pd.DataFrame({**self.spectra}, index=index)
+        columns = {
+            (channel, label): values[i]
+            for i, channel in enumerate(self.channel)
+            for label, values in self.spectra.items()
+        }
+        return pd.DataFrame(columns, index=index).rename_axis(columns=["channel", "label"])
+
+    def _draw(self, ax: Any) -> Any:
+        channels = [self.channel] if isinstance(self.channel, str) else list(self.channel)
+        axes = _drawing.panel_axes(ax, len(channels), height=3.8 if len(channels) == 1 else 2.0)
+        gap = 0.0
+        for i, (panel, channel) in enumerate(zip(axes, channels, strict=True)):
+            for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
+                self._draw_line(panel, np.atleast_2d(self.spectra[label])[i], label, number)
+            panel.set_xlim(0, self.orders[-1] if self.max_order is None else self.max_order)
+            if self.scale == "linear":
+                panel.set_ylim(bottom=0)
+            density = self.scaling == "density"
+            self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
+            gap = max(gap, _drawing.mark_orders(panel, self.fault_orders, named=i == 0))
+        _drawing.label_x(axes, _drawing.ORDER_LABEL)
+        _drawing.legend_above(axes[0], gap=gap)
+        return axes[0] if isinstance(self.channel, str) else axes
+
+    def _draw_line(self, panel: Any, values: NDArray[np.floating], label: str, number: int) -> None:
+        top = self.orders[-1] if self.max_order is None else self.max_order
+        # Detrending changes the line at order 0, which is not the order of any fault.
+        drawn = (self.orders > 0) & (self.orders <= top)
+        power = self._scaled(values[drawn])
+        if not np.all(np.isnan(power)):
+            style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
+            if len(self.spectra) == 1:
+                style["linestyle"] = "-"
+            panel.plot(self.orders[drawn], power, linewidth=1.2, **style)
+
+
+@dataclass(eq=False, repr=False)
+class OrderBinsDisplay(PowerDisplay):
+    """Power in order bins, one panel for each channel.
+
+    One group of recordings is drawn as bars, several as one stepped line each. Bins that overlap
+    are drawn side by side, under their names.
+
+    Parameters
+    ----------
+    columns : sequence of str or of (low, high)
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
+        edges [orders] of the bins of one channel.
+    powers : mapping of str to ndarray of shape (n_columns,)
+        Mean square in each bin [unit²], by label.
+    stop_bands : sequence of (low, high)
+        Orders that were removed; hatched.
+    unit, envelopes, fault_orders, slip, healthy
+        As for `OrderSpectrumDisplay`. Fault orders outside of the bins are not drawn.
+    scale : {"dB", "linear"}
+        Scale of the power. In dB nothing is drawn where it is 0.
+
+    Attributes
+    ----------
+    ax_ : ndarray of Axes, shape (n_channels,)
+        Set when the display is drawn.
+    figure_ : Figure
+        Figure of these Axes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If columns are neither names nor bands, powers do not fit them, are negative or not
+        finite, or an option is invalid.
+
+    Notes
+    -----
+    Source of this kind of figure: Chirico, Fig. 3.5.
+
+    Examples
+    --------
+    >>> display = OrderBinsDisplay([(0, 1), (1, 2)], {"healthy": [0.5, 2.0]})
+    >>> display.frame()["healthy"].to_dict()
+    {('signal', '0-1'): 0.5, ('signal', '1-2'): 2.0}
+    """
+
+    _step = BinTransformer
+    _from_step = ("stop_bands",)
+
+    columns: InitVar[Sequence[Any]]
+    powers: Any
+    stop_bands: Any = field(default=(), kw_only=True)
+
+    def __post_init__(self, columns: Sequence[Any]) -> None:
+        super().__post_init__()
+        self.blocks = _bars.bin_blocks(columns)
+        shape = (sum(len(block.names) for block in self.blocks),)
+        self.powers = {
+            str(label): _tables.check_values(values, f"powers of {label!r}", shape, least=0)
+            for label, values in self.powers.items()
+        }
+        self.stop_bands = check_stop_bands(self.stop_bands)
+
+    @classmethod
+    def from_table(
+        cls,
+        table: Any,
+        channel: str | Sequence[str] | None = None,
+        *,
+        labels: ArrayLike | None = None,
+        ax: Any = None,
+        **options: Any,
+    ) -> OrderBinsDisplay:
+        """Draw the mean bins of the recordings of each label.
+
+        Parameters
+        ----------
+        table : DataFrame of shape (n_recordings, n_columns)
+            Result of `BinTransformer` under ``set_output(transform="pandas")``.
+        channel : str or sequence of str, optional
+            Channels to draw, as in the column names. Default: all.
+        labels : array-like of shape (n_recordings,), optional
+            Label of each recording. Default: the mean of all, as bars.
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class: stop_bands, unit, envelopes, fault_orders, slip, healthy, scale.
+
+        Returns
+        -------
+        OrderBinsDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the table has no column names or no such channel, labels do not fit it, or an
+            option is invalid.
+        """
+        names = column_names(table)
+        blocks = _tables.channel_blocks(None if names is None else _bars.bin_blocks(names), channel)
+        chosen = np.concatenate([block.columns for block in blocks])
+        means = _tables.means_by_label(np.asarray(table)[:, chosen], labels, "all recordings")
+        return cls([(names or ())[i] for i in chosen], means, **options).plot(ax=ax)
+
+    def frame(self) -> pd.DataFrame:
+        """Return the powers: one row per channel and bin, one column per label."""
+        return _bars.bin_frame(self.blocks, self.powers)
+
+    def _draw(self, ax: Any) -> Any:
+        axes = _bars.bin_panels(ax, self.blocks)
+        for panel, block in zip(axes, self.blocks, strict=True):
+            if _bars.has_order_axis(block):
+                _bars.draw_stop_bands(panel, self.stop_bands)
+            self._draw_block(panel, block)
+            self._label_power(panel, block.channel, "power")
+        _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
+        return axes
+
+    def _draw_block(self, panel: Any, block: BinBlock) -> None:
+        places = _bars.bin_places(block)
+        numbers = _drawing.state_numbers(self.powers, self.healthy)
+        groups = {label: self._scaled(self.powers[label][block.columns]) for label in numbers}
+        if len(groups) > 1:
+            for label, values in groups.items():
+                style = _drawing.line_style(numbers[label])
+                _bars.draw_steps(panel, places, values, label=_drawing.wrapped(label), **style)
+            return
+        ((label, values),) = groups.items()
+        style = {**bar_style(_drawing.colour_of(numbers[label])), "label": _drawing.wrapped(label)}
+        known = values[np.isfinite(values)]
+        if self.scale == "linear" or not len(known):
+            _bars.draw_bars(panel, places, values, **style)
+            return
+        # Decibel bars have no natural zero; start below the minimum.
+        margin = max(1.0, 0.08 * float(np.ptp(known)))
+        bottom = float(known.min()) - margin
+        _bars.draw_bars(panel, places, values, bottom=bottom, **style)
+        panel.set_ylim(bottom, known.max() + margin)

@@ -1,0 +1,1 @@
+"""Envelopes of bands of frequencies: prewhitening, kurtogram, envelope detection."""

@@ -1,0 +1,368 @@
+"""The envelope of a band of frequencies, over time.
+
+Each impact of a damaged bearing excites a resonance of the housing. The frequency of the resonance
+is a property of the housing; the repetition rate of the impacts is a property of the bearing. The
+spectrum of the envelope of the resonance band has lines at the repetition rate. The envelope is
+computed over time, because the resonance has a constant frequency, and before the signal is
+resampled over the shaft angle, in which the repetition rate is constant.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+import scipy  # which imports scipy.signal, a tenth of a second, when it is used
+from numpy.typing import ArrayLike, NDArray
+
+from emacm._checks import check_choice, check_finite, check_number, check_real_array
+from emacm.envelopes.prewhitening import WhitenedBand, WhitenedSeries
+from emacm.recordings.series import ComputedSeries
+from emacm.shaft.motion import BLOCK, Series
+
+Band = tuple[float, float]
+
+_STOP = 80.0  # dB, by which the filter has fallen outside of its transitions
+_TRANSITION = 0.25  # of the band: width of a transition, half of it on either side of an edge
+
+
+def check_band(band: Any, fs: float | None = None, name: str = "band") -> Band:
+    """Return a band as two frequencies, after checking it against the Nyquist frequency.
+
+    Parameters
+    ----------
+    band : (low, high)
+        Edges [Hz].
+    fs : float, optional
+        Sampling rate [Hz].
+    name : str
+        What to call the band in a message.
+
+    Returns
+    -------
+    (float, float)
+
+    Raises
+    ------
+    TypeError
+        If it is not a pair of numbers.
+    ValueError
+        If low is not between 0 and high, or high not below ``fs / 2``.
+    """
+    if isinstance(band, str | dict) or not np.iterable(band) or len(list(band)) != 2:
+        raise TypeError(f"{name} must be a pair (low, high) of frequencies in Hz, got {band!r}.")
+    low, high = (check_number(edge, f"edges of {name}", above=0, unit="Hz") for edge in band)
+    if not low < high:
+        raise ValueError(f"{name} must run from a lower to a higher frequency, got {band!r}.")
+    if fs is not None and not high < fs / 2:
+        raise ValueError(
+            f"{name} reaches to {high:g} Hz, but at a sampling rate of {fs:g} Hz the Nyquist "
+            f"frequency is {fs / 2:g} Hz. Lower its upper edge."
+        )
+    return low, high
+
+
+def check_bands(band: Any, name: str = "band") -> Any:
+    """Return a band, a list of bands, "full" or "kurtogram", after checking them.
+
+    Examples
+    --------
+    >>> check_bands((200, 900)), check_bands([(200, 900), (900, 2000)])
+    ((200.0, 900.0), [(200.0, 900.0), (900.0, 2000.0)])
+    """
+    if isinstance(band, str):
+        return check_choice(band, name, ("full", "kurtogram"))
+    entries = list(band) if np.iterable(band) and not isinstance(band, dict) else []
+    if not entries or not all(np.iterable(entry) for entry in entries):
+        return check_band(band, name=name)
+    bands = [check_band(entry, name=f"band {i} of {name}") for i, entry in enumerate(entries)]
+    if len(set(bands)) < len(bands):
+        raise ValueError(f"{name} must give each band once, got {band!r}.")
+    return bands
+
+
+def filter_length(low: float, high: float, fs: float) -> int:
+    """Return the number of taps of the filter of a band, an odd number.
+
+    Parameters
+    ----------
+    low, high : float
+        Edges of the band [Hz].
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> filter_length(2000.0, 6000.0, 48_000.0)
+    243
+    """
+    transition = min(_TRANSITION * (high - low), 2 * low, fs - 2 * high)
+    # Kaiser's estimate, Eq. (7.76) of Oppenheim and Schafer.
+    n_taps = (_STOP - 7.95) / (2.285 * 2 * np.pi) * fs / transition
+    return 2 * int(np.ceil(n_taps / 2)) + 1
+
+
+@lru_cache(maxsize=32)
+def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexfloating]:
+    """Return the taps of a filter that makes the analytic signal of a band.
+
+    A low-pass filter with a Kaiser window [1]_, shifted to the centre of the band. The filter has
+    no delay (its middle tap is at time 0). Its amplitude is one half at the edges of the band, one
+    from an eighth of the bandwidth inside the edges, and below -80 dB from an eighth of the
+    bandwidth outside. The transitions are narrower if an edge is close to 0 or to the Nyquist
+    frequency. A constant is removed.
+
+    Parameters
+    ----------
+    low, high : float
+        Edges of the band [Hz].
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (n_taps,), complex
+        Read-only; `n_taps` is that of `filter_length`.
+
+    References
+    ----------
+    .. [1] A. V. Oppenheim and R. W. Schafer, Discrete-Time Signal Processing, 3rd ed., 2010,
+       section 7.6.
+
+    Examples
+    --------
+    >>> taps = analytic_filter(2000.0, 6000.0, 48_000.0)
+    >>> bool(abs(taps.sum()) < 1e-12)
+    True
+    """
+    half = filter_length(low, high, fs) // 2
+    times = np.arange(-half, half + 1)
+    window = scipy.signal.get_window(("kaiser", 0.1102 * (_STOP - 8.7)), len(times), fftbins=False)
+    width = (high - low) / fs
+    carrier = np.exp(1j * np.pi * (low + high) / fs * times)
+    taps = 2 * width * np.sinc(width * times) * window * carrier
+    taps -= window * (taps.sum() / window.sum())  # of a large offset, 80 dB down were too much
+    taps.flags.writeable = False
+    return taps
+
+
+@lru_cache(maxsize=8)
+def analytic_gain(low: float, high: float, fs: float, n_times: int) -> NDArray[np.floating]:
+    """Return the gain of `analytic_filter` at the frequencies of a transform.
+
+    Parameters
+    ----------
+    low, high : float
+        Edges of the band [Hz].
+    fs : float
+        Sampling rate [Hz].
+    n_times : int
+        Length of the transform, at least that of the filter.
+
+    Returns
+    -------
+    ndarray of shape (n_times // 2 + 1,)
+        Read-only; real, because the filter has no delay. At negative frequencies, it is below
+        -80 dB.
+
+    Examples
+    --------
+    >>> gain = analytic_gain(2000.0, 6000.0, 48_000.0, 480)
+    >>> [round(float(gain[k]), 2) for k in (10, 20, 40, 60, 70)]
+    [0.0, 1.0, 2.0, 1.0, 0.0]
+    """
+    taps = analytic_filter(low, high, fs)
+    gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
+    gain.flags.writeable = False
+    return gain
+
+
+class EnvelopeSeries(ComputedSeries):
+    """The envelope of a signal of any length, computed slice by slice when it is read.
+
+    Beyond its ends the signal is extended by its mirror image.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
+        Finite; it may be a memory map.
+    fs : float
+        Its sampling rate [Hz].
+    band : (low, high)
+        Band [Hz].
+    squared : bool
+        The squared envelope [U²], or the envelope [U].
+
+    Attributes
+    ----------
+    reach : int
+        Samples to either side that a value depends on.
+    bandwidth : float
+        Width of the band: the frequency up to which a squared envelope has content [Hz].
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the band is not below the Nyquist frequency, or its filter is longer than the signal.
+    """
+
+    _prepared = ("_taps", "_whitened")
+
+    def __init__(self, signal: Series, fs: float, band: Band, *, squared: bool = True) -> None:
+        super().__init__(signal)
+        low, high = check_band(band, fs)
+        n_taps = filter_length(low, high, fs)
+        if n_taps > len(signal):
+            raise ValueError(
+                f"the band {low:g} to {high:g} Hz needs a filter of {n_taps / fs:.3g} s, but the "
+                f"signal lasts {len(signal) / fs:.3g} s. Make the band wider, and keep its edges "
+                f"away from 0 and {fs / 2:g} Hz."
+            )
+        self._fs, self._band, self.squared = fs, (low, high), squared
+        self.bandwidth = high - low
+        self._prepare()
+
+    def _prepare(self) -> None:
+        taps = analytic_filter(*self._band, self._fs)
+        single = self.dtype == np.float32
+        self._taps = taps.astype(np.complex64 if single else np.complex128, copy=False)
+        self.reach = len(taps) // 2
+        # A prewhitened signal passes the filter while it is a spectrum.
+        self._whitened: WhitenedBand | None = None
+        if isinstance(self._signal, WhitenedSeries) and 2 * self.reach <= self._signal.fade:
+            gain = partial(analytic_gain, *self._band, self._fs)
+            self._whitened = WhitenedBand(self._signal, gain)
+
+    def __repr__(self) -> str:
+        """Band and kind, of which digests are made."""
+        return self._described(self._fs, self._band, self.squared)
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the envelope at samples `start` to `stop` (exclusive)."""
+        values = np.empty(stop - start, self.dtype)
+        at_once = max(BLOCK, 2 * len(self._taps))
+        for first in range(start, stop, at_once):
+            last = min(first + at_once, stop)
+            values[first - start : last - start] = self._size(self._analytic(first, last))
+        return values
+
+    def _analytic(self, start: int, stop: int) -> NDArray[np.complexfloating]:
+        if self._whitened is not None:
+            return self._whitened.read(start, stop)
+        near: Any = self._mirrored(start - self.reach, stop + self.reach)
+        return scipy.signal.oaconvolve(near, self._taps, mode="valid")
+
+    def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
+        if not np.isfinite(size).all() or (analytic.any() and not size.any()):
+            raise ValueError(
+                f"the envelope exceeds the range of {self.dtype}. State the channel in another "
+                f"unit, or set squared=False."
+            )
+        return size
+
+
+def envelope(
+    signal: ArrayLike, fs: float, band: Band, *, squared: bool = True
+) -> NDArray[np.floating]:
+    """Return the envelope of a band of a signal: the magnitude of its analytic signal [1]_.
+
+    The filter has no delay. Beyond its ends the signal is extended by its mirror image. Values
+    nearer to an end than half the filter length, 10 / (high - low) seconds, are therefore
+    inaccurate. (Half the filter length is 2.5 divided by the width of a transition, which is a
+    quarter of the bandwidth.)
+
+    Parameters
+    ----------
+    signal : array-like of shape (..., n_times)
+        Signal at uniform times, in any unit U.
+    fs : float
+        Its sampling rate [Hz].
+    band : (low, high)
+        Edges of the band [Hz], where half of the amplitude passes.
+    squared : bool
+        Return the squared envelope [U²], in which periodic impacts have few lines and noise only
+        adds a constant level; otherwise the envelope itself [U].
+
+    Returns
+    -------
+    ndarray of shape (..., n_times)
+        Of a tone of amplitude A in the band, A² (or A); float32 stays float32.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the signal is not finite, or shorter than the filter, or if the band is not below the
+        Nyquist frequency.
+
+    References
+    ----------
+    .. [1] R. B. Randall and J. Antoni, Mech. Syst. Signal Process. 25(2), 485-520, 2011.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(4800) / 48_000
+    >>> squared = envelope(3 * np.sin(2 * np.pi * 4000 * t), 48_000, (2000, 6000))
+    >>> round(float(squared[2400]), 2)
+    9.0
+    """
+    check_choice(squared, "squared", (True, False))
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    array = check_real_array(signal, "signal")
+    check_finite(array.reshape(-1), "signal")
+    if array.ndim == 0 or array.shape[-1] < 2:
+        raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
+    values = np.empty_like(array)
+    flat = values.reshape(-1, array.shape[-1])
+    for row, out in zip(array.reshape(-1, array.shape[-1]), flat, strict=True):
+        out[:] = EnvelopeSeries(row, fs, band, squared=squared)[:]
+    return values
+
+
+def band_at(band: Any, fs: float) -> Band:
+    """Return a band at a sampling rate: "full" is the widest one with a short filter.
+
+    Parameters
+    ----------
+    band : (low, high) or "full"
+        Edges [Hz]; "full" from 1/32 to 15/32 of the sampling rate.
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    (float, float)
+
+    Examples
+    --------
+    >>> band_at("full", 12_800.0)
+    (400.0, 6000.0)
+    """
+    return (fs / 32, 15 * fs / 32) if isinstance(band, str) else band
+
+
+def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float = 5.0) -> None:
+    """Warn if an edge near 0 or half the sampling rate makes the filter so many times as long."""
+    usual = _TRANSITION * (high - low)
+    times = usual / min(usual, 2 * low, fs - 2 * high)
+    if times > excessive:
+        edge, remedy = (
+            ("0", f"Raise its lower edge to {usual / 2:.3g} Hz")
+            if 2 * low < fs - 2 * high
+            else ("half the sampling rate", f"Lower its upper edge to {fs / 2 - usual / 2:.6g} Hz")
+        )
+        warnings.warn(
+            f"the band {low:g} to {high:g} Hz is so near to {edge} that its filter lasts "
+            f"{filter_length(low, high, fs) / fs:.3g} s, {times:.3g} times as long as its width "
+            f"requires; impacts are smeared by as much. {remedy}.",
+            UserWarning,
+            stacklevel=2,
+        )

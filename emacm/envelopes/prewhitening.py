@@ -1,0 +1,417 @@
+"""Cepstral prewhitening: all frequencies of a signal are set to one level."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+import scipy  # scipy.fft is imported when it is used
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._checks import check_finite, check_number, check_real_array, located
+from emacm.envelopes.transformer import RecordingTransformer
+from emacm.recordings.inputs import as_recordings, check_channel_names, described
+from emacm.recordings.names import chosen_channels
+from emacm.recordings.recording import Recording
+from emacm.recordings.series import ComputedSeries
+from emacm.shaft.motion import Series
+
+
+class WhitenedSeries(ComputedSeries):
+    """A prewhitened signal of any length, computed segment by segment when it is read.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
+        Finite; it may be a memory map.
+    fs : float
+        Its sampling rate [Hz].
+
+    Attributes
+    ----------
+    fade : int
+        Samples within which a segment fades over into the next one.
+    """
+
+    _prepared = ("_kept", "_rise")
+    _gain: NDArray[np.floating] | None = None
+
+    def __init__(self, signal: Series, fs: float) -> None:
+        super().__init__(signal)
+        self._fs = fs
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Cut the signal into segments; one begins every `_hop` samples, `fade` before that."""
+        self.fade, self._hop = _segments(len(self), self._fs)
+        self._n_segments = 1 + (len(self) - 1 + self.fade) // self._hop
+        self._n_group = _group_size(self._hop + self.fade, self._signal.dtype)
+        self._rise = _rise(self.fade, self._signal.dtype)
+        self._kept: dict[int, NDArray[np.inexact]] = {}
+
+    def __repr__(self) -> str:
+        """Return class and sampling rate, of which digests are made."""
+        return self._described(self._fs)
+
+    def read(self, start: int, stop: int) -> NDArray[Any]:
+        """Return the whitened signal at samples `start` to `stop` (exclusive)."""
+        values = np.empty(stop - start, self.dtype)
+        first, last = start // self._hop, (stop - 1 + self.fade) // self._hop
+        for group in range(first // self._n_group, last // self._n_group + 1):
+            for number, row in enumerate(self._group(group), group * self._n_group):
+                begin = number * self._hop - self.fade - start
+                low, high = max(begin, 0), min(begin + len(row), len(values))
+                if low < high:
+                    new = min(max(begin + self.fade, 0), high)  # the segment before ends here
+                    values[low:new] += row[low - begin : new - begin]
+                    values[new:high] = row[new - begin : high - begin]
+        return values
+
+    def _group(self, group: int) -> NDArray[np.inexact]:
+        """Return a group of whitened segments; two are kept, as blocks are read one by one."""
+        kept = self._kept
+        if group not in kept:
+            fade, hop = self.fade, self._hop
+            first = group * self._n_group
+            count = min(self._n_group, self._n_segments - first)
+            begin = first * hop - fade
+            near = self._mirrored(begin, begin + count * hop + fade)
+            segments = np.empty((count, hop + fade), near.dtype)
+            levels = np.empty(count)
+            for row, segment in enumerate(segments):
+                part = near[row * hop : row * hop + len(segment)]
+                levels[row] = part.mean(dtype=np.float64)
+                np.subtract(part, near.dtype.type(levels[row]), out=segment)
+            # Without a taper, the cut ends of a strong tone would be impacts.
+            self._faded(segments)
+            rms = np.sqrt(1 - fade / (hop + fade))
+            white = whiten(segments, levels, rms=rms, gain=self._gain)
+            self._faded(white)
+            last = [item for item in kept.items() if abs(item[0] - group) == 1]
+            kept = self._kept = dict([*last[-1:], (group, white)])
+        return kept[group]
+
+    def _faded(self, segments: NDArray[np.inexact]) -> None:
+        """Let the ends of segments rise from 0 and fall to 0, in place."""
+        segments[:, : self.fade] *= self._rise
+        segments[:, self._hop :] *= self._rise[::-1]
+
+
+def _segments(
+    n_times: int,
+    fs: float,
+    *,
+    seconds: float = 0.5,
+    n_least: int = 256,
+    faded: int = 16,
+    n_equal: int = 4,
+) -> tuple[int, int]:
+    """Return by how many samples segments overlap, and from one beginning to the next.
+
+    A segment has the power of two of samples nearest to `seconds`, at least `n_least`, so that
+    lines some Hz apart are separated; it fades within ``1 / faded`` of its length. If there are
+    at most `n_equal`, they are made equally long: otherwise much of the last one may be a mirror
+    image.
+    """
+    n_segment = max(n_least, 1 << round(np.log2(max(seconds * fs, 1))))
+    fade = n_segment // faded
+    count = -(-(n_times + fade) // (n_segment - fade))
+    if count <= n_equal:
+        fade = n_times // ((faded - 1) * count - 1)
+        hop = -(-(n_times + fade) // count)
+        n_segment = 2 * scipy.fft.next_fast_len(-(-(hop + fade) // 2), real=True)
+    return fade, n_segment - fade
+
+
+def _group_size(n_segment: int, dtype: np.dtype[Any], *, n_times: int = 1 << 15) -> int:
+    """Return how many segments are whitened at once, about `n_times` samples for few calls.
+
+    A segment is always in the same group: parts of a signal are equal to those of the whole.
+    """
+    at_once = _rows_at_once(dtype)
+    return at_once * max(1, n_times // (at_once * n_segment))
+
+
+class WhitenedBand(WhitenedSeries):
+    """The analytic signal of a band of a prewhitened signal, filtered segment by segment.
+
+    Each spectrum is multiplied by the gain of the filter before it is transformed back: two
+    transforms and not four. Where segments overlap, they fade after the filter, not before it.
+
+    Parameters
+    ----------
+    whitened : WhitenedSeries
+        The prewhitened signal.
+    gain : callable
+        Returns the gain of a filter as `whiten` takes it, for a number of samples of a segment. Its
+        taps reach no further than half of `fade`: no end of a segment reaches its beginning.
+    """
+
+    def __init__(
+        self, whitened: WhitenedSeries, gain: Callable[[int], NDArray[np.floating]]
+    ) -> None:
+        super().__init__(whitened._signal, whitened._fs)
+        self._gain = gain(self._hop + self.fade).astype(self.dtype)
+        self.dtype = np.result_type(self.dtype, np.complex64)
+
+
+def whiten(
+    segments: NDArray[np.floating],
+    removed: ArrayLike = 0.0,
+    *,
+    rms: float = 1.0,
+    gain: NDArray[np.floating] | None = None,
+) -> NDArray[np.inexact]:
+    """Return segments whose Fourier coefficients all have the same magnitude [1]_.
+
+    Parameters
+    ----------
+    segments : ndarray of shape (n_times,) or (n_segments, n_times)
+        Finite signals, in any unit.
+    removed : float, or array-like of shape (n_segments,)
+        Constants that were subtracted from them; they left rounding errors.
+    rms : float
+        Root mean square of the result.
+    gain : ndarray of shape (n_times // 2 + 1,), optional
+        Gain of a filter without delay at the frequencies from 0 to half the sampling rate; the
+        result is then an analytic signal, without negative frequencies and half the sampling rate.
+        `n_times` is even.
+
+    Returns
+    -------
+    ndarray of the same shape
+        Without unit, with mean 0; coefficients of no more than rounding errors are set to 0. Of the
+        precision of the segments; complex with a gain.
+
+    References
+    ----------
+    .. [1] P. Borghesani, P. Pennacchi, R. B. Randall, N. Sawalhi and R. Ricci, Mech. Syst. Signal
+       Process. 36(2), 370-384, 2013: all of the real cepstrum but its first value is set to 0,
+       that is, X / \\|X\\|.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> tone = 40 * np.sin(2 * np.pi * 0.1 * np.arange(1000))
+    >>> noise = np.random.default_rng(0).standard_normal(1000)
+    >>> magnitude = abs(np.fft.rfft(whiten(tone + noise)))
+    >>> print(round(magnitude[100] / magnitude[37], 9))  # that of the tone beside another one
+    1.0
+    """
+    rows = np.atleast_2d(segments)
+    n_rows, n_times = rows.shape
+    spectra = scipy.fft.rfft(_filled(rows))
+    lines = spectra[:n_rows]
+    lines[:, 0] = 0  # the mean is no vibration
+    power = lines.real**2
+    power += lines.imag**2
+    # Rounding leaves some 8 times the resolution of the type beside the largest line.
+    resolution = 8 * np.finfo(segments.dtype).eps
+    largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
+    power[power <= resolution**2 * largest[:, np.newaxis]] = np.inf
+    scale = np.divide(rms, np.sqrt(power, out=power), out=power)
+    if gain is None:
+        lines *= scale
+        white = scipy.fft.irfft(spectra, n_times, norm="ortho", overwrite_x=True)
+    else:
+        # Half of all lines are 0: even and odd samples are two transforms of the other half.
+        half = n_times // 2
+        scale *= gain / np.sqrt(n_times, dtype=gain.dtype)
+        parts = np.empty((n_rows, half, 2), lines.dtype)
+        np.multiply(lines[:, :half], scale[:, :half], out=parts[..., 0])
+        np.multiply(parts[..., 0], _one_sample(half, lines.dtype), out=parts[..., 1])
+        white = scipy.fft.ifft(parts, axis=1, norm="forward", overwrite_x=True)
+    return white[:n_rows].reshape(segments.shape)
+
+
+@lru_cache(maxsize=8)
+def _one_sample(n_lines: int, dtype: np.dtype[Any]) -> NDArray[np.complexfloating]:
+    """Return by what a spectrum of positive frequencies differs one sample later."""
+    factors = np.exp(1j * np.pi / n_lines * np.arange(n_lines)).astype(dtype)
+    factors.flags.writeable = False
+    return factors
+
+
+@lru_cache(maxsize=8)
+def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
+    """Return the taper before and after whitening: squares of two that overlap add up to one."""
+    rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
+    rise.flags.writeable = False
+    return rise
+
+
+def _rows_at_once(dtype: np.dtype[Any]) -> int:
+    """Return how many rows SciPy transforms at once: as many as a register of 16 bytes holds."""
+    return max(1, 16 // dtype.itemsize)
+
+
+def _filled(rows: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return rows, and rows of zeros if several would be transformed one by one otherwise."""
+    at_once = _rows_at_once(rows.dtype)
+    if len(rows) % at_once < 2:
+        return rows
+    return np.concatenate([rows, np.zeros((-len(rows) % at_once, rows.shape[1]), rows.dtype)])
+
+
+def prewhitened(signal: ArrayLike, fs: float) -> NDArray[np.floating]:
+    """Set all frequencies of a signal to one level, as `CepstralPrewhitening` does.
+
+    Parameters
+    ----------
+    signal : array-like of shape (..., n_times)
+        Signal at uniform times, in any unit.
+    fs : float
+        Its sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray of shape (..., n_times)
+        Without unit; float32 stays float32.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the signal is not finite or has fewer than 2 samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> signal = np.cumsum(np.random.default_rng(0).standard_normal(1000))
+    >>> white = prewhitened(signal, 1000.0)
+    >>> bool(np.allclose(white, prewhitened(5 * signal, 1000.0)))
+    True
+    """
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    array = check_real_array(signal, "signal")
+    check_finite(array.reshape(-1), "signal")
+    if array.ndim == 0 or array.shape[-1] < 2:
+        raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
+    rows = array.reshape(-1, array.shape[-1])
+    return np.stack([WhitenedSeries(row, fs)[:] for row in rows]).reshape(array.shape)
+
+
+class CepstralPrewhitening(  # type: ignore[call-arg]
+    RecordingTransformer, auto_wrap_output_keys=None
+):
+    """Set all frequencies of the signals to one level, so that no band has to be selected.
+
+    Put it before `EnvelopeDetector`. The lines of shafts and gears and the resonances of the
+    housing are reduced to the level of the noise; the impacts of a damaged bearing, which cover
+    all frequencies, remain [1]_.
+
+    Parameters
+    ----------
+    channels : sequence of str, optional
+        Channels that are whitened. Default: all of the first recording.
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels of the result.
+    whitened_ : tuple of str
+        Channels that are whitened.
+
+    Notes
+    -----
+    `X` is a list of `Recording`, and so is the result, with the same shaft and meta. The signals
+    are computed when they are read, in segments of a power of two of samples, 0.35 to 0.71 s
+    long. Each is tapered within a sixteenth of its length at both ends, divided by the magnitude
+    of its Fourier transform, tapered again and added to its neighbours (weighted overlap-add).
+    Segments of time are used, and not of shaft angle, because resonances are at fixed frequencies
+    and because the envelope is taken before the signal is resampled. While the speed changes, a
+    harmonic of the shaft is spread over several frequencies of a segment and each of them is set to
+    the common level. If the whole recording were whitened at once, each event would affect all
+    samples, and a long recording would not fit into memory. A recording that is shorter than a
+    segment is one segment; up to four segments are made equally long, at least 0.17 s. Beyond its
+    ends the signal is extended by its mirror image.
+
+    The result has no unit and a mean square of 1. It does not depend on the gain of the channel.
+    Frequencies with nothing but rounding errors, such as those removed by a filter in 64-bit
+    arithmetic, stay without power.
+
+    References
+    ----------
+    .. [1] P. Borghesani, P. Pennacchi, R. B. Randall, N. Sawalhi and R. Ricci, Application of
+       cepstrum pre-whitening for the diagnosis of bearing faults under variable speed conditions,
+       Mech. Syst. Signal Process. 36(2), 370-384, 2013.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from emacm import CepstralPrewhitening, Recording
+    >>> t = np.arange(20_000) / 10_000
+    >>> noise = np.random.default_rng(0).standard_normal(len(t))
+    >>> signal = 100 * np.sin(2 * np.pi * 50 * t) + noise
+    >>> run = Recording({"vibration": signal}, 10_000, velocity=60.0 + 0 * t)
+    >>> (white,) = CepstralPrewhitening().fit_transform([run])
+    >>> round(float(white.signals["vibration"].std()), 1)
+    1.0
+    """
+
+    def __init__(self, *, channels: Sequence[str] | None = None) -> None:
+        self.channels = channels
+
+    def fit(self, X: Any, y: Any = None) -> CepstralPrewhitening:
+        """Learn the channels; nothing is computed.
+
+        Parameters
+        ----------
+        X : list of Recording
+            Recordings.
+        y : ignored
+
+        Returns
+        -------
+        CepstralPrewhitening
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is not a list of recordings, or a recording lacks a channel; the message gives
+            both.
+        """
+        recordings = as_recordings(X, "CepstralPrewhitening")
+        first = recordings[0].channels
+        self.whitened_ = chosen_channels(self.channels, first)
+        self.channels_ = self._whitened(recordings)[0].channels
+        return self
+
+    def transform(self, X: Any) -> list[Recording]:
+        """Return the recordings with whitened channels, to be computed when read.
+
+        Parameters
+        ----------
+        X : list of Recording
+            Recordings that have the channels of `whitened_`.
+
+        Returns
+        -------
+        list of Recording
+            One for each recording.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for `fit`.
+        """
+        check_is_fitted(self)
+        return self._whitened(as_recordings(X, "CepstralPrewhitening"))
+
+    def _whitened(self, recordings: list[Recording]) -> list[Recording]:
+        found = []
+        for index, recording in enumerate(recordings):
+            with located(partial(described, recording, index)):
+                check_channel_names(recording.channels, self.whitened_)
+                found.append(recording._derived(_whitened_content, self.whitened_))
+        return found
+
+
+def _whitened_content(measured: Recording, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what changes in a recording of which channels are whitened."""
+    whitened = {name: WhitenedSeries(measured.series[name], measured.fs[name]) for name in names}
+    units = dict(measured.units) | dict.fromkeys(names, "1")
+    return {"_series": dict(measured.series) | whitened, "_units": units}

@@ -1,0 +1,1 @@
+"""Recordings that are read from files: layouts, readers, folders."""

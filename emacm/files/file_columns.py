@@ -1,0 +1,391 @@
+"""The columns of a file, and how a layout makes a recording of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import check_signal
+from emacm.files.layout import Layout, constant_speed
+from emacm.files.sample_times import rate_of_times, seconds_of
+from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, split_unit, unit_factor
+from emacm.shaft.tacho import angle_from_tacho
+
+_RATES = {"fs", "sfreq", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
+_RATES |= {"abtastrate"}
+
+
+class RefusedFileError(ValueError):
+    """A file that is read correctly, but holds nothing that can be used."""
+
+
+@dataclass
+class FileColumns:
+    """What a file contains.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray of shape (n_times,)
+        Arrays by name.
+    rates : dict of str to float
+        Sampling rates that the file states [Hz], by column.
+    units : dict of str to str
+        Units that the file states, by column.
+    numbers : dict of str to float
+        Single numbers by name.
+    ignored : dict of str to str
+        What is in the file but no column, with the reason.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    rates: dict[str, float] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    ignored: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Take units out of the names of columns, as in "speed [rpm]"."""
+        plain = {name: split_unit(name)[0] for name in (*self.columns, *self.numbers)}
+        if len(set(plain.values())) < len(plain):
+            return
+        units = {plain[name]: split_unit(name)[1] for name in plain}
+        self.units = {k: v for k, v in units.items() if v} | {
+            plain.get(name, name): unit for name, unit in self.units.items() if unit
+        }
+        self.columns = {plain[name]: values for name, values in self.columns.items()}
+        self.rates = {plain.get(name, name): rate for name, rate in self.rates.items()}
+        self.numbers = {plain[name]: number for name, number in self.numbers.items()}
+
+    def like_shaft(self) -> list[str]:
+        """Return the columns and numbers with name or unit of the motion of a shaft."""
+        names = (*self.columns, *self.numbers)
+        return [name for name in names if is_shaft_name(name, self.units.get(name, ""))]
+
+    def find(self, wanted: str, *, numbers: bool = False) -> str:
+        """Return the full name of a column (or of a number) that a layout names.
+
+        Raises
+        ------
+        ValueError
+            If there is none, or several match.
+        """
+        known = [*self.columns, *(self.numbers if numbers else ())]
+        plain = split_unit(wanted)[0]
+        for name in (wanted, plain):
+            if name in known:
+                return name
+        found = [name for name in known if fnmatchcase(name, plain)]
+        found = found or [name for name in known if re.split(r"[/.]", name)[-1] == plain]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            several = f"{wanted!r} matches several columns: {_listed(found)}."
+            raise ValueError(f"{several} Name one of them.")
+        if plain in self.ignored:
+            raise ValueError(
+                f"{plain!r} {self.ignored[plain]}; it cannot be a channel or the shaft. Store it "
+                f"as an array of numbers, one for each time."
+            )
+        raise ValueError(
+            f"it has no column {wanted!r}; its columns are {_listed(known)}. Where files differ, a "
+            f"layout may give several names: {f'{wanted}|{known[0]}' if known else wanted!r}."
+        )
+
+    def has(self, wanted: str) -> bool:
+        """Tell whether a name of a layout is that of one column or number."""
+        try:
+            return bool(self.find(wanted, numbers=True))
+        except ValueError:
+            return False
+
+
+def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
+    """Return the arguments of the recording that a layout makes of the columns of a file.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+    layout : Layout
+        What is channel, time and shaft.
+
+    Returns
+    -------
+    dict of str to object
+        As for `Recording`, without `meta`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is missing or contradicts the layout, or something is not known: a rate, the
+        shaft, a unit. The message states the remedy.
+    """
+    if not content.columns:
+        raise ValueError(_without_signal(content))
+    _check_units(content, layout)
+    if "|" in layout.key:
+        layout = layout.with_names_of(content.has)
+    times = _time_column(content, layout)
+    shaft = _shaft_column(content, layout)
+    channels = _channel_columns(content, layout, times, shaft)
+    rates = _Rates(content, layout, times)
+    fs = {name: rates.of(column, name) for name, column in channels.items()}
+    signals = {name: _signal(content, column, name) for name, column in channels.items()}
+    units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
+    arguments = {
+        "signals": signals,
+        "fs": fs,
+        "units": {name: unit for name, unit in units.items() if unit},
+    }
+    return arguments | _shaft(content, layout, shaft, rates, max(fs.values()))
+
+
+def _check_units(content: FileColumns, layout: Layout) -> None:
+    """Refuse the unit of a name that occurs nowhere: mistyped, it would not be applied."""
+    parts = [layout.fs, layout.time, layout.channels, layout.velocity, layout.angle, layout.tacho]
+    for name in layout.units:
+        is_named = re.search(rf"(?<!\w){re.escape(name)}(?!\w)", str(parts))
+        may_lack = name in ("velocity", "speed", "angle") or is_time_name(name)
+        if not (is_named or may_lack or content.has(name)):
+            raise ValueError(
+                f"units names {name!r}, which is no column or channel; the columns are "
+                f"{_listed(list(content.columns))}. Correct the name, or leave it out."
+            )
+
+
+def _without_signal(content: FileColumns) -> str:
+    """Say what a file without any column contains."""
+    rest = f"only {list(content.numbers)}" if content.numbers else "no array of numbers"
+    reasons = [f"{name!r} {reason}" for name, reason in list(content.ignored.items())[:3]]
+    remedy = "Store an array for each channel, or leave the file out."
+    return f"it contains no signal, {'; '.join([rest, *reasons])}. {remedy}"
+
+
+def _listed(names: Sequence[str], longest: int = 20) -> str:
+    """Return names as a list; of many, the first ones."""
+    more = len(names) - longest
+    return str(list(names)) if more <= 0 else f"{list(names[:longest])} and {more} more"
+
+
+def _signal(content: FileColumns, column: str, name: str) -> NDArray[np.floating]:
+    """Return a channel; one without any value is refused as a whole."""
+    values = content.columns[column]
+    if values.dtype.kind == "f" and len(values) and np.isnan(values[0]) and np.isnan(values).all():
+        raise ValueError(
+            f"column {column!r} is empty: it has no value at all. List the other columns in "
+            f"channels of the layout."
+        )
+    return check_signal(values, f"channel {name!r}")
+
+
+def _time_column(content: FileColumns, layout: Layout) -> str | None:
+    if layout.time:
+        return content.find(layout.time)
+    if layout.time is False:
+        return None
+    named = [name for name in content.columns if is_time_name(name)]
+    if len(named) > 1:
+        raise ValueError(f"it has several columns of times: {named}. Set time to one of them.")
+    return named[0] if named else None
+
+
+def _shaft_column(content: FileColumns, layout: Layout) -> str | None:
+    """Return the column (or the number) of the shaft; None for a constant speed."""
+    velocity = layout.velocity
+    if isinstance(velocity, str) and not constant_speed(velocity):
+        return content.find(velocity, numbers=True)
+    if velocity is not None:
+        return None
+    column = layout.angle or layout.tacho_column
+    if column:
+        return content.find(column)
+    similar = content.like_shaft()
+    hint = f"; {similar[0]!r} looks like one" if similar else ""
+    example = similar[0] if similar else "speed"
+    raise ValueError(
+        f"the layout names no shaft reference{hint}. Set velocity={example!r} with its unit, as "
+        f"units={{{example!r}: 'rpm'}}, or a number [rad/s], or angle, or tacho; its columns are "
+        f"{list(content.columns)}."
+    )
+
+
+def _channel_columns(
+    content: FileColumns, layout: Layout, times: str | None, shaft: str | None
+) -> dict[str, str]:
+    """Return the column of each channel."""
+    chosen = layout.channels
+    if isinstance(chosen, Mapping):
+        return {name: content.find(column) for name, column in chosen.items()}
+    if chosen is not None:
+        return {split_unit(name)[0]: content.find(name) for name in chosen}
+    ignored = {times, shaft}
+    if layout.time is False:
+        ignored |= {name for name in content.columns if is_time_name(name)}
+    rest = [name for name in content.columns if name not in ignored]
+    motions = [name for name in content.like_shaft() if name in rest]
+    if motions:
+        raise ValueError(
+            f"column {motions[0]!r} is named like the motion of the shaft, not like a channel. "
+            f"Name it in velocity, angle or tacho, or list the channels: channels="
+            f"{[name for name in rest if name not in motions]}."
+        )
+    if not rest:
+        raise ValueError(f"it has no channel besides {sorted(filter(None, ignored))}.")
+    return {name: name for name in rest}
+
+
+def stated_rates(content: FileColumns) -> dict[str, float]:
+    """Return the sampling rates that a file states [Hz], by column.
+
+    A number named fs (or samplerate and the like) holds for all columns of its group; if the file
+    states a unit of it, this must be Hz or kHz.
+
+    Parameters
+    ----------
+    content : FileColumns
+        What the file contains.
+
+    Returns
+    -------
+    dict of str to float
+
+    Examples
+    --------
+    >>> stated_rates(FileColumns({"b": [0.0, 1.0]}, numbers={"fs": 25.0}))
+    {'b': 25.0}
+    """
+    hertz = {"": 1.0, "hz": 1.0, "khz": 1000.0}
+    rates: dict[str, float] = {}
+    for name, number in content.numbers.items():
+        last = re.split(r"[/.]", name)[-1]
+        if number > 0 and re.sub("[^a-z]", "", last.lower()) in _RATES:
+            factor = hertz.get(content.units.get(name, "").lower())
+            group = name.removesuffix(last)
+            if factor is not None:
+                of_group = [column for column in content.columns if column.startswith(group)]
+                rates |= dict.fromkeys(of_group, number * factor)
+    return rates | content.rates
+
+
+class _Rates:
+    """Sampling rates by column, from the layout, the file, or the column of times."""
+
+    def __init__(self, content: FileColumns, layout: Layout, times: str | None) -> None:
+        self._content, self._layout = content, layout
+        self._stated = stated_rates(content)
+        self._n_times, self._of_times = 0, 0.0
+        if times is not None:
+            values = content.columns[times]
+            unit = layout.unit_of(times) or content.units.get(times, "")
+            fs = layout.fs if isinstance(layout.fs, float | int) else self._stated.get(times)
+            seconds = seconds_of(values, unit, times)
+            self._n_times, self._of_times = len(values), rate_of_times(seconds, times, fs)
+
+    def of(self, column: str, name: str, default: float | None = None) -> float:
+        """Return the rate of a column [Hz]."""
+        stated, known = self._stated_by_layout(column, name), self._stated_by_file(column)
+        if stated is None:
+            rate = known or default
+            if rate:
+                return rate
+            raise ValueError(
+                f"the sampling rate of {name!r} is not known: neither the file nor the layout "
+                f"states it. Set fs, or time to a column of times."
+            )
+        if known and abs(known / stated - 1) > 1e-6:
+            raise ValueError(
+                f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
+                f"Correct fs, or leave it out."
+            )
+        return stated
+
+    def _stated_by_layout(self, column: str, name: str) -> float | None:
+        fs = self._layout.fs
+        if isinstance(fs, str):
+            number = self._content.find(fs, numbers=True)
+            if number not in self._content.numbers:
+                raise ValueError(f"fs = {fs!r} is not a single number of the file.")
+            return self._content.numbers[number]
+        if isinstance(fs, Mapping):
+            rates = {split_unit(key)[0]: rate for key, rate in fs.items()}
+            return rates.get(name, rates.get(column))
+        return fs
+
+    def _stated_by_file(self, column: str) -> float | None:
+        if column in self._stated:
+            return self._stated[column]
+        if self._of_times and len(self._content.columns[column]) == self._n_times:
+            return self._of_times
+        return None
+
+
+def _channel_unit(content: FileColumns, layout: Layout, name: str, column: str) -> str:
+    stated, known = layout.unit_of(name, column), content.units.get(column, "")
+    if stated and known and not same_unit(stated, known):
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+            f"units; nothing is converted."
+        )
+    return stated or known
+
+
+def _shaft(
+    content: FileColumns, layout: Layout, column: str | None, rates: _Rates, fs: float
+) -> dict[str, Any]:
+    """Return the shaft reference in rad or rad/s, and its rate [Hz]."""
+    if column is None or column in content.numbers:
+        return {"velocity": _constant_speed(content, layout, column), "shaft_fs": fs}
+    values = check_signal(content.columns[column], f"the shaft column {column!r}")
+    rate = rates.of(column, column, default=fs if _alike(content, column) else None)
+    if layout.tacho is not None:
+        options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
+        options.pop("column", None)
+        return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
+    kind = "angle" if layout.angle is not None else "velocity"
+    factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
+    return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
+
+
+def _alike(content: FileColumns, column: str) -> bool:
+    """Return whether another column is as long as this one."""
+    lengths = [len(values) for name, values in content.columns.items() if name != column]
+    return len(content.columns[column]) in lengths
+
+
+def _constant_speed(content: FileColumns, layout: Layout, column: str | None) -> float:
+    if column is not None:
+        unit = _shaft_unit(content, layout, column, "velocity")
+        return content.numbers[column] * unit_factor(unit, "velocity")
+    if isinstance(layout.velocity, str):
+        number, unit = constant_speed(layout.velocity) or (0.0, "")
+        return number * unit_factor(unit, "velocity")
+    unit = layout.unit_of("velocity", "speed") or "rad/s"
+    return float(layout.velocity) * unit_factor(unit, "velocity")
+
+
+def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
+    """Return the unit of the shaft column; rad or rad/s if nothing suggests another."""
+    wanted = layout.velocity if kind == "velocity" else layout.angle
+    stated = layout.unit_of(column, kind) or split_unit(str(wanted))[1]
+    known = content.units.get(column, "")
+    if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
+        raise ValueError(
+            f"the layout states the unit {stated!r} for {column!r}, but the file {known!r}. "
+            f"Correct units, or leave it out."
+        )
+    if stated or known:
+        return stated or known
+    suspect = re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower())
+    if suspect:
+        raise ValueError(
+            f"the unit of {column!r} is not stated, and its name suggests another one than "
+            f"{'rad/s' if kind == 'velocity' else 'rad'}. Set units={{{column!r}: 'rpm'}}, or what "
+            f"it is in."
+        )
+    return "rad/s" if kind == "velocity" else "rad"

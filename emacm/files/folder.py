@@ -1,0 +1,413 @@
+"""Recordings that read their samples from a file when these are needed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePath
+from types import MappingProxyType
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm._checks import located
+from emacm.files.file_columns import recording_arguments
+from emacm.files.layout import Layout
+from emacm.files.readers import READERS, read_columns
+from emacm.recordings.digests import Recent, digest_of_file
+from emacm.recordings.recording import CONTENT, Recording
+from emacm.shaft.motion import LazySeries, Series
+
+_recent: Recent[Recording] = Recent(16 << 20)  # bytes, in addition to the last of each thread
+_last = threading.local()  # the content that this thread reads, of any size
+
+Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
+
+
+class FileState:
+    """Path, size and time of a file when it was opened, to notice that it was changed.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    size : int
+        Its size [bytes].
+    written : int
+        Time of its last change [ns].
+    digest : bytes
+        First half of the SHA-256 of its content; empty if it is not known. It is computed when a
+        recording in the file is pickled, and checked where it is unpickled.
+    """
+
+    __slots__ = ("_digest", "path", "size", "written")
+
+    def __init__(self, path: str, size: int, written: int, digest: bytes = b"") -> None:
+        self.path, self.size, self.written, self._digest = path, size, written, digest
+
+    @classmethod
+    def of(cls, path: str) -> FileState:
+        """Return the present state of a file.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is none.
+        """
+        try:
+            status = os.stat(path)
+        except FileNotFoundError as error:
+            raise FileNotFoundError(f"there is no file {path!r}.") from error
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise OSError(
+                f"{path!r} cannot be opened: {reason}. Correct the path or the link."
+            ) from error
+        return cls(path, status.st_size, status.st_mtime_ns)
+
+    def check(self) -> None:
+        """Raise a ValueError if the file has changed since it was opened."""
+        found = FileState.of(self.path)
+        same = (found.size, found.written) == (self.size, self.written)
+        if not same or (self._digest and self._digest != _short_digest(self.path)):
+            raise ValueError(
+                f"{self.path}: the file was replaced or changed since it was opened: it had "
+                f"{self.size} bytes, written at {self.written} ns, and has {found.size} bytes, "
+                f"written at {found.written} ns. Open it again."
+            )
+
+    def __reduce__(self) -> tuple[type[FileState], tuple[str, int, int, bytes]]:
+        """Return path, size, time and digest."""
+        digest = self._digest
+        if not digest:
+            try:
+                self.check()
+                digest = self._digest = _short_digest(self.path)
+            except (OSError, ValueError):  # found again, and reported, where samples are needed
+                digest = b""
+        return FileState, (self.path, self.size, self.written, digest)
+
+
+def _short_digest(path: str) -> bytes:
+    """Return half of the digest of a file: 16 bytes."""
+    return bytes.fromhex(digest_of_file(path))[:16]
+
+
+class FileRecording(Recording):
+    """A recording in a file: its samples are read when they are needed, and not kept for long.
+
+    It is pickled as path, layout, size, time and digest of the file, and meta. See
+    `open_recording`.
+
+    Attributes
+    ----------
+    path : str
+        Absolute path of the file.
+    layout : Layout
+        How the file is read.
+    """
+
+    __slots__ = ("_key", "_state", "_steps", "layout", "path")
+
+    path: str
+    layout: Layout
+    _state: FileState
+    _steps: tuple[Step, ...]
+
+    @property
+    def series(self) -> Mapping[str, Series]:
+        """The channels by name, to be read slice by slice."""
+        return MappingProxyType({name: FileSeries(self, name) for name in self.channels})
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of channels, rates and shaft, without `meta`.
+
+        Raises
+        ------
+        ValueError
+            If the file was changed since the recording was opened.
+        """
+        self._state.check()
+        return super().digest
+
+    def __getattr__(self, name: str) -> Any:
+        """Read the content of the file."""
+        if name in CONTENT or name == "_known":
+            return getattr(self.content(), name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def content(self) -> Recording:
+        """Return the recording in memory; it is read if it is not one of the last.
+
+        Raises
+        ------
+        OSError, ImportError
+            If the file is gone, or cannot be opened.
+        TypeError, ValueError
+            If it was changed, is damaged, or is not what the layout states. The message starts
+            with the path.
+        """
+        held = getattr(_last, "held", None)
+        if held is not None and held[0] == self._key:
+            return held[1]
+        content = _recent.get(self._key)
+        if content is None:
+            content = self._read()
+            _recent.put(self._key, content, sum(array.nbytes for array in content._arrays()))
+        _last.held = self._key, content
+        return content
+
+    def release(self) -> None:
+        """Drop the content from memory; it is read again when it is needed."""
+        _recent.drop(self._key)
+        _last.held = None
+
+    def _read(self) -> Recording:
+        if self._steps:
+            before = self._with_steps(self._steps[:-1])
+            change, arguments = self._steps[-1]
+            content = before.content()
+            with located(self.path):
+                return content._changed(change(content, *arguments))
+        self._state.check()
+        with located(self.path):
+            columns = read_columns(Path(self.path))
+            recording = Recording(**recording_arguments(columns, self.layout), meta=self._meta)
+        self._state.check()  # it may have been written while it was read
+        return recording
+
+    def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
+        """Return a recording that reads the same file, and then changes its content."""
+        return self._with_steps((*self._steps, (change, arguments)))
+
+    def _with_steps(self, steps: tuple[Step, ...]) -> FileRecording:
+        return _opened(self.layout, self._state, self._meta, steps)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return path, layout, size, time and digest of the file, and meta; no samples."""
+        layout = self.layout.without_meta()
+        return _opened, (layout, self._state, self._meta, self._steps)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the content."""
+        return self.content().__getstate__()
+
+
+class FileSeries(LazySeries):
+    """A channel of a recording in a file, read when it is sliced.
+
+    Parameters
+    ----------
+    recording : FileRecording
+        The recording.
+    name : str
+        Name of the channel.
+    """
+
+    def __init__(self, recording: FileRecording, name: str) -> None:
+        self._recording, self._name = recording, name
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+        return self._values().dtype
+
+    @property
+    def bandwidth(self) -> float:
+        """Frequency above which a computed channel has no content [Hz]; see `ComputedSeries`."""
+        return float(getattr(self._values(), "bandwidth", np.inf))
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self._values())
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return samples."""
+        return self._values()[key]
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> NDArray[Any]:
+        """Return the whole channel."""
+        return np.asarray(self._values(), dtype)
+
+    def read(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return the samples `start` to `stop` (exclusive)."""
+        return self._values()[start:stop]
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The whole channel."""
+        return [np.asarray(self)]
+
+    def _values(self) -> Any:
+        return self._recording.content().series[self._name]
+
+
+def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
+    """Open a recording in a file: its samples are read and checked when they are first needed.
+
+    It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
+    absolute path, layout, size, time and digest of the file, and meta (less than 1 kB), so that
+    worker processes read the file themselves; on other computers it must have the same path, size,
+    time and content (a shared folder, or ``cp -p``). A few recordings are kept in memory (16 MiB);
+    a file is read as a whole, and must not be changed as long as the recording is used: if its
+    size or time has changed when it is read again, this is an error.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file: npz, csv (txt, tsv), wav or mat (versions up to 7.2); with the extra ``files``,
+        mat (7.3), parquet, h5 (hdf5), tdms and uff (unv); with the extra ``mdf``, mf4.
+    layout : Layout
+        Which columns are channels, time and shaft.
+
+    Returns
+    -------
+    Recording
+        With the attributes `path` and `layout`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    TypeError, ValueError
+        If `layout` is not a layout, or the name of the file does not match its `meta`. When samples
+        are read: if the file was changed, is damaged, or is not what the layout states.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = os.path.join(folder.name, "A_worn.npz")
+    >>> np.savez(path, vibration=np.sin(np.arange(4000) / 9), fs=2000)
+    >>> layout = Layout(velocity="1500 rpm", units=["vibration [g]"], meta="{unit}_{state}")
+    >>> recording = open_recording(path, layout)
+    >>> recording
+    Recording(vibration 2000 Hz; velocity 2000 Hz; 2 s, 50 revolutions; unit='A', state='worn')
+    >>> folder.cleanup()
+    """
+    if not isinstance(layout, Layout):
+        raise TypeError(f"layout must be a Layout, got {type(layout).__name__}.")
+    file = Path(path).absolute()
+    with located(str(file)):
+        return _opened(layout, FileState.of(str(file)), layout.meta_of(file))
+
+
+def _opened(
+    layout: Layout,
+    state: FileState,
+    meta: dict[Any, Any],
+    steps: tuple[Step, ...] = (),
+) -> FileRecording:
+    """Return a recording in a file that was opened before."""
+    recording = FileRecording.__new__(FileRecording)
+    key = (state.path, state.size, state.written, layout.key, repr(meta), repr(steps))
+    content = {"path": state.path, "layout": layout, "_state": state, "_steps": steps, "_key": key}
+    for name, value in (content | {"_meta": meta}).items():
+        object.__setattr__(recording, name, value)
+    return recording
+
+
+@contextmanager
+def kept_for_passes(n_bytes: int = 256 << 20) -> Iterator[None]:
+    """Keep up to this size of the contents of files inside a with statement.
+
+    For several passes over the same files, which are slow to read, as text is.
+    """
+    before = _recent.set_limit(n_bytes)
+    try:
+        yield
+    finally:
+        _recent.set_limit(before)
+
+
+class RecordingFolder(Sequence[Recording]):
+    """The recordings in the files of a folder, as `X` of any pipeline; none is kept in memory.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder.
+    layout : Layout
+        How each file is read.
+    pattern : str
+        Which files: as for `pathlib.Path.glob`. Default: all in the folder and its subfolders.
+        Only types of files that are known are opened; hidden files are not.
+
+    Attributes
+    ----------
+    paths : list of Path
+        The files, sorted by name; absolute.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder.
+    ValueError
+        If no file matches, or the name of one does not match the `meta` of the layout.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for unit in "BA":
+    ...         np.savez(os.path.join(folder, f"{unit}_2.npz"), current=np.ones(50))
+    ...     layout = Layout(fs=25, velocity=3.0, meta="{unit}_{run:d}")
+    ...     [recording.meta["unit"] for recording in RecordingFolder(folder, layout)]
+    ['A', 'B']
+    """
+
+    def __init__(
+        self, folder: str | os.PathLike[str], layout: Layout, pattern: str = "**/*"
+    ) -> None:
+        if not isinstance(pattern, str) or not pattern or PurePath(pattern).is_absolute():
+            raise ValueError(
+                f"pattern must be a text relative to the folder, such as '**/*.csv', got "
+                f"{pattern!r}."
+            )
+        self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
+        if not self.folder.is_dir():
+            raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
+        self.paths = sorted(recording_files(self.folder, pattern))
+        if not self.paths:
+            raise ValueError(
+                f"no file in {str(folder)!r} matches {pattern!r} and is of one of the types "
+                f"{sorted(READERS)}."
+            )
+        self._recordings = [open_recording(path, layout) for path in self.paths]
+
+    def __len__(self) -> int:
+        """Return the number of files."""
+        return len(self._recordings)
+
+    @overload
+    def __getitem__(self, index: int) -> Recording: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Recording]: ...
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one recording, or a list of them."""
+        return self._recordings[index]
+
+    def __sizeof__(self) -> int:
+        """Return the size with the recordings [bytes].
+
+        Dask sends what is larger than 1 kB to a worker once, and the rest with every task.
+        """
+        return super().__sizeof__() + sum(map(sys.getsizeof, self._recordings))
+
+    def __repr__(self) -> str:
+        """Folder and number of recordings."""
+        return f"RecordingFolder({str(self.folder)!r}, {len(self)} recordings)"
+
+
+def recording_files(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
+    """Yield the files of a folder that can be recordings: of a known type, and not hidden."""
+    for path in folder.glob(pattern):
+        if path.suffix.lower() in READERS and not path.name.startswith(".") and path.is_file():
+            yield path

@@ -1,0 +1,388 @@
+"""How the columns of a file become the channels and the shaft of a recording."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from pathlib import Path, PurePath
+from string import Formatter
+from typing import Any
+
+import pandas as pd
+
+from emacm._checks import check_number, located
+from emacm.recordings.names import chosen_channels, split_unit
+
+_TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
+_FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "": (r".+", str),
+    "d": (r"[+-]?\d+", int),
+    "g": (r"[+-]?\d+(?:\.\d+)?", float),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How a file becomes a recording: which columns are channels, time and shaft, in which unit.
+
+    Columns are the columns of a table or the arrays of a file; a column "speed [rpm]" is "speed"
+    with the unit rpm. A name may contain wildcards, as ``"*_DE_time"``, if one column matches.
+    Where files differ, names may be alternatives, as ``"vibration|x0"``: the first that a file has.
+    In text files, the names may stand below other lines, and above a row of units.
+
+    Parameters
+    ----------
+    fs : float, str or mapping of str to float, optional
+        Sampling rate [Hz]; or the name of a number in the file; or a rate for each column.
+        Default: what the file states, or the rate of its column of times.
+    time : str or False, optional
+        Column with the time of each sample. Default: a column that is named like one. False: such
+        a column is ignored.
+    channels : sequence of str or mapping of str to str, optional
+        Columns that are channels, or the column of each channel. Default: all columns but those of
+        time and shaft.
+    velocity : float or str, optional
+        Constant speed of the shaft; or the column (or the number in the file) that holds it. rad/s
+        unless `units`, the name of the column or the file states another unit; a text with a
+        number and a unit, as "1797 rpm", is a constant speed; "speed|1797 rpm" is one for files
+        without a column "speed".
+    angle : str, optional
+        Column with the shaft angle, cumulative or wrapped; rad unless another unit is stated.
+    tacho : str or mapping, optional
+        Column of a tachometer (one pulse per revolution), or a mapping with "column",
+        "pulses_per_rev" and the other options of `emacm.angle_from_tacho`.
+    units : mapping of str to str, or sequence of str, optional
+        Units of columns or channels, as ``{"speed": "rpm"}`` or ``["speed [rpm]"]``; of a constant
+        speed, ``{"velocity": "rpm"}``.
+    meta : str, DataFrame or mapping, optional
+        Pattern of the file names, as ``"{unit}_{state}_{run:d}.mat"`` (without a suffix, it is
+        matched against the name without its suffix; ``:d`` makes an integer, ``:g`` a number), or
+        a table: a DataFrame whose index or column "file" has the names of the files, or a mapping
+        from names to mappings. A text that ends with ".csv" is the path of such a table. Names may
+        begin with folders, ``"bench/A_07.csv"``; of several that match, the longest path is taken.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is not of this form, or more than one shaft reference is given.
+
+    Examples
+    --------
+    >>> layout = Layout(channels=["vibration"], velocity="speed [rpm]", meta="{unit}_{run:d}")
+    >>> layout.unit_of("speed"), layout.meta_of("bench/A_07.csv")
+    ('rpm', {'unit': 'A', 'run': 7})
+    """
+
+    fs: Any = None
+    time: Any = None
+    channels: Any = None
+    velocity: Any = None
+    angle: Any = None
+    tacho: Any = None
+    units: Any = None
+    meta: Any = None
+
+    def __post_init__(self) -> None:
+        """Check the options that do not need a file."""
+        given = [name for name in ("velocity", "angle", "tacho") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"a layout has one shaft reference, got {' and '.join(given)}.")
+        _check_rates(self.fs)
+        if self.time not in (None, False) and not _is_name(self.time):
+            raise TypeError(f"time must be the name of a column, or False; got {self.time!r}.")
+        if not isinstance(self.channels, Mapping):
+            chosen_channels(self.channels, ())
+        elif not self.channels or not all(map(_is_name, (*self.channels, *self.channels.values()))):
+            raise TypeError(f"channels must map names to names of columns, got {self.channels!r}.")
+        if not _is_name(self.velocity) and self.velocity is not None:
+            check_number(self.velocity, "velocity (a number, or the name of a column)")
+        if self.angle is not None and not _is_name(self.angle):
+            raise TypeError(f"angle must be the name of a column, got {self.angle!r}.")
+        _check_tacho(self.tacho)
+        object.__setattr__(self, "units", _checked_units(self.units))
+        object.__setattr__(self, "meta", _checked_meta(self.meta))
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Layout:
+        """Read a layout from a TOML file, whose keys are the parameters.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file. A table of `meta` is found relative to its folder.
+
+        Returns
+        -------
+        Layout
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        TypeError, ValueError
+            If it is not TOML, or an option is invalid.
+        """
+        file = Path(path)
+        if not file.is_file():
+            raise FileNotFoundError(f"there is no layout {str(file)!r}.")
+        with located(f"layout {file}"):
+            try:
+                options = tomllib.loads(file.read_text(encoding="utf-8"))
+            except tomllib.TOMLDecodeError as error:
+                raise ValueError(f"it is not valid TOML: {error}.") from error
+            known = [item.name for item in fields(cls)]
+            for name in options:
+                if name not in known:
+                    raise ValueError(f"{name!r} is not an option of a layout; these are {known}.")
+            meta = options.get("meta")
+            if isinstance(meta, str) and meta.endswith(".csv"):
+                options["meta"] = str(file.parent / meta)
+            return cls(**options)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the options that were given."""
+        options = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in options.items() if value not in (None, {})}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore checked options."""
+        self.__dict__.update({item.name: None for item in fields(self)} | {"units": {}} | state)
+
+    @cached_property
+    def key(self) -> str:
+        """All options but `meta` as text: layouts with the same key read a file alike."""
+        return repr([getattr(self, item.name) for item in fields(self) if item.name != "meta"])
+
+    def without_meta(self) -> Layout:
+        """Return the same layout without `meta`."""
+        return Layout(**self.__getstate__() | {"meta": None})
+
+    def unit_of(self, *names: str) -> str:
+        """Return the unit that the layout states for the first of these names, or ""."""
+        for name in names:
+            if name in self.units:
+                return self.units[name]
+        stated = [self.time, self.velocity, self.angle, self.tacho_column]
+        for text in (text for text in stated if isinstance(text, str)):
+            if split_unit(text)[0] in names and split_unit(text)[1]:
+                return split_unit(text)[1]
+        return ""
+
+    @property
+    def tacho_column(self) -> str | None:
+        """Column of the tachometer."""
+        return self.tacho["column"] if isinstance(self.tacho, Mapping) else self.tacho
+
+    def with_names_of(self, has: Callable[[str], bool]) -> Layout:
+        """Return the layout with one name in place of alternatives: the first that a file has.
+
+        Parameters
+        ----------
+        has : callable
+            Tells whether the file has a column or number of a name.
+
+        Returns
+        -------
+        Layout
+            Alternatives none of which the file has are kept as they are.
+
+        Examples
+        --------
+        >>> layout = Layout(channels=["vibration|x0"], velocity="speed|1500 rpm")
+        >>> chosen = layout.with_names_of({"x0", "x1"}.__contains__)
+        >>> chosen.channels, chosen.velocity
+        ({'vibration': 'x0'}, '1500 rpm')
+        """
+
+        def one(value: Any) -> Any:
+            if not isinstance(value, str) or "|" not in value or has(value):
+                return value
+            names = [name.strip() for name in value.split("|")]
+            return next((name for name in names if has(name) or constant_speed(name)), value)
+
+        changes = {name: one(getattr(self, name)) for name in ("fs", "time", "velocity", "angle")}
+        channels = self.channels
+        if isinstance(self.tacho, Mapping):
+            changes["tacho"] = {**self.tacho, "column": one(self.tacho["column"])}
+        else:
+            changes["tacho"] = one(self.tacho)
+        if channels is not None and not isinstance(channels, Mapping):
+            channels = {split_unit(name.partition("|")[0])[0]: name for name in channels}
+        if channels is not None:
+            changes["channels"] = {name: one(column) for name, column in channels.items()}
+        return replace(self, **changes)
+
+    def meta_of(self, path: str | os.PathLike[str]) -> dict[Any, Any]:
+        """Return the meta of a file.
+
+        Raises
+        ------
+        ValueError
+            If the name does not match the pattern, or is not in the table.
+        """
+        file = PurePath(path)
+        if self.meta is None:
+            return {}
+        if isinstance(self.meta, str):
+            return meta_from_name(file, self.meta)
+        for n_parts in range(len(file.parts), 0, -1):
+            name = "/".join(file.parts[-n_parts:])
+            for key in (name, name.removesuffix(file.suffix)):
+                if key in self.meta:
+                    return dict(self.meta[key])
+        raise ValueError(
+            f"the table of meta has no row for the file {file.name!r}. Add one, or leave the file "
+            f"out."
+        )
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and bool(value)
+
+
+def _check_rates(fs: Any) -> None:
+    if isinstance(fs, Mapping):
+        for name, rate in fs.items():
+            check_number(rate, f"fs of {name!r}", above=0, unit="Hz")
+    elif fs is not None and not _is_name(fs):
+        check_number(fs, "fs", above=0, unit="Hz")
+
+
+def _check_tacho(tacho: Any) -> None:
+    if isinstance(tacho, Mapping):
+        unknown = [name for name in tacho if name not in _TACHO]
+        if unknown or not _is_name(tacho.get("column")):
+            raise ValueError(
+                f"tacho must have a 'column' and may have {list(_TACHO[1:])}, got {dict(tacho)!r}."
+            )
+    elif tacho is not None and not _is_name(tacho):
+        raise TypeError(f"tacho must be the name of a column or a mapping, got {tacho!r}.")
+
+
+def _checked_units(units: Any) -> dict[str, str]:
+    if units is None:
+        return {}
+    if isinstance(units, Sequence) and not isinstance(units, str):
+        pairs = [split_unit(text) if isinstance(text, str) else (text, "") for text in units]
+        if not all(unit for _, unit in pairs):
+            raise ValueError(f"units must be texts such as 'speed [rpm]', got {list(units)!r}.")
+        return dict(pairs)
+    if not isinstance(units, Mapping) or not all(
+        _is_name(name) and _is_name(unit) for name, unit in units.items()
+    ):
+        raise TypeError(f"units must map names to units, as {{'speed': 'rpm'}}, got {units!r}.")
+    return {split_unit(name)[0]: unit for name, unit in units.items()}
+
+
+def _checked_meta(meta: Any) -> Any:
+    """Return a pattern, or a mapping from names of files to their meta."""
+    if isinstance(meta, str) and meta.endswith(".csv") and "{" not in meta:
+        if not Path(meta).is_file():
+            raise FileNotFoundError(f"there is no table of meta {meta!r}.")
+        meta = pd.read_csv(meta)
+    if isinstance(meta, pd.DataFrame):
+        table = meta.set_index("file") if "file" in meta.columns else meta
+        if not table.index.is_unique:
+            double = table.index[table.index.duplicated()][0]
+            raise ValueError(f"the table of meta has several rows for {double!r}; one is needed.")
+        rows = table.astype(object).to_dict("index")
+        return {str(name): row for name, row in rows.items()}
+    if isinstance(meta, str):
+        _compiled_pattern(meta)
+    if meta is None or isinstance(meta, str):
+        return meta
+    if not isinstance(meta, Mapping) or not all(isinstance(row, Mapping) for row in meta.values()):
+        raise TypeError(
+            f"meta must be a pattern of file names, a DataFrame or a mapping from file names to "
+            f"mappings, got {meta!r}."
+        )
+    return {str(name): dict(row) for name, row in meta.items()}
+
+
+def constant_speed(text: str) -> tuple[float, str] | None:
+    """Return a speed such as "1797 rpm" as a number and its unit; None if it is a name.
+
+    Examples
+    --------
+    >>> constant_speed("1797 rpm"), constant_speed("157"), constant_speed("speed")
+    ((1797.0, 'rpm'), (157.0, 'rad/s'), None)
+    """
+    found = re.fullmatch(r"\s*([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?", text)
+    return None if found is None else (float(found[1]), (found[2] or "rad/s").strip())
+
+
+def meta_from_name(path: PurePath, pattern: str) -> dict[str, Any]:
+    """Return what a pattern finds in the name of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    pattern : str
+        Such as "{unit}_{state}_{run:d}.mat": fields are texts; ``:d`` makes a field an integer,
+        ``:g`` a number. Without a suffix it is matched against the name without its suffix; with
+        "/" also against the folders.
+
+    Returns
+    -------
+    dict of str to object
+
+    Raises
+    ------
+    ValueError
+        If the name does not match, or matches in several ways.
+
+    Examples
+    --------
+    >>> meta_from_name(PurePath("data/A7_worn_03.mat"), "{unit}_{state}_{run:d}")
+    {'unit': 'A7', 'state': 'worn', 'run': 3}
+    """
+    greedy, lazy, kinds = _compiled_pattern(pattern)
+    n_parts = pattern.count("/") + 1
+    name = "/".join(path.parts[-n_parts:])
+    tried = name.removesuffix(path.suffix) if path.suffix not in pattern[-8:] else name
+    longest, shortest = greedy.fullmatch(tried), lazy.fullmatch(tried)
+    if longest is None or shortest is None:
+        raise ValueError(
+            f"the file name {name!r} does not match the pattern {pattern!r} of meta. Rename the "
+            f"file, leave it out, or pass meta as a table."
+        )
+    if longest.groups() != shortest.groups():
+        raise ValueError(
+            f"the file name {name!r} matches the pattern {pattern!r} of meta in several ways: "
+            f"{longest.groupdict()} and {shortest.groupdict()}. Pass meta as a table."
+        )
+    return {field: kinds[field](text) for field, text in longest.groupdict().items()}
+
+
+@lru_cache(maxsize=64)
+def _compiled_pattern(
+    pattern: str,
+) -> tuple[re.Pattern[str], re.Pattern[str], dict[str, Callable[[str], Any]]]:
+    greedy = lazy = ""
+    kinds: dict[str, Callable[[str], Any]] = {}
+    example = "such as '{unit}_{state}_{run:d}.mat'"
+    try:
+        parts = list(Formatter().parse(pattern))
+    except ValueError as error:
+        raise ValueError(f"meta must be a pattern {example}, got {pattern!r}: {error}.") from error
+    for text, field, kind, _ in parts:
+        greedy, lazy = greedy + re.escape(text), lazy + re.escape(text)
+        if field is None:
+            continue
+        if not field.isidentifier() or field in kinds or kind not in _FIELDS:
+            raise ValueError(
+                f"meta must be a pattern {example}, with each field once and ':d' or ':g' for "
+                f"numbers; got {field!r} in {pattern!r}."
+            )
+        expression, kinds[field] = _FIELDS[kind or ""]
+        expression = expression.replace(".+", "[^/]+") if not kind else expression
+        greedy += f"(?P<{field}>{expression})"
+        lazy += f"(?P<{field}>{expression if kind else expression + '?'})"
+    if not kinds:
+        raise ValueError(f"meta must be a pattern {example}, got {pattern!r} without a field.")
+    return re.compile(greedy), re.compile(lazy), kinds

@@ -1,0 +1,356 @@
+"""Readers of npz, WAV, MAT, Parquet, HDF5, TDMS, UFF 58 and MDF 4 files."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy  # scipy.io is imported when it is used
+from numpy.typing import NDArray
+
+from emacm.files.file_columns import FileColumns, RefusedFileError
+from emacm.files.sample_times import rate_of_times
+
+_RATE_KEYS = ("fs", "sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "rate")
+_UNIT_KEYS = ("unit", "units", "Unit", "Units")
+_OTHERS = {"U": "texts", "S": "texts", "O": "objects", "m": "differences of times"}
+
+
+def optional_library(name: str, kind: str, extra: str = "files") -> Any:
+    """Import the library that reads a type of file, or name the extra that installs it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        library = name.partition(".")[0]
+        raise ImportError(
+            f"{kind} files are read by {library}, which is not installed; run "
+            f"pip install 'emacm[{extra}]'."
+        ) from error
+
+
+def array_columns(name: str, values: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the columns of an array: itself, or of two dimensions, those along the shorter one.
+
+    Examples
+    --------
+    >>> [name for name, _ in array_columns("vibration", np.zeros((2, 500)))]
+    ['vibration.0', 'vibration.1']
+    """
+    array = np.squeeze(np.asarray(values))
+    if array.ndim == 1:
+        yield name, array
+    elif array.ndim == 2:
+        rows = array if array.shape[0] <= array.shape[1] else array.T
+        yield from ((f"{name}.{number}", row) for number, row in enumerate(rows))
+
+
+def add_array(content: FileColumns, name: str, values: Any) -> None:
+    """Add a numeric array to the content of a file, its fields, or a single number.
+
+    What is not added is noted with the reason.
+    """
+    array = np.asarray(values)
+    if array.dtype.names:
+        for field in array.dtype.names:
+            add_array(content, f"{name}.{field}", array[field])
+    elif not array.size:
+        content.ignored[name] = "is empty"
+    elif array.dtype.kind == "M" and array.ndim == 1:
+        content.columns[name] = array
+    elif array.dtype.kind not in "biufc":
+        content.ignored[name] = f"holds {_OTHERS.get(array.dtype.kind, 'no numbers')}"
+    elif array.size == 1 and array.dtype.kind != "c":
+        content.numbers[name] = float(array.reshape(()))
+    elif np.squeeze(array).ndim > 2:
+        content.ignored[name] = f"has {array.ndim} dimensions {array.shape}"
+    else:
+        content.columns.update(array_columns(name, array))
+
+
+def settled(content: FileColumns) -> FileColumns:
+    """Return content with units taken out of the names."""
+    parts = content.columns, content.rates, content.units, content.numbers, content.ignored
+    return FileColumns(*parts)
+
+
+def read_npz(path: Path) -> FileColumns:
+    """Return the numeric arrays of an npz file."""
+    content = FileColumns({})
+    with open(path, "rb") as file:  # which NumPy would leave open if it is damaged
+        if file.read(2) != b"PK":
+            raise RefusedFileError(
+                "it is not an .npz file (no ZIP archive). Save it by numpy.savez."
+            )
+        file.seek(0)
+        archive = np.load(file, allow_pickle=False)
+        for name in archive.files:
+            try:
+                add_array(content, name, archive[name])
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                raise RefusedFileError(
+                    f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
+                    f"numbers."
+                ) from error
+    return settled(content)
+
+
+def read_wav(path: Path) -> FileColumns:
+    """Return the channels of a WAV file as x0, x1, ...; full scale is 1."""
+    with open(path, "rb") as file:
+        header = file.read(12)
+    if header[:4] not in (b"RIFF", b"RF64") or header[8:] != b"WAVE":
+        raise RefusedFileError("it is not a WAV file (no RIFF header).")
+    stated, size = int.from_bytes(header[4:8], "little") + 8, os.stat(path).st_size
+    if header[:4] == b"RIFF" and stated > size + 1:  # a padding byte may be missing
+        raise RefusedFileError(
+            f"it is truncated: its header states {stated} bytes, there are {size}. Copy it again."
+        )
+    fs, samples = scipy.io.wavfile.read(path)
+    if samples.dtype.kind in "iu":  # full scale is 1
+        bits = 8 * samples.dtype.itemsize
+        middle = 128 if samples.dtype == np.uint8 else 0
+        samples = (samples.astype(np.float64) - middle) / 2.0 ** (bits - 1)
+    table = samples.reshape(len(samples), -1)
+    columns = {f"x{i}": np.ascontiguousarray(row) for i, row in enumerate(table.T)}
+    return FileColumns(columns, dict.fromkeys(columns, float(fs)))
+
+
+def read_mat(path: Path) -> FileColumns:
+    """Return the numeric arrays of a MAT file; fields of structures as "structure.field".
+
+    Elements of cells and of arrays of structures are numbered from 0, as "cell.0".
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    FileColumns
+    """
+    with open(path, "rb") as file:
+        start = file.read(520)
+    content = FileColumns({})
+    if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:]):
+        _add_groups(content, path)
+    else:
+        for name, value in scipy.io.loadmat(path, simplify_cells=True).items():
+            if not name.startswith("__"):
+                _add_variable(content, name, value)
+    return settled(content)
+
+
+def _add_variable(content: FileColumns, name: str, value: Any) -> None:
+    if isinstance(value, Mapping):
+        for field, inner in value.items():
+            _add_variable(content, f"{name}.{field}", inner)
+    elif isinstance(value, list | tuple) or _holds_objects(value):
+        for number, inner in enumerate(value):  # cells, and arrays of structures
+            _add_variable(content, f"{name}.{number}", inner)
+    elif isinstance(value, np.ndarray | np.number | int | float):
+        add_array(content, name, value)
+    elif isinstance(value, str) and name.rpartition(".")[2].lower() in ("unit", "units"):
+        content.units[name.rpartition(".")[0]] = value
+    else:
+        kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
+        content.ignored[name] = f"{kind}, no array of numbers"
+
+
+def _holds_objects(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.ndim > 0
+
+
+def _add_groups(content: FileColumns, path: Path) -> None:
+    h5py = optional_library("h5py", "MAT 7.3")
+
+    def add(name: str, node: Any) -> None:
+        kind = node.attrs.get("MATLAB_class", b"")
+        if isinstance(node, h5py.Dataset) and kind not in (b"char", b"cell") and "#" not in name:
+            add_array(content, name.replace("/", "."), node[()])
+
+    with h5py.File(path, "r") as file:
+        file.visititems(add)
+
+
+def read_parquet(path: Path) -> FileColumns:
+    """Return the columns of a Parquet file.
+
+    Units are taken from the metadata "unit" of the fields; rates and units also from the
+    metadata of the file and from ``DataFrame.attrs`` ("fs", "units").
+    """
+    parquet = optional_library("pyarrow.parquet", "Parquet")
+    table = parquet.ParquetFile(path).read()
+    if len(set(table.column_names)) < len(table.column_names):
+        raise RefusedFileError(f"its columns must have different names, got {table.column_names}.")
+    content = FileColumns({})
+    for field, column in zip(table.schema, table.columns, strict=True):
+        if str(field.type).startswith("decimal"):
+            column = column.cast("float64")
+        if str(field.type) == "null":
+            content.ignored[field.name] = "is empty"
+            continue
+        values = column.to_numpy()
+        if values.dtype == object and len(values) and not isinstance(values[0], str):
+            content.ignored[field.name] = f"holds values of the type {field.type}"
+            continue
+        content.columns[field.name] = values
+        for key, value in (field.metadata or {}).items():
+            if key.decode() in _UNIT_KEYS:
+                content.units[field.name] = value.decode()
+    if content.ignored and not any(v.dtype.kind in "iuf" for v in content.columns.values()):
+        name, reason = next(iter(content.ignored.items()))
+        raise RefusedFileError(
+            f"column {name!r} {reason}. Store a column of numbers for each channel."
+        )
+    stored = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
+    pandas = json.loads(stored.get("pandas", "{}"))
+    _add_attributes(content, "", stored | (pandas.get("attributes") or {}))
+    return settled(content)
+
+
+def read_hdf5(path: Path) -> FileColumns:
+    """Return the numeric data sets of an HDF5 file as "group/name".
+
+    Attributes "fs" (or sampling_rate) and "unit" of a data set hold for it, those of a group for
+    all of its data sets.
+    """
+    h5py = optional_library("h5py", "HDF5")
+    content = FileColumns({})
+
+    def add(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset):
+            before = set(content.columns)
+            add_array(content, name, node[()])
+            for column in set(content.columns) - before:
+                _add_attributes(content, column, node.attrs, own=True)
+        elif isinstance(node, h5py.Group):
+            _add_attributes(content, f"{name}/", node.attrs)
+
+    with h5py.File(path, "r") as file:
+        _add_attributes(content, "", file.attrs)
+        file.visititems(add)
+    return settled(content)
+
+
+def read_tdms(path: Path) -> FileColumns:
+    """Return the channels of a TDMS file; as "group/channel" if a name occurs twice."""
+    nptdms = optional_library("nptdms", "TDMS")
+    content = FileColumns({})
+    with nptdms.TdmsFile.open(path) as file:
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        names = [channel.name for channel in channels]
+        for channel in channels:
+            twice = names.count(channel.name) > 1
+            name = f"{channel.group_name}/{channel.name}" if twice else channel.name
+            add_array(content, name, channel[:])
+            properties = channel.properties
+            if name in content.columns and properties.get("wf_increment"):
+                content.rates[name] = _rate(float(properties["wf_increment"]), digits=15)
+            unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
+            if unit:
+                content.units[name] = str(unit)
+    return settled(content)
+
+
+def read_uff(path: Path) -> FileColumns:
+    """Return the data sets of type 58 with evenly spaced times; named by their first line."""
+    pyuff = optional_library("pyuff", "UFF 58")
+    content = FileColumns({})
+    sets = pyuff.UFF(str(path)).read_sets()
+    for number, one in enumerate(sets if isinstance(sets, list) else [sets]):
+        if one.get("type") != 58:  # function at nodal degrees of freedom
+            continue
+        name = str(one.get("id1", "")).strip()
+        if not name or name.upper() == "NONE" or name in content.columns:
+            name = f"x{number}"
+        add_array(content, name, one["data"])
+        step = float(one.get("abscissa_inc") or 0)
+        times = np.asarray(one.get("x", ()), float)
+        if one.get("abscissa_spacing") == 1 and step > 0:
+            content.rates[name] = _rate(step, digits=6)
+        elif len(times) > 1:
+            content.rates[name] = rate_of_times(times - times[0], f"abscissa of {name}")
+        unit = str(one.get("ordinate_axis_units_lab", "")).strip()
+        if unit and unit.upper() != "NONE":
+            content.units[name] = unit
+    return settled(content)
+
+
+def read_mdf(path: Path) -> FileColumns:
+    """Return the channels of an MDF 4 file, with rates from their time stamps."""
+    asammdf = optional_library("asammdf", "MDF", extra="mdf")
+    content = FileColumns({})
+    with asammdf.MDF(str(path)) as file:
+        for signal in file.iter_channels():
+            values = np.asarray(signal.samples)
+            if values.dtype.kind not in "biuf" or len(values) < 2:
+                continue
+            name = signal.name if signal.name not in content.columns else f"{signal.name}.2"
+            times = np.asarray(signal.timestamps, float)
+            content.columns[name] = values
+            content.rates[name] = rate_of_times(times - times[0], f"time stamps of {name}")
+            if signal.unit:
+                content.units[name] = str(signal.unit)
+    return settled(content)
+
+
+def _rate(step: float, *, digits: int) -> float:
+    """Return the roundest rate [Hz] with this time between samples [s], stored with some digits.
+
+    Examples
+    --------
+    >>> _rate(8.33333e-05, digits=6), _rate(1 / 48_828.125, digits=15)
+    (12000.0, 48828.125)
+    """
+    for n_digits in range(2, digits):
+        nominal = float(f"{1 / step:.{n_digits}g}")
+        if f"{1 / nominal:.{digits - 1}e}" == f"{step:.{digits - 1}e}":
+            return nominal
+    return 1 / step
+
+
+def _add_attributes(
+    content: FileColumns, place: str, attributes: Mapping[str, Any], *, own: bool = False
+) -> None:
+    """Add what attributes state on rates and units of a column, or of a group of columns."""
+    only_rate = [key for key in _RATE_KEYS if key in attributes] == ["rate"]
+    for key in attributes:
+        value = attributes[key]
+        value = value.decode() if isinstance(value, bytes) else value
+        if key in _RATE_KEYS:
+            number = _number(key, value, place)
+            if not own:
+                for name in (key, "fs") if only_rate else (key,):
+                    content.numbers[f"{place}{name}"] = number
+            elif key != "rate" or only_rate:  # beside another one, it may be of something else
+                content.rates[place] = number
+        elif key in _UNIT_KEYS:
+            content.units |= dict(_units(place, value))
+
+
+def _number(key: str, value: Any, place: str) -> float:
+    """Return the rate that an attribute states."""
+    try:
+        return float(np.asarray(value, np.float64).item())
+    except (TypeError, ValueError) as error:
+        raise RefusedFileError(
+            f"the attribute {key!r}{f' of {place!r}' if place else ''} is {value!r}; expected was "
+            f"one number, the sampling rate in Hz. Correct the file."
+        ) from error
+
+
+def _units(place: str, value: Any) -> Iterator[tuple[str, str]]:
+    if isinstance(value, str) and value.startswith("{"):
+        value = json.loads(value)
+    if isinstance(value, Mapping):
+        yield from ((f"{place}{name}", str(unit)) for name, unit in value.items())
+    elif isinstance(value, str):
+        yield place, value

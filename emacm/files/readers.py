@@ -1,0 +1,130 @@
+"""Readers of files, by the suffix of their names."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from emacm.files import measurement_files as of_arrays
+from emacm.files.csv_files import read_csv
+from emacm.files.file_columns import FileColumns, RefusedFileError
+
+READERS: dict[str, Callable[[Path], FileColumns]] = {
+    ".npz": of_arrays.read_npz,
+    ".csv": read_csv,
+    ".txt": read_csv,
+    ".tsv": read_csv,
+    ".wav": of_arrays.read_wav,
+    ".mat": of_arrays.read_mat,
+    ".parquet": of_arrays.read_parquet,
+    ".h5": of_arrays.read_hdf5,
+    ".hdf5": of_arrays.read_hdf5,
+    ".tdms": of_arrays.read_tdms,
+    ".uff": of_arrays.read_uff,
+    ".unv": of_arrays.read_uff,
+    ".mf4": of_arrays.read_mdf,
+}
+_KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what it is, suffixes
+    (b"\x1f\x8b", "compressed by gzip: unpack it", ()),
+    (b"PK\x03\x04", "a ZIP archive, such as an Excel workbook: save it as CSV", (".npz",)),
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook: save it as CSV", ()),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file: name it .h5, or .mat", (".mat", ".h5", ".hdf5")),
+    (b"RIFF", "a WAV file: name it .wav", (".wav",)),
+    (b"MATLAB 5.0", "a MAT file: name it .mat", (".mat",)),
+    (b"PAR1", "a Parquet file: name it .parquet", (".parquet",)),
+    (b"TDSm", "a TDMS file: name it .tdms", (".tdms",)),
+    (b"MDF ", "an MDF file: name it .mf4", (".mf4",)),
+    (b"<!DOCTYPE", "a web page: download the file again", ()),
+    (b"<html", "a web page: download the file again", ()),
+    (b"%PDF", "a PDF document", ()),
+)
+
+
+def read_columns(path: Path) -> FileColumns:
+    """Read a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its suffix tells its type.
+
+    Returns
+    -------
+    FileColumns
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+        If it cannot be opened.
+    ImportError
+        If the library for its type is not installed; the message names the extra.
+    ValueError
+        If its type is not known, or it is empty, damaged or of another type.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        kind = f"of type {path.suffix}" if path.suffix else "without a suffix"
+        raise ValueError(
+            f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
+        )
+    check_file(path)
+    if reader is read_csv and other_kind(path):
+        raise RefusedFileError(f"it is no text with rows of numbers.{other_kind(path)}")
+    try:
+        return reader(path)
+    except PermissionError as error:
+        raise PermissionError(
+            f"{str(path)!r}: there is no permission to read it. Ask for it, or leave the file out."
+        ) from error
+    except RefusedFileError as error:
+        raise RefusedFileError(f"{error}{other_kind(path)}") from error
+    except (ImportError, MemoryError, FileNotFoundError):
+        raise
+    except Exception as error:
+        damaged = " It is damaged, incomplete or of another type. Copy it again, or leave it out."
+        raise ValueError(
+            f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error})."
+            f"{other_kind(path) or damaged}"
+        ) from error
+
+
+def check_file(path: Path) -> None:
+    """Raise a ValueError if there is nothing in a file that could be read.
+
+    Parameters
+    ----------
+    path : Path
+        A folder, a pipe, an empty file and a pointer of Git LFS are refused.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    ValueError
+        The message states what it is.
+    """
+    status = os.stat(path)
+    if stat.S_ISDIR(status.st_mode):
+        raise ValueError("it is a folder, not a file. Name a file of measurements.")
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("it is a pipe or a device. Name a file of measurements.")
+    if not status.st_size:
+        raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
+    if _start(path).startswith(b"version https://git-lfs"):
+        raise ValueError("it is a pointer of Git LFS, without the content. Run git lfs pull.")
+
+
+def other_kind(path: Path) -> str:
+    """Return a sentence on what a file is that cannot be read as its suffix says; "" if unknown."""
+    start = _start(path).removeprefix(b"\xef\xbb\xbf").lstrip()
+    for first, what, suffixes in _KINDS:
+        if start.startswith(first) and path.suffix.lower() not in suffixes:
+            return f" Its first bytes are those of another kind of file: it is {what}."
+    return ""
+
+
+def _start(path: Path) -> bytes:
+    with open(path, "rb") as file:
+        return file.read(64)

@@ -1,0 +1,184 @@
+"""The sampling rate of a column of times."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from emacm.recordings.names import unit_factor
+
+
+def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64]:
+    """Return a column of times in seconds since the first.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_times,)
+        Numbers, dates or texts of dates.
+    unit : str
+        Unit of numbers; "" stands for s.
+    name : str
+        Name of the column, for messages.
+
+    Returns
+    -------
+    ndarray of shape (n_times,)
+
+    Raises
+    ------
+    ValueError
+        If a value is missing or is not a time.
+    """
+    if values.dtype.kind in "iuf":
+        seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
+    else:
+        dates = pd.to_datetime(_without_numbers(values), errors="coerce", format="ISO8601")
+        if dates.isna().any():
+            place = int(np.argmax(dates.isna()))
+            raise ValueError(
+                f"time column {name!r} has {values[place]!r} at sample {place}, not a time. "
+                f"Repair it, or state fs and time=False to ignore the column."
+            )
+        seconds = (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
+    bad = ~np.isfinite(seconds)
+    if bad.any():
+        raise ValueError(
+            f"time column {name!r} is {values[bad][0]} at sample {int(np.argmax(bad))}. Cut the "
+            f"recording before it, or repair it."
+        )
+    return seconds - seconds[0]
+
+
+def _without_numbers(values: NDArray[Any]) -> pd.Series:
+    """Return dates; of a column with texts and numbers, the numbers, as if the texts were bad."""
+    if values.dtype.kind == "O" and any(isinstance(value, float) for value in values):
+        return pd.Series([None if isinstance(v, str) else "2000-01-01" for v in values])
+    return pd.Series(values.ravel())
+
+
+def rate_of_times(
+    seconds: NDArray[np.float64],
+    name: str,
+    fs: float | None = None,
+    *,
+    jitter: float = 0.1,
+    gap: float = 1.5,
+) -> float:
+    """Return the sampling rate of evenly spaced times.
+
+    Parameters
+    ----------
+    seconds : ndarray of shape (n_times,)
+        Times [s].
+    name : str
+        Name of the column, for messages.
+    fs : float, optional
+        Rate [Hz] that they must have.
+    jitter : float
+        Sampling intervals by which a time may deviate, apart from rounding.
+    gap : float
+        Usual intervals from which on an interval is a gap, apart from rounding.
+
+    Returns
+    -------
+    float
+        `fs`, or the mean rate [Hz], rounded if this agrees with all times.
+
+    Raises
+    ------
+    ValueError
+        If times do not increase, have gaps or jitter, or contradict `fs`; the message names the
+        sample.
+
+    Examples
+    --------
+    >>> rate_of_times(np.round(np.arange(5) / 12_000, 6), "time")
+    12000.0
+    """
+    ignore = f"or state fs and time=False to ignore {name!r}"
+    if len(seconds) < 2 or seconds[-1] <= seconds[0]:
+        raise ValueError(
+            f"time column {name!r} does not increase. Choose the column of times, {ignore}."
+        )
+    steps = np.diff(seconds)
+    if (steps < 0).any():
+        place = int(np.argmax(steps < 0)) + 1
+        raise ValueError(
+            f"time column {name!r} goes back at sample {place}, to {seconds[place]:.6g} s. Sort "
+            f"or cut the recording, {ignore}."
+        )
+    rate = float((len(seconds) - 1) / (seconds[-1] - seconds[0]))
+    resolution = _rounding(seconds, steps)
+    _check_gaps(steps, seconds, resolution, gap, name, ignore)
+    n = np.arange(len(seconds))
+    for digits in range(2, 7):  # digits of a round rate
+        nominal = float(f"{rate:.{digits}g}")
+        if fs is None and np.abs(seconds - n / nominal).max() <= resolution + 1e-6 / nominal:
+            return nominal
+    candidate = rate if fs is None else fs
+    off = np.abs(seconds - n / candidate)
+    if off.max() <= jitter / candidate + resolution:
+        return candidate
+    place = int(np.argmax(off > jitter / candidate + resolution))
+    if fs is not None and abs(fs / rate - 1) > jitter / len(seconds):
+        raise ValueError(
+            f"time column {name!r} contradicts fs = {fs:g} Hz: its mean rate is {rate:.9g} Hz, and "
+            f"sample {place} is at {seconds[place]:.6g} s instead of {place / fs:.6g} s. Correct "
+            f"fs, {ignore}."
+        )
+    raise ValueError(
+        f"time column {name!r} has jitter: sample {place} is at {seconds[place]:.9g} s, even "
+        f"sampling at {rate:.6g} Hz would be {place / rate:.9g} s. Resample the recording to even "
+        f"times, {ignore}."
+    )
+
+
+def _rounding(
+    seconds: NDArray[np.float64],
+    steps: NDArray[np.float64],
+    *,
+    few: int = 5,
+    most: float = 0.9,
+) -> float:
+    """Return by how much times are rounded [s]: the coarsest decimal of which all are multiples.
+
+    Where `most` of the steps are equal, to less than `few` such decimals, they are exact: the rate
+    is a round one, and the other steps are gaps.
+    """
+    decimal = 1e-9
+    smallest = float(steps[steps > 0].min())
+    for digits in range(9):
+        multiples = seconds[:1000] * 10.0**digits
+        whole = np.allclose(multiples, np.rint(multiples), rtol=0, atol=1e-3)
+        if whole and smallest * 10.0**digits > most:
+            decimal = 10.0**-digits
+            break
+    usual = float(np.median(steps))
+    exact = (
+        decimal / 2 < usual < few * decimal and np.mean(np.abs(steps - usual) < decimal / 2) > most
+    )
+    return 0.0 if exact else decimal
+
+
+def _check_gaps(
+    steps: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+    resolution: float,
+    gap: float,
+    name: str,
+    ignore: str,
+) -> None:
+    usual = float(np.median(steps))
+    if usual < resolution:  # several samples have one time
+        usual = float(np.mean(steps))
+    gaps = np.flatnonzero(steps > gap * usual + resolution)
+    if len(gaps):
+        place = int(gaps[0])
+        raise ValueError(
+            f"time column {name!r} has a gap of {steps[place]:.6g} s after sample {place} "
+            f"({seconds[place]:.6g} s), {len(gaps)} in all; usual are {usual:.6g} s. Cut the "
+            f"recording there, or fill the gap, {ignore}."
+        )

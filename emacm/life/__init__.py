@@ -1,0 +1,1 @@
+"""Remaining life of units, maintenance decisions from it, and its metrics."""

@@ -1,0 +1,503 @@
+"""Models of the remaining life before and after the onset of damage, and their calibration."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm.life.life_models import WeibullLife, WeibullRegression, WienerProcess
+from emacm.recordings.meta import plain_label, read_grouping
+
+Array = NDArray[np.float64]
+
+_SAME_LIFE = 1e-6  # relative difference of age + remaining life within a unit
+
+
+@dataclass(frozen=True)
+class History:
+    """Readings of one unit, by increasing age.
+
+    Attributes
+    ----------
+    name : object
+        Label of the unit.
+    rows : ndarray of int, shape (n_readings,)
+        Rows of the table.
+    ages : ndarray of shape (n_readings,)
+        Ages.
+    columns : ndarray of shape (n_readings, n_columns)
+        Health index and further columns.
+    onset : int
+        First reading with damage; ``n_readings`` if there is none.
+    """
+
+    name: Any
+    rows: NDArray[np.intp]
+    ages: Array
+    columns: Array
+    onset: int
+
+    @property
+    def states(self) -> Array:
+        """Index, time since the onset and increase since then, of each reading with damage."""
+        ages, index = self.ages[self.onset :], self.columns[self.onset :, 0]
+        return np.column_stack([index, ages - ages[:1], index - index[:1]])
+
+
+def read_histories(X: Array, groups: Any, onset: float | None, consecutive: int) -> list[History]:
+    """Return the history of each unit.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_readings, n_columns)
+        Age, health index, further columns.
+    groups : None or array-like of shape (n_readings,)
+        Unit of each reading; None: each reading is of another unit.
+    onset : float or None
+        Index above which there is damage; None: from the first reading on.
+    consecutive : int
+        Readings above `onset` in succession that are the onset; fewer if the unit has fewer.
+
+    Raises
+    ------
+    ValueError
+        If two readings of a unit have the same age.
+    """
+    grouping = read_grouping(groups, X, "groups", "unit")
+    labels = np.arange(len(X)) if grouping is None else grouping.labels
+    units, numbers = np.unique(labels, return_inverse=True)
+    by_unit = np.lexsort((X[:, 0], numbers))
+    starts = np.searchsorted(numbers[by_unit], np.arange(len(units) + 1))
+    histories = []
+    for label, start, stop in zip(units, starts[:-1], starts[1:], strict=True):
+        unit = plain_label(label)
+        rows = by_unit[start:stop]
+        ages = X[rows, 0]
+        same = np.flatnonzero(np.diff(ages) <= 0)
+        if len(same):
+            raise ValueError(
+                f"unit {unit!r} has two readings at age {ages[same[0]]:g} (rows {rows[same[0]]} "
+                f"and {rows[same[0] + 1]}). Average them, or give the units by groups=."
+            )
+        columns = X[rows, 1:]
+        first = _onset(columns, onset, consecutive)
+        histories.append(History(unit, rows, ages, columns, first))
+    return histories
+
+
+def lives_of(histories: list[History], remaining: Array) -> Array:
+    """Return the age at the end of each unit.
+
+    Raises
+    ------
+    ValueError
+        If age and remaining life of a unit do not add up to the same life.
+    """
+    lives = []
+    for unit in histories:
+        ends = unit.ages + remaining[unit.rows]
+        wrong = np.abs(ends - ends[0]) > _SAME_LIFE * max(abs(ends[0]), 1e-300)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise ValueError(
+                f"age + remaining life of unit {unit.name!r} is {ends[0]:g} in row {unit.rows[0]} "
+                f"and {ends[row]:g} in row {unit.rows[row]}. Both must be in the same unit of "
+                f"time, and a unit ends once; a repaired unit is another unit."
+            )
+        lives.append(ends[0])
+    return np.array(lives)
+
+
+def censored_units(censored: Any, histories: list[History], n_rows: int) -> NDArray[np.bool_]:
+    """Return whether each unit has not failed.
+
+    Raises
+    ------
+    ValueError
+        If `censored` has another length, or differs between the readings of a unit.
+    """
+    if censored is None:
+        return np.zeros(len(histories), dtype=bool)
+    values = np.asarray(censored)
+    if values.shape != (n_rows,) or not np.isin(values, (0, 1)).all():
+        raise ValueError(
+            f"censored must hold True or False for each of {n_rows} readings, got shape "
+            f"{values.shape} of {values.dtype}."
+        )
+    values = values.astype(bool)
+    for unit in histories:
+        if len(set(values[unit.rows])) > 1:
+            raise ValueError(
+                f"censored is True for some readings of unit {unit.name!r} and False for others. "
+                f"It says whether the unit failed at the end, and is the same for all of them."
+            )
+    return np.array([values[unit.rows[0]] for unit in histories])
+
+
+def _onset(values: Array, level: float | None, consecutive: int) -> int:
+    """Return the first reading with damage, known from it and the readings before it."""
+    if not values.shape[1]:
+        return len(values)
+    if level is None:
+        return 0
+    above = values[:, 0] > level
+    run = 0
+    for number, is_above in enumerate(above):
+        run = run + 1 if is_above else 0
+        if run >= min(consecutive, number + 1):
+            return number
+    return len(values)
+
+
+def units_needed(coverage: float) -> int:
+    """Return the smallest number of failed units that can support a coverage.
+
+    Examples
+    --------
+    >>> units_needed(0.9), units_needed(0.95), units_needed(0.8)
+    (9, 19, 4)
+    """
+    return int(np.ceil(coverage / (1 - coverage) - 1e-9))
+
+
+def check_coverage(coverage: float, n_units: int) -> None:
+    """Raise a ValueError if this number of failed units cannot support a coverage.
+
+    Among n + 1 exchangeable units, the new one has the largest score with probability
+    1 / (n + 1); beyond that, intervals say nothing about the data.
+    """
+    needed = units_needed(coverage)
+    if not n_units:
+        raise ValueError(
+            f"no unit failed; intervals of {coverage:.0%} coverage take {needed} that did. Add "
+            f"units that were followed until they failed."
+        )
+    if n_units < needed:
+        raise ValueError(
+            f"{n_units} units that failed cannot support intervals of {coverage:.0%} coverage; it "
+            f"takes {needed}. They support at most {n_units / (n_units + 1):.0%}: set coverage "
+            f"to this or less, or add units."
+        )
+
+
+def half_width(levels: Array, censored: NDArray[np.bool_], coverage: float) -> float:
+    """Return how far from the median, in probability, an interval must reach [1]_.
+
+    Among n + 1 exchangeable units, the k-th smallest score of n covers the new one with probability
+    k / (n + 1); between these steps, the score is interpolated, so that the coverage is the one
+    stated up to terms of the order 1 / n**2 [3]_, and not the next multiple of 1 / (n + 1).
+
+    Parameters
+    ----------
+    levels : ndarray of shape (n_units,)
+        Predicted probability of a life up to the true one (of a censored unit: up to the
+        observed one), one for each unit.
+    censored : ndarray of bool, shape (n_units,)
+        Units that have not failed.
+    coverage : float
+        Coverage of a further unit.
+
+    Returns
+    -------
+    float
+        Largest ``|level - 0.5|`` of the interval; infinite if the units do not support it.
+
+    Examples
+    --------
+    >>> units = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.96])
+    >>> [round(half_width(units, np.zeros(9, bool), c), 2) for c in (0.8, 0.85, 0.9, 0.91)]
+    [0.4, 0.43, 0.46, inf]
+    """
+    weights = redistributed(levels, censored)
+    scores = np.abs(levels - 0.5)
+    order = np.argsort(scores, kind="stable")
+    order = order[weights[order] > 0]
+    reached = np.cumsum(weights[order])
+    if not len(order) or coverage > reached[-1] + 1e-9:
+        return np.inf
+    return float(np.interp(coverage, np.append(0.0, reached), np.append(0.0, scores[order])))
+
+
+def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
+    """Return the weight of each unit; the new unit, which may be anywhere, has the rest to 1.
+
+    The weight 1 / (n + 1) of a censored unit is given to the units with larger levels and to the
+    new one, in equal parts [4]_.
+
+    Examples
+    --------
+    >>> redistributed(np.array([0.2, 0.5, 0.8]), np.array([False, True, False])).tolist()
+    [0.25, 0.0, 0.375]
+    """
+    n_units = len(levels)
+    weights = np.full(n_units, 1 / (n_units + 1))
+    # At equal levels, failures come before censored units, as in the Kaplan-Meier estimate.
+    order = np.lexsort((censored, levels))
+    for position, unit in enumerate(order):
+        if censored[unit]:
+            later = order[position + 1 :]
+            weights[later] += weights[unit] / (len(later) + 1)
+            weights[unit] = 0
+    return weights
+
+
+_FAR = 0.1  # beyond the range, as of speeds outside the training (`emacm.resampling`)
+
+
+@dataclass(frozen=True)
+class FitRange:
+    """Lives and columns of the units of a fit.
+
+    Attributes
+    ----------
+    longest : float
+        Longest life, or time under observation.
+    lowest, highest : ndarray of shape (n_columns,)
+        Range of the health index and of the further columns.
+    """
+
+    longest: float
+    lowest: Array
+    highest: Array
+
+    @classmethod
+    def of(cls, histories: list[History], lives: Array) -> FitRange:
+        """Return the range of all readings."""
+        columns = np.concatenate([unit.columns for unit in histories])
+        return cls(float(lives.max()), columns.min(axis=0), columns.max(axis=0))
+
+    def statements(self, units: list[History], n_rows: int, *, margin: float = 0.0) -> list[str]:
+        """State for each reading what of it is outside the range; an empty string if nothing is.
+
+        The margin is relative to the longest life and to the width of the range of a column.
+        """
+        found = [""] * n_rows
+        for unit in units:
+            for row, age, columns in zip(unit.rows, unit.ages, unit.columns, strict=True):
+                found[row] = self._outside(age, columns, margin)
+        return found
+
+    def warn_outside(self, units: list[History], n_rows: int, *, stacklevel: int) -> None:
+        """Warn of readings far outside the range, naming the first."""
+        texts = self.statements(units, n_rows, margin=_FAR)
+        rows = [row for row, text in enumerate(texts) if text]
+        if rows:
+            warnings.warn(
+                f"{len(rows)} of {n_rows} readings are far outside the range of the fit, where "
+                f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
+                UserWarning,
+                stacklevel=stacklevel + 1,
+            )
+
+    def _outside(self, age: float, columns: Array, margin: float) -> str:
+        found = []
+        if age > (1 + margin) * self.longest:
+            found.append(f"The age {age:g} is above the longest life of the fit, {self.longest:g}.")
+        limits = zip(columns, self.lowest, self.highest, strict=True)
+        for number, (value, low, high) in enumerate(limits, 1):
+            beyond = margin * (high - low)
+            if not low - beyond <= value <= high + beyond:
+                name = "health index" if number == 1 else f"column {number}"
+                found.append(
+                    f"The {name} {value:g} is outside that of the fit, {low:g} to {high:g}."
+                )
+        return " ".join(found) + (" Check the units of measurement." if found else "")
+
+
+def statement(row: dict[str, Any], coverage: float, *, indexed: bool, outside: str) -> str:
+    """Say what an interval is based on.
+
+    Parameters
+    ----------
+    row : dict
+        Its row in the table of `RemainingLife.predict_interval`.
+    coverage : float
+        Its coverage.
+    indexed : bool
+        Whether there is a health index.
+    outside : str
+        What of the reading is outside the range of the fit.
+    """
+    if row["stage"] == BEFORE_ONSET:
+        known = "No damage yet" if indexed else "No health index"
+        basis = f"{known}: this is the life of the population at this age."
+        when = "of this age"
+    else:
+        basis = "Damage is present: this follows from the health index of the unit."
+        when = "as long after the onset"
+    units = f"{row['n_units']} units"
+    if not np.isfinite(row["upper"]):
+        basis += f" The units do not support an upper limit with {coverage:.0%} coverage."
+    elif row["calibration"] != SAME_AGE:
+        basis += f" {coverage:.0%} interval as of {units} earlier: too few {when}."
+    else:
+        basis += f" {coverage:.0%} interval from {units} {when}."
+    return f"{basis} {outside}".rstrip()
+
+
+Bools = NDArray[np.bool_]
+
+BEFORE_ONSET = "before onset"
+DAMAGE = "damage"
+MODELS = ("weibull", "wiener")
+SAME_AGE, EARLIER_AGE = "same age", "earlier age"
+_MOST_FOLDS = 20  # units are left out one by one up to this number, else in this many folds
+_N_HALVINGS = 60
+
+
+@dataclass(frozen=True)
+class LifeModels:
+    """Life of the population, and remaining life after the onset of damage.
+
+    Attributes
+    ----------
+    population : WeibullLife
+        Used before the onset.
+    damage : WeibullRegression, WienerProcess or None
+        Used from the onset on; None if no unit of the fit had damage.
+    """
+
+    population: WeibullLife
+    damage: WeibullRegression | WienerProcess | None
+
+    @classmethod
+    def fit(
+        cls,
+        histories: list[History],
+        lives: Array,
+        failed: Bools,
+        model: str,
+        threshold: float | None,
+    ) -> LifeModels:
+        """Estimate both from whole units, which count equally."""
+        population = WeibullLife.fit(lives, failed)
+        chosen = [k for k, unit in enumerate(histories) if unit.onset < len(unit.ages)]
+        if not chosen:
+            return cls(population, None)
+        if model == "wiener":
+            paths = [
+                (histories[k].ages[histories[k].onset :], histories[k].states[:, 0]) for k in chosen
+            ]
+            return cls(population, WienerProcess.fit(paths, failed[chosen], threshold))
+        parts = []
+        for k in chosen:
+            unit = histories[k]
+            left = lives[k] - unit.ages[unit.onset :]
+            running = left > 0
+            n = int(running.sum())
+            columns = unit.columns[unit.onset :][running]
+            parts.append((columns, left[running], np.full(n, failed[k]), np.full(n, 1 / max(n, 1))))
+        table, remaining, ends, weights = map(np.concatenate, zip(*parts, strict=True))
+        return cls(population, WeibullRegression.fit(table, remaining, ends, weights))
+
+    def cdf(self, unit: History, remaining: Array) -> Array:
+        """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
+        first = unit.onset
+        found = np.empty(remaining.shape)
+        found[:first] = self.population.cdf(remaining[:first], unit.ages[:first, np.newaxis])
+        if first < len(unit.ages):
+            if self.damage is None:
+                raise ValueError("no unit with damage was in the fit; set another onset.")
+            wiener = isinstance(self.damage, WienerProcess)
+            table = unit.states if wiener else unit.columns[first:]
+            found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
+        return found
+
+    def quantiles(self, unit: History, levels: Array) -> Array:
+        """Return the remaining lives with these probabilities, (n_readings, n_levels)."""
+        low = np.full(levels.shape, np.log(self.population.scale) - 25.0)
+        high = low + 50.0
+        for _ in range(_N_HALVINGS):
+            middle = (low + high) / 2
+            below = self.cdf(unit, np.exp(middle)) < levels
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        lives = np.where(levels <= 0, 0.0, np.exp(high))
+        return np.where(levels >= 1, np.inf, lives)
+
+
+class Levels(NamedTuple):
+    """Predicted probability of a life up to the true one, of a unit left out of the fit.
+
+    Attributes
+    ----------
+    times : ndarray of shape (n_readings,)
+        Age, or time since the onset.
+    levels : ndarray of shape (n_readings,)
+        Probabilities.
+    end : float
+        Time at which this stage ends: onset, failure or end of the observation.
+    failed : bool
+        Whether the unit failed.
+    """
+
+    times: Array
+    levels: Array
+    end: float
+    failed: bool
+
+
+class LifeCalibration:
+    """Levels of left-out units, from which the width of an interval follows.
+
+    Parameters
+    ----------
+    histories : list of History
+        All units.
+    lives : ndarray of shape (n_units,)
+        Age at the failure or at the end of the observation.
+    failed : ndarray of bool, shape (n_units,)
+        Which of the two it is.
+    fit : callable
+        Models fitted on some of the units.
+    """
+
+    def __init__(
+        self,
+        histories: list[History],
+        lives: Array,
+        failed: Bools,
+        fit: Callable[[NDArray[np.intp]], LifeModels],
+    ) -> None:
+        self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
+        folds = np.arange(len(histories)) % min(_MOST_FOLDS, len(histories))
+        for fold in range(int(folds.max()) + 1):
+            models = fit(np.flatnonzero(folds != fold))
+            for k in np.flatnonzero(folds == fold):
+                self._add(models, histories[k], lives[k], bool(failed[k]))
+
+    def width(self, stage: str, time: float, coverage: float) -> tuple[float, int, str]:
+        """Return half the width of an interval in probability, units used, and calibration."""
+        width, n_units = self._width_at(stage, time, coverage)
+        if np.isfinite(width):
+            return width, n_units, SAME_AGE
+        # The latest time before that enough units reached.
+        for end in sorted({unit.end for unit in self.units[stage] if unit.end <= time})[::-1]:
+            width, n_units = self._width_at(stage, np.nextafter(end, 0), coverage)
+            if np.isfinite(width):
+                break
+        return width, n_units, EARLIER_AGE
+
+    def _width_at(self, stage: str, time: float, coverage: float) -> tuple[float, int]:
+        alive = [unit for unit in self.units[stage] if time < unit.end]
+        levels = np.array([np.interp(time, unit.times, unit.levels) for unit in alive])
+        censored = np.array([not unit.failed for unit in alive], dtype=bool)
+        return half_width(levels, censored, coverage), len(alive)
+
+    def _add(self, models: LifeModels, unit: History, life: float, failed: bool) -> None:
+        left = np.maximum(life - unit.ages, 0)
+        levels = models.cdf(unit, left[:, np.newaxis])[:, 0]
+        first = unit.onset
+        if first > 0:
+            end = unit.ages[first] if first < len(unit.ages) else life
+            stage = Levels(unit.ages[:first], levels[:first], float(end), failed)
+            self.units[BEFORE_ONSET].append(stage)
+        running = (np.arange(len(left)) >= first) & (left > 0)
+        if running.any():
+            times = unit.ages[running] - unit.ages[first]
+            end = float(life - unit.ages[first])
+            self.units[DAMAGE].append(Levels(times, levels[running], end, failed))

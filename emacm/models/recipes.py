@@ -1,0 +1,290 @@
+"""Recipes: whole pipelines for actuators and for bearings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import FeatureUnion, Pipeline, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from emacm._checks import check_choice, check_number
+from emacm.conditions.signal_baseline import SignalBaseline
+from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.envelopes.envelope_detector import EnvelopeDetector
+from emacm.envelopes.prewhitening import CepstralPrewhitening
+from emacm.machine.fault_lines import FaultLines, fault_series
+from emacm.machine.parts import Part
+from emacm.orders.bin_transformer import BinTransformer
+from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
+from emacm.orders.order_psd import OrderPSD
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
+from emacm.stroke_features.harmonics import ShaftHarmonics
+from emacm.stroke_features.profile import StrokeProfile
+from emacm.stroke_features.statistics import RecordingStatistics
+
+_BACKGROUND = 0.5  # orders
+
+
+def bearing_recipe(
+    parts: Part | Mapping[str, float] | Sequence[Part | Mapping[str, float]],
+    *,
+    harmonics: int = 3,
+    slip: float = 0.02,
+    revolutions: float = 25,
+    min_speed: float = 0.0,
+    channels: Sequence[str] | None = None,
+    classifier: Any = None,
+    n_jobs: int | None = None,
+) -> Pipeline:
+    """Return an unfitted pipeline from recordings to the level of each fault [dB].
+
+    The signals are prewhitened, so that no band has to be chosen; the envelope of the whole band
+    is resampled over the shaft angle, and the lines of each fault are measured above their local
+    background. The features need no training and do not depend on gain, resonances or slip, so
+    that a classifier can be trained on one machine and applied to another one with other bearings.
+
+    Parameters
+    ----------
+    parts : part, or sequence of parts
+        `Bearing`, `Gear` and so on, or mappings of fault names to orders.
+    harmonics : int
+        Number of lines of each fault.
+    slip : float
+        Largest deviation of rolling elements from the predicted orders, as a fraction.
+    revolutions : float
+        Length of a segment of the spectra. 25 revolutions separate the lines of most bearings; a
+        recording must be at least as long.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+    channels : sequence of str, optional
+        Vibration channels, in this order. Default: all.
+    classifier : estimator, optional
+        Last step, such as `CostSensitiveGaussianBayes`. Default: none, so that `transform` returns
+        the levels.
+    n_jobs : int, optional
+        Number of recordings processed in parallel.
+
+    Returns
+    -------
+    Pipeline
+        Steps "cepstralprewhitening", "envelopedetector", "orderresampler", "orderpsd",
+        "faultlines" and, if given, "classifier". X is a list of `Recording`; the columns are named
+        ``channel@BPFI``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is invalid.
+
+    Notes
+    -----
+    The envelope is its amplitude (not squared), from 1/32 to 15/32 of the sampling rate. These
+    choices were made on the drive end of the CWRU test rig and on the MFPT recordings;
+    ``benchmarks/bearings.py`` evaluates them.
+
+    Examples
+    --------
+    >>> from emacm import Bearing, bearing_recipe
+    >>> recipe = bearing_recipe(Bearing(9, 7.94, 39.04))
+    >>> [name for name, _ in recipe.steps][:3]
+    ['cepstralprewhitening', 'envelopedetector', 'orderresampler']
+    """
+    check_number(revolutions, "revolutions", above=0)
+    top = highest_order(parts, harmonics, slip)
+    steps = [
+        ("cepstralprewhitening", CepstralPrewhitening(channels=channels)),
+        ("envelopedetector", EnvelopeDetector("full", channels=channels, squared=False)),
+        (
+            "orderresampler",
+            OrderResampler(2 * np.pi / (2.6 * top), min_speed=min_speed, channels=channels),
+        ),
+        ("orderpsd", OrderPSD(revolutions, max_order=top, n_jobs=n_jobs)),
+        ("faultlines", FaultLines(parts, harmonics=harmonics, slip=slip, background=_BACKGROUND)),
+    ]
+    return Pipeline(steps if classifier is None else [*steps, ("classifier", classifier)])
+
+
+def highest_order(parts: Any, harmonics: int, slip: float) -> float:
+    """Return the highest order that the measurement of the lines of some parts needs.
+
+    Examples
+    --------
+    >>> highest_order({"BPFI": 6.0}, 3, 0.02)
+    18.9
+    """
+    check_number(slip, "slip", at_least=0, below=0.2)
+    lines = [order for fault in fault_series(parts, harmonics) for order in fault.orders]
+    return round(max(lines) * (1 + slip), 1) + _BACKGROUND
+
+
+_STROKE = 1.0  # revolutions; anything shorter is noise of the shaft reference at rest
+_MAX_BINS = 1000  # two channels then have 10,000 features, and their covariance 0.8 GB
+
+
+def actuator_recipe(
+    *,
+    phase: bool = False,
+    healthy: Any = None,
+    condition: Any = "load",
+    cost: Any = None,
+    priors: Any = None,
+    unknown: Any = "unknown",
+    temperature: Any = "groups",
+    revolutions: float = 4,
+    max_order: float = 2.5,
+    min_speed: float = 0.0,
+    n_jobs: int | None = None,
+) -> Pipeline:
+    """Return an unfitted pipeline from recordings of an actuator to a decision.
+
+    The features describe forward and reverse strokes separately: powers in order bins; the
+    frequency response and the coherence between channels over orders; mean, standard
+    deviation and slope of each channel; its profile along the stroke; and the 1x component. The
+    classifier is a Gaussian for each class, with one covariance for all. A recording that is unlike
+    the training recordings, such as one of another machine, is decided to be "unknown".
+
+    Parameters
+    ----------
+    phase : bool
+        Use the 1x component with its phase against the shaft angle. **Only for recordings of the
+        same assemblies**: this phase depends on how the parts were assembled, and changes when
+        a machine is reassembled. If False, phases are relative to the 1x component of forward
+        strokes, and no feature depends on the mounting angle of a part (except through
+        incomplete revolutions at the ends of strokes).
+    healthy : label, collection of labels, mapping or callable, optional
+        Healthy recordings, as for `SignalBaseline`. All features except the 1x component are then
+        computed from the residual signal: the mean healthy signal of the same condition is
+        subtracted at each shaft angle. It needs at least two healthy recordings of each condition,
+        since a single one has no residual. It needs ``phase=True``, because the residual of the
+        1x component depends on both phases.
+    condition : hashable, tuple or callable
+        Key of `meta` within which recordings are compared with `healthy` ones. For a
+        separate classifier for each condition, put the recipe into a `ConditionRouter`.
+    cost, priors
+        As for `CostSensitiveGaussianBayes`; for decisions on families, a table of `family_costs`.
+    unknown, temperature
+        As for `CostSensitiveGaussianBayes`: the label of the unknown state, and the calibration of
+        the posterior. Both are estimated by leaving out groups of recordings that were
+        measured together: ``fit(X, y, costsensitivegaussianbayes__groups=runs)``. `evaluate`
+        passes them; without groups, single recordings are left out, with a warning that
+        near-duplicates make the model over-confident. None, for both, is the method of the thesis.
+        These groups do not reach the limits of new spectral lines; with scikit-learn's metadata
+        routing they do, see `BinTransformer.fit`.
+        With fewer than six groups of each class, a new spectral line, and with two also a channel
+        without a signal, may still be given a class.
+    revolutions : float
+        Length of a segment of the spectra, and the inverse of the bin width. Short segments give
+        few bins with little scatter.
+    max_order : float
+        Highest order of the spectra; `OrderResampler.quality` gives the highest valid order.
+    min_speed : float
+        Speed up to which the shaft counts as standing still [rad/s].
+    n_jobs : int, optional
+        Number of recordings processed in parallel.
+
+    Returns
+    -------
+    Pipeline
+        Steps "featureunion", "standardscaler" and "costsensitivegaussianbayes". X is a list of
+        `Recording` with at least two channels. Directions are separate if a recording of `fit`
+        has strokes in both; a machine with one direction needs no setting.
+
+    Raises
+    ------
+    ValueError
+        If `healthy` is given without `phase`, or a number is out of range. When fitted: if
+        a channel of a recording has no power (the message gives both).
+
+    Notes
+    -----
+    The profile along the stroke has 12 coefficients. In strokes that are much longer than 6
+    revolutions they do not depend on the 1x component. Starts, stops and peaks are not
+    used, as they depend on the start and end positions; `RecordingStatistics` provides them.
+
+    With `healthy`, the mean healthy signals are learned from all training recordings, also from
+    those that are left out to calibrate the unknown state: new recordings are then less typical
+    than these, especially if there are few healthy ones.
+
+    The features and the classifier were selected on runs 1 to 7 of a ball screw sampled 5 times
+    per revolution; ``benchmarks/real_actuator.py`` states the number of variants tried. For another
+    machine, start here: set `revolutions`, `max_order` and `min_speed` to suit the recordings, and
+    compare variants by `evaluate`.
+
+    Examples
+    --------
+    >>> from emacm import ConditionRouter, actuator_recipe
+    >>> model = ConditionRouter(actuator_recipe(max_order=20), condition="load")
+    >>> [name for name, _ in model.estimator.steps]
+    ['featureunion', 'standardscaler', 'costsensitivegaussianbayes']
+    """
+    check_choice(phase, "phase", (True, False))
+    check_number(revolutions, "revolutions", above=0)
+    check_number(max_order, "max_order", at_least=2 / 2.4)
+    if revolutions * max_order > _MAX_BINS:
+        raise ValueError(
+            f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
+            f"{revolutions * max_order:.0f} bins for each channel, pair and direction, and the "
+            f"covariance of all features would not fit into memory; at most {_MAX_BINS} are "
+            f"possible. Lower either of them."
+        )
+    if healthy is not None and not phase:
+        raise ValueError(
+            f"healthy = {healthy!r} needs phase=True: the residual of the 1x component depends on "
+            f"its phase and on that of the healthy one. Leave healthy out, or set phase=True, for "
+            f"recordings of the same assemblies only."
+        )
+    relative: dict[str, Any] = (
+        {} if healthy is None else {"condition": condition, "healthy": healthy}
+    )
+    strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
+    over_angle = make_pipeline(
+        OrderResampler(2 * np.pi / (2.4 * max_order), min_speed=min_speed),
+        SignalBaseline(**relative) if relative else "passthrough",
+        SignalCache(),
+        _over_angle(revolutions, max_order, n_jobs),
+    )
+    reference = "absolute" if phase else "relative"
+    lines = ShaftHarmonics((1,), phase=reference, n_sections=2, **strokes)
+    features = _union(over_angle=over_angle, lines=lines)
+    gaussians = CostSensitiveGaussianBayes(
+        cost,
+        priors=priors,
+        covariance="tied",
+        shrinkage="auto",
+        unknown=unknown,
+        temperature=temperature,
+    )
+    return Pipeline(
+        [
+            ("featureunion", features),
+            ("standardscaler", StandardScaler()),
+            ("costsensitivegaussianbayes", gaussians),
+        ]
+    )
+
+
+def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> FeatureUnion:
+    """Return the features that are computed from recordings over the shaft angle."""
+    spectra: dict[str, Any] = {"by_direction": "auto", "n_jobs": n_jobs}
+    bins: dict[str, Any] = {"bin_size": 1 / revolutions, "max_order": max_order}
+    strokes: dict[str, Any] = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
+    return _union(
+        powers=make_pipeline(
+            OrderPSD(revolutions, **spectra),
+            BinTransformer(**bins),
+            FunctionTransformer(np.log, feature_names_out="one-to-one"),
+        ),
+        responses=OrderCrossSpectrum(
+            revolutions, kind=("response", "coherence"), **bins, **spectra
+        ),
+        levels=RecordingStatistics(("mean", "std", "slope"), **strokes),
+        profile=StrokeProfile(12, **strokes),
+    )
+
+
+def _union(**blocks: Any) -> FeatureUnion:
+    """Join features under their own names, which all differ."""
+    return FeatureUnion([*blocks.items()], verbose_feature_names_out=False)

@@ -1,0 +1,123 @@
+"""Signals that are computed from measured ones, slice by slice, when they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emacm.recordings.arguments import immutable
+from emacm.shaft.motion import LazySeries, Series, sources
+
+
+class ComputedSeries(LazySeries):
+    """A signal computed from another one of the same length.
+
+    Subclasses implement `read`, `__repr__` (class and parameters, of which digests are made) and
+    `_prepare`, which sets what follows from the parameters; it is neither pickled nor compared.
+
+    Parameters
+    ----------
+    signal : ndarray of shape (n_times,), or an object that can be sliced like one
+        Finite; it may be a memory map.
+
+    Attributes
+    ----------
+    bandwidth : float
+        Frequency above which there is no content [Hz]; infinite if only the sampling rate limits
+        it.
+    """
+
+    bandwidth = np.inf
+    _prepared: tuple[str, ...] = ()
+
+    def __init__(self, signal: Series) -> None:
+        super().__init__(len(signal), signal.dtype)
+        self._signal = signal
+
+    def _prepare(self) -> None:
+        """Set the attributes named in `_prepared`."""
+
+    @property
+    def sources(self) -> list[NDArray[Any]]:
+        """The measured signal."""
+        return sources(self._signal)
+
+    def _described(self, *parameters: Any) -> str:
+        """Return class and parameters, and those of the signal if it is computed as well."""
+        inner = [self._signal] if isinstance(self._signal, ComputedSeries) else []
+        return f"{type(self).__name__}({', '.join(map(repr, [*parameters, *inner]))})"
+
+    def __eq__(self, other: object) -> bool:
+        """Two are equal if kind, parameters and signal are."""
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        if repr(self) != repr(other) or self.dtype != other.dtype:
+            return False
+        pairs = zip(self.sources, other.sources, strict=True)
+        return all(np.array_equal(one, another) for one, another in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but what follows from the rest."""
+        return {name: value for name, value in vars(self).items() if name not in self._prepared}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the series, with the signal immutable."""
+        vars(self).update(state)
+        if isinstance(self._signal, np.ndarray):
+            self._signal = immutable(self._signal)
+        self._prepare()
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return one sample, a slice of any step, or samples at an array of indices."""
+        if isinstance(key, slice) and key.step not in (None, 1):
+            key = np.arange(*key.indices(len(self)))
+        if not isinstance(key, np.ndarray):
+            return super().__getitem__(key)
+        index = np.arange(len(self))[key]
+        if not len(index):
+            return np.empty(0, self.dtype)
+        low = int(index.min())
+        return self.read(low, int(index.max()) + 1)[index - low]
+
+    def _mirrored(self, start: int, stop: int) -> NDArray[np.floating]:
+        """Return samples of the measured signal, and of its mirror image beyond its ends."""
+        n_times = len(self)
+        before, after = max(-start, 0), max(stop - n_times, 0)
+        # One slice, from which the mirror images are taken too: reading may mean computing.
+        low = min(max(start, 0), n_times - 1 - after)
+        high = max(min(stop, n_times), before + 1)
+        read = np.asarray(self._signal[low:high])
+        if not (before or after):
+            return read
+        values = np.empty(stop - start, read.dtype)
+        inner = read[max(start, 0) - low : min(stop, n_times) - low]
+        values[before : before + len(inner)] = inner
+        values[:before] = read[1 - low : before + 1 - low][::-1]
+        values[len(values) - after :] = read[n_times - 1 - after - low : n_times - 1 - low][::-1]
+        return values
+
+
+class Arrays(Mapping[str, NDArray[np.floating]]):
+    """Channels as arrays, each computed as a whole when it is read."""
+
+    def __init__(self, series: Mapping[str, Series]) -> None:
+        self._series = series
+
+    def __getitem__(self, name: str) -> NDArray[np.floating]:
+        series = self._series[name]
+        if isinstance(series, np.ndarray):
+            return series
+        whole = series[:]
+        whole.flags.writeable = False
+        return whole
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._series)
+
+    def __len__(self) -> int:
+        return len(self._series)

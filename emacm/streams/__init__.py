@@ -1,0 +1,1 @@
+"""Models applied to signals while they are measured."""

@@ -1,0 +1,328 @@
+"""The models that can be applied to a stream, and what they state of a spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import dataclass, field
+from numbers import Number
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from emacm._statements import Statement
+from emacm.alarms.control_charts import CUSUM, EWMA
+from emacm.alarms.input_alarms import InputAlarm
+from emacm.decisions.pipelines import search_estimator
+from emacm.decisions.risks import LeastRiskMixin
+from emacm.orders.new_lines import collected_statements
+from emacm.orders.order_psd import OrderPSD
+from emacm.recordings.digests import content_digest
+from emacm.resampling.order_resampler import OrderResampler
+from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.training_range import outside_range
+from emacm.streams.spectrum_stream import StreamQuality
+
+_COST = "expected_cost"
+
+
+class ReadingAlarms:
+    """Alarms on the readings of a model.
+
+    Parameters
+    ----------
+    model : StreamedModel
+        The model.
+    charts : mapping of str to EWMA or CUSUM, or None
+        Fitted charts by the name of a feature, or "expected_cost".
+
+    Attributes
+    ----------
+    charts : dict of str to str
+        By their name, what must agree for their state to be continued.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a name is unknown, or a chart is not fitted on one column.
+    """
+
+    def __init__(self, model: StreamedModel, charts: Mapping[str, EWMA | CUSUM] | None) -> None:
+        if not isinstance(charts, Mapping | None):
+            raise TypeError(f"alarms must map features to charts, got {charts!r}.")
+        self._charts = deepcopy(dict(charts or {}))  # each monitor continues its own
+        self.charts: dict[str, str] = {}
+        self._features = model.feature_names() if charts else []
+        for name, chart in self._charts.items():
+            if name not in (_COST, *self._features):
+                shown = ", ".join(map(repr, self._features[:8]))
+                raise ValueError(
+                    f"alarms must name features or {_COST!r}, got {name!r}; the features are "
+                    f"{shown}{', ...' if len(self._features) > 8 else ''}."
+                )
+            if not isinstance(chart, EWMA | CUSUM) or not hasattr(chart, "mean_"):
+                raise TypeError(f"alarms[{name!r}] must be a fitted EWMA or CUSUM, got {chart!r}.")
+            if chart.n_features_in_ != 1:
+                raise ValueError(
+                    f"alarms[{name!r}] must be fitted on one column, {name!r}, got a chart of "
+                    f"{chart.n_features_in_} columns."
+                )
+            self.charts[name] = chart.state()["chart"]
+        unknown = getattr(model.classifier, "unknown", None)
+        self._input = InputAlarm(unknown="unknown" if unknown is None else unknown)
+
+    def update(
+        self, reading: Reading, error: str, outside_training: Sequence[str] = ()
+    ) -> tuple[str, ...]:
+        """Return the alarms of the next reading, in words.
+
+        Parameters
+        ----------
+        reading : Reading
+            The reading; its alarms are statements on what is outside the training.
+        error : str
+            Why it has no features, or "".
+        outside_training : sequence of str
+            What is far outside the range of the training.
+
+        Returns
+        -------
+        tuple of str
+        """
+        typicality = np.nan if reading.typicality is None else reading.typicality
+        row = {"decision": reading.decision, "typicality": typicality, "error": error}
+        row["outside_training"] = [*outside_training, *reading.alarms]
+        reasons = self._input.reasons(row)
+        found = ["; ".join(reasons)] if reasons else []
+        for name, chart in self._charts.items():
+            value = self._value(reading, name)
+            if value is None:
+                continue
+            if not np.isfinite(value):  # such as the logarithm of a channel without power
+                found.append(f"{type(chart).__name__} of {name}: the value is {value}")
+                continue
+            statistic, alarm = chart.update(np.array([[value]]))
+            if alarm.any():
+                found.append(f"{type(chart).__name__} of {name}: {float(statistic[0, 0]):.3g}")
+        return tuple(found)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        charts = [dict(chart.state()) for chart in self._charts.values()]
+        return {"input": self._input.state(), "charts": charts}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        self._input.restore({name: int(n) for name, n in state["input"].items()})
+        for chart, held in zip(self._charts.values(), state["charts"], strict=True):
+            chart.restore(held)
+
+    def _value(self, reading: Reading, name: str) -> float | None:
+        if reading.features is None or name == _COST:
+            return reading.expected_cost
+        return float(reading.features[self._features.index(name)])
+
+
+_NO_RESULT = ("n_jobs", "memory", "verbose")  # parameters that change no result
+_CHAIN = "OrderResampler, OrderPSD, transformers of tables (BinTransformer, FaultLines, ...)"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a monitor states of one interval of a stream.
+
+    Attributes
+    ----------
+    start, time : float
+        Start of the interval, and its end, at which the reading is complete [s].
+    features : ndarray of shape (n_features,), or None
+        Input of the classifier. None if the interval holds no segment of Welch's method.
+    posterior : dict of label to float
+        Probability of each class, and of the unknown state if the classifier has one (they add up
+        to 1); empty without features or classifier.
+    decision : label or None
+        Decision of the classifier.
+    risk : dict of label to float
+        Conditional risk of each decision; empty for a classifier without costs.
+    typicality : float or None
+        Typicality of the features, if the classifier states it.
+    alarms : tuple of str
+        Alarms, in words; empty if there is none.
+    outside_training : tuple of str
+        What of the interval is outside the range of the training recordings, in sentences, as
+        `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
+        rates, and levels (of a sixteenth of the samples of long intervals).
+    """
+
+    start: float
+    time: float
+    features: NDArray[np.floating] | None = field(repr=False)
+    posterior: dict[Any, float]
+    decision: Any
+    risk: dict[Any, float]
+    typicality: float | None
+    alarms: tuple[str, ...] = ()
+    outside_training: tuple[str, ...] = ()
+
+    @property
+    def expected_cost(self) -> float | None:
+        """Conditional risk of the decision."""
+        return self.risk.get(self.decision)
+
+
+class StreamedModel:
+    """A fitted pipeline, taken apart into what is done sample by sample and what is done after.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted pipeline, or a search over one.
+
+    Attributes
+    ----------
+    resampler : OrderResampler
+        Its first step.
+    psd : OrderPSD
+        Its second step.
+    classifier : estimator or None
+        Its last step, if that is a classifier.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not such a pipeline, or has a step or an option that needs a whole recording.
+    """
+
+    def __init__(self, model: Any) -> None:
+        model = search_estimator(model)
+        if not isinstance(model, Pipeline):
+            raise TypeError(
+                f"model must be a fitted pipeline of {_CHAIN} and a classifier, got "
+                f"{type(model).__name__}."
+            )
+        check_is_fitted(model)
+        steps = [step for step in _flattened(model) if not isinstance(step, SignalCache)]
+        first, second = [*steps, None, None][:2]
+        if not isinstance(first, OrderResampler):
+            raise ValueError(_refusal(first, "OrderResampler", "first"))
+        if not isinstance(second, OrderPSD):
+            raise ValueError(_refusal(second, "OrderPSD", "second"))
+        self.resampler, self.psd = first, second
+        self._check_options()
+        self.classifier = steps.pop() if hasattr(steps[-1], "predict_proba") else None
+        self._transformers = steps[2:]
+
+    def reading(self, start: float, time: float, powers: NDArray[np.floating]) -> Reading:
+        """Return what the model states of the spectra of an interval.
+
+        The alarms are its new spectral lines, if it has a classifier.
+
+        Parameters
+        ----------
+        start, time : float
+            The interval [s].
+        powers : ndarray of shape (n_channels, [n_directions,] n_orders)
+            As `SegmentPlan.spectra_of` returns them.
+
+        Returns
+        -------
+        Reading
+        """
+        table: Any = self.psd.table_of([powers])
+        with collected_statements() as new_lines:
+            for transformer in self._transformers:
+                table = transformer.transform(table)
+        features = np.asarray(table)[0]
+        final = self.classifier
+        if final is None:
+            return Reading(start, time, features, {}, None, {}, None)
+        probabilities, states = final.predict_proba(table), final.classes_
+        if isinstance(final, LeastRiskMixin):
+            probabilities, states = final.truth_proba(table, probabilities), final.truths_
+        posterior = _labelled(states, probabilities[0])
+        risk = _labelled(final.decisions_, final.risk(table)[0]) if hasattr(final, "risk") else {}
+        typicality = None
+        if hasattr(final, "typicality"):
+            with suppress(ValueError):  # the model has no typicality
+                typicality = float(final.typicality(table)[0])
+        (decision,) = np.asarray(final.predict(table)).tolist()
+        alarms = tuple(new_lines)
+        return Reading(start, time, features, posterior, decision, risk, typicality, alarms)
+
+    def outside_training(self, quality: StreamQuality) -> list[Statement]:
+        """State what of an interval is outside the range of the training recordings."""
+        resampler = self.resampler
+        return outside_range(quality.quality(resampler.channels_), resampler.training_range_, {})
+
+    def digest(self) -> str:
+        """Return the digest of the parameters and the fitted values of all steps."""
+        arrays: list[NDArray[Any]] = []
+        steps = [self.resampler, self.psd, *self._transformers, self.classifier]
+        return content_digest(repr([_facts(step, arrays) for step in steps]), arrays)
+
+    def feature_names(self) -> list[str]:
+        """Return the names of the features."""
+        names = self.psd.get_feature_names_out()
+        for transformer in self._transformers:
+            names = transformer.get_feature_names_out(names)
+        return list(names)
+
+    def _check_options(self) -> None:
+        resampler, psd = self.resampler, self.psd
+        if not hasattr(psd, "theta_s_") or psd.theta_s_ is None:
+            raise ValueError("OrderPSD was fitted on plain rows; a stream needs recordings.")
+        refused = {
+            "antialias=False of OrderResampler": not resampler.antialias,
+            "direction='travel' of OrderResampler": resampler.direction == "travel",
+            "average='median' of OrderPSD, which needs all segments": psd.average == "median",
+            "short='pad' of OrderPSD, which needs whole strokes": psd.short == "pad",
+        }
+        for option, present in refused.items():
+            if present:
+                raise ValueError(f"a stream cannot be processed with {option}. Change the model.")
+
+
+def _flattened(model: Pipeline) -> list[Any]:
+    """Return the steps of nested pipelines, without those that pass their input through."""
+    steps: list[Any] = []
+    for _, step in model.steps:
+        if isinstance(step, Pipeline):
+            steps += _flattened(step)
+        elif step is not None and step != "passthrough":
+            steps.append(step)
+    return steps
+
+
+def _refusal(step: Any, wanted: str, place: str) -> str:
+    return (
+        f"the {place} step of the model must be {wanted}, got {type(step).__name__}, which needs "
+        f"whole recordings. A stream is processed by {_CHAIN} and a classifier; apply other models "
+        f"to finished recordings with score."
+    )
+
+
+def _labelled(labels: Any, values: Any) -> dict[Any, float]:
+    return dict(zip(np.asarray(labels).tolist(), map(float, values), strict=True))
+
+
+def _facts(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Return what a value consists of, equal for equal values; arrays are put into the list."""
+    if isinstance(value, bool | str | None):
+        return value
+    if isinstance(value, Number):
+        return complex(value)  # type: ignore[call-overload]
+    if isinstance(value, Mapping):
+        return sorted((repr(_facts(k, arrays)), _facts(v, arrays)) for k, v in value.items())
+    if isinstance(value, list | tuple) or getattr(value, "dtype", None) == np.dtype(object):
+        return [_facts(item, arrays) for item in value]
+    if isinstance(value, np.ndarray):
+        arrays.append(np.atleast_1d(value))
+        return len(arrays)
+    if hasattr(value, "__dict__") and not isinstance(value, type) and not callable(value):
+        public = {n: v for n, v in vars(value).items() if n[0] != "_" and n not in _NO_RESULT}
+        return type(value).__name__, _facts(public, arrays)
+    return getattr(value, "__qualname__", type(value).__name__)

@@ -1,0 +1,268 @@
+"""Facts about alarms: published run lengths, estimated baselines, readings one by one."""
+
+import json
+import pickle
+from fractions import Fraction
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm.alarms.run_lengths import _Process, cusum_run_length, ewma_run_length
+from emacm.monitoring import CUSUM, EWMA
+
+CHECKS = parametrize_with_checks([EWMA(), CUSUM()])
+
+
+@pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+def correlated(shape, correlation, rng):
+    """Return autoregressive series over the last axis, of mean 0 and standard deviation 1."""
+    noise = rng.standard_normal(shape)
+    series = np.empty(shape)
+    series[..., 0] = noise[..., 0]
+    for time in range(1, shape[-1]):
+        innovation = np.sqrt(1 - correlation**2) * noise[..., time]
+        series[..., time] = correlation * series[..., time - 1] + innovation
+    return series
+
+
+# Lucas and Saccucci 1990, table 3 (two-sided EWMA), at ARL 500; Shewhart: 1 / (2 Phi(-3)).
+@pytest.mark.parametrize(
+    ("weight", "limit", "shift", "published"),
+    [
+        (0.2, 2.962, 0.0, 500.0),
+        (0.1, 2.814, 0.0, 500.0),
+        (0.05, 2.615, 0.0, 500.0),
+        (0.2, 2.962, 1.0, 10.5),
+        (1.0, 3.0, 0.0, 370.4),
+    ],
+)
+def test_average_run_lengths_of_ewma_charts_are_the_published_ones(weight, limit, shift, published):
+    assert EWMA(weight, limit).arl(shift) == pytest.approx(published, rel=0.01)
+
+
+# Lucas and Crosier 1982; Montgomery, Introduction to Statistical Quality Control: one-sided.
+@pytest.mark.parametrize(
+    ("limit", "shift", "published"),
+    [(5.0, 0.0, 930.0), (4.0, 0.0, 336.0), (5.0, 1.0, 10.4), (4.0, 1.0, 8.38), (4.0, 2.0, 3.34)],
+)
+def test_average_run_lengths_of_cusum_charts_are_the_published_ones(limit, shift, published):
+    assert CUSUM(0.5, limit).arl(shift) == pytest.approx(published, rel=0.01)
+
+
+def test_the_limit_has_the_average_run_length_that_was_asked_for():
+    assert EWMA(0.37, arl=812).fit(np.eye(9)).limit_ > 2
+    assert ewma_run_length(0.37, EWMA(0.37, arl=812).fit(np.eye(9)).limit_) == pytest.approx(812)
+    assert cusum_run_length(0.7, CUSUM(0.7, arl=333).fit(np.eye(9)).limit_) == pytest.approx(333)
+
+
+@pytest.mark.parametrize("chart", [EWMA(0.15, arl=150), CUSUM(0.4, arl=150)])
+def test_the_run_length_of_a_known_baseline_is_that_of_a_simulation(chart):
+    rng = np.random.default_rng(5)
+    baseline = rng.standard_normal((60, 1))
+    fitted = chart.fit((baseline - baseline.mean()) / baseline.std(ddof=1))  # 0 and 1 exactly
+    alarms = 0
+    for _ in range(400):
+        seen = fitted.reset().update(rng.standard_normal((150, 1))).alarm[:, 0]
+        alarms += bool(seen.any())
+    # Run lengths are nearly geometric: the fraction without alarm in 150 readings is exp(-1).
+    assert alarms / 400 == pytest.approx(1 - np.exp(-1), abs=0.07)
+
+
+def readings_per_alarm(n_readings, correlation, weight, limit, rng, n_machines=3000):
+    """Simulate machines that each have their own baseline."""
+    baselines = correlated((n_machines, n_readings), correlation, rng)
+    future = correlated((n_machines, 2000), correlation, rng)
+    mean, scale = baselines.mean(axis=1), baselines.std(axis=1, ddof=1)
+    statistic, n_alarms = np.zeros(n_machines), 0
+    for readings in future.T:
+        statistic = (1 - weight) * statistic + weight * (readings - mean) / scale
+        alarm = np.abs(statistic) > limit * np.sqrt(weight / (2 - weight))
+        n_alarms += alarm.sum()
+        statistic[alarm] = 0
+    return future.size / n_alarms
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("n_readings", "correlation"), [(50, 0.0), (200, 0.0), (100, 0.5), (200, 0.17)]
+)
+def test_the_stated_run_length_includes_size_and_correlation_of_the_baseline(
+    n_readings, correlation
+):
+    rng = np.random.default_rng(11)
+    truth = readings_per_alarm(n_readings, correlation, 0.2, 2.962, rng)
+    stated = [
+        EWMA(0.2, 2.962).fit(correlated((1, n_readings), correlation, rng).T).run_length_.stated
+        for _ in range(200)
+    ]
+    # One statement varies with its baseline; over baselines, the number of false alarms holds.
+    assert 1 / np.mean(1 / np.array(stated)) == pytest.approx(truth, rel=0.1)
+    assert truth < 0.8 * 500  # nominal
+
+
+def test_baselines_of_autoregressions_are_simulated_with_their_correlation():
+    rng = np.random.default_rng(3)
+    groups = np.repeat(np.arange(4), 30)
+    series = correlated((4, 30), 0.6, rng).reshape(120, 1) + 3.0 * groups[:, np.newaxis]
+    process = _Process(series, groups, rng)
+    own = process.correlations[0]
+    for shift in (0.0, -0.2):
+        moved = process.with_correlations(process.correlations + shift, np.random.default_rng(1))
+        mean, scale, found = moved.estimated_baselines()
+        assert found.shape == mean.shape == scale.shape == (500, 1)
+        assert found.mean() == pytest.approx(own + shift, abs=0.03)  # residuals have their own
+        assert found.std() == pytest.approx(np.sqrt((1 - own**2) / 120), rel=0.3)
+
+
+def test_differences_between_units_shorten_the_stated_run_length():
+    rng = np.random.default_rng(2)
+    units = np.repeat(np.arange(12), 40)
+    noise = rng.standard_normal((480, 1))
+    offset = 2.0 * rng.standard_normal((12, 1))[units]
+    alike = CUSUM(0.5, 5.0).fit(noise, groups=units).run_length_
+    unlike = CUSUM(0.5, 5.0).fit(noise + offset, groups=units).run_length_
+    assert alike.kind == unlike.kind == "bootstrap"
+    assert unlike.stated < 0.2 * alike.stated
+    assert unlike.n_groups == 12
+
+
+def test_a_small_baseline_gives_a_nominal_run_length_and_says_so():
+    rng = np.random.default_rng(0)
+    found = EWMA(0.2, 2.962).fit(rng.standard_normal((49, 1))).run_length_
+    assert found.kind == "nominal"
+    assert "a baseline of 49 readings is too small" in str(found)
+    units = np.repeat([3, 1], 50)
+    assert EWMA().fit(rng.standard_normal((100, 1)), groups=units).run_length_.kind == "nominal"
+
+
+def test_a_run_length_lost_in_rounding_is_infinite():
+    assert np.isinf(EWMA(1.0, limit=8.0).arl(0.0))
+    assert np.isinf(CUSUM(0.5, limit=40.0).arl(0.0))
+
+
+def test_a_run_length_too_long_to_simulate_is_a_lower_limit():
+    found = EWMA(1.0, limit=8.0).fit(np.random.default_rng(0).uniform(size=(300, 1))).run_length_
+    assert found.kind == "at least"
+    assert 1e4 < found.stated < found.nominal
+    assert str(found).startswith("at least")
+
+
+@pytest.mark.parametrize("chart", [EWMA(0.3, 2.0), CUSUM(0.2, 3.0)])
+def test_readings_one_by_one_give_the_same_as_all_at_once(chart):
+    rng = np.random.default_rng(4)
+    chart.fit(rng.normal([3.0, -8.0], [0.1, 2.0], (80, 2)))
+    readings = rng.normal([3.05, -8.0], [0.1, 2.0], (31, 2))
+    at_once = chart.update(readings)
+    chart.reset()
+    singly = [chart.update(row) for row in readings[:17]]
+    state = json.loads(json.dumps(chart.state()))
+    again = pickle.loads(pickle.dumps(chart)).reset().restore(state)
+    singly += [again.update(row) for row in readings[17:]]
+    np.testing.assert_array_equal(np.vstack([r.statistic for r in singly]), at_once.statistic)
+    np.testing.assert_array_equal(np.vstack([r.alarm for r in singly]), at_once.alarm)
+    assert at_once.alarm.any()
+    assert again.n_updates_ == 31
+
+
+def test_ewma_is_two_sided_and_cusum_upward():
+    baseline = np.random.default_rng(4).standard_normal((200, 1))
+    down = np.full((30, 1), -3.0)
+    assert EWMA().fit(baseline).update(down).alarm[-1, 0]
+    assert not CUSUM().fit(baseline).update(down).alarm.any()
+    assert CUSUM().fit(baseline).update(-down).alarm[-1, 0]
+
+
+def test_a_constant_column_never_gives_an_alarm():
+    baseline = np.random.default_rng(4).standard_normal((60, 2))
+    baseline[:, 0] = 7.0
+    chart = EWMA().fit(baseline)
+    assert not chart.update([[900.0, 0.0]]).alarm[0, 0]
+
+
+def test_parameter_and_function_arl_do_not_disturb_each_other():
+    chart = EWMA(0.3, arl=700)
+    assert chart.get_params() == {"weight": 0.3, "limit": None, "arl": 700}
+    assert clone(chart.set_params(arl=900)).arl() == pytest.approx(900)
+    assert repr(chart) == "EWMA(arl=900, weight=0.3)"
+
+
+@pytest.mark.parametrize(
+    ("chart", "message"),
+    [
+        (EWMA(0.0), "weight must be a number above 0 and at most 1, got 0.0"),
+        (CUSUM(-1.0), "reference must be a number at least 0"),
+        (CUSUM(0.5, limit=4.0, arl=500), "give limit or arl, got both"),
+        (EWMA(0.2, arl=1.0), "arl must be a number above 1"),
+        (CUSUM(0.5, arl=1.2), r"the shortest is 3.24 readings. Give a longer one"),
+        (CUSUM(9.0, arl=500), r"the shortest is 1e\+12 readings or more. Give a smaller ref"),
+    ],
+)
+def test_an_invalid_parameter_is_named(chart, message):
+    with pytest.raises(ValueError, match=message):
+        chart.fit(np.eye(3))
+
+
+def test_invalid_readings_are_named():
+    with pytest.raises(ValueError, match="no variation in any of 2 columns"):
+        EWMA().fit(np.ones((9, 2)))
+    chart = EWMA().fit(pd.DataFrame({"rms": [1.0, 2.0, 4.0], "crest": [3.0, 2.0, 4.0]}))
+    with pytest.raises(ValueError, match="3 features"):
+        EWMA().fit(np.eye(2)).update([[1.0, 2.0, 3.0]])
+    with pytest.raises(ValueError, match=r"got NaN in reading 0, column 'rms'. Leave it out"):
+        chart.update(pd.DataFrame({"rms": [np.nan], "crest": [1.0]}))
+    with pytest.raises(TypeError, match="X has masked samples"):
+        EWMA().fit(np.ma.masked_less(np.eye(3), 0.5))
+    with pytest.raises(TypeError, match="values in column 'when'"):
+        EWMA().fit(pd.DataFrame({"when": pd.date_range("2024", periods=9)}))
+
+
+@pytest.mark.parametrize("exponent", [-1000, -600, 600, 1000])
+def test_readings_may_be_in_any_unit(exponent):
+    readings = np.random.default_rng(6).standard_normal((60, 2))
+    factors = np.ldexp(1.0, [exponent, 0])
+    plain, scaled = (EWMA(0.2, 3.0).fit(x) for x in (readings, readings * factors))
+    assert scaled.run_length_ == plain.run_length_
+    found = scaled.update(readings * factors).statistic
+    np.testing.assert_array_equal(found, plain.update(readings).statistic)
+
+
+def test_a_weight_may_be_any_number():
+    readings = np.random.default_rng(5).standard_normal((60, 2))
+    plain, exact = (EWMA(weight, 3.0).fit(readings) for weight in (0.2, Fraction(1, 5)))
+    np.testing.assert_allclose(exact.update(readings).statistic, plain.update(readings).statistic)
+
+
+def test_the_state_of_another_chart_or_a_damaged_one_is_refused():
+    baseline = np.random.default_rng(4).standard_normal((60, 1))
+    chart = CUSUM().fit(baseline)
+    state = chart.state()
+    for other in (EWMA().fit(baseline), CUSUM(arl=200).fit(baseline), CUSUM().fit(9 * baseline)):
+        with pytest.raises(ValueError, match=r"or that of another chart.* begin without a state"):
+            other.restore(state)
+    for change in ({"statistic": [np.nan]}, {"statistic": [0.0, 1.0]}):
+        with pytest.raises(ValueError, match="the state is damaged"):
+            chart.restore(state | change)
+    for nothing in ({}, None, state | {"n_updates": "many"}):
+        with pytest.raises(ValueError, match=r"must be what state.. returned"):
+            chart.restore(nothing)
+    assert chart.restore(state).state() == state
+
+
+def test_groups_of_single_readings_state_no_correlation():
+    baseline = np.random.default_rng(4).standard_normal((100, 1))
+    found = CUSUM().fit(baseline, groups=np.arange(100)).run_length_
+    assert found.kind == "nominal"
+    assert "100 readings in 100 groups is too small" in str(found)
+
+
+def test_simulated_baselines_without_variation_give_no_alarms():
+    baseline = np.append(np.full(99, 5.0), 6.0)[:, np.newaxis]  # one reading differs
+    found = EWMA().fit(baseline).run_length_
+    assert np.isfinite(found.stated)

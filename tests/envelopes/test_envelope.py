@@ -1,0 +1,475 @@
+"""Facts about envelopes of bands, and about recordings that hold them."""
+
+import pickle
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import signal as filters
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    EnvelopeDetector,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+)
+from emacm.envelopes.envelope import (
+    EnvelopeSeries,
+    analytic_filter,
+    envelope,
+    filter_length,
+)
+from emacm.envelopes.prewhitening import WhitenedSeries
+from emacm.simulation.bench import LaboratoryBench
+from emacm.simulation.faults import FAULT_ORDERS
+
+TURN = 2 * np.pi
+FS = 10_000.0
+TIMES = np.arange(20_000) / FS
+BAND = (1500.0, 2500.0)
+REACH = filter_length(*BAND, FS) // 2
+INNER = slice(REACH, -REACH)
+
+
+def noise(*shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def tone(frequency, amplitude=1.0):
+    return amplitude * np.sin(TURN * frequency * TIMES + 0.3)
+
+
+# The envelope
+
+
+def test_the_squared_envelope_of_a_modulated_tone_is_the_square_of_its_modulation():
+    modulation = 1 + 0.6 * np.cos(TURN * 30 * TIMES)
+    squared = envelope(3 * modulation * tone(2000), FS, BAND)
+    np.testing.assert_allclose(squared[INNER], 9 * modulation[INNER] ** 2, atol=9e-3)
+    plain = envelope(3 * modulation * tone(2000), FS, BAND, squared=False)
+    np.testing.assert_allclose(plain[INNER], 3 * modulation[INNER], atol=3e-3)
+
+
+@given(frequency=st.floats(1625, 2375), amplitude=st.floats(1e-3, 1e3))
+def test_within_the_band_a_tone_reads_the_square_of_its_amplitude(frequency, amplitude):
+    squared = envelope(tone(frequency, amplitude), FS, BAND)
+    np.testing.assert_allclose(squared[INNER], amplitude**2, rtol=1e-3)
+
+
+@given(frequency=st.one_of(st.floats(1, 1375), st.floats(2625, 4990)))
+def test_outside_of_the_band_a_tone_is_gone(frequency):
+    # 80 dB down by the filter, and no more than doubled by its image.
+    assert envelope(tone(frequency), FS, BAND)[INNER].max() < 4.1e-8
+
+
+def test_at_an_edge_half_of_the_amplitude_passes():
+    for edge in BAND:
+        assert envelope(tone(edge), FS, BAND, squared=False)[INNER].mean() == pytest.approx(
+            0.5, 1e-3
+        )
+
+
+def test_a_constant_leaves_nothing():
+    assert envelope(np.full(20_000, 1e6), FS, BAND).max() < 1e-12
+
+
+def test_it_is_the_analytic_signal_of_what_a_filter_without_delay_lets_through():
+    signal = noise(20_000)
+    taps = analytic_filter(*BAND, FS)
+    passed = filters.fftconvolve(signal, taps.real, mode="same")
+    expected = np.abs(filters.hilbert(passed)) ** 2
+    ours = envelope(signal, FS, BAND)
+    away = slice(2000, -2000)  # the transform of the whole reaches far from the ends
+    np.testing.assert_allclose(ours[away], expected[away], atol=2e-3 * expected.max())
+
+
+def test_the_mean_of_the_squared_envelope_of_noise_is_twice_its_power_in_the_band():
+    squared = envelope(noise(400_000), FS, BAND)
+    # Unit noise has 1000 / 5000 of its power in the band; 80 000 of its values are free. As
+    # the edges fall over an eighth of the width to either side, a twentieth is lost.
+    assert squared.mean() == pytest.approx(0.95 * 2 * 1000 / 5000, rel=0.015)
+
+
+def test_there_is_no_delay():
+    burst = np.exp(-(((TIMES - 1) / 0.01) ** 2)) * tone(2000)
+    assert TIMES[envelope(burst, FS, BAND).argmax()] == pytest.approx(1, abs=2e-4)
+
+
+def test_beyond_its_ends_the_signal_is_its_mirror_image():
+    signal = noise(3000)
+    mirrored = np.concatenate([signal[:0:-1], signal, signal[-2::-1]])
+    np.testing.assert_allclose(
+        envelope(signal, FS, BAND), envelope(mirrored, FS, BAND)[2999:5999], rtol=1e-9, atol=1e-12
+    )
+
+
+def test_float32_stays_float32():
+    signal = noise(2, 3000).astype(np.float32)
+    single = envelope(signal, FS, BAND)
+    assert single.dtype == np.float32
+    double = envelope(signal.astype(float), FS, BAND)
+    np.testing.assert_allclose(single, double, atol=1e-5)
+
+
+def test_every_row_has_its_envelope():
+    rows = noise(2, 3, 2000)
+    stacked = envelope(rows, FS, BAND)
+    np.testing.assert_array_equal(stacked[1, 2], envelope(rows[1, 2], FS, BAND))
+
+
+# Computed when read
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        slice(None),
+        slice(100, 4000),
+        slice(7, 9),
+        slice(None, None, 1700),
+        slice(3, 5000, 3),
+        slice(300, 100),
+        np.array([4999, 0, 17, -1]),
+        np.arange(5000) % 2 == 0,
+        np.array([], dtype=int),
+        5,
+        -1,
+    ],
+    ids=str,
+)
+def test_what_is_read_in_part_is_what_the_whole_has_there(key):
+    signal = noise(5000)
+    np.testing.assert_allclose(
+        EnvelopeSeries(signal, FS, BAND)[key],
+        envelope(signal, FS, BAND)[key],
+        rtol=1e-9,
+        atol=1e-12,
+    )
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("band", "error", "match"),
+    [
+        ((2500, 1500), ValueError, r"from a lower to a higher frequency, got \(2500, 1500\)"),
+        ((0, 1500), ValueError, "edges of band must be a number of Hz, above 0, got 0"),
+        ((1500, 5000), ValueError, "of 10000 Hz the Nyquist frequency is 5000 Hz"),
+        ((1500, np.inf), ValueError, "edges of band must be a number"),
+        ("1500", TypeError, r"must be a pair \(low, high\)"),
+        (1500, TypeError, r"must be a pair \(low, high\)"),
+        ((1, 2, 3), TypeError, r"must be a pair \(low, high\)"),
+        ((2000, 2001), ValueError, r"needs a filter of 20\.1 s, but the signal lasts 2 s"),
+        ((1500, 4999.999999), ValueError, "and keep its edges away from 0 and 5000 Hz"),
+    ],
+)
+def test_bands_that_are_none_are_refused(band, error, match):
+    with pytest.raises(error, match=match):
+        envelope(tone(2000), FS, band)
+
+
+def test_a_gap_is_named():
+    signal = tone(2000)
+    signal[5] = np.inf
+    with pytest.raises(ValueError, match="signal must be finite, got inf at sample 5"):
+        envelope(signal, FS, BAND)
+
+
+@pytest.mark.parametrize("signal", [1.0, [1.0], []])
+def test_what_is_no_signal_is_refused(signal):
+    with pytest.raises(ValueError, match="at least 2 samples"):
+        envelope(signal, FS, BAND)
+
+
+# Recordings
+
+
+def knocking(seed=0, *, order=3.1, strength=1.0, fs=FS, dtype=float, **meta):
+    """A resonance at 2 kHz is struck `order` times a turn, of a shaft that slows down."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(int(2 * fs)) / fs
+    velocity = TURN * (12 - 2 * times)
+    angle = np.cumsum(velocity) / fs
+    struck = np.diff(np.floor(order * angle / TURN), prepend=0) > 0
+    ring = np.exp(-np.arange(200) / 40) * np.sin(TURN * 2000 / fs * np.arange(200))
+    sound = strength * np.convolve(struck, ring)[: len(times)] + 0.1 * rng.standard_normal(
+        len(times)
+    )
+    signals = {"sound": sound.astype(dtype), "current": np.sin(angle[::10]).astype(dtype)}
+    return Recording(
+        signals, {"sound": fs, "current": fs / 10}, velocity=velocity, shaft_fs=fs, meta=meta
+    )
+
+
+def highest_order(table):
+    name = table.columns[int(np.asarray(table)[0].argmax())]
+    return float(name.rpartition("@")[2])
+
+
+def spectrum(*before, max_order=10):
+    return make_pipeline(
+        *before, OrderResampler(TURN / 64, channels=["sound"]), OrderPSD(8, max_order=max_order)
+    )
+
+
+def contrast(recording, order, *before):
+    """Density at an order of the accelerometer, over the median of what lies beside it."""
+    resampler = OrderResampler(TURN / 64, channels=["accelerometer"], min_speed=1.0)
+    pipe = make_pipeline(*before, resampler, OrderPSD(8, max_order=30))
+    power = np.asarray(pipe.fit_transform([recording]))[0]
+    away = np.abs(pipe[-1].orders_ - order)
+    return power[away <= 0.15].max() / np.median(power[(away > 0.25) & (away < 1.5)])
+
+
+def test_the_order_of_strikes_stands_in_the_envelope_spectrum():
+    detector = EnvelopeDetector(BAND, channels=["sound"])
+    assert highest_order(spectrum(detector).fit_transform([knocking()])) == pytest.approx(
+        3.1, abs=0.07
+    )
+    assert highest_order(spectrum(detector).fit_transform([knocking(order=4.6)])) == pytest.approx(
+        4.6, abs=0.07
+    )
+
+
+def test_a_damaged_inner_ring_shows_in_the_envelope_and_not_in_the_plain_spectrum():
+    order = FAULT_ORDERS["inner ring"][0]
+    detector = EnvelopeDetector((1000, 3000), channels=["accelerometer"])
+    sound, damaged = (
+        LaboratoryBench(faults=faults, duration=4.0).record(condition=5)
+        for faults in ({}, {"inner ring": 0.5})
+    )
+    assert contrast(damaged, order) < 2 * contrast(sound, order)  # waviness of a healthy ring
+    assert contrast(sound, order, detector) < 5
+    assert contrast(damaged, order, detector) > 20
+
+
+def test_the_other_channels_shaft_and_meta_stay():
+    run = knocking(unit="A")
+    (heard,) = EnvelopeDetector(BAND, channels=["sound"]).fit_transform([run])
+    assert isinstance(heard, Recording)
+    assert heard.channels == run.channels
+    assert heard.meta == run.meta
+    assert heard.fs == run.fs
+    assert heard.duration == run.duration
+    assert heard.signals["current"] is run.signals["current"]
+    np.testing.assert_array_equal(heard.velocity, run.velocity)
+    np.testing.assert_array_equal(heard.signals["sound"], envelope(run.signals["sound"], FS, BAND))
+    assert not heard.signals["sound"].flags.writeable
+
+
+def test_a_suffix_puts_the_envelope_beside_the_channel():
+    detector = EnvelopeDetector(BAND, channels=["sound"], suffix="_envelope").fit([knocking()])
+    assert detector.channels_ == ("sound", "current", "sound_envelope")
+    assert list(detector.get_feature_names_out()) == ["sound", "current", "sound_envelope"]
+    (heard,) = detector.transform([knocking()])
+    assert heard.fs["sound_envelope"] == FS
+    table = make_pipeline(detector, OrderResampler(TURN / 64), OrderPSD(8)).fit_transform(
+        [knocking()]
+    )
+    assert "sound_envelope@3.125" in table.columns
+
+
+def test_each_channel_may_have_a_band_of_its_own():
+    bands = {"sound": BAND, "current": (100, 300)}
+    (heard,) = EnvelopeDetector(bands, squared=False).fit_transform([knocking()])
+    expected = envelope(knocking().signals["current"], FS / 10, (100, 300), squared=False)
+    np.testing.assert_array_equal(heard.signals["current"], expected)
+
+
+@pytest.mark.parametrize("antialias", [True, False])
+@pytest.mark.parametrize("dtype", [np.float32, float])
+def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
+    run = knocking(dtype=dtype)
+    whole = Recording(
+        {"sound": envelope(run.signals["sound"], FS, BAND)}, FS, velocity=run.velocity
+    )
+    resampler = OrderResampler(TURN / 512, antialias=antialias, channels=["sound"])
+    (heard,) = make_pipeline(EnvelopeDetector({"sound": BAND}), resampler).fit_transform([run])
+    expected = resampler.fit_transform([whole])[0].strokes[0].signals
+    assert heard.dtype == dtype
+    np.testing.assert_allclose(heard.strokes[0].signals, expected, rtol=1e-3, atol=1e-5)
+
+
+def test_a_long_recording_is_never_held_as_a_whole():
+    n_times = 2_500_000
+    sound = noise(n_times).astype(np.float32)
+    sound.flags.writeable = False
+    run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
+    pipe = spectrum(EnvelopeDetector(BAND)).fit([run])
+    pipe.transform([run])  # makes what is made once; compiled loops take memory of their own
+    tracemalloc.start()
+    pipe.transform([run])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < sound.nbytes
+
+
+def test_nothing_is_computed_before_it_is_read(monkeypatch):
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(EnvelopeSeries, "read", refuse)
+    detector = EnvelopeDetector(BAND, channels=["sound"])
+    (heard,) = detector.fit_transform([knocking()])
+    OrderPSD().fit(OrderResampler(TURN / 64).fit_transform([heard]))
+    assert heard.duration == 2
+    assert heard.digest != knocking().digest
+    assert "sound 10000 Hz" in repr(heard)
+    again = pickle.loads(pickle.dumps(heard))
+    assert heard == again
+    assert not again.series["sound"].sources[0].flags.writeable
+
+
+def test_it_stands_in_a_search_over_bands():
+    X = [knocking(seed, strength=1.0 * (seed % 2)) for seed in range(8)]
+    y = ["sound", "damaged"] * 4
+    pipe = make_pipeline(
+        EnvelopeDetector(BAND, channels=["sound"]),
+        OrderResampler(TURN / 64, channels=["sound"]),
+        OrderPSD(4),
+        BinTransformer(edges={"ring": (2.9, 3.3)}),
+        CostSensitiveGaussianBayes(),
+    ).set_output(transform="pandas")
+    grid = {"envelopedetector__band": [BAND, (1000, 3000)]}
+    search = GridSearchCV(pipe, grid, cv=2, error_score="raise").fit(X, y)
+    assert search.best_score_ == 1
+    assert list(clone(search.best_estimator_).fit(X, y).predict(X)) == y
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "match"),
+    [
+        (
+            {"band": BAND},
+            ValueError,
+            r"recording 0 \(unit='A'\): channel 'current': band reaches to",
+        ),
+        ({"band": (9, 1)}, ValueError, "from a lower to a higher"),
+        ({"band": {"sound": (9, 1)}}, ValueError, "band of 'sound' must run from a lower"),
+        ({"band": {"lvdt": BAND}}, ValueError, r"recording 0 .*has no channel 'lvdt'"),
+        (
+            {"band": {"sound": BAND}, "channels": ["current", "lvdt"]},
+            ValueError,
+            "^band names no band of channel 'current'",
+        ),
+        ({"band": {}}, ValueError, "at least one channel"),
+        ({"band": BAND, "channels": []}, ValueError, "at least one channel"),
+        (
+            {"band": BAND, "channels": "sound"},
+            TypeError,
+            "list of names such as .*; got a text",
+        ),
+        ({"band": BAND, "channels": 3}, TypeError, "must be a list of names .*, got 3"),
+        (
+            {"band": {"sound": BAND}, "channels": ["current"]},
+            ValueError,
+            "no band of channel 'curr",
+        ),
+        ({"band": {"sound": BAND}, "squared": 2}, ValueError, "squared must be one of"),
+        ({"band": {"sound": BAND}, "suffix": ""}, TypeError, "suffix must be text"),
+        ({"band": {"sound": BAND}, "suffix": 7}, TypeError, "suffix must be text.* got 7"),
+        ({"band": {"sound": (2000, 2001)}}, ValueError, "channel 'sound': the band 2000 to 2001"),
+    ],
+)
+def test_wrong_parameters_are_told_at_fit(options, error, match):
+    with pytest.raises(error, match=match):
+        EnvelopeDetector(**options).fit([knocking(unit="A")])
+
+
+def test_a_name_that_is_there_already_is_refused():
+    run = Recording({"a": noise(2000), "a_e": noise(2000)}, FS, velocity=np.full(2000, 9.0))
+    with pytest.raises(ValueError, match="recording 0: it has a channel 'a_e' already"):
+        EnvelopeDetector({"a": BAND}, suffix="_e").fit([run])
+
+
+def test_a_slower_recording_is_named_with_channel_and_rate():
+    detector = EnvelopeDetector({"sound": BAND}).fit([knocking()])
+    match = r"recording 1: channel 'sound': band reaches to 2500 Hz, but at a sampling rate of 4000"
+    with pytest.raises(ValueError, match=match):
+        detector.transform([knocking(), knocking(fs=4000.0)])
+
+
+def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():
+    low, high, fs = 2000.0, 6000.0, 48_000.0
+    taps = analytic_filter(low, high, fs)
+    times = (np.arange(len(taps)) - len(taps) // 2) / fs
+    frequencies = np.arange(-fs / 2, fs / 2, 12.5)
+    gain = np.abs(np.exp(-1j * TURN * np.outer(frequencies, times)) @ taps) / 2
+    eighth = (high - low) / 8
+    inside = (frequencies >= low + eighth) & (frequencies <= high - eighth)
+    outside = (frequencies <= low - eighth) | (frequencies >= high + eighth)
+    np.testing.assert_allclose(gain[inside], 1, atol=2e-4)
+    assert gain[outside].max() < 1e-4
+    assert gain[frequencies == low] == pytest.approx(0.5, abs=0.01)
+
+
+# Several bands, relative bands, bands at the edge
+
+
+def test_each_of_several_bands_has_an_envelope_of_its_own_in_place_of_the_channel():
+    bands = [(1500, 2500), (3000, 4500)]
+    detector = EnvelopeDetector({"sound": bands}).fit([knocking()])
+    names = ["sound_1500-2500Hz", "sound_3000-4500Hz", "current"]
+    assert list(detector.get_feature_names_out()) == names
+    (found,) = detector.transform([knocking()])
+    for name, band in zip(names, bands, strict=False):
+        expected = envelope(knocking().signals["sound"], FS, band)
+        np.testing.assert_array_equal(found.signals[name], expected)
+        assert found.fs[name] == FS
+
+
+def test_the_full_band_follows_the_sampling_rate():
+    (found,) = EnvelopeDetector("full").fit_transform([knocking()])
+    run = knocking()
+    expected = envelope(run.signals["current"], FS / 10, (FS / 320, 15 * FS / 320))
+    np.testing.assert_array_equal(found.signals["current"], expected)
+    np.testing.assert_array_equal(
+        found.signals["sound"], envelope(run.signals["sound"], FS, (FS / 32, 15 * FS / 32))
+    )
+
+
+@pytest.mark.parametrize(
+    ("band", "match"),
+    [
+        ((5, 3000), "so near to 0 that its filter lasts .* Raise its lower edge to 374 Hz"),
+        ((2000, 4990), "so near to half the sampling rate .* Lower its upper edge to 4626.25 Hz"),
+    ],
+)
+def test_a_band_at_the_edge_with_a_long_filter_warns(band, match):
+    with pytest.warns(UserWarning, match=match):
+        EnvelopeDetector(band, channels=["sound"]).fit([knocking()])
+
+
+def test_the_quality_of_an_envelope_knows_its_bandwidth():
+    run = Recording({"sound": noise(20_000)}, FS, velocity=np.full(20_000, TURN * 30))
+    resampler = OrderResampler(TURN / 64)
+    (found,) = EnvelopeDetector((2000, 2100)).fit_transform([run])
+    row = resampler.quality([found]).iloc[0]
+    assert row["max_order"] == pytest.approx(100 / 30)
+    assert "above order 3.333 at the highest speed (the width of the band" in row["warnings"]
+    assert resampler.quality([run])["max_order"][0] == pytest.approx(5000 / 30)
+
+
+def test_an_envelope_of_a_whitened_signal_is_pickled():
+    series = EnvelopeSeries(WhitenedSeries(noise(9000), FS), FS, BAND)
+    again = pickle.loads(pickle.dumps(series))
+    assert again == series
+    np.testing.assert_array_equal(again[:], series[:])
+
+
+def test_kept_spectra_of_two_bands_are_not_confused(tmp_path):
+    def table(band, memory):
+        resampler = OrderResampler(TURN / 64, channels=["sound"])
+        steps = EnvelopeDetector({"sound": band}), resampler, OrderPSD(8, memory=memory)
+        return np.asarray(make_pipeline(*steps).fit_transform([knocking()]))
+
+    for band in (BAND, (1000, 3000), BAND):
+        np.testing.assert_array_equal(table(band, str(tmp_path)), table(band, None))

@@ -1,0 +1,323 @@
+"""Prewhitening sets all frequencies to one level, and keeps impacts."""
+
+import pickle
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import signal as filters
+from scipy.stats import kurtosis
+from sklearn.pipeline import make_pipeline
+
+from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
+from emacm.envelopes.envelope import EnvelopeSeries, envelope
+from emacm.envelopes.prewhitening import WhitenedSeries, prewhitened, whiten
+
+FS = 7_000.0
+N_TIMES = 30_011  # several segments, the last of which is no multiple of the others
+TIMES = np.arange(N_TIMES) / FS
+TURN = 2 * np.pi
+
+
+def noise(n_times=N_TIMES, seed=0):
+    return np.random.default_rng(seed).standard_normal(n_times)
+
+
+def coloured(seed=0):
+    """Noise through a resonance at 1.1 kHz that is 40 dB high."""
+    poles = 0.99 * np.exp(1j * TURN * 1100 / FS)
+    return filters.lfilter([1], np.poly([poles, poles.conj()]).real, noise(seed=seed))
+
+
+def level(signal, low, high):
+    """Mean power spectral density between two frequencies [dB]."""
+    frequencies, psd = filters.welch(signal, FS, nperseg=1024)
+    return 10 * np.log10(psd[(frequencies > low) & (frequencies < high)].mean())
+
+
+def impacts(period=313):
+    """Impacts that excite a resonance at 2.2 kHz."""
+    struck = np.zeros(N_TIMES)
+    struck[100::period] = 1.0
+    ring = np.exp(-np.arange(120) / 15) * np.sin(TURN * 2200 / FS * np.arange(120))
+    return np.convolve(struck, ring)[:N_TIMES]
+
+
+def recording(signal, fs=FS, **meta):
+    return Recording({"sound": signal}, fs, velocity=np.full(len(signal), 63.0), meta=meta)
+
+
+def test_coloured_noise_becomes_white():
+    bands = [(200, 700), (1050, 1150), (1500, 2200), (2500, 3300)]
+    before = [level(coloured(), *band) for band in bands]
+    after = [level(prewhitened(coloured(), FS), *band) for band in bands]
+    assert max(before) - min(before) > 30
+    # The mean of the density of 300 and more estimates of 2 degrees of freedom: 0.25 dB.
+    assert after == pytest.approx([10 * np.log10(2 / FS)] * 4, abs=0.8)
+
+
+def test_the_magnitude_of_each_line_of_a_segment_is_the_same():
+    magnitude = np.abs(np.fft.rfft(whiten(coloured()[:5001])))
+    np.testing.assert_allclose(magnitude[1:], np.sqrt(5001), rtol=1e-9)
+    assert magnitude[0] < 1e-9
+
+
+def test_a_tone_far_above_the_noise_comes_down_to_its_level():
+    for amplitude in (5, 500, 5000):
+        tone = amplitude * np.sin(TURN * 440 * TIMES + 0.3)
+        white = prewhitened(tone + noise(), FS)
+        frequencies, psd = filters.welch(white, FS, nperseg=4096)
+        near = np.abs(frequencies - 440) < 10
+        assert psd[near].max() < 5 * np.median(psd)  # of a few estimates, 3 are common
+        assert white.var() == pytest.approx(1, abs=0.2)
+
+
+@given(st.floats(1e-150, 1e150), st.booleans())
+def test_gain_changes_nothing(gain, negative):
+    signal = coloured()[:9000]
+    factor = -gain if negative else gain
+    expected = prewhitened(signal, FS) * (-1 if negative else 1)
+    np.testing.assert_allclose(prewhitened(factor * signal, FS), expected, atol=1e-6)
+
+
+def test_an_offset_changes_nothing():
+    np.testing.assert_allclose(
+        prewhitened(coloured() + 1e3, FS), prewhitened(coloured(), FS), atol=1e-6
+    )
+
+
+def test_impacts_are_more_impulsive_than_beside_a_strong_tone():
+    signal = impacts() + 0.01 * noise() + 3 * np.sin(TURN * 97 * TIMES)
+    assert kurtosis(signal) < 0
+    assert kurtosis(prewhitened(signal, FS)) > 3
+
+
+def test_impacts_stay_where_they_were():
+    signal = np.zeros(N_TIMES)
+    signal[15_000] = 1.0  # an impulse has all frequencies alike already
+    white = prewhitened(signal + 1e-3 * noise(), FS)
+    assert white.argmax() == 15_000  # and has the same sign
+    assert abs(white[15_000]) > 20 * white[14_000:14_900].std()
+
+
+def test_frequencies_without_power_stay_without_power():
+    lines = np.fft.rfft(noise(8192))
+    lines[1000:3000] = 0
+    empty = np.fft.irfft(lines)
+    found = np.abs(np.fft.rfft(whiten(empty)))
+    assert found[1000:3000].max() < 1e-9 * found[500]
+
+
+def test_silence_stays_silence():
+    np.testing.assert_array_equal(prewhitened(np.zeros(N_TIMES), FS), 0)
+    assert np.abs(prewhitened(np.full(N_TIMES, 3.7), FS)).max() == 0
+
+
+def test_a_change_elsewhere_does_not_reach_another_segment():
+    loud = coloured()
+    loud[:2000] *= 50
+    np.testing.assert_allclose(
+        prewhitened(loud, FS)[20_000:], prewhitened(coloured(), FS)[20_000:], atol=1e-12
+    )
+
+
+def test_between_segments_the_level_stays():
+    white = np.mean([prewhitened(coloured(seed), FS) ** 2 for seed in range(40)], axis=0)
+    series = WhitenedSeries(TIMES, FS)
+    n_segment = series._hop + series.fade
+    assert n_segment < N_TIMES // 4
+    local = white[: N_TIMES // 64 * 64].reshape(-1, 64).mean(axis=1)
+    # Of 40 x 64 squares, the mean scatters by 3 %; where segments overlap they are not all alike.
+    assert local[4:-4] == pytest.approx(np.ones(len(local) - 8), abs=0.45)
+
+
+@pytest.mark.parametrize("n_times", [2, 3, 255, 4096, 4097, 7937, 7936])
+def test_every_length_is_whitened(n_times):
+    white = prewhitened(noise(n_times), FS)
+    assert white.shape == (n_times,)
+    assert np.isfinite(white).all()
+    assert 0.5 < white.std() < 1.2
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize(
+    "key",
+    [
+        slice(None),
+        slice(4000, 4100),
+        slice(30_000, 41_000),  # the last segment of a group and the first one of the next
+        slice(69_000, None),
+        slice(3, 70_000, 1007),
+        np.array([69_999, 0, 4095, 30_720, -1]),
+        17,
+    ],
+    ids=str,
+)
+def test_what_is_read_in_part_is_what_the_whole_has_there(key, single):
+    signal = noise(70_001).astype(np.float32 if single else np.float64)
+    series = WhitenedSeries(signal, FS)
+    assert 2 * series._n_group < series._n_segments < 3 * series._n_group
+    np.testing.assert_array_equal(series[key], prewhitened(signal, FS)[key])
+
+
+def test_beyond_its_ends_the_signal_is_its_mirror_image():
+    series = WhitenedSeries(np.arange(5.0), FS)
+    np.testing.assert_array_equal(series._mirrored(-2, 4), [2, 1, 0, 1, 2, 3])
+    np.testing.assert_array_equal(series._mirrored(3, 9), [3, 4, 3, 2, 1, 0])
+    np.testing.assert_array_equal(series._mirrored(-4, 9), np.abs(4 - np.abs(np.arange(-8, 5))))
+    np.testing.assert_array_equal(series._mirrored(1, 3), [1, 2])
+
+
+def test_float32_stays_float32():
+    single = prewhitened(coloured().astype(np.float32), FS)
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, prewhitened(coloured(), FS), atol=5e-3)
+
+
+def test_the_chosen_channels_alone_are_whitened():
+    run = Recording(
+        {"torque": noise(), "sound": coloured()}, FS, velocity=np.full(N_TIMES, 9.0), meta={"u": 1}
+    )
+    step = CepstralPrewhitening(channels=["sound"]).fit([run])
+    assert list(step.get_feature_names_out()) == ["torque", "sound"]
+    (white,) = step.transform([run])
+    assert white.signals["torque"] is run.signals["torque"]
+    np.testing.assert_array_equal(white.signals["sound"], prewhitened(coloured(), FS))
+    assert white.meta == run.meta
+    assert white.fs == run.fs
+    assert dict(white.units) == {"sound": "1"}
+
+
+def test_channels_of_several_rates_are_each_whitened_at_their_own():
+    run = Recording(
+        {"sound": noise(20_000), "slow": noise(1_000)},
+        {"sound": 10_000, "slow": 500},
+        velocity=np.full(20_000, 9.0),
+        shaft_fs=10_000,
+    )
+    (white,) = CepstralPrewhitening().fit_transform([run])
+    np.testing.assert_array_equal(white.signals["slow"], prewhitened(noise(1_000), 500.0))
+
+
+def test_it_is_computed_when_read(monkeypatch):
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(WhitenedSeries, "read", refuse)
+    (white,) = CepstralPrewhitening().fit_transform([recording(noise(), unit="A")])
+    assert white == pickle.loads(pickle.dumps(white))
+    assert white.digest != recording(noise(), unit="A").digest
+    assert (
+        white.digest != CepstralPrewhitening().fit_transform([recording(noise(seed=1))])[0].digest
+    )
+
+
+def test_the_order_of_impacts_under_a_resonance_and_a_gear_stands_in_the_envelope():
+    run = recording(impacts(period=313) + 5 * coloured(1) / coloured(1).std() * 0.02)
+    order = FS / 313 / (63.0 / TURN)
+    chain = make_pipeline(
+        CepstralPrewhitening(), EnvelopeDetector((300, 3200)), OrderResampler(), OrderPSD(10)
+    )
+    power = np.asarray(chain.fit_transform([run]))[0]
+    orders = chain[-1].orders_
+    assert orders[power.argmax()] == pytest.approx(order, abs=0.1)
+
+
+def test_a_long_recording_is_never_held_as_a_whole():
+    n_times = 3_000_000
+    sound = noise(n_times).astype(np.float32)
+    sound.flags.writeable = False
+    run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
+    chain = make_pipeline(
+        CepstralPrewhitening(),
+        EnvelopeDetector((300, 3200)),
+        OrderResampler(TURN / 64),
+        OrderPSD(8, max_order=10),
+    ).fit([run])
+    chain.transform([run])  # makes what is made once
+    tracemalloc.start()
+    chain.transform([run])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < sound.nbytes
+
+
+@pytest.mark.parametrize(
+    ("options", "X", "error", "match"),
+    [
+        ({}, [], ValueError, "X contains no recording"),
+        ({}, [noise(5)], TypeError, "entry 0 of X .* CepstralPrewhitening, got a ndarray"),
+        ({"channels": "sound"}, [recording(noise())], TypeError, r"such as \['sound'\]"),
+        (
+            {"channels": ["lvdt"]},
+            [recording(noise(), unit="A")],
+            ValueError,
+            r"recording 0 \(unit='A'\): it has no channel 'lvdt'",
+        ),
+    ],
+)
+def test_wrong_input_is_refused(options, X, error, match):
+    with pytest.raises(error, match=match):
+        CepstralPrewhitening(**options).fit(X)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_mean_square_is_one_but_for_what_fading_takes(seed):
+    # Where two segments overlap, each has faded twice: sin^4 + cos^4 is 3/4 on average, if what
+    # they hold is not related. That is a quarter of a fade in each hop, of 15 fades.
+    white = prewhitened(noise(200_000, seed), FS)
+    assert 1 - 1 / 60 < np.mean(white**2) < 1
+
+
+# The envelope of a whitened signal, of which the spectra of the segments are filtered
+
+FULL = (FS / 32, 15 * FS / 32)
+
+
+def filtered(signal, band=FULL, fs=FS, **options):
+    """Envelope of a signal that is whitened, with whitening and filtering in one step."""
+    series = EnvelopeSeries(WhitenedSeries(signal, fs), fs, band, **options)
+    assert series._whitened is not None
+    return series
+
+
+def in_two_steps(signal, band=FULL, fs=FS, **options):
+    return envelope(prewhitened(signal, fs), fs, band, **options)
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [coloured(), noise() + 300 * np.sin(TURN * 440 * TIMES), impacts() + 1e-3 * noise()],
+    ids=["noise", "tone", "impacts"],
+)
+# The longer the filter, the more: of 256 samples within which segments fade, 83, 73 and 203 taps.
+@pytest.mark.parametrize(
+    ("band", "most"), [(FULL, 0.005), ((500, 2500), 0.006), ((1500, 2200), 0.02)]
+)
+def test_filtering_the_spectra_differs_little_from_whitening_and_then_filtering(signal, band, most):
+    found = filtered(signal, band, squared=False)
+    inner = slice(found.reach, -found.reach)  # beyond the ends, other mirror images are taken
+    expected = in_two_steps(signal, band, squared=False)[inner]
+    differences = found[:][inner] - expected
+    assert np.sqrt(np.mean(differences**2)) < most * np.sqrt(np.mean(expected**2))
+
+
+@pytest.mark.parametrize("n_times", [1200, 3001])
+def test_within_a_single_segment_the_order_of_whitening_and_filtering_is_irrelevant(n_times):
+    found = filtered(coloured()[:n_times], squared=False)
+    inner = slice(found.reach, -found.reach)
+    expected = in_two_steps(coloured()[:n_times], squared=False)[inner]
+    # But for negative frequencies, which the filter attenuates by 80 dB.
+    np.testing.assert_allclose(found[:][inner], expected, atol=5e-4 * expected.max())
+
+
+def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
+    series = filtered(noise())
+    before = series[:]  # now segments are kept, which are not pickled
+    size = len(pickle.dumps(series))
+    assert size < N_TIMES * 8 + 1500
+    again = pickle.loads(pickle.dumps(series))
+    assert again == series
+    np.testing.assert_array_equal(again[:], before)

@@ -1,0 +1,200 @@
+"""Text files as loggers write them: a preamble, units, decimal commas, several encodings."""
+
+import numpy as np
+import pytest
+
+from emacm import Layout, open_recording
+
+ROWS = "0,0;1,5;900\n0,5;-2,5;903,5\n1,0;4;907\n"
+PREAMBLE = "Logger: XYZ 3000;;\nstarted;22.11.2026;\nsample rate;2;Hz\n\n"
+HEADER = "Zeit [s];b [m/s²];n [1/min]\n"
+
+
+def opened(tmp_path, text, layout=None, *, encoding="utf-8"):
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    return open_recording(tmp_path / "a.csv", layout or Layout(channels=["b"], velocity="n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (PREAMBLE + HEADER + ROWS, "utf-8"),
+        (PREAMBLE + HEADER + ROWS, "cp1252"),
+        (PREAMBLE + HEADER + ROWS, "utf-16"),
+        (PREAMBLE + "Zeit;b;n\ns;m/s²;1/min\n" + ROWS, "utf-8"),
+        ("maker;model;place\n" + PREAMBLE + "Zeit;b;n\n[s];[m/s²];(1/min)\n;;\n" + ROWS, "utf-8"),
+        ("maker;model;place\n" + HEADER + ROWS, "utf-8"),
+        ("maker;model;place\nZeit;b;n\nseconds;m/s²;1/min\n" + ROWS, "utf-8"),
+        (
+            "maker;model;place\nb;n;time\nm/s²;rpm;s\n1,5;900;0,0\n-2,5;903,5;0,5\n4;907;1\n",
+            "utf-8",
+        ),
+        ("maker;model;place\ntime;b [m/s²];n [rpm]\n" + ROWS, "utf-8"),
+        ("".join(f"key {i} = {i}\n" for i in range(150)) + HEADER + ROWS, "utf-8"),
+    ],
+)
+def test_the_header_is_found_below_a_preamble(tmp_path, text, encoding):
+    recording = opened(tmp_path, text, encoding=encoding)
+    assert recording.signals["b"].tolist() == [1.5, -2.5, 4.0]
+    assert (recording.fs["b"], dict(recording.units)) == (2.0, {"b": "m/s²"})
+    np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903.5, 907], rtol=1e-14)
+
+
+def test_a_point_stays_a_decimal_point_though_the_preamble_has_commas(tmp_path):
+    text = "Jane Doe 3,4;;\ntime;b;n [rpm]\n0.0;1.5;900\n0.5;2.25;901.75\n"
+    assert opened(tmp_path, text).signals["b"].tolist() == [1.5, 2.25]
+
+
+def test_missing_values_in_the_first_row_do_not_make_it_a_header(tmp_path):
+    text = "time,b,c,n [rpm]\n0,,x,900\n0.5,3,y,900\n1,4,z,900\n"
+    layout = Layout(channels=["b"], velocity="n")
+    with pytest.raises(ValueError, match=r"channel 'b'.* nan at sample 0"):
+        assert opened(tmp_path, text, layout).duration
+    numbered = opened(tmp_path, "1,2.5\nn/a,x\n3,4\n", Layout(fs=9, velocity=1, channels=["x1"]))
+    with pytest.raises(TypeError, match="channel 'x1' must be numeric, got 'x' at sample 1"):
+        assert numbered.duration
+
+
+@pytest.mark.parametrize(
+    ("line", "rate"),
+    [
+        ("Sample rate: 2000 Hz", 2000),
+        ("# fs = 2.5 [kHz]", 2500),
+        ("Sampling Rate;44100", 44_100),
+        ("Abtastrate\t2000\tHz\t", 2000),
+        ("Sample rate: 2000 per min", None),
+        ("Sample rate: 2000 rpm", None),
+        ("fs: 22.11.2026", None),
+    ],
+)
+def test_a_rate_in_the_preamble_is_that_of_the_columns(tmp_path, line, rate):
+    recording = opened(tmp_path, f"{line}\nb;c\n1;2\n3;4\n", Layout(velocity="1500 rpm"))
+    if rate is None:
+        with pytest.raises(ValueError, match="sampling rate of 'b' is not known"):
+            assert recording.duration
+    else:
+        assert dict(recording.fs) == {"b": rate, "c": rate}
+
+
+def test_times_that_contradict_the_rate_of_the_preamble_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"time column 'Zeit' contradicts fs = 12 Hz: .* 2 Hz"):
+        assert opened(tmp_path, "fs = 12 Hz\n" + HEADER + ROWS).duration
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,b\n0,1,900\n1,2,900\n", r"header has 2 names \['time', 'b'\], .* have 3 values"),
+        ("b,c,b\n0,1,900\n1,2,900\n", r"columns must have different names, got \['b', 'c', 'b'\]"),
+        ("# nothing\n# else\n", "has no rows of numbers"),
+        ("b;c\ng;A\n", "has no rows of numbers"),
+        ("\n\n", "has no rows of numbers"),
+    ],
+)
+def test_a_text_without_usable_columns_is_refused(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message):
+        assert opened(tmp_path, text).duration
+
+
+def test_a_column_with_a_unit_of_speed_is_no_channel_unless_it_is_listed(tmp_path):
+    with pytest.raises(ValueError, match=r"column 'out' is named like the motion .*=\['b'\]"):
+        assert opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", Layout(fs=9, velocity=3)).duration
+    layout = Layout(fs=9, velocity=3, channels=["out", "b"])
+    recording = opened(tmp_path, "b,out [r/min]\n1,900\n2,901\n", layout)
+    assert recording.signals["out"].tolist() == [900, 901]
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("b;n;;;\r\n1,5;900;;;\r\n-2,5;903,5;;;\r\n4;907;;;\r\n", "utf-8"),  # a spreadsheet
+        ("Logger: XYZ\nplace;left\nb;n;;;\n1,5;900;;;\n-2,5;903,5;;;\n4;907;;;\n", "utf-8"),
+        ("b,n\n1.5,900\n-2.5,903.5\n4,907\n,\n,\n", "utf-8"),  # with rows that were deleted
+        ('b,n\n"1,5","900,0"\n"-2,5","903,5"\n"4,0","907,0"\n', "utf-8"),
+        ('"b","n"\n"1.5","900"\n"-2.5","903.5"\n"4","907"\n', "utf-8"),
+        ("b|n\n1.5|900\n-2.5|903.5\n4|907\n", "utf-8"),
+        ("sep=;\nb;n\n1,5;900\n-2,5;903,5\n4;907\n", "cp1252"),
+        ("b,n\r1.5,900\r-2.5,903.5\r4,907\r", "utf-8-sig"),
+    ],
+)
+def test_files_of_spreadsheets_are_read(tmp_path, text, encoding):
+    layout = Layout(fs=2, channels=["b"], velocity="n", units={"n": "rpm"})
+    recording = opened(tmp_path, text, layout, encoding=encoding)
+    assert recording.signals["b"].tolist() == [1.5, -2.5, 4.0]
+    np.testing.assert_allclose(recording.velocity * 30 / np.pi, [900, 903.5, 907], rtol=1e-14)
+
+
+def test_blank_cells_within_a_recording_are_an_error(tmp_path):
+    text = "b,n\n1.5,900\n,\n4,907\n"
+    with pytest.raises(ValueError, match="nan at sample 1"):
+        assert opened(tmp_path, text, Layout(fs=2, channels=["b"], velocity=3)).duration
+
+
+NAMES = Layout(fs=2, velocity=3)
+BLANK = "b,c,,,\n" + "1,2,,,\n" * 300  # more rows than are looked at for blank columns
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("b,c\n1,2\n3,4,5\n6,7\n8,9\n", "line 3 has 3 values, but there are 2 columns. Correct"),
+        ("# a\n\nb,c\n1,2\n\n3,4,\n5,6\n8,9\n", "line 6 has 3 values, but there are 2 columns"),
+        ("b c\n1 2\n3 4\n5 6 7\n8 9\n", "line 4 has 3 values, but there are 2 columns"),
+        ('b,c\n1,2\n3,"4\n5,6\n', "line 3 has a quotation mark that is not closed. Correct"),
+        (f"{BLANK}3,4,,5,\n", "sample 300 has the number 5.0 in a column without a name. Correct"),
+        ("b,c,\n1,2,\n3,4,\n6,7,8\n9,1,\n", "sample 2 has the number 8.0 in a column without a"),
+        ("b,c,\n1,2,\n3,4,5\n6,7,8\n9,1,\n", "sample 1 has the number 5.0 in a column without a"),
+        (f"{BLANK}3,4,,,,\n6,7,,,\n", "line 302 has 6 values, but there are 5 columns"),
+        ("place: left\n\tc\n1\t2\n3\t4\n", r"its header \['', 'c'\] has no name for a column"),
+        ("\tc\n1\t2\n3\t4\n", r"header \['', 'c'\] has no name for a column"),
+        ("b,c\n1,2\n3,\n", "channel 'c' must be finite, got nan at sample 1"),
+        ("1;2", "channel 'x0' must hold at least 2 samples"),
+        ("b,c\n1,2,5\n3,4\n6,7\n8,9\n", "line 2 has 3 values, but there are 2 columns. Correct"),
+        ("\nb,c\ng,A\n1,2,5\n3,4\n6,7\n", "line 4 has 3 values, but there are 2 columns"),
+        ("b,,c\n1,2,3\n4,5,6\n", r"header \['b', '', 'c'\] has no name for a column. Name each"),
+        ("b,c,d\n1,,3\n4,,6\n", "column 'c' is empty: it has no value at all"),
+        ("a,b,c,d\nt,b\n0,1,9\n1,2,9\n", r"its header has 2 names \['t', 'b'\], .* have 3 values"),
+    ],
+)
+def test_rows_that_do_not_fit_the_header_are_refused(tmp_path, text, message):
+    with pytest.raises(ValueError, match=message):
+        assert opened(tmp_path, text, NAMES).duration
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("# x, y, z\n1,2\n3,4\n", {"x0": [1, 3], "x1": [2, 4]}),  # wider than the rows
+        ("# x, y, z\n1,2\n", None),  # a single row
+        ("# 1, 2\nb,c\n3,4\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # numbers in a comment
+        ("b,c,\n3,4,\n5,6\n", {"b": [3, 5], "c": [4, 6]}),  # a blank column of one row only
+        (f"{BLANK}3,4,,note,\n", {"b": [1] * 300 + [3], "c": [2] * 300 + [4]}),
+    ],
+)
+def test_comments_and_blank_columns_are_no_data(tmp_path, text, columns):
+    recording = opened(tmp_path, text, NAMES)
+    if columns is None:
+        with pytest.raises(ValueError, match="channel 'x0' must hold at least 2 samples"):
+            assert recording.channels
+    else:
+        assert {name: values.tolist() for name, values in recording.signals.items()} == columns
+
+
+def test_a_row_of_names_with_units_is_not_taken_for_a_row_of_units(tmp_path):
+    text = "maker;model;place\nb [m/s²];c;n [rpm]\n1,5;2;900\n-2,5;3;903\n"
+    recording = opened(tmp_path, text, Layout(fs=2, channels=["b", "c"], velocity="n"))
+    assert recording.signals["b"].tolist() == [1.5, -2.5]
+    assert dict(recording.units) == {"b": "m/s²"}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("b,c\n1,2\n".encode("utf-16-le"), "it contains bytes 0: it is binary, or UTF-16 without"),
+        (b"\x1f\x8bxxx", "it is no text with rows of numbers. Its first bytes are .* by gzip"),
+    ],
+)
+def test_what_is_no_text_is_named(tmp_path, content, message):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / "a.csv", NAMES).duration

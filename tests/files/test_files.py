@@ -1,0 +1,471 @@
+"""Recordings in files: equal to those in memory, read when needed, and small when pickled."""
+
+import os
+import pickle
+import subprocess
+import sys
+import wave
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from sklearn.model_selection import cross_val_predict
+from sklearn.pipeline import make_pipeline
+
+from emacm import (
+    BinTransformer,
+    CostSensitiveGaussianBayes,
+    EnvelopeDetector,
+    Layout,
+    OrderPSD,
+    OrderResampler,
+    Recording,
+    RecordingFolder,
+    open_recording,
+)
+from emacm.files import folder as files
+from emacm.files.file_columns import FileColumns, stated_rates
+
+FS = 2048.0
+TIMES = np.arange(3000) / FS
+SPEED = 60 + 9 * np.sin(3 * TIMES)
+SIGNALS = {
+    "vibration": np.sin(7.3 * np.cumsum(SPEED) / FS) + 0.1,
+    "current": np.cos(900 * TIMES) - 2.5,
+}
+META = {"unit": "B7", "state": "worn"}
+LAYOUT = Layout(fs=FS, velocity="speed", units={"vibration": "g"}, meta="{unit}_{state}")
+
+
+def in_memory(**options):
+    options = {"velocity": SPEED, "units": {"vibration": "g"}, "meta": META} | options
+    return Recording(SIGNALS, FS, **options)
+
+
+def write_npz(path):
+    np.savez(path, **SIGNALS, speed=SPEED)
+
+
+def write_csv(path):
+    pd.DataFrame({**SIGNALS, "speed": SPEED}).to_csv(path, index=False)
+
+
+def write_mat(path):
+    scipy.io.savemat(path, {**SIGNALS, "speed": SPEED})
+
+
+def write_mat_struct(path):
+    scipy.io.savemat(path, {"run": {**SIGNALS, "speed": SPEED}}, do_compression=True)
+
+
+WRITERS = {"npz": write_npz, "csv": write_csv, "mat": write_mat}
+
+
+@pytest.fixture(params=sorted(WRITERS))
+def path(request, tmp_path):
+    path = tmp_path / f"B7_worn.{request.param}"
+    WRITERS[request.param](path)
+    return path
+
+
+@pytest.fixture
+def npz(tmp_path):
+    write_npz(tmp_path / "B7_worn.npz")
+    return tmp_path / "B7_worn.npz"
+
+
+# Equal to recordings in memory
+
+
+def test_a_recording_in_a_file_equals_the_one_in_memory(path):
+    opened = open_recording(path, LAYOUT)
+    assert opened == in_memory()
+    assert hash(opened) == hash(in_memory())
+    assert opened.digest == in_memory().digest
+    assert repr(opened) == repr(in_memory())
+    assert opened._repr_html_() == in_memory()._repr_html_()
+
+
+def test_spectra_are_equal_bit_by_bit(path):
+    spectra = make_pipeline(OrderResampler(2 * np.pi / 40), OrderPSD(2.5))
+    np.testing.assert_array_equal(
+        np.asarray(spectra.fit_transform([open_recording(path, LAYOUT)])),
+        np.asarray(spectra.fit_transform([in_memory()])),
+    )
+
+
+def test_envelopes_are_equal_bit_by_bit_and_stay_in_the_file(path):
+    envelopes = EnvelopeDetector({"vibration": (200, 500)})
+    opened = envelopes.fit_transform([open_recording(path, LAYOUT)])[0]
+    assert opened.digest == envelopes.transform([in_memory()])[0].digest
+    assert len(pickle.dumps(opened)) < 1000
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda recording: recording.cut(0.25, 1.0),
+        lambda recording: recording.select(["current"]),
+        lambda recording: recording.rename({"vibration": "DE"}).cut(0.5),
+    ],
+)
+def test_parts_of_a_file_equal_parts_in_memory_and_stay_in_the_file(npz, change):
+    part = change(open_recording(npz, LAYOUT))
+    assert part == change(in_memory())
+    assert len(pickle.dumps(part)) < 1000
+    assert pickle.loads(pickle.dumps(part)) == part
+
+
+def test_channels_are_also_read_slice_by_slice(npz):
+    series = open_recording(npz, LAYOUT).series["current"]
+    np.testing.assert_array_equal(series[17:230], SIGNALS["current"][17:230])
+    assert (len(series), series.dtype) == (3000, np.float64)
+    np.testing.assert_array_equal(np.asarray(series), SIGNALS["current"])
+
+
+# Read when needed, and checked then
+
+
+def test_a_file_is_not_read_when_it_is_opened(npz, monkeypatch):
+    read = []
+    monkeypatch.setattr(files, "read_columns", lambda path: read.append(path))
+    opened = open_recording(npz, LAYOUT)
+    assert opened.meta == META
+    assert pickle.loads(pickle.dumps(opened)).meta == META
+    assert not read
+
+
+def test_a_pickled_recording_is_smaller_than_one_kilobyte(path):
+    options = {"time": "time", "channels": {"DE": "X097_DE_time", "FE": "X097_FE_time"}}
+    layout = Layout(**options, tacho={"column": "tacho", "pulses_per_rev": 3}, meta=LAYOUT.meta)
+    assert len(pickle.dumps(open_recording(path, layout))) < 1000
+    opened = open_recording(path, LAYOUT)
+    assert opened.digest  # read
+    assert len(pickle.dumps(opened)) < 1000
+
+
+IN_ANOTHER_PROCESS = """
+import pickle, sys
+recordings = pickle.load(sys.stdin.buffer)
+for recording in recordings:
+    try:
+        print(recording.digest)
+    except ValueError as error:
+        print(error)
+"""
+
+
+def digests_in_another_process(pickled, folder):
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS]
+    found = subprocess.run(command, input=pickled, cwd=folder, capture_output=True, check=True)
+    return found.stdout.decode().splitlines()
+
+
+@pytest.mark.slow
+def test_a_relative_path_is_found_by_a_process_in_another_folder(npz, monkeypatch):
+    (npz.parent / "elsewhere").mkdir()
+    monkeypatch.chdir(npz.parents[1])
+    recordings = [
+        open_recording(os.path.join(npz.parent.name, npz.name), LAYOUT),
+        *RecordingFolder(npz.parent.name, LAYOUT),
+    ]
+    digests = digests_in_another_process(pickle.dumps(recordings), npz.parent / "elsewhere")
+    assert digests == [in_memory().digest] * 2
+
+
+@pytest.mark.slow
+def test_another_process_finds_out_that_a_file_was_replaced(npz):
+    pickled = pickle.dumps([open_recording(npz, LAYOUT)])
+    os.utime(npz, ns=(1, os.stat(npz).st_mtime_ns + 1))
+    (printed,) = digests_in_another_process(pickled, npz.parent)
+    assert "the file was replaced or changed since it was opened" in printed
+
+
+def test_memory_holds_the_last_files_only(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_recent", files.Recent(500_000))
+    for number in range(30):
+        np.savez(tmp_path / f"{number}.npz", b=np.full(10_000, float(number)))
+    folder = RecordingFolder(tmp_path, Layout(fs=100, velocity=3))
+    means = [recording.signals["b"].mean() for recording in folder]
+    assert sorted(means) == list(range(30))
+    assert files._recent._bytes <= 500_000
+
+
+def test_a_value_that_is_not_finite_is_found_when_the_file_is_read(tmp_path):
+    signal = SIGNALS["current"].copy()
+    signal[1234] = np.nan
+    np.savez(tmp_path / "bad.npz", current=signal)
+    opened = open_recording(tmp_path / "bad.npz", Layout(fs=FS, velocity=3))
+    with pytest.raises(ValueError, match=r"bad\.npz: channel 'current'.*nan at sample 1234"):
+        opened.signals["current"]
+
+
+@pytest.mark.parametrize("later", [SIGNALS["current"] * 2, SIGNALS["current"][:100]])
+def test_a_replaced_file_is_an_error(npz, later):
+    opened = open_recording(npz, LAYOUT)
+    np.savez(npz, vibration=later, current=later, speed=SPEED[: len(later)])
+    os.utime(npz, ns=(1, 1))
+    with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed"):
+        assert opened.duration
+    with pytest.raises(ValueError, match="Open it again"):
+        assert opened.digest
+    assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
+
+
+def test_a_recording_whose_file_is_gone_can_be_pickled(npz):
+    opened = open_recording(npz, LAYOUT)
+    npz.unlink()
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        pickle.loads(pickle.dumps(opened)).duration  # noqa: B018
+
+
+def test_a_file_that_is_gone_is_an_error(npz):
+    opened = open_recording(npz, LAYOUT)
+    npz.unlink()
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        assert opened.duration
+    with pytest.raises(FileNotFoundError, match="there is no file"):
+        open_recording(npz, LAYOUT)
+
+
+# Folders
+
+
+def write_folder(folder, n_files=12):
+    rng = np.random.default_rng(3)
+    for number in range(n_files):
+        state = ("healthy", "worn")[number % 2]
+        line = 0.2 * (number % 2) * np.sin(7.3 * np.cumsum(SPEED) / FS)
+        np.savez(
+            folder / f"U{number // 4}_{state}_{number:02d}.npz",
+            vibration=rng.normal(size=3000) + line * 10,
+            speed=SPEED,
+        )
+    (folder / "notes.md").write_text("not a recording")
+    (folder / ".hidden.npz").write_bytes(b"")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_folder(tmp_path)
+    return RecordingFolder(
+        tmp_path, Layout(fs=FS, velocity="speed", meta="{unit}_{state}_{run:d}.npz")
+    )
+
+
+def test_a_folder_is_a_sequence_of_recordings(folder):
+    assert len(folder) == 12
+    assert [recording.meta["run"] for recording in folder[2:5]] == [1, 3, 4]
+    assert folder[-1].meta == {"unit": "U2", "state": "worn", "run": 11}
+    assert folder[0] in folder
+    assert "12 recordings" in repr(folder)
+
+
+def test_a_folder_is_the_X_of_a_search(folder):
+    model = make_pipeline(
+        OrderResampler(2 * np.pi / 40),
+        OrderPSD(5),
+        BinTransformer(max_order=15),
+        CostSensitiveGaussianBayes(covariance="diag"),
+    )
+    y = [recording.meta["state"] for recording in folder]
+    loaded = [pickle.loads(pickle.dumps(recording.content())) for recording in folder]
+    np.testing.assert_array_equal(
+        cross_val_predict(model, folder, y, cv=3, method="predict_proba"),
+        cross_val_predict(model, loaded, y, cv=3, method="predict_proba"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("pattern", "error", "message"),
+    [
+        ("*.mat", ValueError, r"no file in .* matches '\*.mat'"),
+        ("*/x", ValueError, "no file in"),
+        ("", ValueError, r"pattern must be a text .*such as '\*\*/\*.csv', got ''"),
+        ("/data/*", ValueError, r"relative to the folder, .* got '/data/\*'"),
+        (["*.csv"], ValueError, r"pattern must be a text"),
+    ],
+)
+def test_a_folder_without_files_is_an_error(folder, pattern, error, message):
+    with pytest.raises(error, match=message):
+        RecordingFolder(folder.folder, LAYOUT, pattern)
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        RecordingFolder(folder.folder / "none", LAYOUT)
+
+
+# Formats
+
+
+def test_a_structure_of_a_mat_file_holds_columns(tmp_path):
+    write_mat_struct(tmp_path / "B7_worn.mat")
+    layout = Layout(
+        fs=FS,
+        channels={"vibration": "run.vibration", "current": "run.current"},
+        velocity="run.speed",
+        units=LAYOUT.units,
+        meta=LAYOUT.meta,
+    )
+    assert open_recording(tmp_path / "B7_worn.mat", layout) == in_memory()
+
+
+def test_a_bearing_file_is_read_by_wildcards(tmp_path):
+    content = {"X097_DE_time": SIGNALS["vibration"][:, None], "X097RPM": [[1796.0]]}
+    scipy.io.savemat(tmp_path / "97.mat", content)
+    layout = Layout(
+        fs=12_000, channels={"DE": "*_DE_time"}, velocity="*RPM", units={"X097RPM": "rpm"}
+    )
+    opened = open_recording(tmp_path / "97.mat", layout)
+    assert opened == Recording({"DE": SIGNALS["vibration"]}, 12_000, velocity=1796.0 * (np.pi / 30))
+
+
+@pytest.mark.parametrize(("width", "scale"), [(1, 128), (2, 1 << 15), (4, 1 << 31)])
+def test_a_wav_file_states_its_rate_and_full_scale_is_one(tmp_path, width, scale):
+    values = np.array([[0, 3], [-5, 7], [11, -13], [1, 2]])
+    stored = (values + 128).astype("u1") if width == 1 else values.astype(f"<i{width}")
+    with wave.open(str(tmp_path / "a.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(width)
+        file.setframerate(44_100)
+        file.writeframes(stored.tobytes())
+    opened = open_recording(tmp_path / "a.wav", Layout(velocity="1500 rpm"))
+    assert dict(opened.fs) == {"x0": 44_100.0, "x1": 44_100.0}
+    np.testing.assert_array_equal(opened.signals["x1"], values[:, 1] / scale)
+
+
+def test_arrays_of_two_dimensions_are_columns_along_the_shorter_one(tmp_path):
+    np.savez(tmp_path / "a.npz", data=np.arange(12.0).reshape(6, 2), samplerate=8)
+    opened = open_recording(tmp_path / "a.npz", Layout(velocity=3))
+    assert opened.channels == ("data.0", "data.1")
+    np.testing.assert_array_equal(opened.signals["data.1"], [1, 3, 5, 7, 9, 11])
+    assert opened.fs["data.0"] == 8
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,b [g],speed [rpm]\n0,1.5,900\n0.5,2.5,900\n1,4,900\n",
+        "time;b [g];speed [rpm]\n0;1,5;900\n0,5;2,5;900\n1;4;900\n",
+        "time\tb\tspeed\n[s]\t[g]\t[rpm]\n0\t1.5\t900\n0.5\t2.5\t900\n1\t4\t900\n",
+        "# bench 3\n# time b speed\n0 1.5 94.24777960769379\n0.5 2.5 94.24777960769379\n"
+        "1 4 94.24777960769379\n",
+        "time,b (g),speed (rpm),\n0,1.5,900,\n0.5,2.5,900,\n1,4,900,\n",
+        "\ufefftime,b [g],speed [rpm]\r\n0,1.5,900\r\n0.5,2.5,900\r\n1,4,900\r\n",
+        'time,"b [g]",comment,speed [rpm]\n2026-11-01T08:00:00.0,1.5,x,900\n'
+        "2026-11-01T08:00:00.5,2.5,y,900\n2026-11-01T08:00:01.0,4,z,900\n",
+    ],
+    ids=["comma", "semicolon", "row of units", "comments", "trailing comma", "BOM", "dates"],
+)
+def test_texts_of_several_kinds_are_read_alike(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
+    opened = open_recording(tmp_path / "a.csv", Layout(channels=["b"], velocity="speed"))
+    assert opened.signals["b"].tolist() == [1.5, 2.5, 4.0]
+    assert opened.fs["b"] == 2.0
+    np.testing.assert_allclose(opened.velocity, 30 * np.pi, rtol=1e-15)
+    assert dict(opened.units) == ({} if text.startswith("#") else {"b": "g"})
+
+
+def test_numbers_of_a_text_are_read_exactly(tmp_path):
+    values = np.random.default_rng(0).normal(size=1000) * 1e-7
+    pd.DataFrame({"b": values}).to_csv(tmp_path / "a.csv", index=False)
+    opened = open_recording(tmp_path / "a.csv", Layout(fs=10, velocity=1))
+    np.testing.assert_array_equal(opened.signals["b"], values)
+
+
+def test_a_text_without_a_header_has_numbered_columns(tmp_path):
+    np.savetxt(tmp_path / "a.txt", np.arange(8.0).reshape(4, 2))
+    opened = open_recording(tmp_path / "a.txt", Layout(fs=10, velocity=1))
+    assert opened.channels == ("x0", "x1")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "units", "rates"),
+    [
+        ({"fs": 25.0}, {}, {"b": 25, "g/c": 25}),
+        ({"g/Sample_Rate": 25.0}, {"g/Sample_Rate": "kHz"}, {"g/c": 25_000}),
+        ({"fs": 25.0, "g/fs": 5.0}, {"fs": "Hz"}, {"b": 25, "g/c": 5}),
+        ({"fs": 0.0}, {}, {}),
+        ({"fs": 25.0}, {"fs": "rpm"}, {}),
+        ({"offset": 25.0}, {}, {}),
+    ],
+)
+def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rates):
+    columns = {"b": np.zeros(2), "g/c": np.zeros(2), "own": np.zeros(2)}
+    content = FileColumns(columns, {"own": 7.0}, dict(units), dict(numbers))
+    found = stated_rates(content)
+    assert found.pop("own") == 7
+    assert {name: found[name] for name in found} == rates
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.npz", b"no archive", r"it is not an \.npz file \(no ZIP archive\)"),
+        ("a.wav", b"RIFF\x04\x00\x00\x00AVI ", r"it is not a WAV file \(no RIFF header\)"),
+        ("a.wav", b"RIFX\x04\x00\x00\x00WAVE", r"it is not a WAV file \(no RIFF header\)"),
+    ],
+)
+def test_a_file_of_another_format_is_refused(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration
+
+
+@pytest.mark.parametrize(
+    ("columns", "options", "message"),
+    [
+        ({"t": [0, 1], "time": [0, 1], "b": [1, 2]}, {}, "several columns of times: \\['t', 'tim"),
+        ({"t": [0.0, 0.1]}, {}, r"no channel besides \['t'\]"),
+        ({"t": [0.0, 0.1]}, {"time": False, "fs": 3}, r"no channel besides \['t'\]"),
+        ({"b": [1, 2], "rate": [3, 3]}, {"fs": "rate"}, "fs = 'rate' is not a single number"),
+        ({"b": [1, 2]}, {"fs": None}, "the sampling rate of 'b' is not known"),
+        ({"b": [1, 2], "name": "b"}, {"fs": 3, "channels": ["name"]}, "'name' holds texts"),
+    ],
+)
+def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, options, message):
+    np.savez(tmp_path / "a.npz", **{name: np.array(values) for name, values in columns.items()})
+    with pytest.raises(ValueError, match=rf"a.npz: .*{message}"):
+        assert open_recording(tmp_path / "a.npz", Layout(velocity=3, **options)).duration
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.npz", b"", r"the file is empty \(0 bytes\)"),
+        ("a.xyz", b"1", r"files of type .xyz are not read; known are \['.csv', "),
+        ("a", b"1", "files without a suffix are not read"),
+    ],
+)
+def test_a_file_without_content_or_of_no_known_type_is_refused(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration
+
+
+def test_python_objects_in_a_file_are_not_opened(tmp_path):
+    np.savez(tmp_path / "a.npz", b=np.ones(3), note=np.array([{"a": 1}], object))
+    with pytest.raises(ValueError, match=r"array 'note' holds Python objects \(a pickle\)"):
+        assert open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=3)).duration
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("t [ms]", {}), ("t", {"units": {"t": "ms"}}), ("t [s]", {"units": {"b": "g"}})],
+)
+def test_times_have_the_unit_that_the_file_or_the_layout_states(tmp_path, name, options):
+    times = np.arange(6) / 50 * (1 if name == "t [s]" else 1000)
+    np.savez(tmp_path / "a.npz", **{name: times, "b": np.arange(6.0)})
+    opened = open_recording(tmp_path / "a.npz", Layout(velocity=3, **options))
+    assert opened.fs["b"] == pytest.approx(50)
+
+
+def test_a_shaft_column_of_another_length_has_no_rate_of_the_channels(tmp_path):
+    channels = {"vib": np.arange(100.0), "load": np.arange(100.0)}
+    layout = Layout(fs=dict.fromkeys(channels, 10), velocity="speed", channels=[*channels])
+    np.savez(tmp_path / "a.npz", **channels, speed=np.full(50, 9.0))
+    run = open_recording(tmp_path / "a.npz", layout)
+    with pytest.raises(ValueError, match="the sampling rate of 'speed' is not known"):
+        assert run.duration
+    np.savez(tmp_path / "b.npz", **channels, speed=np.full(100, 9.0))
+    run = open_recording(tmp_path / "b.npz", layout)
+    assert (run.shaft_fs, len(run.velocity)) == (10, 100)

@@ -1,0 +1,421 @@
+"""Layouts: what they find in a file, and what they refuse with which remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from emacm import Layout, Recording, open_recording
+from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, unit_factor
+
+RNG = np.random.default_rng(1)
+N = 600
+VIBRATION = RNG.normal(size=N)
+ANGLE = np.cumsum(0.31 + 0.02 * np.sin(np.arange(N) / 40))
+
+
+def opened(tmp_path, layout, name="A_1.npz", **columns):
+    np.savez(tmp_path / name, **columns)
+    return open_recording(tmp_path / name, layout)
+
+
+def refused(tmp_path, layout, message, **columns):
+    recording = opened(tmp_path, layout, **columns)
+    with pytest.raises((ValueError, TypeError), match=message) as caught:
+        assert recording.duration
+    assert "A_1.npz" in str(caught.value)
+
+
+# The shaft
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("rpm", 30 / np.pi), ("rev/s", 1 / (2 * np.pi)), ("deg/s", 180 / np.pi), ("rad/s", 1)],
+)
+def test_a_speed_is_converted_to_rad_per_s(tmp_path, unit, factor):
+    speed = 40 + RNG.normal(size=N)
+    layout = Layout(fs=500, velocity="n", units={"n": unit})
+    recording = opened(tmp_path, layout, b=VIBRATION, n=speed * factor)
+    np.testing.assert_allclose(recording.velocity, speed, rtol=1e-13)
+    assert recording.channels == ("b",)
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        Layout(fs=500, velocity="1797 rpm"),
+        Layout(fs=500, velocity=1797, units={"velocity": "rpm"}),
+        Layout(fs=500, velocity="speed", units=["speed [rpm]"], channels=["b"]),
+        Layout(fs=500, velocity="speed [rpm]"),
+    ],
+)
+def test_a_constant_speed_is_a_number_with_its_unit(tmp_path, layout):
+    columns = {"b": VIBRATION} | ({"speed": 1797} if "speed" in str(layout.velocity) else {})
+    recording = opened(tmp_path, layout, **columns)
+    np.testing.assert_allclose(recording.velocity, 1797 * np.pi / 30, rtol=1e-15)
+    assert len(recording.velocity) == N
+
+
+def test_alternatives_are_the_first_name_that_a_file_has(tmp_path):
+    options = {"channels": ["vibration [g]|x0"], "time": "clock|t", "velocity": "speed|1500 rpm"}
+    layout = Layout(units={"speed": "rev/s"}, **options)
+    times = np.arange(N) / 500
+    speed = 3 + RNG.normal(size=N) / 9
+    first = opened(
+        tmp_path, layout, "a.npz", x0=-VIBRATION, vibration=VIBRATION, speed=speed, t=times
+    )
+    assert first.channels == ("vibration",)
+    np.testing.assert_array_equal(first.signals["vibration"], VIBRATION)
+    np.testing.assert_allclose(first.velocity, 2 * np.pi * speed, rtol=1e-13)
+    second = opened(tmp_path, layout, "b.npz", x1=VIBRATION, x0=-VIBRATION, clock=times)
+    np.testing.assert_array_equal(second.signals["vibration"], -VIBRATION)
+    np.testing.assert_allclose(second.velocity, 50 * np.pi, rtol=1e-13)
+    assert first.channels == second.channels
+
+
+def test_a_column_that_is_missing_is_an_error_that_suggests_alternatives(tmp_path):
+    layout = Layout(fs=500, channels=["vibration"], velocity="9 rad/s")
+    message = r"no column 'vibration'; .* several names: 'vibration\|x0'"
+    refused(tmp_path, layout, message, x0=VIBRATION)
+    layout = Layout(fs=500, channels=["vibration|acc"], velocity="9 rad/s")
+    refused(tmp_path, layout, r"no column 'vibration\|acc'", x0=VIBRATION)
+
+
+def test_units_are_the_same_apart_from_spaces_and_exponents():
+    assert same_unit("m/s2", "m/s²")
+    assert same_unit(" m / s**2", "m/s^2")
+    assert same_unit("m³·s⁻¹", "m^3*s^-1")
+    assert not same_unit("m/s", "m/s2")
+    assert not same_unit("mPa", "MPa")
+    assert same_unit("mPa", "mPa")
+
+
+def test_names_of_columns_that_hold_times_or_the_motion_of_the_shaft():
+    times = "t time Times timestamp timestamps seconds elapsed datetime Zeit time_s t_ms time_sec"
+    assert all(map(is_time_name, times.split()))
+    assert not any(map(is_time_name, ["s", "ms", "time_constant", "[s]", "speed"]))
+    shaft = (
+        "angle angular encoder keyphasor resolver rpm speed tacho tachometer theta velocity omega "
+        "Drehzahl Winkel X097RPM motorspeed istdrehzahl shaftAngle shaft_velocity"
+    )
+    assert all(map(is_shaft_name, shaft.split()))
+    linear = "linear_speed nut_velocity slider_velocity piston_speed vibration thetas speeds"
+    assert not any(map(is_shaft_name, linear.split()))
+    assert not is_shaft_name("nut", "rad/s")
+    assert [
+        is_shaft_name("n", unit) for unit in ("U/min", "rad/s", "Hz", "1/s", "s^-1", "m/s")
+    ] == [
+        True,
+        True,
+        *[False] * 4,
+    ]
+
+
+@pytest.mark.parametrize(("unit", "period"), [("rad", 2 * np.pi), ("deg", 360), ("rev", 1)])
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped):
+    angle = ANGLE / (2 * np.pi) * period
+    angle = angle % period if wrapped else angle
+    layout = Layout(fs=500, angle="theta", units={"theta": unit})
+    recording = opened(tmp_path, layout, b=VIBRATION, theta=angle)
+    np.testing.assert_allclose(recording.angle - recording.angle[0], ANGLE - ANGLE[0], atol=1e-9)
+
+
+def test_a_tachometer_gives_the_angle(tmp_path):
+    fs, pulses = 5000, 3
+    angle = 2 * np.pi * 11 * np.arange(4000) / fs
+    tacho = (np.sin(pulses * angle) > 0).astype(float)
+    layout = Layout(fs=fs, tacho={"column": "tacho", "pulses_per_rev": pulses})
+    recording = opened(tmp_path, layout, b=np.zeros(4000), tacho=tacho)
+    assert recording.reference == "angle"
+    np.testing.assert_allclose(recording.velocity[500:-500].mean(), 2 * np.pi * 11, rtol=1e-3)
+
+
+def test_a_shaft_of_its_own_rate(tmp_path):
+    layout = Layout(fs={"b": 500, "speed": 100}, velocity="speed")
+    recording = opened(tmp_path, layout, b=VIBRATION, speed=np.full(N // 5, 7.0))
+    assert (recording.shaft_fs, recording.fs["b"]) == (100, 500)
+
+
+@pytest.mark.parametrize(
+    ("layout", "columns", "message"),
+    [
+        (
+            Layout(fs=9),
+            {"rpm": ANGLE},
+            r"; 'rpm' looks like one\. Set velocity='rpm' .* units={'rpm': ",
+        ),
+        (Layout(fs=9), {"c": ANGLE}, r"no shaft reference\. Set velocity='speed' .*={'speed': "),
+        (Layout(fs=9, velocity=3), {"rpm": ANGLE}, r"column 'rpm' is named like .*channels=\['b'"),
+        (Layout(fs=9, velocity=3), {"rpm": ANGLE, "angle": ANGLE}, "column 'rpm' is named like"),
+        (Layout(fs=9), {"rpm": ANGLE, "angle": ANGLE}, "; 'rpm' looks like one"),
+        (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
+        (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"no column 'n'; its columns are \['b', 'c'\]"),
+        (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"may give several names: 'n\|b'"),
+        (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"suggests another one than rad/s\. Set"),
+        (Layout(fs=9, angle="deg"), {"deg": ANGLE}, r"suggests another one than rad\. Set units="),
+        (Layout(fs=9, velocity="3 knots"), {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
+        (
+            Layout(velocity=3),
+            {"t": np.arange(N) / 50, "b": ANGLE[::2]},
+            "sampling rate of 'b' is not known",
+        ),
+        (Layout(fs=9, velocity="n", units={"n": "knots"}), {"n": ANGLE}, "unit 'knots' of the vel"),
+        (Layout(fs=9, velocity="3 knots"), {}, "the unit 'knots' of the velocity is not known"),
+        (Layout(fs=9, velocity="n*"), {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
+        (Layout(fs=9, velocity="n [Hz]"), {"n [rpm]": ANGLE}, "unit 'Hz' for 'n', but the file"),
+        (Layout(velocity=3), {}, "the sampling rate of 'b' is not known.*Set fs, or time"),
+        (Layout(velocity=3), {"b0": 7}, r"contains no signal, only \['b0'\]"),
+        (Layout(fs=9, velocity=3), {"fs": 10}, "states fs = 9 Hz for 'b', but the file 10 Hz"),
+        (Layout(fs="rate", velocity=3), {}, "no column 'rate'"),
+        (Layout(fs=9, velocity=3, channels=["b", "c"]), {}, "no column 'c'"),
+        (Layout(fs=9, velocity=3, units={"b": "g"}), {"b [m/s²]": ANGLE}, "unit 'g' for 'b', but"),
+        (
+            Layout(fs=9, velocity="n", units={"nn": "rpm"}),
+            {"n": ANGLE},
+            r"units names 'nn', which is no column or channel; the columns are \['b', 'n'\]. Corr",
+        ),
+        (Layout(fs=9, velocity=3), {"c": ANGLE[:7]}, "durations must agree"),
+        (
+            Layout(fs=9, velocity=3, channels=["load"]),
+            {"b": ANGLE, "load": 7},
+            r"no column 'load'; its columns are \['b'\]",
+        ),
+        (Layout(fs=9, velocity=3, channels=["z"]), {"z": ANGLE * 1j}, "channel 'z' must be real"),
+    ],
+)
+def test_what_is_missing_or_contradicts_is_refused_with_a_remedy(
+    tmp_path, layout, columns, message
+):
+    first = {} if any(name.startswith("b") for name in columns) else {"b": VIBRATION}
+    refused(tmp_path, layout, message, **first, **columns)
+
+
+# Times
+
+
+@pytest.mark.parametrize("fs", [12_000, 1000, 700, 25.6, 51_200, 48_828.125])
+@pytest.mark.parametrize("digits", [3, 6, 12])
+def test_rounded_times_give_the_rate(tmp_path, fs, digits):
+    if fs * 10.0**-digits > 20:
+        pytest.skip("several samples have one time for longer than the record resolves")
+    times = np.round(3.7 + np.arange(20_000) / fs, digits)
+    recording = opened(tmp_path, Layout(velocity=3), time=times, b=np.zeros(20_000))
+    assert recording.fs["b"] == pytest.approx(fs, rel=2e-4 if digits == 3 else 1e-6)
+    assert recording.channels == ("b",)
+
+
+def test_times_in_another_unit(tmp_path):
+    layout = Layout(velocity=3, units={"t": "ms"})
+    assert opened(tmp_path, layout, t=np.arange(N) * 0.25, b=VIBRATION).fs["b"] == 4000
+
+
+GAP = np.delete(np.arange(N + 1) / 500, 77)
+JITTER = np.arange(N) / 500 + np.where(np.arange(N) % 2, 0.0005, 0)
+
+
+@pytest.mark.parametrize(
+    ("times", "fs", "message"),
+    [
+        (GAP, None, r"a gap of 0.004 s after sample 76"),
+        (JITTER, None, "has jitter: sample"),
+        (np.r_[JITTER, N / 500], 500, "has jitter: sample"),
+        (np.arange(N)[::-1] / 500, None, "does not increase"),
+        (np.r_[np.arange(N - 1), 3] / 500, None, "goes back at sample 599"),
+        (
+            np.arange(N) / 500,
+            480,
+            r"contradicts fs = 480 Hz: its mean rate is 500 Hz, and sample 3 is at 0.006 s "
+            r"instead of 0.00625 s",
+        ),
+        (
+            np.r_[np.arange(30), 31, 30, np.arange(32, N)] / 500,
+            None,
+            r"goes back at sample 31, to 0.06 s",
+        ),
+        (np.where(np.arange(N) == 30, np.nan, np.arange(N)), None, "is nan at sample 30"),
+    ],
+)
+def test_bad_times_are_refused_with_the_sample_and_a_remedy(tmp_path, times, fs, message):
+    refused(tmp_path, Layout(fs=fs, velocity=3), message, time=times, b=VIBRATION)
+    ignoring = Layout(fs=500, velocity=3, time=False)
+    assert opened(tmp_path, ignoring, time=times, b=VIBRATION).channels == ("b",)
+
+
+# Meta
+
+
+@pytest.mark.parametrize(
+    ("pattern", "meta"),
+    [
+        ("{unit}_{run:d}.npz", {"unit": "A", "run": 1}),
+        ("{u}.npz", {"u": "A_1"}),
+        ("{unit}_{run}", {"unit": "A", "run": "1"}),
+        ("{unit}_{load:g}", {"unit": "A", "load": 1.0}),
+        ("{folder}/{unit}_{run:d}", {"folder": "bench", "unit": "A", "run": 1}),
+    ],
+)
+def test_the_name_of_a_file_gives_its_meta(tmp_path, pattern, meta):
+    (tmp_path / "bench").mkdir()
+    layout = Layout(fs=3, velocity=3, meta=pattern)
+    assert opened(tmp_path / "bench", layout, b=VIBRATION).meta == meta
+
+
+@pytest.mark.parametrize(
+    "meta",
+    [
+        pd.DataFrame({"file": ["A_1.npz", "A_2.npz"], "load": [3, 4]}),
+        pd.DataFrame({"load": [3]}, index=["A_1"]),
+        {"A_1.npz": {"load": 3}},
+        {Path("A_1.npz"): {"load": 3}, "A_2.npz": {}},
+    ],
+)
+def test_a_table_gives_the_meta(tmp_path, meta):
+    assert opened(tmp_path, Layout(fs=3, velocity=3, meta=meta), b=VIBRATION).meta == {"load": 3}
+
+
+@pytest.mark.parametrize(
+    ("meta", "message"),
+    [
+        ("{unit}-{run}", "does not match the pattern"),
+        ("{unit}_{run:d}.mat", "does not match the pattern"),
+        ({"B.npz": {}}, "has no row for the file 'A_1.npz'"),
+    ],
+)
+def test_a_file_without_meta_is_refused(tmp_path, meta, message):
+    with pytest.raises(ValueError, match=message):
+        opened(tmp_path, Layout(fs=3, velocity=3, meta=meta), b=VIBRATION)
+
+
+def test_a_name_that_matches_in_two_ways_is_refused(tmp_path):
+    layout = Layout(fs=3, velocity=3, meta="{unit}_{state}_{run}")
+    message = "in several ways: {'unit': 'A_inner', .* and {'unit': 'A', 'state': 'inner', "
+    with pytest.raises(ValueError, match=message):
+        opened(tmp_path, layout, "A_inner_race_3.npz", b=VIBRATION)
+
+
+# The layout itself
+
+
+def test_a_layout_is_read_from_toml(tmp_path):
+    (tmp_path / "layout.toml").write_text(
+        'fs = 500\nchannels = ["b"]\nvelocity = "speed"\nmeta = "table.csv"\n'
+        '[units]\nspeed = "rpm"\nb = "g"\n'
+    )
+    (tmp_path / "table.csv").write_text("file,unit,load\nA_1.npz,A,20\n")
+    layout = Layout.from_toml(tmp_path / "layout.toml")
+    recording = opened(tmp_path, layout, b=VIBRATION, speed=np.full(N, 900.0))
+    speed = np.full(N, 900.0) * (np.pi / 30)
+    expected = Recording({"b": VIBRATION}, 500, velocity=speed, units={"b": "g"})
+    assert recording.digest == expected.digest
+    assert recording.meta == {"unit": "A", "load": 20}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fs = ", "not valid TOML"),
+        ("rate = 3", "'rate' is not an option of a layout; these are"),
+        ("fs = -3", "fs must be a number of Hz, above 0"),
+    ],
+)
+def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
+    (tmp_path / "layout.toml").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        Layout.from_toml(tmp_path / "layout.toml")
+    with pytest.raises(FileNotFoundError, match="there is no layout"):
+        Layout.from_toml(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"velocity": 3, "angle": "a"}, ValueError, "one shaft reference, got velocity and angle"),
+        ({"fs": 0}, ValueError, "fs must be a number of Hz, above 0"),
+        ({"fs": {"b": "x"}}, TypeError, "fs of 'b' must be a number"),
+        ({"time": 3}, TypeError, "time must be the name of a column"),
+        ({"channels": "b"}, TypeError, "channels must be a list of names"),
+        ({"channels": {"b": 3}}, TypeError, "channels must map names"),
+        ({"velocity": [3]}, TypeError, "velocity .a number, or the name of a column"),
+        ({"angle": 3}, TypeError, "angle must be the name of a column"),
+        (
+            {"tacho": {"pulses_per_rev": 3}},
+            ValueError,
+            r"a 'column' and may have \['pulses_per_rev', ",
+        ),
+        ({"tacho": 3}, TypeError, "tacho must be the name of a column"),
+        ({"units": {"b": 3}}, TypeError, "units must map names to units"),
+        ({"units": ["speed"]}, ValueError, r"units must be texts such as 'speed \[rpm\]'"),
+        ({"units": ["speed [rpm]", 3]}, ValueError, "units must be texts such as"),
+        ({"meta": 3}, TypeError, "meta must be a pattern"),
+        ({"meta": "unit"}, ValueError, "without a field"),
+        ({"meta": "{unit"}, ValueError, "meta must be a pattern"),
+        ({"meta": "{unit}_{unit}"}, ValueError, "each field once .* got 'unit' in"),
+        ({"meta": "{unit:s}"}, ValueError, "':d' or ':g' for numbers; got 'unit' in"),
+        ({"meta": "{0}"}, ValueError, "got '0' in"),
+        ({"meta": "{}"}, ValueError, "got '' in"),
+        ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
+        ({"meta": {"a": {}, "b": 3}}, TypeError, "a mapping from file names to mappings"),
+        ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
+        ({"meta": pd.DataFrame({"file": [*"baab"]})}, ValueError, "several rows for 'a'"),
+    ],
+)
+def test_an_invalid_layout_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        Layout(**options)
+
+
+UNITS = {  # of each quantity, and their sizes in that of the first
+    "m/s^2": {"m/s²": 1, "mm/s^2": 1e-3, "g": 9.80665, "G": 9.80665, "gn": 9.80665},
+    "m/s": {"m / s": 1, "mm/s": 1e-3, "in/s": 0.0254, "ips": 0.0254},
+    "m": {"mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 2.54e-5},
+    "V": {"mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "μV": 1e-6, "kV": 1000},
+    "A": {"mA": 1e-3, "kA": 1000},
+    "N": {"kN": 1000, "mN": 1e-3},
+    "N*m": {"N·m": 1, "Nm": 1, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1000},
+    "Pa": {"hPa": 100, "kPa": 1000, "MPa": 1e6, "bar": 1e5, "mbar": 100},
+    "W": {"kW": 1000, "mW": 1e-3},
+}
+
+
+def test_the_most_specific_name_in_a_table_of_meta_is_taken():
+    rows = {"A_1": {"load": 1}, "bench/A_1": {"load": 2}, "old/bench/A_1.npz": {"load": 3}}
+    layout = Layout(meta=rows)
+    found = [layout.meta_of(f"{folder}A_1.npz") for folder in ("", "x/", "bench/", "old/bench/")]
+    assert [meta["load"] for meta in found] == [1, 1, 2, 3]
+    assert layout.meta_of("/data/old/bench/A_1.npz") == {"load": 3}
+
+
+def test_alternatives_may_be_given_for_any_option():
+    has = {"x1", "n", "clock", "rate", "z"}.__contains__
+    layout = Layout(channels={"b": "x0|x1", "c": "n"}, time="t|clock", fs="fs|rate", tacho="k|z")
+    chosen = layout.with_names_of(has)
+    assert chosen.channels == {"b": "x1", "c": "n"}
+    assert (chosen.time, chosen.fs, chosen.tacho) == ("clock", "rate", "z")
+    every = Layout(velocity="speed|90 rpm").with_names_of(has)
+    assert (every.channels, every.velocity, every.angle) == (None, "90 rpm", None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "factor", "units"),
+    [
+        ("velocity", 1, ["rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad s⁻¹", "rad·s^-1"]),
+        ("velocity", np.pi / 30, ["rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "U/min"]),
+        ("velocity", 2 * np.pi, ["rev/s", "r/s", "rps", "Hz", "1/s", "s^-1", "turns / s"]),
+        ("velocity", np.pi / 180, ["deg/s", "°/s", "degree/s", "Degrees/s"]),
+        ("angle", 1, ["rad", "radian", "radians"]),
+        ("angle", np.pi / 180, ["deg", "°", "degree", "Degrees"]),
+        ("angle", 2 * np.pi, ["rev", "revolution", "revolutions", "turn", "turns"]),
+        ("time", 1, ["s", "sec", "second", "seconds"]),
+        ("time", 1e-3, ["ms", "millisecond", "milliseconds"]),
+        ("time", 1e-6, ["us", "µs", "μs", "microseconds"]),
+        ("time", 1e-9, ["ns", "nanoseconds"]),
+        ("time", 60, ["min", "minute", "minutes"]),
+        ("time", 3600, ["h", "hour", "hours"]),
+    ],
+)
+def test_units_have_their_factors(kind, factor, units):
+    factors = [unit_factor(unit, kind) for unit in units]
+    np.testing.assert_allclose(factors, factor, rtol=1e-15)

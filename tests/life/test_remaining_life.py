@@ -1,0 +1,428 @@
+"""Facts about the remaining life: known laws, coverage by unit, refusals, decisions."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binom, invgauss, kstest, weibull_min
+from sklearn.base import clone
+from sklearn.model_selection import GroupKFold, cross_val_predict
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from emacm.life.life_calibration import half_width, redistributed, units_needed
+from emacm.life.life_models import WeibullLife, WeibullRegression, WienerProcess
+from emacm.monitoring import MaintenanceCosts, RemainingLife
+from emacm.simulation import WearLaw
+
+EXPECTED = {
+    "check_positive_only_tag_during_fit": "only the age, the first column, must not be negative"
+}
+CHECKS = parametrize_with_checks(
+    [RemainingLife("weibull")], expected_failed_checks=lambda estimator: EXPECTED
+)
+LAW = WearLaw()
+NO_DAMAGE = -40.0  # dB
+
+
+@pytest.mark.parametrize(CHECKS.args[0], list(CHECKS.args[1]), **CHECKS.kwargs)
+def test_every_check_of_scikit_learn_passes(estimator, check):
+    check(estimator)
+
+
+def followed(units, interval=10.0, censored=0.0, seed=0):
+    """Return X (age, severity in dB), y, groups and censored of units that wear out."""
+    rng = np.random.default_rng([seed, *units])
+    X, y, groups, ends = [], [], [], []
+    for unit in units:
+        life = LAW.draw(unit, interval, seed=seed)
+        if rng.uniform() < censored:
+            end = rng.uniform(0.3, 1.0) * life.life
+            life = LAW.draw(unit, interval, observed=end, seed=seed)
+        with np.errstate(divide="ignore"):
+            level = np.maximum(20 * np.log10(life.severity), NO_DAMAGE)
+        X.append(np.column_stack([life.ages, level]))
+        y.append(life.observed - life.ages)
+        groups += [unit] * len(life.ages)
+        ends += [life.censored] * len(life.ages)
+    return np.vstack(X), np.concatenate(y), np.array(groups), np.array(ends)
+
+
+def model(kind, **options):
+    threshold = 0.0 if kind == "wiener" else None
+    options = {"onset": -35.0, "consecutive": 1, "threshold": threshold} | options
+    return RemainingLife(kind, **options)
+
+
+# Distributions
+
+
+def test_the_first_passage_of_a_known_drift_is_inverse_gaussian():
+    process = WienerProcess(threshold=10.0, drift=0.7, drift_variance=1e-12, diffusion=0.5)
+    lives = np.array([2.0, 9.0, 14.0, 40.0])
+    found = process.cdf(lives, np.tile([4.0, 0.0, 0.0], (4, 1)))
+    mean, shape = 6.0 / 0.7, 6.0**2 / 0.5
+    np.testing.assert_allclose(found, invgauss.cdf(lives, mean / shape, scale=shape), rtol=1e-6)
+
+
+def test_the_first_passage_of_a_random_drift_is_that_of_a_simulation():
+    process = WienerProcess(threshold=5.0, drift=0.5, drift_variance=0.04, diffusion=0.3)
+    rng = np.random.default_rng(0)
+    drift = 0.5 + 0.2 * rng.standard_normal(1000)
+    steps = 0.01 * drift[:, np.newaxis] + np.sqrt(0.003) * rng.standard_normal((1000, 6000))
+    reached = (np.cumsum(steps, axis=1) >= 5.0 - 0.58 * np.sqrt(0.003)).argmax(axis=1) * 0.01
+    lives = np.sort(reached[reached > 0])  # 0.58: discrete steps miss the crossing by this much
+    # Some do not reach the threshold in 60 h; among lives below 40 h the law must hold.
+    expected = process.cdf(lives, np.tile([0.0, 0.0, 0.0], (len(lives), 1)))
+    inside = lives < 40
+    limit = process.cdf(np.array([40.0]), np.zeros((1, 3)))[0]
+    assert kstest(expected[inside] / limit, "uniform").pvalue > 0.01
+
+
+def test_the_drift_of_a_unit_is_learned_from_what_it_climbed():
+    process = WienerProcess(threshold=5.0, drift=0.5, drift_variance=0.04, diffusion=0.3)
+    mean, variance = process.posterior(np.array([0.0, 30.0, 1e9]), np.array([0.0, 27.0, 0.9e9]))
+    by_hand = (0.5 / 0.04 + 27.0 / 0.3) / (1 / 0.04 + 30.0 / 0.3)
+    np.testing.assert_allclose(mean, [0.5, by_hand, 0.9])
+    np.testing.assert_allclose(variance, [0.04, 1 / (1 / 0.04 + 30.0 / 0.3), 0], atol=1e-8)
+
+
+def test_the_law_of_a_simulated_fleet_is_found_again():
+    X, _, groups, _ = followed(range(300))
+    paths = [X[(groups == u) & (X[:, 1] > NO_DAMAGE)] for u in range(300)]
+    paths = [(path[:, 0], path[:, 1]) for path in paths if len(path)]
+    found = WienerProcess.fit(paths, np.ones(len(paths), bool), 0.0)
+    per_neper = 20 / np.log(10)
+    assert found.diffusion == pytest.approx(0.004 * per_neper**2, rel=0.1)
+    assert found.drift == pytest.approx(0.03 * per_neper, rel=0.1)
+    assert np.sqrt(found.drift_variance) == pytest.approx(0.008 * per_neper, rel=0.3)
+
+
+def test_a_weibull_distribution_is_found_with_and_without_censored_units():
+    rng = np.random.default_rng(4)
+    lives = 70 * rng.weibull(2.5, 2000)
+    every = WeibullLife.fit(lives, np.ones(2000, bool))
+    reference = weibull_min.fit(lives, floc=0)
+    assert (every.shape, every.scale) == pytest.approx((reference[0], reference[2]), rel=1e-3)
+    ends = rng.uniform(20, 120, 2000)
+    observed = WeibullLife.fit(np.minimum(lives, ends), lives <= ends)
+    assert (observed.shape, observed.scale) == pytest.approx((2.5, 70), rel=0.06)
+    ignored = WeibullLife.fit(np.minimum(lives, ends), np.ones(2000, bool))
+    assert ignored.scale < 60  # what censored units are for
+
+
+def test_the_life_of_a_population_is_conditional_on_the_age():
+    life = WeibullLife(shape=2.0, scale=100.0)
+    found = life.cdf(np.array([50.0, 0.0, np.inf]), np.array([30.0, 30.0, 30.0]))
+    np.testing.assert_allclose(found, [1 - np.exp(0.3**2 - 0.8**2), 0, 1], atol=1e-12)
+
+
+def test_accelerated_failure_times_are_found_again():
+    rng = np.random.default_rng(7)
+    table = np.column_stack([rng.normal(50, 10, 3000), rng.normal(0, 0.1, 3000)])
+    lives = np.exp(9 - 0.08 * table[:, 0] + 3 * table[:, 1]) * rng.weibull(1 / 0.4, 3000)
+    found = WeibullRegression.fit(table, lives, np.ones(3000, bool), np.ones(3000))
+    np.testing.assert_allclose(found.slopes, [-0.08, 3.0], rtol=0.05)
+    assert (found.intercept, found.spread) == pytest.approx((9, 0.4), rel=0.03)
+
+
+# Intervals
+
+
+def test_the_number_of_units_that_a_coverage_needs():
+    assert [units_needed(c) for c in (0.5, 0.8, 0.9, 0.95, 0.99)] == [1, 4, 9, 19, 99]
+
+
+def test_weights_of_censored_units_are_those_of_kaplan_and_meier():
+    levels = np.array([0.9, 0.1, 0.4, 0.6])
+    weights = redistributed(levels, np.array([False, False, True, False]))
+    # One fifth each; that of 0.4 goes in thirds to 0.6, to 0.9 and to the new unit.
+    np.testing.assert_allclose(weights, [0.2 + 0.2 / 3, 0.2, 0, 0.2 + 0.2 / 3])
+
+
+def test_a_half_width_covers_exchangeable_levels_as_stated():
+    rng = np.random.default_rng(2)
+    levels, new = rng.beta(5, 2, (4000, 14)), rng.beta(5, 2, 4000)
+    widths = np.array([half_width(row, np.zeros(14, bool), 0.8) for row in levels])
+    assert np.mean(np.abs(new - 0.5) <= widths) == pytest.approx(0.8, abs=0.015)  # not 13 / 15
+
+
+@pytest.mark.parametrize("n_units", [9, 13, 30])
+def test_a_half_width_covers_what_is_stated_between_multiples_of_one_unit(n_units):
+    rng = np.random.default_rng(3)
+    levels, new = rng.uniform(size=(6000, n_units)), rng.uniform(size=6000)
+    coverage = 0.5 * (n_units / (n_units + 1) + (n_units - 1) / (n_units + 1))
+    widths = np.array([half_width(row, np.zeros(n_units, bool), coverage) for row in levels])
+    assert np.mean(np.abs(new - 0.5) <= widths) == pytest.approx(coverage, abs=0.013)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "censored"), [("wiener", 0.0), ("weibull", 0.2)])
+def test_intervals_cover_the_stated_fraction_of_units_at_five_ages(kind, censored):
+    covered = {age: [] for age in (40.0, 80.0, 120.0, 160.0, 200.0)}
+    for fleet in range(120):
+        units = range(1000 * fleet, 1000 * fleet + 29)
+        X, y, groups, ends = followed(units[:25], 20.0, censored)
+        fitted = model(kind).fit(X, y, groups=groups, censored=ends)
+        X, y, groups, _ = followed(units[25:], 20.0)
+        table = fitted.predict_interval(X, groups)
+        inside = (table["lower"] <= y) & (y <= table["upper"])
+        for age, hits in covered.items():
+            hits += inside[X[:, 0] == age].tolist()
+    assert len(covered[40.0]) >= 440
+    for age, hits in covered.items():
+        assert binom.ppf(0.005, len(hits), 0.9) <= np.sum(hits), (age, np.mean(hits))
+        if not censored:  # which makes intervals wider
+            most = binom.ppf(0.995, len(hits), 0.9)
+            assert np.sum(hits) <= most, (age, np.mean(hits))
+
+
+def test_an_age_that_few_units_reached_has_the_interval_of_the_latest_that_enough_reached():
+    X, y, groups, _ = followed(range(30))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    ages = np.arange(0.0, 400.0, 10.0)
+    table = fitted.predict_interval(np.column_stack([ages, np.full(40, NO_DAMAGE)]), np.zeros(40))
+    early = table[table["calibration"] == "same age"]
+    late = table[table["calibration"] == "earlier age"]
+    assert early["age"].max() < late["age"].min()
+    assert (late["n_units"] >= 9).all()
+    assert np.isfinite(late["upper"]).all()
+    assert late["statement"].str.endswith("earlier: too few of this age.").all()
+
+
+def test_intervals_narrow_as_damage_grows():
+    X, y, groups, _ = followed(range(60))
+    fitted = model("wiener").fit(X, y, groups=groups)
+    widths = {}
+    for unit in range(100, 120):
+        X, y, groups, _ = followed([unit])
+        table = fitted.predict_interval(X, groups)
+        width = (table["upper"] - table["lower"]).to_numpy()
+        for share in (0.2, 0.7, 0.95):
+            widths.setdefault(share, []).append(width[int(share * len(width))])
+    first, middle, last = (np.median(widths[share]) for share in (0.2, 0.7, 0.95))
+    assert last < 0.5 * middle < 0.5 * first
+
+
+def test_before_the_onset_the_life_of_the_population_is_given_and_stated():
+    X, y, groups, _ = followed(range(30))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    table = fitted.predict_interval([[30.0, NO_DAMAGE], [30.0, -12.0]])
+    assert table["stage"].tolist() == ["before onset", "damage"]
+    assert table["statement"][0].startswith("No damage yet: this is the life of the population")
+    population = fitted.models_.population
+    passed = (30.0 / population.scale) ** population.shape
+    median = population.scale * (passed + np.log(2)) ** (1 / population.shape) - 30
+    assert table["median"][0] == pytest.approx(median)
+    assert table["median"][1] < 0.7 * median
+
+
+def test_a_prediction_uses_readings_of_its_unit_up_to_its_age_only():
+    X, y, groups, _ = followed(range(30))
+    fitted = model("wiener").fit(X, y, groups=groups)
+    X, _, units, _ = followed([77, 78])
+    together = fitted.predict(X, units)
+    order = np.random.default_rng(0).permutation(len(X))
+    np.testing.assert_allclose(fitted.predict(X[order], units[order]), together[order])
+    part = X[units == 77][:-4]
+    np.testing.assert_allclose(fitted.predict(part, np.zeros(len(part))), together[: len(part)])
+
+
+def test_a_single_reading_above_the_onset_is_none_if_several_are_required():
+    X, y, groups, _ = followed(range(30))
+    fitted = model("weibull", consecutive=3).fit(X, y, groups=groups)
+    ages = np.arange(8) * 5.0
+    levels = np.array([-40, -40, -9, -40, -20, -19, -18, -40.0])
+    table = fitted.predict_interval(np.column_stack([ages, levels]), np.zeros(8))
+    assert table["stage"].eq("damage").tolist() == [False] * 6 + [True] * 2
+
+
+# Refusals
+
+
+def test_a_coverage_that_the_units_cannot_support_is_refused():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match="12 units that failed cannot support intervals of 95%"):
+        model("weibull", coverage=0.95).fit(X, y, groups=groups)
+    fitted = model("weibull").fit(X, y, groups=groups)
+    with pytest.raises(ValueError, match=r"it takes 19\. They support at most 92%"):
+        fitted.predict_interval(X, groups, coverage=0.95)
+    ends = groups < 4
+    with pytest.raises(ValueError, match="8 units that failed cannot support intervals of 90%"):
+        model("weibull").fit(X, y, groups=groups, censored=ends)
+
+
+def test_readings_of_one_unit_do_not_count_as_units():
+    X, y, groups, _ = followed(range(3), interval=1.0)
+    assert len(X) > 300
+    with pytest.raises(ValueError, match="3 units that failed"):
+        model("weibull").fit(X, y, groups=groups)
+
+
+def test_an_onset_that_is_rarely_reached_is_refused():
+    X, y, groups, _ = followed(range(30))
+    with pytest.raises(ValueError, match=r"0 of them have readings after .* \(onset=99.0\)"):
+        model("weibull", onset=99.0).fit(X, y, groups=groups)
+
+
+def test_units_of_which_none_failed_are_refused():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match=r"no unit failed; .* take 9 that did"):
+        model("weibull").fit(X, y, groups=groups, censored=np.ones(len(X), bool))
+
+
+def test_an_index_that_decreases_with_damage_is_refused_by_the_wiener_process():
+    X, y, groups, _ = followed(range(12))
+    falling = np.column_stack([X[:, 0], -X[:, 1]])
+    with pytest.raises(ValueError, match=r"does not increase .* Turn its sign"):
+        RemainingLife("wiener", threshold=40.0).fit(falling, y, groups=groups)
+    with pytest.raises(ValueError, match=r"its mean drift is 0 per unit of time over 12 units"):
+        RemainingLife("wiener", threshold=1.0).fit(X * [1, 0], y, groups=groups)
+
+
+def test_a_threshold_below_the_onset_is_refused():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match=r"threshold, .* must be above onset=-35.0, .* got -39"):
+        model("wiener", threshold=-39.0).fit(X, y, groups=groups)
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_a_reading_that_is_not_finite_is_named(value):
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(pd.DataFrame(X, columns=["age", "level"]), y, groups=groups)
+    with pytest.raises(ValueError, match=r"in reading 1, column 'level'. Leave it out"):
+        fitted.predict(pd.DataFrame({"age": [3.0, 4.0], "level": [-40.0, value]}))
+
+
+def test_masked_readings_and_lives_are_refused():
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    with pytest.raises(TypeError, match="X has masked samples"):
+        fitted.predict(np.ma.masked_greater(X, 5.0))
+    dated = pd.DataFrame({"age": pd.to_timedelta(X[:, 0], unit="h"), "level": X[:, 1]})
+    with pytest.raises(TypeError, match=r"timedelta64.* values in column 'age'. Convert times"):
+        model("weibull").fit(dated, y, groups=groups)
+    with pytest.raises(TypeError, match="y has masked samples"):
+        model("weibull").fit(X, np.ma.masked_greater(y, 5.0), groups=groups)
+
+
+def test_what_is_outside_the_fit_is_stated():
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    longest = (X[:, 0] + y).max()
+    table = fitted.predict_interval([[90.0, -20.0], [3600 * 90.0, -20.0], [90.0, 7.5]])
+    inside, old, high = table["statement"]
+    assert "fit" not in inside
+    assert f"The age 324000 is above the longest life of the fit, {longest:g}." in old
+    assert "The health index 7.5 is outside that of the fit, -40 to -" in high
+    assert high.endswith("Check the units of measurement.")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda fitted, X: fitted.predict(X),
+        lambda fitted, X: fitted.failure_probability(X, 10.0),
+        lambda fitted, X: fitted.decide(X, COSTS),
+    ],
+)
+def test_predictions_outside_the_fit_warn(asked):
+    X, y, groups, _ = followed(range(12))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    longest = (X[:, 0] + y).max()
+    least, most = X[:, 1].min(), X[:, 1].max()
+    tenth = (most - least) / 10
+    inside = [[1.09 * longest, least - 0.9 * tenth], [90.0, most + 0.9 * tenth]]
+    asked(fitted, inside)  # any warning is an error
+    with pytest.warns(UserWarning, match="2 of 4 readings are far .* row 2: The age"):
+        asked(fitted, [*inside, [1.11 * longest, -20.0], [90.0, most + 1.1 * tenth]])
+    with pytest.warns(UserWarning, match="1 of 1 readings .* row 0: The health index"):
+        asked(fitted, [[90.0, least - 1.1 * tenth]])
+
+
+def test_without_a_health_index_the_life_of_the_population_is_stated_as_such():
+    X, y, groups, _ = followed(range(12))
+    fitted = RemainingLife().fit(X[:, :1], y, groups=groups)
+    assert fitted.predict_interval([[30.0]])["statement"][0].startswith("No health index: this is")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda X, y, g: (X, y + np.arange(len(y)), g),
+            "remaining life of unit 0 is",
+        ),
+        (lambda X, y, g: (X, y - 1e3, g), "y must not be negative"),
+        (lambda X, y, g: (X - 1, y, g), "first column is the age, got -1 in row 0"),
+        (lambda X, y, g: (X, y, np.zeros(len(X))), "unit 0.0 has two readings at age 0"),
+    ],
+)
+def test_inconsistent_tables_are_refused(change, message):
+    X, y, groups, _ = followed(range(12))
+    X, y, groups = change(X, y, groups)
+    with pytest.raises(ValueError, match=message):
+        model("weibull").fit(X, y, groups=groups)
+
+
+def test_censored_is_the_same_for_all_readings_of_a_unit():
+    X, y, groups, _ = followed(range(12))
+    with pytest.raises(ValueError, match="censored is True for some readings of unit 0"):
+        model("weibull").fit(X, y, groups=groups, censored=X[:, 0] > 20)
+    with pytest.raises(ValueError, match="censored must hold True or False for each of"):
+        model("weibull").fit(X, y, groups=groups, censored=[True])
+
+
+# scikit-learn, decisions
+
+
+def test_a_frame_is_accepted_and_its_index_kept():
+    X, y, groups, _ = followed(range(12))
+    frame = pd.DataFrame(X, columns=["age", "level"], index=np.arange(len(X)) * 3 + 1)
+    fitted = model("weibull").fit(frame, y, groups=groups)
+    assert fitted.predict_interval(frame, groups).index.equals(frame.index)
+    again = pickle.loads(pickle.dumps(clone(fitted).fit(frame, y, groups=groups)))
+    np.testing.assert_array_equal(again.predict(frame), fitted.predict(frame))
+
+
+@pytest.mark.filterwarnings("ignore:.* far outside the range of the fit")  # the longest-lived unit
+def test_units_are_held_out_as_wholes_by_scikit_learn():
+    X, y, groups, _ = followed(range(30))
+    folds = GroupKFold(3)
+    found = cross_val_predict(RemainingLife("weibull", onset=None), X, y, groups=groups, cv=folds)
+    assert np.median(np.abs(found - y)) < 0.6 * np.median(np.abs(y - np.median(y)))
+
+
+COSTS = MaintenanceCosts(failure=5000, waiting=100, early=2, holding=1, lead_time=40, review=10)
+
+
+def test_decisions_follow_the_remaining_life():
+    X, y, groups, _ = followed(range(60))
+    fitted = model("wiener").fit(X, y, groups=groups)
+    X, _, units, _ = followed([500], interval=5.0)
+    found = fitted.decide(X, COSTS, units)["decision"].tolist()
+    assert found[0] == "continue"
+    assert found[-1] == "stop"
+    assert "order" in found
+    changes = [a for a, b in zip(found, [*found[1:], None], strict=True) if a != b]
+    assert changes.index("order") < changes.index("stop")
+
+
+def test_dearer_failures_stop_earlier_and_dearer_lost_life_later():
+    X, y, groups, _ = followed(range(60))
+    fitted = model("wiener").fit(X, y, groups=groups)
+    X, _, units, _ = followed([500, 501, 502], interval=5.0)
+
+    def stops(**change):
+        costs = MaintenanceCosts(**{**vars(COSTS), **change})
+        return fitted.decide(X, costs, units)["decision"].eq("stop").sum()
+
+    assert stops(failure=50_000) > stops() > stops(early=100)
+
+
+def test_the_probability_of_failure_is_that_of_the_quantiles():
+    X, y, groups, _ = followed(range(30))
+    fitted = model("weibull").fit(X, y, groups=groups)
+    row = [[80.0, -20.0]]
+    life = fitted.predict_quantiles(row, [0.3])[0, 0]
+    assert fitted.failure_probability(row, life) == pytest.approx([0.3])
