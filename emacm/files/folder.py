@@ -173,7 +173,7 @@ class FileRecording(Recording):
             change, arguments = self._steps[-1]
             content = before.content()
             with located(self.path):
-                return content._changed(change(content, *arguments))
+                return content._derived(change, *arguments)
         self._state.check()
         with located(self.path):
             columns = read_columns(Path(self.path))

@@ -69,14 +69,17 @@ def _digest_of_file(path: str, size: int, written: int) -> str:
         return file_digest(file, "sha256").hexdigest()
 
 
+def owner(array: Any) -> Any:
+    """Return what owns the memory of a read-only array; itself if it can be written to."""
+    while isinstance(array, np.ndarray) and not array.flags.writeable:
+        array = array.base
+    return array
+
+
 def is_mapped(array: Any) -> bool:
     """Tell whether an array is a read-only memory map, or a view of one."""
-    while isinstance(array, np.ndarray):
-        if array.flags.writeable:
-            return False
-        array = array.base
-    buffer = array.obj if isinstance(array, memoryview) else array
-    return isinstance(buffer, mmap.mmap) and memoryview(buffer).readonly
+    memory = owner(array)
+    return isinstance(memory, mmap.mmap) and memoryview(memory).readonly
 
 
 class Recent(Generic[Value]):
@@ -105,18 +108,15 @@ class Recent(Generic[Value]):
     """
 
     def __init__(self, bytes_limit: int) -> None:
-        self._limit = bytes_limit
+        self._limit, self._lock = bytes_limit, Lock()
         self.clear()
-        if hasattr(os, "register_at_fork"):
-            os.register_at_fork(after_in_child=self.clear)
 
     def get(self, key: Any) -> Value | None:
         """Return the value of a key, or None if it is not kept."""
         with self._lock:
-            held = self._held.pop(key, None)
-            if held is None:
+            if key not in self._held:
                 return None
-            self._held[key] = held  # the last to be dropped
+            self._held[key] = held = self._held.pop(key)  # the last to be dropped
             return held[0]
 
     def put(self, key: Any, value: Value, n_bytes: int) -> None:
@@ -125,26 +125,15 @@ class Recent(Generic[Value]):
         with self._lock:
             self._held[key] = value, n_bytes
             self._bytes += n_bytes
-            self._drop_oldest()
+            while self._bytes > self._limit:
+                self._bytes -= self._held.pop(next(iter(self._held)))[1]
 
     def drop(self, key: Any) -> None:
         """Drop the value of a key, if it is kept."""
         with self._lock:
             self._bytes -= self._held.pop(key, (None, 0))[1]
 
-    def set_limit(self, bytes_limit: int) -> int:
-        """Change the limit, and return the previous one."""
-        with self._lock:
-            before, self._limit = self._limit, bytes_limit
-            self._drop_oldest()
-        return before
-
-    def _drop_oldest(self) -> None:
-        while self._bytes > self._limit:
-            self._bytes -= self._held.pop(next(iter(self._held)))[1]
-
     def clear(self) -> None:
         """Drop all values."""
-        self._lock = Lock()  # a forked process may have inherited it locked
         self._held: dict[Any, tuple[Value, int]] = {}
         self._bytes = 0

@@ -80,14 +80,10 @@ def as_recordings(X: Any, who: str, *, also: tuple[type, ...] = ()) -> list[Any]
     """
     entries = as_list(X)
     for index, entry in enumerate(entries):
-        if isinstance(entry, (Recording, *also)):
-            continue
-        if hasattr(entry, "theta_s"):
-            raise TypeError(
-                f"{described(entry, index)} is over the shaft angle; put {who} before "
-                f"OrderResampler."
-            )
-        raise TypeError(f"entry {index} of X must be a recording for {who}, got {received(entry)}")
+        if not isinstance(entry, (Recording, *also)):
+            over_angle = f"{described(entry, index)} is over the shaft angle; put {who} before it"
+            other = f"entry {index} of X must be a recording for {who}, got {received(entry)}"
+            raise TypeError(over_angle if hasattr(entry, "theta_s") else other)
     return entries
 
 
@@ -163,10 +159,7 @@ def received(value: Any) -> str:
     ('None.', 'a list.')
     """
     if isinstance(value, str | PurePath):
-        return (
-            f"{str(value)!r}. Files are not opened here: read the channels from the file, and "
-            f"make a recording of them: Recording({{'current': ...}}, fs, velocity=...)."
-        )
+        return f"{str(value)!r}. Files are not opened here: use open_recording(path, layout)."
     return f"{kind_of(value)}.{once_hint(value)}"
 
 
@@ -181,6 +174,5 @@ def kind_of(value: Any) -> str:
     if value is None or isinstance(value, str | bool | int | float):
         return repr(value)
     package, name = type(value).__module__.partition(".")[0], type(value).__name__
-    if name == "DataFrame" and not isinstance(value, pd.DataFrame):
-        return f"a {package} DataFrame, which is not a pandas one"
-    return f"a {name}"
+    foreign = name == "DataFrame" and package != "pandas"
+    return f"a {package} {name}, which is not a pandas one" if foreign else f"a {name}"

@@ -13,6 +13,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,15 +87,13 @@ def read_meta(X: Any, keys: Any, *, role: str = "condition", arrays: bool = Fals
         return _array_values(keys, X, role, arrays)
     entries = listed_recordings(X)
     if callable(keys):
-        return [
-            _checked(called(keys, entry, index, role), entry, index, f"the value of {role}() is")
-            for index, entry in enumerate(entries)
-        ]
-    names = _named_keys(keys, role, arrays)
-    rows = [
-        tuple(meta_value(e, i, name, role, arrays) for name in names) for i, e in enumerate(entries)
+        what = f"the value of {role}() is"
+        return [_checked(called(keys, e, i, role), e, i, what) for i, e in enumerate(entries)]
+    columns = [
+        [meta_value(entry, index, name, role) for index, entry in enumerate(entries)]
+        for name in _named_keys(keys, role)
     ]
-    return rows if isinstance(keys, tuple) else [values[0] for values in rows]
+    return list(zip(*columns, strict=True)) if isinstance(keys, tuple) else columns[0]
 
 
 def read_grouping(values: Any, X: Any, role: str, name: str) -> Grouping | None:
@@ -134,17 +133,13 @@ def read_grouping(values: Any, X: Any, role: str, name: str) -> Grouping | None:
         name = values.name if isinstance(values.name, str) else name
     elif not (_is_array(values) or callable(values)):
         name = ", ".join(map(str, values if isinstance(values, tuple) else (values,)))
-    kinds = sorted({"str" if isinstance(v, str) else type(v).__name__ for v in found})
-    if {"str", "tuple"} & set(kinds) and len(kinds) > 1:
-        raise TypeError(f"{role} must hold labels of one kind, got {', '.join(kinds)}.")
-    if kinds == ["tuple"]:
-        found = [", ".join(map(repr, value)) for value in found]
-    labels = np.asarray(found)
+    labels = [", ".join(map(repr, v)) if isinstance(v, tuple) else v for v in found]
     try:
-        np.unique(labels)
+        sorted(set(labels))
     except TypeError as error:
+        kinds = sorted({type(label).__name__ for label in labels})
         raise TypeError(f"{role} must hold labels of one kind, got {', '.join(kinds)}.") from error
-    return Grouping(name, labels)
+    return Grouping(name, np.asarray(labels))
 
 
 def condition_name(condition: Any, value: Any) -> str:
@@ -188,11 +183,7 @@ def chosen_rows(values: Any, rows: NDArray[np.intp]) -> Any:
     """
     if isinstance(values, pd.DataFrame | pd.Series):
         return values.iloc[rows]
-    if isinstance(values, list | tuple):
-        return [values[row] for row in rows]
-    if hasattr(values, "shape"):
-        return values[rows]
-    return [values[int(row)] for row in rows]
+    return values[rows] if hasattr(values, "shape") else [values[int(row)] for row in rows]
 
 
 def plain_label(label: Any) -> Any:
@@ -247,41 +238,35 @@ def _array_values(values: Any, X: Any, role: str, accepted: bool) -> list[Any]:
             f"recording; got {reprlib.repr(values)}. An array is not split along with the "
             f"recordings: put its values into their meta."
         )
-    found, n_recordings = list(values), X.shape[0] if hasattr(X, "shape") else len(X)
-    shape = np.shape(values) if hasattr(values, "__array__") else (len(found),)
+    n_recordings = X.shape[0] if hasattr(X, "shape") else len(X)
+    shape = np.shape(values) if hasattr(values, "__array__") else (len(values),)
     if shape != (n_recordings,):
         raise ValueError(
             f"{role} must hold one label for each of {n_recordings} recordings, or be a key of "
             f"their meta; got shape {shape}."
         )
-    return [_checked(v, None, i, f"the label in {role} is") for i, v in enumerate(found)]
+    return [_checked(v, None, i, f"the label in {role} is") for i, v in enumerate(values)]
 
 
-def _named_keys(keys: Any, role: str, arrays: bool) -> tuple[Any, ...]:
+def _named_keys(keys: Any, role: str) -> tuple[Any, ...]:
     """Return the keys as a tuple."""
     names = keys if isinstance(keys, tuple) else (keys,)
-    if not names:
-        raise ValueError(f"{role} must name at least one key of meta, got ().")
-    for name in names:
-        if not isinstance(name, Hashable) or isinstance(name, Iterator):
-            array = ", or an array with one label for each recording" if arrays else ""
-            raise TypeError(
-                f"{role} must be a key of meta such as 'load', a tuple of keys, a function of the "
-                f"recording{array}; got {keys!r}.{once_hint(keys)}"
-            )
+    if not names or any(not isinstance(n, Hashable) or isinstance(n, Iterator) for n in names):
+        raise TypeError(
+            f"{role} must be a key of meta such as 'load', a tuple of keys, or a function of the "
+            f"recording; got {keys!r}.{once_hint(keys)}"
+        )
     return names
 
 
-def meta_value(entry: Any, index: int, key: Any, role: str, arrays: bool = False) -> Any:
+def meta_value(entry: Any, index: int, key: Any, role: str) -> Any:
     """Return the value of a recording, or of a row of a DataFrame, under a key."""
     facts = entry if isinstance(entry, pd.Series) else getattr(entry, "meta", None)
     kind = "column" if isinstance(entry, pd.Series) else "meta key"
     if not isinstance(facts, Mapping | pd.Series):
-        other = "an array" if arrays else "a function that reads it"
         raise TypeError(
             f"{role} names the meta key {key!r}, but recording {index} is a "
-            f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}, or "
-            f"{other}."
+            f"{type(entry).__name__} without meta. Pass recordings with meta={{{key!r}: ...}}."
         )
     if key not in facts:
         raise ValueError(
@@ -305,14 +290,9 @@ def called(function: Callable[[Any], Any], entry: Any, index: int, role: str) ->
 def _checked(value: Any, entry: Any, index: int, what: str) -> Hashable:
     """Return a value that can be looked up, as a Python object."""
     value = plain_label(value)
-    with located(lambda: described(entry, index)):
-        try:
-            hash(value)
-        except TypeError as error:
-            raise TypeError(
-                f"{what} {value!r}, which cannot be hashed. Use a number, a text or a tuple."
-            ) from error
-        infinite = isinstance(value, float) and not np.isfinite(value)
-        if infinite or (pd.api.types.is_scalar(value) and pd.isna(value)):
+    with located(partial(described, entry, index)):
+        if not isinstance(value, Hashable):
+            raise TypeError(f"{what} {value!r}, which cannot be hashed. Use a number, or a text.")
+        if value in (np.inf, -np.inf) or (pd.api.types.is_scalar(value) and pd.isna(value)):
             raise ValueError(f"{what} {value!r}. Set it, or leave the recording out.")
     return value

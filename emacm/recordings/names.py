@@ -16,46 +16,35 @@ _SHAFT_WORDS = {"angle", "angular", "encoder", "keyphasor", "resolver", "rpm", "
 _SHAFT_WORDS |= {"tachometer", "theta", "velocity", "omega", "drehzahl", "winkel"}
 _SHAFT_ENDINGS = ("rpm", "speed", "drehzahl")
 _LINEAR = {"linear", "nut", "slider", "piston"}  # velocities that are not of a shaft
-_MOTION_UNITS = {  # SI unit, and factors to it
-    "velocity": (
-        "rad/s",
-        {
-            1.0: ("rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad*s^-1"),
-            pi / 30: ("rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "u/min"),
-            2 * pi: ("rev/s", "r/s", "rps", "hz", "1/s", "s^-1", "turns/s"),
-            pi / 180: ("deg/s", "°/s", "degree/s", "degrees/s"),
-        },
-    ),
-    "angle": (
-        "rad",
-        {
-            1.0: ("rad", "radian", "radians"),
-            pi / 180: ("deg", "°", "degree", "degrees"),
-            2 * pi: ("rev", "revolution", "revolutions", "turn", "turns"),
-        },
-    ),
-    "time": (
-        "s",
-        {
-            1.0: ("s", "sec", "second", "seconds"),
-            1e-3: ("ms", "millisecond", "milliseconds"),
-            1e-6: ("us", "µs", "μs", "microseconds"),
-            1e-9: ("ns", "nanoseconds"),
-            60.0: ("min", "minute", "minutes"),
-            3600.0: ("h", "hour", "hours"),
-        },
-    ),
-}
-_SIGNALS = {  # unit of each quantity and its size; case matters
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665, "G": 9.80665, "gn": 9.80665},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "in/s": 0.0254, "ips": 0.0254},
-    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 25.4e-6},
-    "V": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "μV": 1e-6, "kV": 1e3},
-    "A": {"A": 1.0, "mA": 1e-3, "kA": 1e3},
-    "N": {"N": 1.0, "kN": 1e3, "mN": 1e-3},
-    "N*m": {"N*m": 1.0, "Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3},
-    "Pa": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "MPa": 1e6, "bar": 1e5, "mbar": 100.0},
-    "W": {"W": 1.0, "kW": 1e3, "mW": 1e-3},
+_UNITS: dict[str, dict[float, tuple[str, ...]]] = {  # of each quantity, by their size
+    "velocity": {  # lower case, as the units of angle and time
+        1.0: ("rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad*s^-1"),
+        pi / 30: ("rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "u/min"),
+        2 * pi: ("rev/s", "r/s", "rps", "hz", "1/s", "s^-1", "turns/s"),
+        pi / 180: ("deg/s", "°/s", "degree/s", "degrees/s"),
+    },
+    "angle": {
+        1.0: ("rad", "radian", "radians"),
+        pi / 180: ("deg", "°", "degree", "degrees"),
+        2 * pi: ("rev", "revolution", "revolutions", "turn", "turns"),
+    },
+    "time": {
+        1.0: ("s", "sec", "second", "seconds"),
+        1e-3: ("ms", "millisecond", "milliseconds"),
+        1e-6: ("us", "µs", "μs", "microseconds"),
+        1e-9: ("ns", "nanoseconds"),
+        60.0: ("min", "minute", "minutes"),
+        3600.0: ("h", "hour", "hours"),
+    },
+    "acceleration": {1.0: ("m/s^2",), 1e-3: ("mm/s^2",), 9.80665: ("g", "G", "gn")},
+    "speed": {1.0: ("m/s",), 1e-3: ("mm/s",), 0.0254: ("in/s", "ips")},
+    "length": {1.0: ("m",), 1e-3: ("mm",), 1e-6: ("um", "µm", "μm"), 25.4e-6: ("mil",)},
+    "voltage": {1.0: ("V",), 1e-3: ("mV",), 1e-6: ("uV", "µV", "μV"), 1e3: ("kV",)},
+    "current": {1.0: ("A",), 1e-3: ("mA",), 1e3: ("kA",)},
+    "force": {1.0: ("N",), 1e3: ("kN",), 1e-3: ("mN",)},
+    "torque": {1.0: ("N*m", "Nm"), 1e-3: ("mNm",), 1e-2: ("Ncm",), 1e3: ("kNm",)},
+    "pressure": {1.0: ("Pa",), 1e2: ("hPa", "mbar"), 1e3: ("kPa",), 1e6: ("MPa",), 1e5: ("bar",)},
+    "power": {1.0: ("W",), 1e3: ("kW",), 1e-3: ("mW",)},
 }
 
 
@@ -88,17 +77,16 @@ def chosen_channels(channels: Any, known: Sequence[str]) -> tuple[str, ...]:
     """
     if channels is None:
         return tuple(known)
-    if isinstance(channels, str):
-        raise TypeError(f"channels must be a list of names such as [{channels!r}]; got a text.")
-    if not isinstance(channels, Iterable) or isinstance(channels, Mapping | Set | Iterator):
+    ordered = isinstance(channels, Iterable) and not isinstance(
+        channels, str | Mapping | Set | Iterator
+    )
+    if not ordered or not all(isinstance(name, str) for name in channels):
+        example = [channels] if isinstance(channels, str) else ["current"]
         raise TypeError(
-            f"channels must be a list of names such as ['current'], got {channels!r}."
+            f"channels must be a list of names such as {example}, got {channels!r}."
             f"{once_hint(channels)}"
         )
     chosen = tuple(channels)
-    for name in chosen:
-        if not isinstance(name, str):
-            raise TypeError(f"channels must be a list of names, got {name!r} in {chosen!r}.")
     if not chosen or len(set(chosen)) < len(chosen):
         raise ValueError(
             f"channels must name at least one channel, and name each channel once; got "
@@ -140,26 +128,28 @@ def is_time_name(name: str) -> bool:
     >>> is_time_name("Time [s]"), is_time_name("time_constant")
     (True, False)
     """
-    return set(_words(name)) <= _TIME_WORDS | {"s", "sec", "ms"} and bool(
-        set(_words(name)) & _TIME_WORDS
-    )
+    words = set(_words(name))
+    return bool(words & _TIME_WORDS) and words <= _TIME_WORDS | {"s", "sec", "ms"}
 
 
 def is_shaft_name(name: str, unit: str = "") -> bool:
     """Tell whether a column with this name and unit usually holds the motion of the shaft.
 
+    Hz and 1/s may also be units of something else.
+
     Examples
     --------
     >>> is_shaft_name("shaft_speed"), is_shaft_name("MotorRPM"), is_shaft_name("n", "1/min")
     (True, True, True)
-    >>> is_shaft_name("current"), is_shaft_name("nut_speed", "mm/s")
-    (False, False)
+    >>> is_shaft_name("current"), is_shaft_name("nut_speed", "mm/s"), is_shaft_name("n", "Hz")
+    (False, False, False)
     """
     words = set(_words(name))
     if words & _LINEAR:
         return False
     named = bool(words & _SHAFT_WORDS) or any(word.endswith(_SHAFT_ENDINGS) for word in words)
-    return named or is_speed_unit(unit)
+    plain = _plain(unit.lower())
+    return named or (plain in _sizes("velocity") and plain not in ("hz", "1/s", "s^-1"))
 
 
 def unit_in_name(name: str) -> str:
@@ -203,28 +193,19 @@ def unit_factor(unit: str, kind: str) -> float:
     >>> unit_factor("ms", "time"), round(unit_factor("rpm", "velocity") * 30, 6)
     (0.001, 3.141593)
     """
-    target, known = _MOTION_UNITS[kind]
-    plain = _plain(unit)
-    for factor, names in known.items():
-        if plain in map(_plain, names):
-            return factor
-    first = ", ".join(repr(names[0]) for names in known.values())
+    sizes = _sizes(kind)
+    if _plain(unit.lower()) in sizes:
+        return sizes[_plain(unit.lower())]
+    first = [names[0] for names in _UNITS[kind].values()]
     raise ValueError(
-        f"the unit {unit!r} of the {kind} is not known; known are {first}. State one of these in "
-        f"units of the layout, or convert the {kind} to {target}."
+        f"the unit {unit!r} of the {kind} is not known; known are {str(first)[1:-1]}. State one of "
+        f"these in units of the layout, or convert the {kind} to {first[0]}."
     )
 
 
-def is_speed_unit(unit: str) -> bool:
-    """Tell whether a unit is one of angular speed; Hz and 1/s may also be of something else.
-
-    Examples
-    --------
-    >>> is_speed_unit("1/min"), is_speed_unit("Hz"), is_speed_unit("m/s")
-    (True, False, False)
-    """
-    names = {_plain(name) for names in _MOTION_UNITS["velocity"][1].values() for name in names}
-    return bool(unit) and _plain(unit) in names - {"hz", "1/s", "s^-1"}
+def _sizes(quantity: str) -> dict[str, float]:
+    """Return the size of each unit of a quantity."""
+    return {_plain(name): size for size, names in _UNITS[quantity].items() for name in names}
 
 
 def same_unit(one: str, other: str) -> bool:
@@ -235,7 +216,7 @@ def same_unit(one: str, other: str) -> bool:
     >>> same_unit("m/s²", "m/s^2"), same_unit("mV", "MV")
     (True, False)
     """
-    return _plain(one, case=True) == _plain(other, case=True)
+    return _plain(one) == _plain(other)
 
 
 def unit_ratio(one: str, other: str) -> float | None:
@@ -251,18 +232,17 @@ def unit_ratio(one: str, other: str) -> float | None:
     >>> unit_ratio("g", "m/s²"), unit_ratio("mV", "V"), unit_ratio("mV", "g"), unit_ratio("x", "x")
     (9.80665, 0.001, None, 1.0)
     """
-    if same_unit(one, other):
+    before, after = _plain(one), _plain(other)
+    if before == after:
         return 1.0
-    before, after = _plain(one, case=True), _plain(other, case=True)
-    for sizes in _SIGNALS.values():
+    for sizes in map(_sizes, _UNITS):
         if before in sizes and after in sizes:
             return sizes[before] / sizes[after]
     return None
 
 
-def _plain(unit: str, *, case: bool = False) -> str:
-    plain = unit.strip() if case else unit.strip().lower()
+def _plain(unit: str) -> str:
+    """Return a unit in one way of writing, as "m/s^2"."""
     for written, meant in (("²", "^2"), ("³", "^3"), ("⁻¹", "^-1"), ("**", "^"), ("·", "*")):
-        plain = plain.replace(written, meant)
-    plain = plain.replace(" ", "")
-    return plain.replace("s2", "s^2") if plain.endswith("/s2") else plain
+        unit = unit.replace(written, meant)
+    return re.sub("/s2$", "/s^2", unit.replace(" ", ""))

@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from html import escape
+from itertools import chain
 from math import ceil
 from types import MappingProxyType
 from typing import Any
@@ -24,7 +25,6 @@ from emacm.recordings.arguments import (
     check_shaft_rate,
     check_signals,
     check_units,
-    constant_speed,
     immutable,
 )
 from emacm.recordings.digests import content_digest, is_mapped
@@ -144,10 +144,14 @@ class Recording:
     ) -> None:
         channels = check_signals(signals)
         rates = check_rates(fs, tuple(channels))
-        velocity = constant_speed(velocity, channels, rates, shaft_fs)
-        reference, shaft = check_shaft(angle, velocity)
+        shaft_rate = check_shaft_rate(shaft_fs, rates)
+        fastest = max(channels, key=lambda name: rates[name])
+        n_times = max(2, round(len(channels[fastest]) / rates[fastest] * shaft_rate))
+        reference, shaft = check_shaft(angle, velocity, n_times)
         if meta is not None and not isinstance(meta, Mapping):
             raise TypeError(f"meta must be a mapping such as {{'unit': 'A'}}, got {meta!r}.")
+        given = {f"channel {name!r}": (signals[name], rates[name]) for name in channels}
+        check_indices(given | {reference: (velocity if angle is None else angle, shaft_rate)})
         state: dict[str, Any] = {
             "_series": channels,
             "_fs": rates,
@@ -155,11 +159,9 @@ class Recording:
             "_meta": copy.deepcopy(dict(meta or {})),
             "_units": check_units(units, tuple(channels)),
             "reference": reference,
-            "shaft_fs": check_shaft_rate(shaft_fs, rates),
+            "shaft_fs": shaft_rate,
         }
-        given = velocity if angle is None else angle
-        check_indices(signals, given, rates, state["shaft_fs"], reference)
-        self._set(state)
+        self.__setstate__(state)
         check_durations(self._timed())
 
     def cut(self, start: float = 0.0, stop: float | None = None) -> Recording:
@@ -208,11 +210,8 @@ class Recording:
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return the recording with the changes of content that a function returns."""
-        return self._changed(change(self, *arguments))
-
-    def _changed(self, changes: Mapping[str, Any]) -> Recording:
         changed = Recording.__new__(Recording)
-        changed._set({name: getattr(self, name) for name in CONTENT} | {**changes})
+        changed.__setstate__(self.__getstate__() | change(self, *arguments))
         return changed
 
     @property
@@ -309,10 +308,9 @@ class Recording:
 
     def once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a result of the content; computed when it is first needed."""
-        known = self._known
-        if name not in known:
-            known[name] = compute()
-        return known[name]
+        if name not in self._known:
+            self._known[name] = compute()
+        return self._known[name]
 
     @property
     def jump(self) -> Jump | None:
@@ -359,15 +357,18 @@ class Recording:
 
     def __repr__(self) -> str:
         """Channels, rates, length, revolutions and meta on one line."""
-        channels = ", ".join(f"{name} {rate:g} Hz" for name, rate in self._fs.items())
-        turned = float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
         parts = [
-            channels,
+            ", ".join(f"{name} {rate:g} Hz" for name, rate in self._fs.items()),
             f"{self.reference} {self.shaft_fs:g} Hz",
-            f"{self.duration:.3g} s, {turned:.3g} revolutions",
+            f"{self.duration:.3g} s, {self._revolutions:.3g} revolutions",
             ", ".join(f"{key}={value!r}" for key, value in self._meta.items()),
         ]
         return f"Recording({'; '.join(filter(None, parts))})"
+
+    @property
+    def _revolutions(self) -> float:
+        """Revolutions of the shaft, in either direction."""
+        return float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
 
     def _repr_html_(self) -> str:
         """Return a table of the channels, the shaft and the meta, for notebooks."""
@@ -381,8 +382,7 @@ class Recording:
         ]
         numbers = dict.fromkeys(titles[4:], "{:.4g}".format) | {"rate [Hz]": "{:.9g}".format}
         table = pd.DataFrame(rows, columns=titles).to_html(index=False, formatters=numbers)
-        turned = float(np.abs(np.diff(self.angle)).sum()) / (2 * np.pi)
-        facts = [f"{self.duration:.6g} s", f"{turned:.6g} revolutions"]
+        facts = [f"{self.duration:.6g} s", f"{self._revolutions:.6g} revolutions"]
         facts += [f"{key}={value!r}" for key, value in self._meta.items()]
         return f"<p>Recording: {escape(', '.join(facts))}</p>{table}"
 
@@ -411,36 +411,24 @@ class Recording:
             f"a Recording cannot be changed (tried to set {name!r}); make a new one instead."
         )
 
-    def __delattr__(self, name: str) -> None:
-        """Refuse: a recording is immutable."""
-        raise AttributeError(f"a Recording cannot be changed (tried to delete {name!r}).")
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the content, for pickle and joblib's hash; nothing that is remembered."""
         return {name: getattr(self, name) for name in CONTENT}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore checked content."""
-        self._set(state)
-
-    def _set(self, state: dict[str, Any]) -> None:
         """Set checked content, immutable."""
         # joblib passes large arrays to its workers as memory maps; the recording is the same.
         series = {
             name: s if isinstance(s, LazySeries) else immutable(np.asarray(s))
             for name, s in state["_series"].items()
         }
-        state = state | {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
-        for name in CONTENT:
-            object.__setattr__(self, name, state[name])
-        object.__setattr__(self, "_known", {})
+        changes = {"_shaft": immutable(np.asarray(state["_shaft"])), "_series": series}
+        for name, value in (state | changes | {"_known": {}}).items():
+            object.__setattr__(self, name, value)
 
     def _arrays(self) -> list[NDArray[np.floating]]:
         """Return all arrays that the content is computed from."""
-        arrays = [self._shaft]
-        for series in self._series.values():
-            arrays += sources(series)
-        return arrays
+        return [self._shaft, *chain(*map(sources, self._series.values()))]
 
     def _timed(self) -> dict[str, tuple[Series, float]]:
         """Return channels and shaft reference, as messages name them, with their rates [Hz]."""
@@ -458,26 +446,20 @@ def cut_content(recording: Recording, start: Any, stop: Any) -> dict[str, Any]:
             f"start and stop must be in this order and within the recording of {duration:.9g} s, "
             f"got {start!r} and {stop!r}."
         )
-    rates = {**recording.fs, "the shaft": recording.shaft_fs}
-    slowest = min(rates.values())
+    slowest = min(*recording.fs.values(), recording.shaft_fs)
     # A time in seconds may miss a sample by rounding.
     begin = ceil(begin * slowest - 1e-6) / slowest
-
-    def part(name: str, series: Any, fs: float) -> Any:
+    parts = {}
+    for name, (series, fs) in recording._timed().items():
         first, last = round(begin * fs), ceil(end * fs - 1e-6)
         if last - first < 2:
             raise ValueError(
                 f"between {start!r} and {end:.9g} s there are {max(last - first, 0)} samples of "
                 f"{name} ({fs:g} Hz); at least 2 are needed."
             )
-        return series[first:last]
-
-    series = {
-        name: part(f"channel {name!r}", values, rates[name])
-        for name, values in recording.series.items()
-    }
-    shaft = recording.angle if recording.reference == "angle" else recording.velocity
-    return {"_series": series, "_shaft": part("the shaft", shaft, recording.shaft_fs)}
+        parts[name] = series[first:last]
+    *channels, shaft = parts.values()
+    return {"_series": dict(zip(recording.channels, channels, strict=True)), "_shaft": shaft}
 
 
 def selected_content(recording: Recording, channels: Any) -> dict[str, Any]:
@@ -512,15 +494,13 @@ def _by_names(recording: Recording, new: Mapping[str, str]) -> dict[str, Any]:
 
 def same_content(one: Any, other: Any) -> bool:
     """Compare values that may hold arrays."""
-    if one is other:
-        return True
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return list(one) == list(other) and all(same_content(one[key], other[key]) for key in one)
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        equal_nan = one.dtype.kind in "fc"
-        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
     if type(one) is not type(other):
         return bool(np.isscalar(one) and np.isscalar(other) and one == other)
+    if isinstance(one, np.ndarray):
+        equal_nan = one.dtype.kind in "fc"
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=equal_nan)
     if isinstance(one, pd.DataFrame | pd.Series | pd.Index):
         return bool(one.equals(other))
     if isinstance(one, list | tuple):

@@ -54,10 +54,8 @@ class ComputedSeries(LazySeries):
         """Two are equal if kind, parameters and signal are."""
         if not isinstance(other, type(self)):
             return NotImplemented
-        if repr(self) != repr(other) or self.dtype != other.dtype:
-            return False
-        pairs = zip(self.sources, other.sources, strict=True)
-        return all(np.array_equal(one, another) for one, another in pairs)
+        same_kind = repr(self) == repr(other) and self.dtype == other.dtype
+        return same_kind and all(map(np.array_equal, self.sources, other.sources))
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -73,16 +71,12 @@ class ComputedSeries(LazySeries):
         self._prepare()
 
     def __getitem__(self, key: Any) -> Any:
-        """Return one sample, a slice of any step, or samples at an array of indices."""
-        if isinstance(key, slice) and key.step not in (None, 1):
-            key = np.arange(*key.indices(len(self)))
+        """Return one sample, a slice, or samples at an array of indices."""
         if not isinstance(key, np.ndarray):
             return super().__getitem__(key)
         index = np.arange(len(self))[key]
-        if not len(index):
-            return np.empty(0, self.dtype)
-        low = int(index.min())
-        return self.read(low, int(index.max()) + 1)[index - low]
+        low, high = int(index.min(initial=len(self))), int(index.max(initial=-1)) + 1
+        return self.read(low, high)[index - low] if low < high else np.empty(0, self.dtype)
 
     def _mirrored(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return samples of the measured signal, and of its mirror image beyond its ends."""

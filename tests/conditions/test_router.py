@@ -586,7 +586,7 @@ def test_labels_that_are_no_list_are_refused(y):
     [
         (["load"], TypeError, r"condition must be a key of meta .* got \['load'\]"),
         (("load", ["unit"]), TypeError, "condition must be a key of meta"),
-        ((), ValueError, "condition must name at least one key"),
+        ((), TypeError, "condition must be a key of meta"),
     ],
 )
 def test_what_names_no_key_is_refused(condition, error, message):

@@ -365,7 +365,7 @@ def test_it_stands_in_a_search_over_bands():
         (
             {"band": BAND, "channels": "sound"},
             TypeError,
-            "list of names such as .*; got a text",
+            "list of names such as .*, got '",
         ),
         ({"band": BAND, "channels": 3}, TypeError, "must be a list of names .*, got 3"),
         (

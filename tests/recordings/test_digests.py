@@ -3,7 +3,7 @@
 import numpy as np
 
 from emacm.recordings import digests
-from emacm.recordings.digests import content_digest, digest_of_file, is_mapped
+from emacm.recordings.digests import content_digest, digest_of_file
 
 
 def test_facts_types_and_shapes_count():
@@ -26,13 +26,6 @@ def test_parts_of_one_mapped_file_have_digests_of_their_own(tmp_path):
     parts = [whole[:100], whole[100:200], whole[::3], whole[200:299]]
     found = [content_digest("", [part]) for part in parts]
     assert found == [content_digest("", [np.array(part)]) for part in parts]
-
-
-def test_a_view_of_a_buffer_in_memory_is_no_memory_map(tmp_path):
-    in_memory = np.asarray(memoryview(bytes(16)))
-    assert not is_mapped(in_memory)
-    np.save(tmp_path / "a.npy", np.arange(5.0))
-    assert is_mapped(np.load(tmp_path / "a.npy", mmap_mode="r")[1:3])
 
 
 def test_the_digest_of_a_file_is_that_of_its_bytes(tmp_path):

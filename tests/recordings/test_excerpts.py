@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
 
@@ -96,13 +95,6 @@ def test_a_part_of_a_wound_angle_keeps_its_values():
     np.testing.assert_array_equal(recording.cut(5, 5.05).angle, angle[500:505])
 
 
-def test_parts_join_to_the_whole():
-    recording = two_rates()
-    parts = [recording.cut(0, 4), recording.cut(4, 10)]
-    joined = np.concatenate([part.signals["vibration"] for part in parts])
-    np.testing.assert_array_equal(joined, recording.signals["vibration"])
-
-
 @pytest.mark.parametrize(("start", "stop"), [(3, 2), (-1, 2), (2, 11), (10, None), (2, 2.001)])
 def test_impossible_parts_are_refused(start, stop):
     with pytest.raises(ValueError, match=r"start|samples of"):
@@ -175,17 +167,3 @@ def test_the_html_table_states_rates_units_and_ranges():
 
 
 # A table passed as a whole
-
-
-@pytest.mark.parametrize("name", ["time", "Time [s]", "t"])
-def test_the_time_column_of_a_table_is_no_channel(name):
-    frame = pd.DataFrame({name: np.arange(5) / 10, "b": np.arange(5.0)})
-    with pytest.raises(ValueError, match=r"named like the time of the samples.*drop\(columns="):
-        Recording(frame, 10, velocity=3.0)
-    assert Recording(dict(frame), 10, velocity=3.0).channels == (name, "b")
-
-
-def test_the_speed_column_of_a_table_is_no_channel():
-    frame = pd.DataFrame({"b": np.arange(5.0), "rpm": np.full(5, 1500.0)})
-    with pytest.raises(ValueError, match=r"named like the speed of the shaft.*velocity=frame"):
-        Recording(frame, 10, velocity=3.0)

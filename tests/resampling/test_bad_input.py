@@ -81,7 +81,7 @@ CASES = [
         "recording 0",
         "expected a Recording",
         "'a.csv'",
-        "read the channels from the file",
+        "use open_recording",
     ),
     Case(
         "something else with meta",
