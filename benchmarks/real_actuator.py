@@ -50,7 +50,7 @@ from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from emacm.datasets import load_cranfield
-from emacm.evaluation.bootstrap import cell_mean, group_intervals
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 
 HEALTHY = "normal"
 WORST = (HEALTHY, "lackLubrication2", "backlash2", "spalling8")
@@ -163,9 +163,8 @@ def row(task: str, known: Recordings, decided: NDArray) -> dict[str, float]:
     groups = known.run if len(np.unique(known.run[decided != ""])) >= FEW_RUNS else known.group
     if task == "unseen state":
         right *= _weights(names, cells)
-    low, high = group_intervals(right[None], cells[None], groups)[0]
-    value = cell_mean(right, cells)
-    return {"balanced_accuracy": value, "low": max(float(low), 0.0), "high": min(float(high), 1.0)}
+    value, low, high = GroupBootstrap().figures({"rate": Tally(right, cells)}, groups).values()
+    return {"balanced_accuracy": value, "low": max(low, 0.0), "high": min(high, 1.0)}
 
 
 def _weights(names: NDArray[Any], cells: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -77,7 +77,7 @@ from emacm import (
     actuator_recipe,
 )
 from emacm.datasets import load_cranfield
-from emacm.evaluation.bootstrap import cell_mean, gap_of_cells
+from emacm.evaluation.bootstrap import Tally, gap_of_cells
 from emacm.evaluation.figures import log_losses, most_probable
 from emacm.orders.new_lines import collected_statements
 from emacm.simulation import simulate_fleet
@@ -244,7 +244,7 @@ def calibration(table: Table) -> pd.DataFrame:
     by_method = frame.groupby("method", sort=False)
     found = by_method[["log loss", "accuracy"]].mean()
     found["calibration error"] = by_method[["gap", "bin"]].apply(
-        lambda part: cell_mean(part["gap"], part["bin"], gap_of_cells)
+        lambda part: Tally(part["gap"], part["bin"], gap_of_cells).figure()
     )
     return found
 

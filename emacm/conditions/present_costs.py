@@ -16,7 +16,7 @@ from emacm.decisions.truths import truth_cost_table
 
 
 def narrowed(model: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
-    """Restrict the costs and priors of an estimator that is not fitted to some classes.
+    """Restrict all costs and priors of an estimator, nested ones included, to some classes.
 
     Parameters
     ----------
@@ -31,10 +31,12 @@ def narrowed(model: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
         The same object.
     """
     narrow_costs(model, known.tolist(), classes.tolist())
-    final = final_estimator(model)
-    if "priors" in final.get_params(deep=False):
-        final.set_params(priors=priors_of_some(final.priors, known, classes))
-    return model
+    priors = {
+        name: priors_of_some(value, known, classes)
+        for name, value in model.get_params().items()
+        if name.rpartition("__")[2] == "priors"
+    }
+    return model.set_params(**priors)
 
 
 def with_present_costs(final: Any, model: Any, template: Any, classes: NDArray[Any]) -> Any:

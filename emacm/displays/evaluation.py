@@ -12,7 +12,7 @@ from sklearn.metrics import roc_auc_score, roc_curve
 
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
-from emacm.evaluation.novelty import FLAGGED, UnknownEvaluation
+from emacm.evaluation.novelty import UnknownEvaluation
 from emacm.evaluation.results import Evaluation
 
 _COLUMNS = ("left_out", "typicality", "is_unknown")
@@ -59,7 +59,7 @@ class UnknownRocDisplay(Display):
 
     table: pd.DataFrame
     intervals: pd.DataFrame | None = None
-    threshold: float = field(default=FLAGGED, kw_only=True)
+    threshold: float = field(default=0.01, kw_only=True)
 
     def __post_init__(self) -> None:
         _tables.check_columns(self.table, _COLUMNS)

@@ -1,4 +1,4 @@
-"""Means with confidence intervals from a bootstrap over whole groups of recordings.
+"""Figures of merit with confidence intervals from a bootstrap over whole groups of recordings.
 
 Recordings of one run are near copies of one another and therefore count as one observation: the
 bootstrap draws whole runs (or units), each with all its recordings [1]_.
@@ -13,8 +13,9 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +24,6 @@ from scipy.stats import norm, t
 from emacm._checks import check_count, check_number
 
 Array = NDArray[np.float64]
-Combine = Callable[[Array, Array], Array]
 
 
 def mean_of_cells(sums: Array, counts: Array) -> Array:
@@ -55,223 +55,205 @@ def gap_of_cells(sums: Array, counts: Array) -> Array:
     return np.abs(sums).sum(axis=-1) / counts.sum(axis=-1)
 
 
-def cell_mean(values: ArrayLike, cells: ArrayLike, combine: Combine = mean_of_cells) -> float:
-    """Compute the mean of each cell, and the mean of these over the cells.
+class Tally(NamedTuple):
+    """Contribution of each recording to a figure of merit.
 
-    With values 0 or 1 (wrong or correct) and one cell for each class this is the balanced
-    accuracy; with a single cell it is a rate.
-
-    Parameters
+    Attributes
     ----------
     values : array-like of shape (n_recordings,)
         One number for each recording.
     cells : array-like of int of shape (n_recordings,)
         Cell of each recording; negative: the recording is not counted.
     combine : callable, default=mean_of_cells
-        Computes the result from sums and counts of the cells that are not empty.
-
-    Returns
-    -------
-    mean : float
-        NaN if no recording is in a cell.
+        Computes the figure of merit from sums and counts of the cells that are not empty.
 
     Examples
     --------
-    >>> cell_mean([1, 1, 1, 0], [0, 0, 0, 1])
+    With values 0 or 1 (wrong or correct) and one cell for each class, the figure of merit is the
+    balanced accuracy; with a single cell it is a rate.
+
+    >>> Tally([1, 1, 1, 0], [0, 0, 0, 1]).figure()
     0.5
-    >>> cell_mean([1, 1, 1, 0], [0, 0, 0, 0])
+    >>> Tally([1, 1, 1, 0], [0, 0, 0, 0]).figure()
     0.75
     """
-    sums, counts = _by_group(np.asarray(values, float), np.asarray(cells))
-    if not counts.size:
-        return np.nan
-    return float(combine(sums.sum(axis=0), counts.sum(axis=0)))
+
+    values: ArrayLike
+    cells: ArrayLike
+    combine: Callable[[Array, Array], Array] = mean_of_cells
+
+    def figure(self) -> float:
+        """Return the figure of merit of all recordings; NaN if none is counted."""
+        sums, counts = self.by_group(np.zeros(len(np.asarray(self.cells)), np.intp))
+        return float(self.combine(sums[0], counts[0])) if counts.size else np.nan
+
+    def by_group(self, codes: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return sums of values and counts of recordings, shape (n_groups, n_nonempty_cells).
+
+        `codes` is the number of the group of each recording, from 0.
+        """
+        counted = np.asarray(self.cells) >= 0
+        known, places = np.unique(np.asarray(self.cells)[counted], return_inverse=True)
+        sums, counts = np.zeros((2, int(codes.max(initial=0)) + 1, len(known)))
+        np.add.at(sums, (codes[counted], places), np.asarray(self.values)[counted])
+        np.add.at(counts, (codes[counted], places), 1)
+        return sums, counts
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the range that the figure of merit cannot leave."""
+        counted = np.asarray(self.values, float)[np.asarray(self.cells) >= 0]
+        if self.combine is gap_of_cells:
+            return 0.0, np.abs(counted).max(initial=0)
+        return counted.min(initial=np.inf), counted.max(initial=-np.inf)
+
+    def n_groups(self, groups: ArrayLike) -> int:
+        """Return the number of groups with counted recordings."""
+        return len(np.unique(np.asarray(groups)[np.asarray(self.cells) >= 0]))
 
 
-def group_draws(
-    values: ArrayLike,
-    cells: ArrayLike,
-    groups: ArrayLike,
-    *,
-    combine: Sequence[Combine] | None = None,
-    n_resamples: int = 2000,
-    random_state: Any = 0,
-) -> list[Array]:
-    """Draw groups with replacement, and compute several figures of merit for each draw.
+@dataclass(frozen=True)
+class GroupBootstrap:
+    """Confidence intervals of figures of merit by drawing whole groups of recordings.
 
-    Parameters
+    Attributes
     ----------
-    values : array-like of shape (n_figures, n_recordings)
-        One number for each figure of merit and recording.
-    cells : array-like of int of shape (n_figures, n_recordings)
-        Cells of each figure of merit, as in `cell_mean`.
-    groups : array-like of shape (n_recordings,)
-        Group of each recording (run, unit); recordings of one group are drawn together. Equal
-        groups and seeds give equal draws, so that differences of two results are paired.
-    combine : sequence of callable, optional
-        How the cells of each figure of merit are combined. Default: `mean_of_cells`.
-    n_resamples : int, default=2000
-        Number of bootstrap draws.
-    random_state : int, Generator or None, default=0
-        Seed.
-
-    Returns
-    -------
-    list of ndarray of shape (n_resamples,)
-        For each figure of merit; NaN for draws that miss one of its cells, and empty if it has no
-        cell.
-
-    """
-    values, cells = np.asarray(values, float), np.asarray(cells)
-    codes = np.unique(np.asarray(groups), return_inverse=True)[1]
-    tables = [_by_group(v, c, codes) for v, c in zip(values, cells, strict=True)]
-    combine = [mean_of_cells] * len(tables) if combine is None else combine
-    sums, counts = (np.hstack([table[part] for table in tables]) for part in (0, 1))
-    edges = np.cumsum([table[0].shape[1] for table in tables])[:-1]
-    drawn = []
-    for times in drawn_groups(len(sums), n_resamples, random_state):
-        totals = (np.split(times @ part, edges, axis=1) for part in (sums, counts))
-        parts = zip(combine, *totals, strict=True)
-        drawn.append([f(s, n) if n.shape[1] else np.empty(0) for f, s, n in parts])
-    return [np.concatenate(parts) for parts in zip(*drawn, strict=True)]
-
-
-def drawn_groups(n_groups: int, n_resamples: int, random_state: Any = 0) -> Iterator[Array]:
-    """Yield how often each group is drawn, in blocks of shape (n_draws, n_groups)."""
-    rng, shares = np.random.default_rng(random_state), np.full(n_groups, 1 / n_groups)
-    step = max(1, 2**22 // n_groups)  # limits the memory to 32 MiB
-    for start in range(0, n_resamples, step):
-        size = min(step, n_resamples - start)
-        yield rng.multinomial(n_groups, shares, size).astype(float)
-
-
-def group_intervals(
-    values: ArrayLike,
-    cells: ArrayLike,
-    groups: ArrayLike,
-    *,
-    combine: Sequence[Combine] | None = None,
-    confidence: float = 0.95,
-    n_resamples: int = 2000,
-    random_state: Any = 0,
-) -> Array:
-    """Compute a confidence interval of each of several cell means by a bootstrap over groups.
-
-    Parameters
-    ----------
-    values, cells, groups, combine
-        As for `group_draws`.
-    confidence : float, default=0.95
-        Confidence level, above 0 and below 1.
-    n_resamples : int, default=2000
+    confidence : float
+        Confidence level of the intervals, above 0 and below 1.
+    n_resamples : int
         Number of bootstrap draws, at least 100.
-    random_state : int, Generator or None, default=0
-        Seed.
-
-    Returns
-    -------
-    intervals : ndarray of shape (n_figures, 2)
-        Lower and upper limit. NaN if fewer than two groups contain counted recordings, or if
-        more than nine in ten draws miss one of the cells.
+    random_state : int, Generator or None
+        Seed. Equal groups and seeds give equal draws, so that differences of two results are
+        paired.
 
     Raises
     ------
     TypeError, ValueError
         If `confidence` or `n_resamples` is outside its range.
 
-    Notes
-    -----
-    As `draw_interval`. Draws of `gap_of_cells` are first moved by the difference between their
-    mean and the figure of merit: resampling adds to an absolute value. If all values are equal,
-    the interval has zero width; this does not prove certainty.
-
     Examples
     --------
     >>> correct = np.repeat([1.0, 1.0, 0.0, 1.0], 25)  # four runs of 25 near copies
-    >>> one_cell = np.zeros((1, 100), int)
-    >>> group_intervals([correct], one_cell, np.repeat([1, 2, 3, 4], 25))
-    array([[0., 1.]])
-    >>> group_intervals([correct], one_cell, np.arange(100)).round(2)  # as if independent
-    array([[0.66, 0.83]])
+    >>> rate = {"rate": Tally(correct, np.zeros(100, int))}
+    >>> GroupBootstrap().figures(rate, np.repeat([1, 2, 3, 4], 25))
+    {'rate': 0.75, 'rate_low': 0.0, 'rate_high': 1.0}
+    >>> alone = GroupBootstrap().figures(rate, np.arange(100))  # as if they were independent
+    >>> round(alone["rate_low"], 2), round(alone["rate_high"], 2)
+    (0.66, 0.83)
     """
-    check_number(confidence, "confidence", above=0, below=1)
-    check_count(n_resamples, "n_resamples", at_least=100)
-    options = {"combine": combine, "n_resamples": n_resamples, "random_state": random_state}
-    replicates = group_draws(values, cells, groups, **options)
-    values, cells, groups = np.asarray(values, float), np.asarray(cells), np.asarray(groups)
-    intervals = []
-    for place, (value, cell, drawn) in enumerate(zip(values, cells, replicates, strict=True)):
-        counted = value[cell >= 0]
-        n_groups = len(np.unique(groups[cell >= 0]))
-        how = mean_of_cells if combine is None else combine[place]
-        estimate = cell_mean(value, cell, how)
-        limits = (counted.min(), counted.max()) if len(counted) else (np.nan, np.nan)
-        if how is gap_of_cells and len(counted):
-            limits = (0.0, np.abs(counted).max())
-            drawn = np.clip(drawn - np.nanmean(drawn) + estimate, *limits)
-        intervals.append(draw_interval(drawn, estimate, n_groups, limits, confidence))
-    return np.array(intervals)
 
+    confidence: float = 0.95
+    n_resamples: int = 2000
+    random_state: Any = 0
 
-def draw_interval(
-    drawn: Array,
-    estimate: float,
-    n_groups: int,
-    limits: tuple[float, float] = (-np.inf, np.inf),
-    confidence: float = 0.95,
-) -> tuple[float, float]:
-    """Compute a confidence interval from bootstrap draws of groups.
+    def __post_init__(self) -> None:
+        """Check the level and the number of draws."""
+        check_number(self.confidence, "confidence", above=0, below=1)
+        check_count(self.n_resamples, "n_resamples", at_least=100)
 
-    Parameters
-    ----------
-    drawn : ndarray of shape (n_draws,)
-        The figure of merit in each draw; NaN where it cannot be computed.
-    estimate : float
-        The figure of merit of all recordings.
-    n_groups : int
-        Number of groups.
-    limits : tuple of float
-        Range of possible values; the interval is clipped to it where there are few groups.
-    confidence : float, default=0.95
-        Confidence level.
+    def times(self, n_groups: int) -> Array:
+        """Return how often each group is drawn, shape (n_resamples, n_groups)."""
+        rng, shares = np.random.default_rng(self.random_state), np.full(n_groups, 1 / n_groups)
+        return rng.multinomial(n_groups, shares, self.n_resamples).astype(float)
 
-    Returns
-    -------
-    tuple of float
-        Lower and upper limit. NaN if there are fewer than two groups, or fewer than one in ten
-        draws are known.
+    def draws(self, tallies: Mapping[str, Tally], groups: ArrayLike) -> dict[str, Array]:
+        """Compute figures of merit for each draw of groups.
 
-    Notes
-    -----
-    Percentile intervals of n groups are too narrow by sqrt((n-1)/n), and further by the ratio of
-    the normal to Student's t distribution; the percentiles are moved outwards to correct both
-    ([2]_, "expanded percentile interval"). Percentiles cannot exceed the draws, and few groups
-    give few distinct draws: with fewer than five groups the interval is computed from Student's
-    t distribution and the standard deviation of the draws. Draws that are not known are ignored.
-    """
-    known = drawn[np.isfinite(drawn)]
-    if n_groups < 2 or not len(known) or len(known) < 0.1 * len(drawn):
-        return np.nan, np.nan
-    # Hesterberg (2015): Phi^-1(a') = -sqrt(n / (n - 1)) t_{a, n-1}.
-    reach = np.sqrt(n_groups / (n_groups - 1)) * t.ppf((1 + confidence) / 2, n_groups - 1)
-    if n_groups >= 5:
-        tail = norm.cdf(-reach)
-        low, high = np.quantile(known, [tail, 1 - tail])
-    else:  # few groups give few distinct draws, whose percentiles are uninformative
-        half = reach * known.std()
-        low, high = max(estimate - half, limits[0]), min(estimate + half, limits[1])
-    return float(low), float(high)
+        Parameters
+        ----------
+        tallies : mapping of str to Tally
+            Figures of merit by name.
+        groups : array-like of shape (n_recordings,)
+            Group of each recording (run, unit).
 
+        Returns
+        -------
+        dict of str to ndarray of shape (n_resamples,)
+            NaN for draws that miss a cell of the figure, and for a figure without any cell.
+        """
+        names, codes = np.unique(np.asarray(groups), return_inverse=True)
+        times, drawn = self.times(len(names)), {}
+        for name, tally in tallies.items():
+            sums, counts = (times @ part for part in tally.by_group(codes))
+            is_known = counts.shape[1] > 0
+            drawn[name] = tally.combine(sums, counts) if is_known else np.full(len(times), np.nan)
+        return drawn
 
-def _by_group(
-    values: Array, cells: NDArray[Any], codes: NDArray[np.intp] | None = None
-) -> tuple[Array, Array]:
-    """Return sums of values and counts of recordings, shape (n_groups, n_nonempty_cells)."""
-    codes = np.zeros(len(values), np.intp) if codes is None else codes
-    n_groups, counted = int(codes.max(initial=0)) + 1, cells >= 0
-    known, places = np.unique(cells[counted], return_inverse=True)
-    flat = codes[counted] * len(known) + places
-    shape, size = (n_groups, len(known)), n_groups * len(known)
-    sums = np.bincount(flat, values[counted], minlength=size).reshape(shape)
-    counts = np.bincount(flat, minlength=size).reshape(shape)
-    return sums.astype(np.float64), counts.astype(np.float64)
+    def figures(self, tallies: Mapping[str, Tally], groups: ArrayLike) -> dict[str, float]:
+        """Compute figures of merit and their confidence intervals.
+
+        Parameters
+        ----------
+        tallies, groups
+            As for `draws`.
+
+        Returns
+        -------
+        dict
+            "accuracy", "accuracy_low", "accuracy_high" and so on. The limits are NaN if fewer
+            than two groups contain counted recordings, or if more than nine in ten draws miss
+            one of the cells. If all values are equal, the interval has zero width; this does not
+            prove certainty.
+        """
+        row: dict[str, float] = {}
+        for name, drawn in self.draws(tallies, groups).items():
+            tally, n_groups = tallies[name], tallies[name].n_groups(groups)
+            is_gap = tally.combine is gap_of_cells
+            row |= self.interval(
+                name, drawn, tally.figure(), n_groups, bounds=tally.bounds(), is_gap=is_gap
+            )
+        return row
+
+    def interval(
+        self,
+        name: str,
+        drawn: Array,
+        estimate: float,
+        n_groups: int,
+        *,
+        bounds: tuple[float, float] = (-np.inf, np.inf),
+        is_gap: bool = False,
+    ) -> dict[str, float]:
+        """Compute a confidence interval from bootstrap draws of groups.
+
+        Parameters
+        ----------
+        name : str
+            Name of the figure of merit.
+        drawn : ndarray of shape (n_draws,)
+            The figure of merit in each draw; NaN where it cannot be computed.
+        estimate : float
+            The figure of merit of all recordings.
+        n_groups : int
+            Number of groups with counted recordings.
+        bounds : tuple of float
+            Range of possible values; the interval is clipped to it where there are few groups.
+        is_gap : bool
+            Whether the draws are of `gap_of_cells`: they are first moved by the difference between
+            their mean and the estimate, because resampling adds to an absolute value.
+
+        Returns
+        -------
+        dict
+            The estimate under `name`, and its limits, `name_low` and `name_high`.
+
+        Notes
+        -----
+        Percentile intervals of n groups are too narrow by sqrt((n-1)/n), and further by the ratio
+        of the normal to Student's t distribution; the percentiles are moved outwards to correct
+        both ([2]_, "expanded percentile interval"). Percentiles cannot exceed the draws, and few
+        groups give few distinct draws: with fewer than five groups the interval is computed from
+        Student's t distribution and the standard deviation of the draws.
+        """
+        known = drawn[np.isfinite(drawn)]
+        row = {name: estimate, f"{name}_low": np.nan, f"{name}_high": np.nan}
+        if n_groups < 2 or not len(known) or len(known) < 0.1 * len(drawn):
+            return row
+        if is_gap:
+            known = np.clip(known - known.mean() + estimate, *bounds)
+        # Hesterberg (2015): Phi^-1(a') = -sqrt(n / (n - 1)) t_{a, n-1}.
+        reach = np.sqrt(n_groups / (n_groups - 1)) * t.ppf((1 + self.confidence) / 2, n_groups - 1)
+        if n_groups >= 5:
+            limits = np.quantile(known, norm.cdf([-reach, reach]))
+        else:  # few groups give few distinct draws, whose percentiles are uninformative
+            limits = np.clip(estimate + np.array([-1, 1]) * reach * known.std(), *bounds)
+        return row | {f"{name}_low": float(limits[0]), f"{name}_high": float(limits[1])}

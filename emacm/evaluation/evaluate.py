@@ -16,14 +16,9 @@ from numpy.typing import ArrayLike
 
 from emacm._checks import check_count
 from emacm.decisions.costs import stated_cost, stated_truths
+from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.caveats import single_unit_labels
-from emacm.evaluation.held_out import (
-    HeldOut,
-    all_schemes,
-    decide_held_out,
-    read_groupings,
-    training_groups,
-)
+from emacm.evaluation.held_out import all_schemes, decide_held_out, read_groupings
 from emacm.evaluation.results import Evaluation, score_held_out
 from emacm.evaluation.scoring import checked_classes, scoring_rule
 
@@ -112,7 +107,7 @@ def evaluate(
 
     If a label is held out without being in the training data, the scheme cannot be scored; its row
     is NaN and a caveat gives the group and the label. The bootstrap
-    (`emacm.evaluation.bootstrap.group_intervals`) draws runs, or units if no `runs` are given and
+    (`emacm.evaluation.bootstrap.GroupBootstrap`) draws runs, or units if no `runs` are given and
     for the split by unit; without either it draws recordings, and a caveat says so. The intervals
     cover the variation of the recordings held out, not that of the training data.
 
@@ -143,20 +138,14 @@ def evaluate(
     classes = checked_classes(y, X)
     check_count(n_splits, "n_splits", at_least=2)
     unknown, priors = stated_truths(estimator)
-    stated = {
-        "healthy": healthy,
-        "cost": stated_cost(estimator),
-        "unknown": unknown,
-        "priors": priors,
-    }
+    stated = {"healthy": healthy, "cost": stated_cost(estimator)}
+    stated |= {"unknown": unknown, "priors": priors}
     rule = scoring_rule(np.unique(classes), **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
     groupings = read_groupings(X, runs, units, conditions)
     schemes = all_schemes(classes, labels, groupings, splits, n_splits)
-    groups = training_groups(estimator, groupings)
-    schemes, decided = decide_held_out(estimator, X, classes, schemes, groups=groups)
-    bootstrap = {"confidence": 0.95, "n_resamples": 2000, "random_state": 0}
-    result = score_held_out(HeldOut(schemes, decided, classes, groupings, stated), bootstrap)
+    held_out = decide_held_out(estimator, X, classes, schemes, groupings)
+    result = score_held_out(held_out, stated, GroupBootstrap())
     by_unit = groupings["units"]
     if by_unit is not None and single_unit_labels(labels, by_unit.labels.tolist()):
         warnings.warn(result.caveats[0], UserWarning, stacklevel=2)

@@ -9,20 +9,14 @@ References
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_count
-from emacm.evaluation.bootstrap import (
-    Combine,
-    cell_mean,
-    gap_of_cells,
-    group_intervals,
-    mean_of_cells,
-)
+from emacm.decisions.labels import label_array
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells
 from emacm.evaluation.scoring import ScoringRule
 
 Array = NDArray[np.float64]
@@ -42,24 +36,6 @@ FIGURES = (
 )
 
 
-class Tally(NamedTuple):
-    """Contribution of each recording to a figure of merit (`emacm.evaluation.bootstrap`).
-
-    Attributes
-    ----------
-    values : ndarray of shape (n_recordings,)
-        One number for each recording.
-    cells : ndarray of int of shape (n_recordings,)
-        Its cell; in cell -1 it is not counted.
-    combine : callable
-        How the cells are combined.
-    """
-
-    values: NDArray[np.float64]
-    cells: NDArray[np.intp]
-    combine: Combine = mean_of_cells
-
-
 def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     """Return the contribution of each recording to each figure of merit.
 
@@ -75,31 +51,28 @@ def tallies(judged: pd.DataFrame, rule: ScoringRule) -> dict[str, Tally]:
     -------
     dict of str to Tally
     """
-    correct = judged["correct"].to_numpy(float)
-    truths = _codes(judged["true_label"], rule.labels)
+    truths = codes_of(judged["true_label"], rule.labels)
     one_cell = np.zeros(len(judged), np.intp)
     found = {
-        "balanced_accuracy": Tally(correct, truths),
-        "accuracy": Tally(correct, one_cell),
-        "expected_cost": Tally(judged["cost"].to_numpy(float), one_cell),
+        "balanced_accuracy": Tally(judged["correct"], truths),
+        "accuracy": Tally(judged["correct"], one_cell),
+        "expected_cost": Tally(judged["cost"], one_cell),
     }
     if rule.healthy is not None:
-        is_healthy = (judged["true_label"] == rule.healthy).to_numpy()
-        called_healthy = judged["decided_label"].isin(rule.cleared).to_numpy()
-        called_faulty = judged["decided_label"].isin(rule.alarms).to_numpy() & ~called_healthy
-        among_healthy, among_faulty = np.where(is_healthy, 0, -1), np.where(is_healthy, -1, 0)
-        inspected = ~(called_healthy | called_faulty)
-        found["false_alarm_rate"] = Tally(called_faulty.astype(float), among_healthy)
-        found["inspection_rate"] = Tally(inspected.astype(float), among_healthy)
-        found["missed_detection_rate"] = Tally(called_healthy.astype(float), among_faulty)
+        is_faulty = (judged["true_label"] != rule.healthy).to_numpy(int)
+        called_healthy = judged["decided_label"].isin(rule.cleared)
+        called_faulty = judged["decided_label"].isin(rule.alarms) & ~called_healthy
+        found["false_alarm_rate"] = Tally(called_faulty, -is_faulty)
+        found["inspection_rate"] = Tally(~(called_healthy | called_faulty), -is_faulty)
+        found["missed_detection_rate"] = Tally(called_healthy, is_faulty - 1)
     if "predicted_cost" in judged:
         probabilities = judged[probability_columns(rule)].to_numpy(float)
         confidence, called, bins = most_probable(probabilities, truths)
         found["log_loss"] = Tally(log_losses(probabilities, truths), one_cell)
         found["brier"] = Tally(brier_scores(probabilities, truths), one_cell)
         found["calibration_error"] = Tally(confidence - called, bins, gap_of_cells)
-        for name, column in {"realised_cost": "cost", "predicted_cost": "predicted_cost"}.items():
-            found[name] = _in_service(judged[column].to_numpy(float), judged["truth"], rule)
+        found["realised_cost"] = _in_service(judged["cost"], judged["truth"], rule)
+        found["predicted_cost"] = _in_service(judged["predicted_cost"], judged["truth"], rule)
     return {name: found[name] for name in FIGURES if name in found}
 
 
@@ -108,84 +81,19 @@ def probability_columns(rule: ScoringRule) -> list[str]:
     return [f"P({label})" for label in rule.labels]
 
 
-def _in_service(values: NDArray[np.float64], truths: pd.Series, rule: ScoringRule) -> Tally:
+def _in_service(values: pd.Series, truths: pd.Series, rule: ScoringRule) -> Tally:
     """Return a mean in which the true classes have their priors in service as weights."""
     if rule.priors is None:
         return Tally(values, np.zeros(len(values), np.intp))
-    cells = _codes(truths, rule.classes)
+    cells = codes_of(truths, rule.classes)
     weights = np.array([rule.priors[rule.classes[cell]] for cell in np.unique(cells)])
     if not weights.sum() > 0:
         return Tally(values, np.full(len(values), -1))
     return Tally(values, cells, partial(_weighted_mean, weights / weights.sum()))
 
 
-def _weighted_mean(
-    weights: NDArray[np.float64], sums: NDArray[np.float64], counts: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _weighted_mean(weights: Array, sums: Array, counts: Array) -> Array:
     return (sums / np.where(counts > 0, counts, np.nan)) @ weights
-
-
-def figure_row(found: dict[str, Tally], groups: NDArray[Any], **bootstrap: Any) -> dict[str, float]:
-    """Compute the figures of merit and their confidence intervals.
-
-    Parameters
-    ----------
-    found : dict
-        From `tallies`.
-    groups : ndarray of shape (n_recordings,)
-        Group of each recording, drawn as a whole by the bootstrap.
-    **bootstrap
-        Options of `emacm.evaluation.bootstrap.group_intervals`.
-
-    Returns
-    -------
-    dict
-        "accuracy", "accuracy_low", "accuracy_high" and so on.
-    """
-    values, cells, combine = zip(*found.values(), strict=True)
-    intervals = group_intervals(values, cells, groups, combine=combine, **bootstrap)
-    row: dict[str, float] = {}
-    for (name, tally), (low, high) in zip(found.items(), intervals, strict=True):
-        row |= {name: cell_mean(*tally), f"{name}_low": float(low), f"{name}_high": float(high)}
-    return row
-
-
-def reliability_curve(
-    probabilities: NDArray[np.float64],
-    truths: Any,
-    labels: list[Any],
-    groups: NDArray[Any],
-    **bootstrap: Any,
-) -> pd.DataFrame:
-    """Compute a reliability curve with a confidence interval for each of its bins.
-
-    Parameters
-    ----------
-    probabilities : ndarray of shape (n_recordings, n_labels)
-        Posterior probability of each label.
-    truths : Series of shape (n_recordings,)
-        True labels.
-    labels : list
-        The labels.
-    groups : ndarray of shape (n_recordings,)
-        Group of each recording, drawn as a whole by the bootstrap.
-    **bootstrap
-        Options of `emacm.evaluation.bootstrap.group_intervals`.
-
-    Returns
-    -------
-    DataFrame
-        As `emacm.evaluation.figures.reliability`, with the interval "low", "high" of
-        "frequency" and the number of "groups" in each bin.
-    """
-    codes = _codes(truths, labels)
-    curve = reliability(probabilities, codes)
-    _, correct, bins = most_probable(probabilities, codes)
-    present = np.unique(bins)
-    cells = np.where(bins == present[:, np.newaxis], 0, -1)
-    values = np.broadcast_to(correct, cells.shape)
-    curve[["low", "high"]] = group_intervals(values, cells, groups, **bootstrap)
-    return curve.assign(groups=[len(np.unique(groups[bins == number])) for number in present])
 
 
 def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
@@ -205,13 +113,13 @@ def confusion(judged: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
     """
     rows = list(dict.fromkeys([*rule.labels, *judged["decided_label"]]))
     counts = np.zeros((len(rows), len(rule.classes)), np.int64)
-    places = _codes(judged["decided_label"], rows), _codes(judged["truth"], rule.classes)
+    places = codes_of(judged["decided_label"], rows), codes_of(judged["truth"], rule.classes)
     np.add.at(counts, places, 1)
     index, columns = pd.Index(rows, name="decided"), pd.Index(rule.classes, name="true")
     return pd.DataFrame(counts, index, columns)
 
 
-def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[np.float64]:
+def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> pd.DataFrame:
     """Add the posterior probabilities of the classes of each label.
 
     Parameters
@@ -223,16 +131,16 @@ def label_posteriors(probabilities: pd.DataFrame, rule: ScoringRule) -> NDArray[
 
     Returns
     -------
-    ndarray of shape (n_recordings, n_labels)
+    DataFrame of shape (n_recordings, n_labels)
+        Columns ``P(label)``.
     """
-    labels, family_of = rule.labels, rule.family_of
-    summed = np.zeros((len(probabilities), len(labels)))
-    for name, column in zip(probabilities.columns, probabilities.to_numpy().T, strict=True):
-        summed[:, labels.index(family_of.get(name, name))] += column
-    return summed
+    labels = label_array([rule.family_of.get(name, name) for name in probabilities])
+    summed = probabilities.T.groupby(labels, sort=False).sum().T
+    table = summed.reindex(columns=rule.labels, fill_value=0.0)
+    return table.set_axis(probability_columns(rule), axis=1)
 
 
-def _codes(values: Any, labels: list[Any]) -> NDArray[np.intp]:
+def codes_of(values: Any, labels: list[Any]) -> NDArray[np.intp]:
     """Return the index of each value among the labels."""
     place = {label: number for number, label in enumerate(labels)}
     return np.array([place[value] for value in values], np.intp)
@@ -290,7 +198,14 @@ def brier_scores(probabilities: ArrayLike, truths: ArrayLike) -> Array:
     return np.sum((posterior - np.eye(posterior.shape[1])[codes]) ** 2, axis=1)
 
 
-def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10) -> pd.DataFrame:
+def reliability(
+    probabilities: ArrayLike,
+    truths: ArrayLike,
+    groups: ArrayLike,
+    bootstrap: GroupBootstrap | None = None,
+    *,
+    n_bins: int = 10,
+) -> pd.DataFrame:
     """Compare the probability of the most probable class with the frequency at which it is true.
 
     Parameters
@@ -299,6 +214,10 @@ def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
         Probability of each class.
     truths : array-like of int of shape (n_recordings,)
         Index of the true class.
+    groups : array-like of shape (n_recordings,)
+        Group of each recording, drawn as a whole by the bootstrap.
+    bootstrap : GroupBootstrap, optional
+        Confidence level, number of draws and seed.
     n_bins : int, default=10
         Number of bins of equal width from 0 to 1 of the largest probability of each recording.
 
@@ -307,20 +226,29 @@ def reliability(probabilities: ArrayLike, truths: ArrayLike, *, n_bins: int = 10
     DataFrame
         One row for each bin that contains recordings: its edges "from" and "to", the mean
         probability ("confidence"), the relative "frequency" at which the most probable class is
-        the true one, and the "count" of recordings.
+        the true one, the "count" of recordings, the interval of the frequency, "low" and "high",
+        and the number of "groups".
 
     Examples
     --------
-    >>> reliability([[0.8, 0.2], [0.8, 0.2], [0.4, 0.6], [0.4, 0.6]], [0, 0, 0, 1], n_bins=2)
-       from   to  confidence  frequency  count
-    0   0.5  1.0         0.7       0.75      4
+    >>> stated = [[0.8, 0.2], [0.8, 0.2], [0.4, 0.6], [0.4, 0.6]]
+    >>> curve = reliability(stated, [0, 0, 0, 1], groups=[1, 1, 2, 2], n_bins=2)
+    >>> curve[["from", "to", "confidence", "frequency", "count", "groups"]]
+       from   to  confidence  frequency  count  groups
+    0   0.5  1.0         0.7       0.75      4       2
     """
     largest, correct, bins = most_probable(probabilities, truths, n_bins=n_bins)
-    table = pd.DataFrame({"bin": bins, "confidence": largest, "frequency": correct})
-    curve = table.groupby("bin").mean().assign(count=table.groupby("bin").size())
-    curve.insert(0, "from", curve.index / n_bins)
-    curve.insert(1, "to", (curve.index + 1) / n_bins)
-    return curve.reset_index(drop=True)
+    present = np.unique(bins)
+    table = pd.DataFrame({"confidence": largest, "frequency": correct, "group": groups})
+    by_bin = table.groupby(bins)
+    curve = by_bin[["confidence", "frequency"]].mean().assign(count=by_bin.size())
+    curve.insert(0, "from", present / n_bins)
+    curve.insert(1, "to", (present + 1) / n_bins)
+    cells = {str(number): Tally(correct, np.where(bins == number, 0, -1)) for number in present}
+    row = (bootstrap or GroupBootstrap()).figures(cells, groups)
+    for end in ("low", "high"):
+        curve[end] = [row[f"{number}_{end}"] for number in present]
+    return curve.assign(groups=by_bin["group"].nunique()).reset_index(drop=True)
 
 
 def most_probable(
@@ -351,7 +279,6 @@ def most_probable(
     >>> most_probable([[0.8, 0.2], [0.4, 0.6]], [0, 0], n_bins=5)
     (array([0.8, 0.6]), array([1., 0.]), array([4, 3]))
     """
-    check_count(n_bins, "n_bins")
     posterior, codes = np.asarray(probabilities, float), np.asarray(truths)
     largest = posterior.max(axis=1)
     correct = (posterior.argmax(axis=1) == codes).astype(float)

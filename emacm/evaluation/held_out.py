@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,24 +12,26 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import clone
-from sklearn.model_selection import LeaveOneGroupOut, StratifiedGroupKFold, StratifiedKFold
+from sklearn.model_selection import (
+    LeaveOneGroupOut,
+    StratifiedGroupKFold,
+    StratifiedKFold,
+    check_cv,
+)
 
 from emacm._checks import located
 from emacm._progress import run
-from emacm.conditions.present_costs import priors_of_some
-from emacm.decisions.costs import narrow_costs
+from emacm.conditions.present_costs import narrowed
 from emacm.decisions.pipelines import before_the_last_step, groups_are_units, groups_options
 from emacm.orders.new_lines import collected_statements
 from emacm.recordings.meta import Grouping, chosen_rows, plain_label, read_grouping
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 RANDOM = "random split"
 
 
-@dataclass(frozen=True)
-class Fold:
+class Fold(NamedTuple):
     """Recordings for training and recordings held out.
 
     Attributes
@@ -59,20 +61,20 @@ class Scheme:
         Groups that the bootstrap draws as a whole.
     impossible : str
         Why the scheme cannot be scored; empty if it can.
-    may_refuse : tuple of str
-        Methods, "fit" or "predict", in which a ValueError means that the estimator refuses what is
-        held out (a condition without training data) and is not an error of `evaluate`.
+    may_refuse : bool
+        Whether a ValueError means that the estimator refuses what is held out (a condition
+        without training data) and is not an error of `evaluate`.
     """
 
     name: str
     folds: list[Fold]
     resampled: Grouping
     impossible: str = ""
-    may_refuse: tuple[str, ...] = ()
+    may_refuse: bool = False
 
 
 def random_scheme(
-    y: NDArray[Any], labels: Sequence[Any], resampled: Grouping, n_splits: int, seed: Any
+    y: NDArray[Any], labels: Sequence[Any], resampled: Grouping, n_splits: int
 ) -> Scheme:
     """Hold out recordings at random, stratified by class.
 
@@ -81,19 +83,24 @@ def random_scheme(
     ValueError
         If no class has two recordings.
     """
-    largest = int(np.unique(y, return_counts=True)[1].max())
+    largest = _largest_class(y)
     if largest < 2:
         raise ValueError(
             "y has one recording of each class; at least one class must have two, one for "
             "training and one to be held out."
         )
-    split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=seed)
+    split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=0)
     folds = [Fold(train, test) for train, test in _split(split, y, None)]
     return Scheme(RANDOM, folds, resampled, _absent(folds, labels))
 
 
 def group_scheme(
-    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, resampled: Grouping, **options: Any
+    y: NDArray[Any],
+    labels: Sequence[Any],
+    grouping: Grouping,
+    resampled: Grouping,
+    n_splits: float,
+    seed: Any = 0,
 ) -> Scheme:
     """Hold out whole groups: one at a time, or several if there are more than `n_splits`.
 
@@ -107,29 +114,28 @@ def group_scheme(
         The groups.
     resampled : Grouping
         Groups that the bootstrap draws as a whole.
-    **options
-        `n_splits`, the largest number of folds (None: one for each group), and `seed`.
+    n_splits : int
+        Largest number of folds; infinite: one for each group.
+    seed : int or None
+        Seed of the choice of groups.
 
     Returns
     -------
     Scheme
         With `impossible` set if there is one group only, or if a label occurs in one group only.
     """
-    groups, n_splits = np.unique(grouping.labels), options["n_splits"]
-    name = f"by {grouping.name}"
+    groups, name = np.unique(grouping.labels), f"by {grouping.name}"
     if len(groups) < 2:
         only = f"There is only one {grouping.name}, {plain_label(groups[0])!r}; two are required."
         return Scheme(name, [], resampled, only)
-    one_at_a_time = _group_folds(LeaveOneGroupOut(), y, grouping)
-    folds = one_at_a_time
-    most = int(np.unique(y, return_counts=True)[1].max())  # folds that scikit-learn accepts
-    if n_splits is not None and len(groups) > n_splits and most > 1:
-        n_folds = min(n_splits, most)
-        cv = StratifiedGroupKFold(n_folds, shuffle=True, random_state=options["seed"])
-        folds = _group_folds(cv, y, grouping)
+    folds = _group_folds(LeaveOneGroupOut(), y, grouping)
+    most = _largest_class(y)  # folds that scikit-learn accepts
+    if len(groups) > n_splits and most > 1:
+        cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=seed)
+        several_at_a_time = _group_folds(cv, y, grouping)
         # With one group at a time, a label of two groups is always in the training data.
-        if _absent(folds, labels):
-            folds = one_at_a_time
+        if not _absent(several_at_a_time, labels):
+            folds = several_at_a_time
     return Scheme(name, folds, resampled, _absent(folds, labels))
 
 
@@ -163,22 +169,15 @@ def given_scheme(
         If `split` has another form, a fold is empty, a position is out of range, or a recording
         is in both parts of a fold.
     """
-    if hasattr(split, "split"):
-        pairs = list(split.split(np.zeros((len(y), 1)), y, groups))
-    elif isinstance(split, tuple):
-        pairs = [split]
-    elif isinstance(split, Iterable) and not isinstance(split, str | Mapping | np.ndarray):
-        pairs = list(split)
-    else:
-        raise TypeError(
-            f"splits[{name!r}] must be a tuple (train, test), a list of such tuples, or a splitter "
-            f"of sklearn.model_selection; got {split!r}."
-        )
-    folds = [
-        _checked_fold(pair, len(y), f"splits[{name!r}], fold {i}") for i, pair in enumerate(pairs)
-    ]
+    where = f"splits[{name!r}]"
+    with located(where):
+        pairs = check_cv([split] if isinstance(split, tuple) else split)
+        folds = [
+            _checked_fold(train, test, len(y), number)
+            for number, (train, test) in enumerate(pairs.split(np.zeros(len(y)), y, groups))
+        ]
     if not folds:
-        raise ValueError(f"splits[{name!r}] must have at least one fold, got none.")
+        raise ValueError(f"{where} must have at least one fold, got none.")
     return Scheme(name, folds, resampled, _absent(folds, labels))
 
 
@@ -188,7 +187,6 @@ def all_schemes(
     groupings: Mapping[str, Grouping | None],
     splits: Mapping[str, Any] | None,
     n_splits: int,
-    seed: int | None = 0,
 ) -> list[Scheme]:
     """Return the random split, and every other scheme for which there are labels.
 
@@ -202,7 +200,7 @@ def all_schemes(
         "runs", "units" and "conditions", in this order.
     splits : mapping of str to split, optional
         As for `given_scheme`.
-    n_splits, seed
+    n_splits : int
         As for `group_scheme`.
 
     Returns
@@ -214,18 +212,17 @@ def all_schemes(
     TypeError, ValueError
         If `splits` has another form, two schemes have the same name, or as `given_scheme`.
     """
-    runs, units, conditions = groupings.values()
-    options = {"n_splits": n_splits, "seed": seed}
-    resampled = runs or units or Grouping("recording", np.arange(len(y)))
-    schemes = [random_scheme(y, labels, resampled, n_splits, seed)]
-    schemes += [group_scheme(y, labels, g, g, **options) for g in (runs, units) if g is not None]
-    if conditions is not None:
-        left_out = group_scheme(y, labels, conditions, resampled, n_splits=None, seed=seed)
-        schemes.append(replace(left_out, may_refuse=("predict",)))
-    if splits is not None and not isinstance(splits, Mapping):
+    if not isinstance(splits, Mapping | None):
         raise TypeError(
             f"splits must map names to splits, as {{'later runs': (train, test)}}; got {splits!r}."
         )
+    runs, units, conditions = groupings.values()
+    resampled = runs or units or Grouping("recording", np.arange(len(y)))
+    schemes = [random_scheme(y, labels, resampled, n_splits)]
+    schemes += [group_scheme(y, labels, g, g, n_splits) for g in (runs, units) if g is not None]
+    if conditions is not None:
+        left_out = group_scheme(y, labels, conditions, resampled, np.inf)
+        schemes.append(replace(left_out, may_refuse=True))
     for name, split in (splits or {}).items():
         groups = None if runs is None else runs.labels
         schemes.append(given_scheme(str(name), split, y, groups, labels, resampled))
@@ -243,11 +240,14 @@ def strictest_scheme(
     schemes: Sequence[Scheme], groupings: Mapping[str, Grouping | None]
 ) -> Scheme | None:
     """Return the split by unit, otherwise by run, otherwise at random, whichever can be scored."""
-    names = [
-        f"by {each.name}" for each in map(groupings.get, ("units", "runs")) if each is not None
-    ]
+    groups = [groupings["units"], groupings["runs"]]
+    names = [*(f"by {each.name}" for each in groups if each is not None), RANDOM]
     possible = {scheme.name: scheme for scheme in schemes if not scheme.impossible}
-    return next((possible[name] for name in (*names, RANDOM) if name in possible), None)
+    return next((possible[name] for name in names if name in possible), None)
+
+
+def _largest_class(y: NDArray[Any]) -> int:
+    return int(np.unique(y, return_counts=True)[1].max())
 
 
 def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices]]:
@@ -268,58 +268,63 @@ def _group_folds(cv: Any, y: NDArray[Any], grouping: Grouping) -> list[Fold]:
 
 def _absent(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
     """Describe which label is held out without being in the training data."""
-    codes = np.asarray(pd.factorize(np.fromiter(labels, object, len(labels)))[0])
-    names = dict(zip(codes.tolist(), labels, strict=True))
     found = []
     for number, fold in enumerate(folds):
-        absent = np.setdiff1d(codes[fold.test], codes[fold.train])
-        if len(absent):
-            what = fold.left_out or f"fold {number}"
-            found.append(f"without {what}, training has no {names[int(absent[0])]!r}")
+        known = {labels[row] for row in fold.train}
+        absent = [labels[row] for row in fold.test if labels[row] not in known]
+        if absent:
+            found.append((fold.left_out or f"fold {number}", absent[0]))
     if not found:
         return ""
-    return f"In {len(found)} of {len(folds)} folds a label is absent from training: {found[0]}."
+    what, label = found[0]
+    return (
+        f"In {len(found)} of {len(folds)} folds a label is absent from training: without {what}, "
+        f"training has no {label!r}."
+    )
 
 
-def _checked_fold(pair: Any, n_recordings: int, where: str) -> Fold:
-    if not (isinstance(pair, tuple | list) and len(pair) == 2):
-        raise TypeError(f"{where} must be a pair (train, test), got {type(pair).__name__}.")
-    if not all(map(len, pair)):
-        raise ValueError(f"{where} must have at least one recording in train and in test.")
+def _checked_fold(train: Any, test: Any, n_recordings: int, number: int) -> Fold:
     recordings = np.arange(n_recordings)
     try:
-        train, test = (np.unique(recordings[np.asarray(part)]) for part in pair)
+        train, test = (np.unique(recordings[list(part)]) for part in (train, test))
     except IndexError as error:
         raise ValueError(
-            f"{where} must contain positions 0 to {n_recordings - 1}, or masks of length "
-            f"{n_recordings}: {error}."
+            f"fold {number}: give positions of recordings, or masks: {error}."
         ) from error
     both = np.intersect1d(train, test)
-    if len(both):
-        raise ValueError(f"{where} has recording {both[0]} in train and in test.")
-    if not (len(train) and len(test)):
-        raise ValueError(f"{where} must have at least one recording in train and in test.")
+    if len(both) or not (len(train) and len(test)):
+        raise ValueError(
+            f"fold {number} must have recordings in train and others in test, got {len(train)} and "
+            f"{len(test)}; in both: {both[:3].tolist()}."
+        )
     return Fold(train, test)
 
 
-@dataclass(frozen=True)
-class Decided:
-    """Decisions on the recordings held out in one fold.
+class HeldOut(NamedTuple):
+    """All that is needed to score held-out decisions, also by other costs.
 
     Attributes
     ----------
-    decisions : list of n_recordings
-        Decisions, as Python objects.
-    posterior : DataFrame of shape (n_recordings, n_classes) or None
-        Posterior probabilities (columns: classes); None without `predict_proba`.
-    typicality, unknown_proba : ndarray of shape (n_recordings,) or None
-        Typicality, and probability of the unknown state; None if there is no unknown state.
+    schemes : list of Scheme
+        The hold-out schemes, with `impossible` set where the estimator refused what was held out.
+    decisions : DataFrame
+        One row for each scheme that can be scored and recording held out: "scheme", "fold",
+        "left_out", "recording" (its position), "group", "decision", and, for a classifier with an
+        unknown state, "typicality" and "unknown_proba".
+    posteriors : DataFrame
+        Posterior probabilities in the same rows; columns are classes, none without
+        `predict_proba`.
+    y : ndarray of shape (n_recordings,)
+        True classes.
+    groupings : dict of str to Grouping or None
+        "runs", "units" and "conditions".
     """
 
-    decisions: list[Any]
-    posterior: pd.DataFrame | None = None
-    typicality: Array | None = None
-    unknown_proba: Array | None = None
+    schemes: list[Scheme]
+    decisions: pd.DataFrame
+    posteriors: pd.DataFrame
+    y: NDArray[Any]
+    groupings: Mapping[str, Grouping | None]
 
 
 def decide_held_out(
@@ -327,9 +332,8 @@ def decide_held_out(
     X: Any,
     y: NDArray[Any],
     schemes: Sequence[Scheme],
-    *,
-    groups: NDArray[Any] | None = None,
-) -> tuple[list[Scheme], list[list[Decided]]]:
+    groupings: Mapping[str, Grouping | None],
+) -> HeldOut:
     """Fit a clone in each fold, and return its decisions on the recordings held out.
 
     Parameters
@@ -342,15 +346,12 @@ def decide_held_out(
         Their classes.
     schemes : sequence of Scheme
         Those that are `impossible` are skipped.
-    groups : ndarray of shape (n_recordings,), optional
-        Recordings that were measured together, for classifiers that learn from left-out groups.
+    groupings : mapping
+        "runs" and "units", for classifiers that learn from left-out groups.
 
     Returns
     -------
-    schemes : list of Scheme
-        As given; `impossible` is set where the estimator refused what was held out.
-    decided : list of list of Decided
-        The decisions on the recordings of `test`, for each scheme and fold.
+    HeldOut
 
     Raises
     ------
@@ -363,126 +364,73 @@ def decide_held_out(
     parameters named `cost` and `priors` are left out, so that a family can be decided on when one
     of its classes was never observed.
     """
-    tasks = [
-        (fold, f"{scheme.name}, fold {number}", scheme.may_refuse)
-        for scheme in schemes
-        if not scheme.impossible
-        for number, fold in enumerate(scheme.folds)
-    ]
-    decide = partial(_decide, estimator, X, y, groups)
-    found = iter(
-        run(decide, *zip(*tasks, strict=True), unit="fold", prefer="processes") if tasks else []
-    )
-    scored, decided = [], []
-    for scheme in schemes:
-        folds = [] if scheme.impossible else [next(found) for _ in scheme.folds]
-        refusals = [fold for fold in folds if isinstance(fold, str)]
-        if refusals:
-            scheme = replace(scheme, impossible=f"The estimator refuses: {refusals[0]}")
-        scored.append(scheme)
-        decided.append([fold for fold in folds if not isinstance(fold, str)])
-    return scored, decided
+    tasks = [(s, number) for s in schemes if not s.impossible for number in range(len(s.folds))]
+    decide = partial(_decide, estimator, X, y, training_groups(estimator, groupings))
+    found = run(decide, *zip(*tasks, strict=True), unit="fold", prefer="processes") if tasks else []
+    refused: dict[str, str] = {}
+    for (scheme, _), result in zip(tasks, found, strict=True):
+        if isinstance(result, str):
+            refused.setdefault(scheme.name, f"The estimator refuses: {result}")
+    parts = [r for (s, _), r in zip(tasks, found, strict=True) if s.name not in refused]
+    tables = [pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True)]
+    decisions, posteriors = tables or (pd.DataFrame(), pd.DataFrame())
+    tried = [replace(s, impossible=refused.get(s.name, s.impossible)) for s in schemes]
+    return HeldOut(tried, decisions, posteriors.fillna(0.0), y, groupings)
 
 
 def _decide(
-    estimator: Any,
-    X: Any,
-    y: NDArray[Any],
-    groups: NDArray[Any] | None,
-    fold: Fold,
-    where: str,
-    may_refuse: tuple[str, ...],
-) -> Decided | str:
+    estimator: Any, X: Any, y: NDArray[Any], groups: Any, scheme: Scheme, number: int
+) -> tuple[pd.DataFrame, pd.DataFrame] | str:
+    """Return the decisions and posterior probabilities of a fold, or why they are refused."""
+    fold, where = scheme.folds[number], f"{scheme.name}, fold {number}"
     where += f" ({fold.left_out} left out)" if fold.left_out else ""
+    places = {
+        "scheme": scheme.name,
+        "fold": number,
+        "left_out": fold.left_out,
+        "recording": fold.test,
+        "group": scheme.resampled.labels[fold.test],
+    }
     with located(where), warnings.catch_warnings(), collected_statements():
-        if "predict" in may_refuse:  # what is held out is not like the training, by design
+        if scheme.may_refuse:  # what is held out is not like the training, by design
             warnings.filterwarnings("ignore", r"(?s)recording \d+.* training")
-        method = "fit"
         try:
             model = _fitted(estimator, X, y, groups, fold)
-            method = "predict"
             # The steps before the last are computed once for all results.
             final, held_out = before_the_last_step(model, chosen_rows(X, fold.test))
-            decisions = np.asarray(final.predict(held_out))
+            decisions = np.reshape(final.predict(held_out), len(fold.test))
         except ValueError as error:
-            if method not in may_refuse:
+            if not scheme.may_refuse:
                 raise
             return f"{where}: {error}"
-        n_recordings = len(fold.test)
-        _check_shape(decisions, "predict", (n_recordings,))
+        table = pd.DataFrame(places).assign(decision=pd.Series(decisions.tolist(), dtype=object))
         if not hasattr(final, "predict_proba"):
-            return Decided(decisions.tolist())
-        known = np.asarray(getattr(model, "classes_", np.unique(y[fold.train]))).tolist()
-        posterior = np.asarray(final.predict_proba(held_out))
-        _check_shape(posterior, "predict_proba", (n_recordings, len(known)))
-        if not (posterior >= 0).all() or not np.allclose(posterior.sum(axis=1), 1, atol=1e-5):
+            return table, pd.DataFrame(index=table.index)
+        if hasattr(final, "typicality") and hasattr(final, "unknown_proba"):
+            table["typicality"] = final.typicality(held_out)
+            table["unknown_proba"] = final.unknown_proba(held_out)
+        known = np.asarray(getattr(model, "classes_", np.unique(y[fold.train])))
+        posterior = pd.DataFrame(final.predict_proba(held_out), table.index, known.tolist())
+        if not np.allclose(posterior.sum(axis=1), 1, atol=1e-5):
             raise ValueError("predict_proba of the estimator must return rows that add up to 1.")
-        table = pd.DataFrame(posterior, columns=known)
-        if not (hasattr(final, "typicality") and hasattr(final, "unknown_proba")):
-            return Decided(decisions.tolist(), table)
-        of_unknown = final.typicality(held_out), final.unknown_proba(held_out)
-        return Decided(decisions.tolist(), table, *map(np.asarray, of_unknown))
+        return table, posterior
 
 
-def _fitted(
-    estimator: Any, X: Any, y: NDArray[Any], groups: NDArray[Any] | None, fold: Fold
-) -> Any:
-    known, classes = np.unique(y[fold.train]), np.unique(y)
-    model = narrow_costs(clone(estimator), known.tolist(), classes.tolist())
-    narrow = {
-        name: priors_of_some(value, known, classes)
-        for name, value in model.get_params().items()
-        if name.rpartition("__")[2] == "priors"
-    }
-    model.set_params(**narrow)
+def _fitted(estimator: Any, X: Any, y: NDArray[Any], groups: Any, fold: Fold) -> Any:
+    model = narrowed(clone(estimator), np.unique(y[fold.train]), np.unique(y))
     options = groups_options(model, None if groups is None else groups[fold.train])
     return model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
 
 
-def _check_shape(array: NDArray[Any], method: str, expected: tuple[int, ...]) -> None:
-    if array.shape != expected:
-        raise ValueError(
-            f"{method} of the estimator must return shape {expected}, got {array.shape}."
-        )
-
-
-class HeldOut(NamedTuple):
-    """All that is needed to score held-out decisions, also by other costs.
-
-    Attributes
-    ----------
-    schemes : list of Scheme
-        The hold-out schemes.
-    decided : list of list of Decided
-        Decisions of each scheme and fold.
-    y : ndarray of shape (n_recordings,)
-        True classes.
-    groupings : dict of str to Grouping or None
-        "runs", "units" and "conditions".
-    stated : dict
-        Arguments of `scoring_rule`.
-    """
-
-    schemes: list[Scheme]
-    decided: list[list[Decided]]
-    y: NDArray[Any]
-    groupings: dict[str, Grouping | None]
-    stated: dict[str, Any]
-
-
-def read_groupings(X: Any, runs: Any, units: Any, conditions: Any) -> dict[str, Grouping | None]:
+def read_groupings(
+    X: Any, runs: Any, units: Any, conditions: Any = None
+) -> dict[str, Grouping | None]:
     """Return the runs, units and conditions of recordings, in the forms of `read_grouping`."""
-    given = {
-        "runs": (runs, "run"),
-        "units": (units, "unit"),
-        "conditions": (conditions, "condition"),
-    }
-    return {role: read_grouping(values, X, role, name) for role, (values, name) in given.items()}
+    given = {"runs": runs, "units": units, "conditions": conditions}
+    return {role: read_grouping(value, X, role, role[:-1]) for role, value in given.items()}
 
 
-def training_groups(
-    estimator: Any, groupings: Mapping[str, Grouping | None]
-) -> NDArray[Any] | None:
+def training_groups(estimator: Any, groupings: Mapping[str, Grouping | None]) -> Any:
     """Return the groups of `fit`: units for a classifier for new units, otherwise runs."""
     roles = ("units", "runs") if groups_are_units(estimator) else ("runs", "units")
     together = groupings[roles[0]] or groupings[roles[1]]

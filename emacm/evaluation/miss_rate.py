@@ -23,14 +23,13 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binom
 from sklearn.base import clone
-from sklearn.exceptions import NotFittedError
-from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, located
 from emacm.decisions.labels import label_array, label_list, label_positions
-from emacm.decisions.pipelines import before_the_last_step, groups_options
+from emacm.decisions.pipelines import before_the_last_step, final_estimator, groups_options
 from emacm.decisions.risks import decide, risks_of
-from emacm.evaluation.figures import figure_row, tallies
+from emacm.evaluation.bootstrap import GroupBootstrap
+from emacm.evaluation.figures import tallies
 from emacm.evaluation.held_out import group_scheme
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
 from emacm.recordings.meta import Grouping, chosen_rows, read_grouping
@@ -154,7 +153,7 @@ def miss_rate_limit(
     0.04
     """
     rate = check_number(rate, "rate", above=0, below=1)
-    confidence = check_number(confidence, "confidence", above=0, below=1)
+    bootstrap = GroupBootstrap(confidence, n_resamples, random_state)
     units = read_grouping(groups, X, "groups", "unit")
     if units is None:
         raise ValueError("groups must give the unit of each recording, got None.")
@@ -169,17 +168,11 @@ def miss_rate_limit(
     rule = scoring_rule(label_array(truths), healthy=healthy, cost=cost)
     unknown = truths[len(final.classes_) :]  # may be true here; deciding it is an inspection
     rule = replace(rule, unknown=unknown[0] if unknown else None)
-    scaled = _missed_costs(cost, rule)
-    is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
-    codes = np.unique(units.labels[is_faulty], return_inverse=True)[1]
-    n_units = len(np.unique(codes))
-    check_units(n_units, rate, confidence)
 
+    is_faulty = np.array([rule.family_of[state] != rule.healthy for state in states])
+    weight, n_units, allowed = _test(units.labels, is_faulty, rate, confidence)
+    scaled = _missed_costs(cost, rule)
     critical = _critical_factors(posterior[is_faulty], cost.to_numpy(), scaled)
-    per_unit = np.bincount(codes)
-    weight = np.zeros(len(states))
-    weight[is_faulty] = 1 / (n_units * per_unit[codes])
-    allowed = largest_missed(n_units, rate, confidence, exact=bool((per_unit == 1).all()))
     factor = _least_factor(critical, weight[is_faulty], allowed)
     if not np.isfinite(factor * scaled.max()):
         raise ValueError(
@@ -188,17 +181,12 @@ def miss_rate_limit(
             f'faulty recordings. Give the classifier an unknown state or temperature="groups".'
         )
     limit = cost + (factor - 1) * scaled
-    bootstrap = {
-        "confidence": confidence,
-        "n_resamples": n_resamples,
-        "random_state": random_state,
-    }
     rows = {}
     for name, table in (("given cost", cost), ("limit", limit)):
         chosen = [decisions[row] for row in decide(posterior, table.to_numpy())]
         judged = rule.judge(states, chosen)
-        rates = {k: tally for k, tally in tallies(judged, rule).items() if "rate" in k}
-        rows[name] = figure_row(rates, units.labels, **bootstrap)
+        rates = {key: tally for key, tally in tallies(judged, rule).items() if "rate" in key}
+        rows[name] = bootstrap.figures(rates, units.labels)
         rows[name]["missed_by_unit"] = weight @ judged["decided_label"].isin(rule.cleared)
     table = pd.DataFrame.from_dict(rows, orient="index")
     return MissRateLimit(limit, factor, table, rate, confidence, n_units)
@@ -208,8 +196,26 @@ def _posteriors(
     model: Any, X: Any, y: list[Any], units: Grouping, n_splits: int, seed: int | None
 ) -> tuple[Any, Array]:
     """Return a fitted classifier, and the posterior probabilities of its true states."""
-    if not _is_fitted(model):
-        return _left_out_posteriors(model, X, label_array(y), units, n_splits, seed)
+    if hasattr(final_estimator(model), "classes_"):
+        return _of_fitted(model, X)
+    classes = label_array(y)
+    scheme = group_scheme(classes, y, units, units, n_splits, seed)
+    if scheme.impossible:
+        raise ValueError(
+            f"the model is not fitted, and units cannot be left out in turn: {scheme.impossible} "
+            f"Give a model that is fitted to other units."
+        )
+    parts = []
+    for train, test, left_out in scheme.folds:
+        with located(f"{left_out} left out"):
+            clean, options = clone(model), groups_options(model, units.labels[train])
+            clean.fit(chosen_rows(X, train), classes[train], **options)
+            parts.append(_of_fitted(clean, chosen_rows(X, test)))
+    order = np.argsort(np.concatenate([fold.test for fold in scheme.folds]))
+    return parts[0][0], np.vstack([posterior for _, posterior in parts])[order]
+
+
+def _of_fitted(model: Any, X: Any) -> tuple[Any, Array]:
     final, table = before_the_last_step(model, X)
     if not hasattr(final, "cost_"):
         raise TypeError(
@@ -223,44 +229,28 @@ def _posteriors(
     return final, posterior
 
 
-def _is_fitted(model: Any) -> bool:
-    try:
-        check_is_fitted(model)
-    except NotFittedError:
-        return False
-    return True
+def _test(
+    units: NDArray[Any], is_faulty: NDArray[np.bool_], rate: float, confidence: float
+) -> tuple[Array, int, float]:
+    """Return the weight of each recording, the number of units, and the fraction allowed.
 
-
-def _left_out_posteriors(
-    model: Any, X: Any, y: NDArray[Any], units: Grouping, n_splits: int, seed: int | None
-) -> tuple[Any, Array]:
-    """As `_posteriors`, each by a clone that is fitted without the unit."""
-    scheme = group_scheme(y, y.tolist(), units, units, n_splits=n_splits, seed=seed)
-    if scheme.impossible:
-        raise ValueError(
-            f"the model is not fitted, and units cannot be left out in turn: {scheme.impossible} "
-            f"Give a model that is fitted to other units."
-        )
-    parts = []
-    for fold in scheme.folds:
-        with located(f"{fold.left_out} left out"):
-            clean, options = clone(model), groups_options(model, units.labels[fold.train])
-            clean.fit(chosen_rows(X, fold.train), y[fold.train], **options)
-            held_out = chosen_rows(X, fold.test)
-            parts.append(_posteriors(clean, held_out, y[fold.test].tolist(), units, n_splits, seed))
-    posterior = np.empty((len(y), parts[0][1].shape[1]))
-    posterior[np.concatenate([fold.test for fold in scheme.folds])] = np.vstack(
-        [part for _, part in parts]
-    )
-    return parts[0][0], posterior
+    Each unit with faults has the same weight, however many recordings it has.
+    """
+    codes, per_unit = np.unique(units[is_faulty], return_inverse=True, return_counts=True)[1:]
+    n_units = len(per_unit)
+    check_units(n_units, rate, confidence)
+    weight = np.zeros(len(units))
+    weight[is_faulty] = 1 / (n_units * per_unit[codes])
+    exact = bool((per_unit == 1).all())
+    return weight, n_units, largest_missed(n_units, rate, confidence, exact=exact)
 
 
 def _missed_costs(cost: pd.DataFrame, rule: ScoringRule) -> Array:
     """Return what missed detections cost more than the cheapest decision, 0 for other entries."""
-    missed = cost.index.isin(rule.cleared)
-    faults = np.array([rule.family_of[state] != rule.healthy for state in cost.columns])
-    excess = np.where(np.outer(missed, faults), cost.to_numpy() - cost.to_numpy().min(axis=0), 0.0)
-    free = np.outer(missed, faults) & (excess <= 0)
+    faults = [rule.family_of[state] != rule.healthy for state in cost.columns]
+    is_miss = np.outer(cost.index.isin(rule.cleared), faults)
+    excess = np.where(is_miss, cost.to_numpy() - cost.to_numpy().min(axis=0), 0.0)
+    free = is_miss & (excess <= 0)
     if free.any():
         row, column = np.argwhere(free)[0]
         raise ValueError(
@@ -278,10 +268,8 @@ def _critical_factors(posterior: Array, cost: Array, scaled: Array) -> Array:
     others = risks[:, ~missed].min(axis=1, initial=np.inf, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         factors = 1 + (others - risks[:, missed]) / slopes  # risk + (factor - 1) slope = other risk
-    never_healthy = others < risks[:, missed]
-    return np.where(never_healthy, 0.0, np.nan_to_num(factors, nan=np.inf, posinf=np.inf)).max(
-        axis=1
-    )
+    factors = np.nan_to_num(factors, nan=np.inf, posinf=np.inf)
+    return np.where(others < risks[:, missed], 0.0, factors).max(axis=1)  # 0: never healthy
 
 
 def _least_factor(critical: Array, weight: Array, allowed: float) -> float:
@@ -342,6 +330,6 @@ def check_units(n_units: int, rate: float, confidence: float) -> None:
         raise ValueError(
             f"{n_units} units with faults cannot prove a missed detection rate of {rate:g} with "
             f"confidence {confidence:g}: even if none is missed, the rate may be as high as "
-            f"1 - (1 - {confidence:g})^(1/{max(n_units, 1)}) = {lowest:.3g}. It takes {needed} "
-            f"units; otherwise give a larger rate or less confidence."
+            f"{lowest:.3g}. It takes {needed} units; otherwise give a larger rate or less "
+            f"confidence."
         )

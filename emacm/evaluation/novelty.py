@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,29 +12,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_count
 from emacm.decisions.costs import stated_cost, stated_truths
-from emacm.decisions.metrics import label_of
-from emacm.evaluation.bootstrap import cell_mean, draw_interval, drawn_groups, group_intervals
-from emacm.evaluation.figures import label_posteriors
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally
+from emacm.evaluation.figures import probability_columns
 from emacm.evaluation.held_out import (
-    Decided,
     Fold,
+    HeldOut,
     Scheme,
     all_schemes,
     decide_held_out,
     read_groupings,
     strictest_scheme,
-    training_groups,
 )
-from emacm.evaluation.results import as_texts
+from emacm.evaluation.results import Printed, as_texts, judged_decisions
 from emacm.evaluation.scoring import ScoringRule, checked_classes, scoring_rule
 
 Array = NDArray[np.float64]
 
-FLAGGED = 0.01  # recordings of at most this typicality are flagged
 
-
-@dataclass(frozen=True)
-class UnknownEvaluation:
+@dataclass(frozen=True, repr=False)
+class UnknownEvaluation(Printed):
     """Result of `evaluate_unknown`; printed as its caveats, followed by its table.
 
     Attributes
@@ -42,7 +38,7 @@ class UnknownEvaluation:
     table : DataFrame
         One row for each family of faults that was left out of training, with intervals: "auroc",
         the area under the ROC curve of typicality, which separates its recordings from the known
-        ones; fraction of the known recordings with a typicality of at most 0.01
+        ones; fraction of the known recordings with a typicality of at most `threshold`
         ("known_flagged") and of those left out ("unknown_flagged"); fraction of those left out that
         were decided to be healthy ("unknown_called_healthy"); numbers of recordings ("known",
         "unknown"). Empty if no family was left out.
@@ -53,18 +49,19 @@ class UnknownEvaluation:
         and "unknown_proba".
     caveats : list of str
         Families that could not be left out.
+    bootstrap : GroupBootstrap
+        Confidence level of the intervals, number of draws and seed.
     """
 
     table: pd.DataFrame
     predictions: pd.DataFrame
     caveats: list[str]
+    bootstrap: GroupBootstrap
 
-    def __str__(self) -> str:
+    def printed_tables(self) -> dict[str, pd.DataFrame]:
+        """Return the figures of merit, one column for each family."""
         names = [name for name in self.table if f"{name}_low" in self.table]
-        texts = as_texts(self.table, names)
-        return "\n".join([*(f"- {text}" for text in self.caveats), texts.T.to_string()])
-
-    __repr__ = __str__
+        return {"": as_texts(self.table, names).T}
 
 
 def evaluate_unknown(
@@ -77,6 +74,7 @@ def evaluate_unknown(
     families: Any = None,
     healthy: Any = None,
     n_splits: int = 5,
+    threshold: float = 0.01,
 ) -> UnknownEvaluation:
     """Leave each family of faults out of training, and state whether it is recognised as unknown.
 
@@ -91,6 +89,8 @@ def evaluate_unknown(
         {class: family} or {family: [classes]}. Default: defined by the cost of the estimator.
     n_splits : int, default=5
         Largest number of folds for each family.
+    threshold : float, default=0.01
+        Recordings of at most this typicality are counted as flagged.
 
     Returns
     -------
@@ -125,12 +125,20 @@ def evaluate_unknown(
     stated = {"families": families, "healthy": healthy, "cost": stated_cost(estimator)}
     rule = scoring_rule(np.unique(classes), unknown=unknown, priors=priors, **stated)
     labels = [rule.family_of[label] for label in classes.tolist()]
-    groupings = read_groupings(X, runs, units, None)
+    groupings = read_groupings(X, runs, units)
     divided = strictest_scheme(all_schemes(classes, labels, groupings, None, n_splits), groupings)
     schemes = [] if divided is None else left_out_families(divided, labels, rule)
-    groups = training_groups(estimator, groupings)
-    schemes, decided = decide_held_out(estimator, X, classes, schemes, groups=groups)
-    return _score_novelty(schemes, decided, classes, rule)
+    held_out = decide_held_out(estimator, X, classes, schemes, groupings)
+    caveats = [
+        f"{scheme.name!r} could not be left out of training. {scheme.impossible}"
+        for scheme in held_out.schemes
+        if scheme.impossible
+    ]
+    predictions, bootstrap = novelty_predictions(held_out, rule), GroupBootstrap()
+    if predictions.empty:
+        caveats.append("No family of faults was left out as unknown.")
+    table = novelty_table(predictions, rule.cleared, bootstrap, threshold=threshold)
+    return UnknownEvaluation(table, predictions, caveats, bootstrap)
 
 
 def left_out_families(scheme: Scheme, labels: Sequence[Any], rule: ScoringRule) -> list[Scheme]:
@@ -159,82 +167,43 @@ def left_out_families(scheme: Scheme, labels: Sequence[Any], rule: ScoringRule) 
             for f in scheme.folds
         ]
         if all(len(fold.train) for fold in folds):
-            methods = ("fit", "predict")
-            schemes.append(replace(scheme, name=str(family), folds=folds, may_refuse=methods))
+            schemes.append(replace(scheme, name=str(family), folds=folds, may_refuse=True))
     return schemes
 
 
-def _score_novelty(
-    schemes: Sequence[Scheme],
-    decided: Sequence[Sequence[Decided]],
-    y: NDArray[Any],
-    rule: ScoringRule,
-) -> UnknownEvaluation:
-    caveats = [
-        f"{scheme.name!r} could not be left out of training. {scheme.impossible}"
-        for scheme in schemes
-        if scheme.impossible
-    ]
-    parts = [
-        novelty_predictions(scheme, folds, y, rule)
-        for scheme, folds in zip(schemes, decided, strict=True)
-        if not scheme.impossible and all(fold.typicality is not None for fold in folds)
-    ]
-    if not parts:
-        caveats.append("No family of faults was left out as unknown.")
-        return UnknownEvaluation(pd.DataFrame(), pd.DataFrame(), caveats)
-    predictions = pd.concat(parts, ignore_index=True)
-    bootstrap = {"confidence": 0.95, "n_resamples": 2000, "random_state": 0}
-    return UnknownEvaluation(
-        novelty_table(predictions, rule.cleared, bootstrap), predictions, caveats
-    )
-
-
-def novelty_predictions(
-    scheme: Scheme, decided: Sequence[Decided], y: NDArray[Any], rule: ScoringRule
-) -> pd.DataFrame:
-    """Return one row for each recording held out while a family was left out.
+def novelty_predictions(held_out: HeldOut, rule: ScoringRule) -> pd.DataFrame:
+    """Return one row for each family left out and recording held out.
 
     Parameters
     ----------
-    scheme : Scheme
-        One of `left_out_families`.
-    decided : sequence of Decided
-        Its decisions.
-    y : ndarray of shape (n_recordings,)
-        True classes.
+    held_out : HeldOut
+        Decisions in the schemes of `left_out_families`.
     rule : ScoringRule
         Labels of the classes.
 
     Returns
     -------
     DataFrame
-        Part of `UnknownEvaluation.predictions`.
+        `UnknownEvaluation.predictions`; empty if no family was left out.
     """
-    numbers = np.concatenate([fold.test for fold in scheme.folds])
-    labels = [rule.family_of[truth] for truth in y[numbers].tolist()]
-    decisions = [label for fold in decided for label in fold.decisions]
-    tables = [fold.posterior for fold in decided if fold.posterior is not None]
-    posteriors = np.vstack([label_posteriors(table, rule) for table in tables])
-    return pd.DataFrame(
-        {
-            "left_out": scheme.name,
-            "fold": np.repeat(np.arange(len(decided)), [len(fold.test) for fold in scheme.folds]),
-            "recording": numbers,
-            "group": scheme.resampled.labels[numbers],
-            "true_label": labels,
-            "is_unknown": [str(label) == scheme.name for label in labels],
-            "decision": decisions,
-            "decided_label": [label_of(decision, rule.correct) for decision in decisions],
-            "confidence": posteriors.max(axis=1),
-            "typicality": np.concatenate([fold.typicality for fold in decided]),
-            "unknown_proba": np.concatenate([fold.unknown_proba for fold in decided]),
-        }
-    )
+    table = judged_decisions(held_out, rule)
+    if table.empty:
+        return table
+    columns = ["fold", "recording", "group", "true_label", "is_unknown", "decision"]
+    columns += ["decided_label", "confidence", "typicality", "unknown_proba"]
+    return table.assign(
+        left_out=table["scheme"],
+        is_unknown=table["scheme"] == table["true_label"].astype(str),
+        confidence=table[probability_columns(rule)].max(axis=1),
+    )[["left_out", *columns]]
 
 
 def novelty_table(
-    predictions: pd.DataFrame, cleared: Collection[Any], bootstrap: Mapping[str, Any]
+    predictions: pd.DataFrame,
+    cleared: Collection[Any],
+    bootstrap: GroupBootstrap,
+    *,
+    threshold: float = 0.01,
 ) -> pd.DataFrame:
     """Return how well each family that was left out is recognised as unknown.
 
@@ -244,93 +213,52 @@ def novelty_table(
         From `novelty_predictions`.
     cleared : collection
         Decisions that are correct for the healthy state; empty if it was not given.
-    bootstrap : mapping
-        Options of `emacm.evaluation.bootstrap.group_intervals`.
+    bootstrap : GroupBootstrap
+        Confidence level, number of draws and seed.
+    threshold : float, default=0.01
+        As for `evaluate_unknown`.
 
     Returns
     -------
     DataFrame
         As `UnknownEvaluation.table`.
     """
-    rows = []
-    for family, part in predictions.groupby("left_out", sort=False):
+    rows = {}
+    for family, part in predictions.groupby("left_out", sort=False) if len(predictions) else ():
         is_unknown = part["is_unknown"].to_numpy()
-        flagged = (part["typicality"] <= FLAGGED).to_numpy(float)
-        known, unknown = np.where(is_unknown, -1, 0), np.where(is_unknown, 0, -1)
-        found = {"known_flagged": (flagged, known), "unknown_flagged": (flagged, unknown)}
+        flagged, cells = part["typicality"] <= threshold, is_unknown.astype(int)
+        found = {"known_flagged": Tally(flagged, -cells)}
+        found["unknown_flagged"] = Tally(flagged, cells - 1)
         if cleared:
-            called_healthy = part["decided_label"].isin(cleared).to_numpy(float)
-            found["unknown_called_healthy"] = (called_healthy, unknown)
-        groups = part["group"].to_numpy()
-        row: dict[str, Any] = {"left_out": family}
-        row |= _auroc_row(part["typicality"].to_numpy(), is_unknown, groups, bootstrap)
-        values, cells = zip(*found.values(), strict=True)
-        limits = group_intervals(values, cells, groups, **bootstrap)
-        for (name, each), (low, high) in zip(found.items(), limits, strict=True):
-            row |= {name: cell_mean(*each), f"{name}_low": low, f"{name}_high": high}
-        row |= {"known": int((~is_unknown).sum()), "unknown": int(is_unknown.sum())}
-        rows.append(row)
-    return pd.DataFrame(rows).set_index("left_out") if rows else pd.DataFrame()
+            called_healthy = part["decided_label"].isin(cleared)
+            found["unknown_called_healthy"] = Tally(called_healthy, cells - 1)
+        rows[family] = (
+            _auroc(part["typicality"].to_numpy(), is_unknown, part["group"], bootstrap)
+            | bootstrap.figures(found, part["group"])
+            | {"known": int((~is_unknown).sum()), "unknown": int(is_unknown.sum())}
+        )
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("left_out")
 
 
-def _auroc_row(
-    typicality: Array,
-    is_unknown: NDArray[np.bool_],
-    groups: NDArray[Any],
-    bootstrap: Mapping[str, Any],
+def _auroc(
+    typicality: Array, is_unknown: NDArray[np.bool_], groups: ArrayLike, bootstrap: GroupBootstrap
 ) -> dict[str, float]:
-    """Return the area under the ROC curve, and its interval by a bootstrap over groups."""
-    codes = np.unique(groups, return_inverse=True)[1]
-    wins, unknown, known = pair_counts(typicality, is_unknown, codes)
-    n_pairs, some = unknown.sum() * known.sum(), unknown > 0
-    estimate = float(wins.sum() / n_pairs) if n_pairs else np.nan
-    options = {name: bootstrap[name] for name in ("n_resamples", "random_state")}
-    drawn = []
-    for times in drawn_groups(len(wins), **options):
-        pairs = (times @ unknown) * (times @ known)
-        won = np.sum((times[:, some] @ wins[some]) * times, axis=1)
-        drawn.append(won / np.where(pairs > 0, pairs, np.nan))
-    n_groups = int(min(np.count_nonzero(some), np.count_nonzero(known)))
-    limits = draw_interval(
-        np.concatenate(drawn), estimate, n_groups, (0.0, 1.0), bootstrap["confidence"]
-    )
-    return dict(zip(("auroc", "auroc_low", "auroc_high"), (estimate, *limits), strict=True))
+    """Return the area under the ROC curve, and its interval by a bootstrap over groups.
 
-
-def pair_counts(
-    typicality: Array, is_unknown: NDArray[np.bool_], codes: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """Count the pairs in which the unknown recording is less typical than the known one.
-
-    Parameters
-    ----------
-    typicality : ndarray of shape (n_recordings,)
-        Typicality.
-    is_unknown : ndarray of bool of shape (n_recordings,)
-        Whether the recording is of a family that was left out.
-    codes : ndarray of int of shape (n_recordings,)
-        Group of each recording, from 0.
-
-    Returns
-    -------
-    wins : ndarray of shape (n_groups, n_groups)
-        Number of such pairs of an unknown recording of the first group and a known one of the
-        second; equal typicalities count one half. The sum over the number of pairs is the area
-        under the ROC curve (Mann-Whitney).
-    unknown, known : ndarray of shape (n_groups,)
-        Number of recordings in each group.
-
-    Examples
-    --------
-    >>> wins, unknown, known = pair_counts(
-    ...     np.array([0.5, 0.2, 0.2, 0.1]), np.array([False, False, True, True]), np.arange(4) % 2
-    ... )
-    >>> wins, unknown, known
-    (array([[1. , 0.5],
-           [1. , 1. ]]), array([1., 1.]), array([1., 1.]))
+    The area is the fraction of pairs in which the unknown recording is less typical than the known
+    one (Mann-Whitney); equal typicalities count one half.
     """
+    codes = np.unique(groups, return_inverse=True)[1]
     members = np.eye(int(codes.max()) + 1)[codes]
     own, theirs = typicality[is_unknown, np.newaxis], typicality[~is_unknown]
+    # Pairs won, of the unknown recordings of a group (rows) and the known ones of another.
     won = (own < theirs) + 0.5 * (own == theirs)
     wins = members[is_unknown].T @ won @ members[~is_unknown]
-    return wins, members[is_unknown].sum(axis=0), members[~is_unknown].sum(axis=0)
+    unknown, known = members[is_unknown].sum(axis=0), members[~is_unknown].sum(axis=0)
+    n_pairs = unknown.sum() * known.sum()
+    estimate = float(wins.sum() / n_pairs) if n_pairs else np.nan
+    times = bootstrap.times(len(wins))
+    pairs = (times @ unknown) * (times @ known)
+    drawn = np.sum((times @ wins) * times, axis=1) / np.where(pairs > 0, pairs, np.nan)
+    n_groups = int(min(np.count_nonzero(unknown), np.count_nonzero(known)))
+    return bootstrap.interval("auroc", drawn, estimate, n_groups, bounds=(0.0, 1.0))

@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
-from emacm._checks import once_hint
 from emacm.decisions.families import family_mapping
 from emacm.decisions.labels import check_classes, label_array
 from emacm.decisions.metrics import (
@@ -19,10 +18,10 @@ from emacm.decisions.metrics import (
     are_correct,
     correct_decisions,
     correct_families,
-    decision_costs,
     label_of,
 )
 from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.recordings.meta import listed_recordings
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,13 @@ class ScoringRule:
         The possible true classes: those of a given family together, in the order of the families.
     correct : dict
         {class: correct decisions}, see `emacm.decisions.metrics.correct_decisions`.
+    costs : DataFrame
+        Index = decisions, also classes and families that a cost does not name; columns = classes,
+        and the unknown state if there is one. Without a cost, 0 for a correct decision, else 1.
+    is_stated : bool
+        Whether there is a cost, so that a decision that it does not contain is an error.
     healthy : object
         Healthy label; None if it was not given.
-    costs : tuple of (decisions, truths, cost) or None
-        Labels of the rows and columns, and the cost; None counts wrong decisions.
     unknown : object
         Label of the unknown state; None if there is none.
     priors : dict or None
@@ -47,8 +49,9 @@ class ScoringRule:
 
     classes: list[Any]
     correct: Correct
+    costs: pd.DataFrame
+    is_stated: bool
     healthy: Any = None
-    costs: tuple[list[Any], list[Any], NDArray[np.float64]] | None = None
     unknown: Any = None
     priors: Mapping[Any, float] | None = None
 
@@ -63,27 +66,24 @@ class ScoringRule:
         return list(dict.fromkeys(self.family_of.values()))
 
     @property
-    def has_families(self) -> bool:
-        """Whether the label of some class is not the class itself."""
-        return any(label != family for label, family in self.family_of.items())
-
-    @property
     def alarms(self) -> set[Any]:
         """Decisions that are correct for some class that is neither healthy nor unknown."""
-        others = (self.healthy, self.unknown)
-        faults = [name for name, label in self.family_of.items() if label not in others]
-        return {decision for name in faults for decision in self.correct[name]}
+        return self._correct_for({*self.labels} - {self.healthy, self.unknown})
 
     @property
     def cleared(self) -> set[Any]:
         """Decisions that are correct for the healthy state: on a fault, missed detections."""
-        healthy = [name for name, label in self.family_of.items() if label == self.healthy]
-        return {decision for name in healthy for decision in self.correct[name]}
+        return self._correct_for({self.healthy})
+
+    def _correct_for(self, labels: set[Any]) -> set[Any]:
+        names = [name for name, label in self.family_of.items() if label in labels]
+        return {decision for name in names for decision in self.correct[name]}
 
     def other_decisions(self, decisions: Sequence[Any]) -> list[Any]:
         """Return the decisions that are neither classes nor families and have no cost."""
-        known = {*self.correct, *self.labels, *(self.costs[0] if self.costs else ()), self.unknown}
-        return [decision for decision in dict.fromkeys(decisions) if decision not in known]
+        return [
+            decision for decision in dict.fromkeys(decisions) if decision not in self.costs.index
+        ]
 
     def judge(self, truths: Sequence[Any], decisions: Sequence[Any]) -> pd.DataFrame:
         """Return label, correctness and cost of each decision.
@@ -104,13 +104,12 @@ class ScoringRule:
         ValueError
             If a decision is not a class or family and has no cost.
         """
-        if self.costs and (others := self.other_decisions(decisions)):
+        if self.is_stated and (others := self.other_decisions(decisions)):
             raise ValueError(
                 f"the estimator decided {others[0]!r}, which is none of the classes {self.classes} "
                 f"and has no cost. If it is a family of classes, give families= to rescored; if "
                 f"it is another decision, give its costs in cost=."
             )
-        table = pd.DataFrame({"truth": _column(truths), "decision": _column(decisions)})
         is_correct = are_correct(truths, decisions, self.correct)
         labels = [label_of(truth, self.correct) for truth in truths]
         # If several decisions are correct, each of them counts as the first.
@@ -118,16 +117,21 @@ class ScoringRule:
             label if correct else label_of(decision, self.correct)
             for label, decision, correct in zip(labels, decisions, is_correct, strict=True)
         ]
-        table["true_label"], table["decided_label"] = _column(labels), _column(decided)
-        table["correct"] = is_correct
-        table["cost"] = self._costs(truths, decisions) if self.costs else 1.0 - is_correct
-        return table
+        columns = {
+            "truth": truths,
+            "decision": decisions,
+            "true_label": labels,
+            "decided_label": decided,
+        }
+        table = pd.DataFrame({name: label_array(list(own)) for name, own in columns.items()})
+        places = np.arange(len(table)), self.costs.columns.get_indexer(list(truths))
+        return table.assign(correct=is_correct, cost=self._cost_rows(decisions)[places])
 
     def predicted_costs(
         self,
         decisions: Sequence[Any],
         posterior: pd.DataFrame,
-        unknown_proba: NDArray[np.float64] | None = None,
+        unknown_proba: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """Return the cost that posterior probabilities predict for decisions, Eq. (2.39) of [1]_.
 
@@ -137,7 +141,7 @@ class ScoringRule:
             Decisions that `judge` accepts.
         posterior : DataFrame of shape (n_recordings, n_classes)
             Posterior probability of each class (columns).
-        unknown_proba : ndarray of shape (n_recordings,), optional
+        unknown_proba : array-like of shape (n_recordings,), optional
             Probability of the unknown state.
 
         Returns
@@ -150,27 +154,16 @@ class ScoringRule:
         .. [1] Chirico, A Data Driven Frequency Based Method for Electrical-Mechanical Actuator
            Condition Monitoring.
         """
-        of_classes = posterior.reindex(columns=self.classes, fill_value=0.0).to_numpy(float)
-        truths, unknown = [*self.classes], np.zeros(len(posterior))
+        weights = posterior.reindex(columns=self.costs.columns, fill_value=0.0).to_numpy(float)
         if self.unknown is not None and unknown_proba is not None:
-            truths, unknown = [*truths, self.unknown], unknown_proba
-        weights = np.column_stack([of_classes * (1 - unknown)[:, np.newaxis], unknown])
-        rows = {label: self._cost_row(label, truths) for label in set(decisions)}
-        matrix = np.array([rows[label] for label in decisions])
-        return np.sum(matrix * weights[:, : len(truths)], axis=1)
+            unknown = np.asarray(unknown_proba)
+            weights *= 1 - unknown[:, np.newaxis]
+            weights[:, self.costs.columns.get_loc(self.unknown)] = unknown
+        return np.sum(self._cost_rows(decisions) * weights, axis=1)
 
-    def _cost_row(self, decision: Any, truths: list[Any]) -> list[float]:
-        if self.costs is not None:
-            return self._costs(truths, [decision] * len(truths)).tolist()
-        correct = are_correct(truths, [decision] * len(truths), self.correct)
-        return (1.0 - correct).tolist()
-
-    def _costs(self, truths: Sequence[Any], decisions: Sequence[Any]) -> NDArray[np.float64]:
-        """Return the cost of each decision; a class without costs has those of its family."""
-        assert self.costs is not None
-        rows = self.costs[0]
-        chosen = [d if d in rows else label_of(d, self.correct) for d in decisions]
-        return decision_costs(truths, chosen, self.costs)
+    def _cost_rows(self, decisions: Sequence[Any]) -> NDArray[np.float64]:
+        """Return the costs of each decision; those of one without costs are 1."""
+        return self.costs.reindex(list(decisions), fill_value=1.0).to_numpy(float)
 
 
 def scoring_rule(
@@ -219,41 +212,48 @@ def scoring_rule(
     names = classes.tolist()
     if unknown is not None and unknown in names:
         raise ValueError(f"unknown = {unknown!r} is a class with recordings. Choose another label.")
-    if families is not None:
-        correct = correct_families(family_mapping(families, names))
+    if families is None:
+        table = _cost_frame(cost, {name: name for name in names}, unknown)
+        known = table.drop(index=[unknown], columns=[unknown], errors="ignore")
+        correct, order = correct_decisions(known.index.tolist(), names, known), names
     else:
-        decisions, _, matrix = _table(cost, names, unknown)
-        is_known = np.array([decision != unknown for decision in decisions])
-        known = [decision for decision in decisions if decision != unknown]
-        correct = correct_decisions(known, names, matrix[is_known, : len(names)])
-    order = names
-    if families is not None:
+        correct = correct_families(family_mapping(families, names))
         listed = list(dict.fromkeys(decisions[0] for decisions in correct.values()))
         order = [name for name in correct if name in names]
         order.sort(key=lambda name: listed.index(correct[name][0]))
-    family_of = {name: correct[name][0] for name in order}
-    stated = {
-        "healthy": _healthy_label(healthy, family_of, names),
-        "unknown": unknown,
-        "priors": None if priors is None else _priors(priors, classes, unknown),
-    }
+    family_of = {name: correct[name][0] for name in names}
+    truths = names if unknown is None else [*names, unknown]
     if cost is None:
-        return ScoringRule(order, correct, **stated)
-    labels = list(dict.fromkeys(family_of.values()))
-    truths = _truths(cost) - {unknown}
-    if truths <= {*labels} and not truths <= {*names}:
-        decisions, columns, matrix = _table(cost, labels, unknown)
-        places = [labels.index(family_of[name]) for name in names]
-        matrix = matrix[:, [*places, *range(len(labels), len(columns))]]
+        rows = [*correct, *truths[len(names) :]]
+        wrong = [1.0 - are_correct(truths, [row] * len(truths), correct) for row in rows]
+        table = pd.DataFrame(wrong, rows, truths)
     else:
-        decisions, _, matrix = _table(cost, names, unknown)
-    columns = names if unknown is None else [*names, unknown]
-    return ScoringRule(order, correct, costs=(decisions, columns, matrix), **stated)
+        table = _cost_frame(cost, family_of, unknown)
+        # A class without costs has those of its family.
+        further = {name: label_of(name, correct) for name in correct if name not in table.index}
+        further = {name: label for name, label in further.items() if label in table.index}
+        table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
+    return ScoringRule(
+        order,
+        correct,
+        table,
+        is_stated=cost is not None,
+        healthy=_healthy_label(healthy, family_of),
+        unknown=unknown,
+        priors=None if priors is None else _priors(priors, classes, unknown),
+    )
 
 
-def _table(cost: Any, columns: list[Any], unknown: Any) -> tuple[list[Any], list[Any], Any]:
+def _cost_frame(cost: Any, family_of: Mapping[Any, Any], unknown: Any) -> pd.DataFrame:
+    """Return costs with one column for each class, and for the unknown state if there is one."""
+    names, labels = list(family_of), list(dict.fromkeys(family_of.values()))
+    truths = _truths(cost) - {unknown}
+    columns = labels if truths <= {*labels} and not truths <= {*names} else names
     decisions, matrix = truth_cost_table(cost, label_array(columns), unknown)
-    return decisions.tolist(), columns if unknown is None else [*columns, unknown], matrix
+    further = [] if unknown is None else [unknown]
+    table = pd.DataFrame(matrix, decisions.tolist(), [*columns, *further])
+    chosen = names if columns is names else [family_of[name] for name in names]
+    return table[[*chosen, *further]].set_axis([*names, *further], axis=1)
 
 
 def _priors(priors: Any, classes: NDArray[Any], unknown: Any) -> dict[Any, float]:
@@ -261,17 +261,17 @@ def _priors(priors: Any, classes: NDArray[Any], unknown: Any) -> dict[Any, float
     return dict(zip(classes.tolist(), stated.tolist(), strict=True))
 
 
-def _healthy_label(healthy: Any, family_of: Mapping[Any, Any], names: list[Any]) -> Any:
+def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:
     if healthy is None:
         return None
-    labels = list(dict.fromkeys(family_of[name] for name in names))
     if not isinstance(healthy, Hashable):
         raise TypeError(f"healthy must be one class or family, got {healthy!r}.")
+    labels = list(dict.fromkeys(family_of.values()))
     label = family_of.get(healthy, healthy)
     if label not in labels:
         raise ValueError(
-            f"healthy={healthy!r} is neither a class nor a family. Classes: {names}; labels that "
-            f"are scored: {labels}."
+            f"healthy={healthy!r} is neither a class nor a family. Classes: {[*family_of]}; "
+            f"labels that are scored: {labels}."
         )
     return label
 
@@ -285,17 +285,9 @@ def _truths(cost: Any) -> set[Any]:
     return set()
 
 
-def _column(values: Sequence[Any]) -> pd.Series:
-    return pd.Series(label_array(list(values)))
-
-
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     """Return y as an array, or raise an error if it has not one class for each recording."""
-    if isinstance(X, str | Mapping) or not (hasattr(X, "shape") or hasattr(X, "__len__")):
-        raise TypeError(
-            f"X must be a list of recordings or a table, got {type(X).__name__}.{once_hint(X)}"
-        )
-    n_recordings = X.shape[0] if hasattr(X, "shape") else len(X)
+    n_recordings = X.shape[0] if hasattr(X, "shape") else len(listed_recordings(X))
     classes = np.asarray(y)
     if classes.shape != (n_recordings,):
         raise ValueError(

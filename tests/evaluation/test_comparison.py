@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.metrics import balanced_accuracy_score
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import LinearSVC
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.evaluation import evaluate as evaluation
-from emacm.evaluation.bootstrap import cell_mean, draw_interval, group_draws
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.comparison import compare
-from emacm.evaluation.figures import FIGURES, tallies
+from emacm.evaluation.figures import FIGURES
 
 STATES = ["worn", "new", "new", "dry", "new"]
 
@@ -86,28 +85,6 @@ def test_the_interval_is_of_the_difference_in_the_same_runs(found):
     assert row["accuracy_high"] - row["accuracy_low"] < 0.8 * np.hypot(*widths)
 
 
-def test_intervals_of_differences_are_those_of_paired_draws(found):
-    comparison, (base, other) = compare(found), found.values()
-    row = comparison.differences.loc["current"]
-    ends = ("", "_low", "_high")
-    assert row.index.tolist() == [f"{name}{end}" for name in FIGURES for end in ends]
-    held = [each.predictions.query("scheme == 'by run'") for each in (base, other)]
-    groups = held[0]["group"].to_numpy()
-    both = [tallies(part, base.scoring) for part in held]
-    for name in FIGURES:
-        parts = [each[name] for each in both]
-        drawn = [group_draws([v], [cells], groups, combine=[how])[0] for v, cells, how in parts]
-        estimates = [cell_mean(*part) for part in parts]
-        difference, estimate = drawn[1] - drawn[0], estimates[1] - estimates[0]
-        if name == "calibration_error":
-            difference = difference - np.nanmean(difference) + estimate
-        n_groups = len(np.unique(groups[parts[0].cells >= 0]))
-        limits = draw_interval(difference, estimate, n_groups)
-        assert row[[name, f"{name}_low", f"{name}_high"]].tolist() == pytest.approx(
-            [estimate, *limits], rel=1e-9, abs=1e-12
-        )
-
-
 @pytest.mark.parametrize("faulty", [False, True])
 def test_figures_without_any_recording_and_of_few_groups_have_no_interval(faulty):
     X, y, runs = sensors()
@@ -124,7 +101,7 @@ def test_figures_without_any_recording_and_of_few_groups_have_no_interval(faulty
     known, unknown = names if faulty else names[::-1]
     assert np.isnan(row[[unknown, f"{unknown}_low", f"{unknown}_high"]]).all()
     assert row[f"{known}_low"] <= row[known] <= row[f"{known}_high"]
-    assert (comparison.confidence, comparison.healthy, comparison.reference) == (0.8, "new", "1")
+    assert (comparison.confidence, comparison.reference) == (0.8, "1")
     assert comparison.caveats == []
     assert "80 % confidence interval" in str(comparison)
 
@@ -133,15 +110,6 @@ def test_an_evaluation_does_not_differ_from_itself(found):
     comparison = compare([found["current"], found["current"]])
     assert comparison.table.index.tolist() == ["1", "2"]
     assert (comparison.differences.loc["2"] == 0).all()
-
-
-def test_balanced_accuracy_differs_as_that_of_scikit_learn(found):
-    scores = []
-    for each in found.values():
-        held = each.predictions.query("scheme == 'by run'")
-        scores.append(balanced_accuracy_score(held["truth"], held["decision"]))
-    difference = compare(found).differences.loc["current", "balanced_accuracy"]
-    assert difference == pytest.approx(scores[1] - scores[0])
 
 
 @pytest.mark.parametrize(
@@ -207,36 +175,21 @@ def test_the_second_scheme_that_all_have_scored_is_compared_or_the_only_one():
         compare([some, only])
 
 
-def test_the_order_of_the_schemes_is_that_of_the_first_evaluation():
-    X, y, runs = sensors()
-    first = evaluate(GaussianNB(), X["current"], y, runs=runs, units=runs // 2, n_resamples=100)
-    turned = dict(reversed(first.confusions.items()))
-    second = replace(first, confusions=turned)
-    assert (compare([first, second]).scheme, compare([second, first]).scheme) == ("by run",) * 2
-    second = replace(first, confusions={name: turned[name] for name in ("by unit", "random split")})
-    assert compare([first, second]).scheme == "by unit"
-    assert compare([second, first]).scheme == "random split"
-
-
-@pytest.mark.parametrize("seed", [3, 0, None])
+@pytest.mark.parametrize("seed", [3, None])
 def test_draws_of_differences_have_the_seed_number_and_confidence_of_the_reference(seed):
     X, y, runs = sensors()
     options = {"runs": runs, "n_splits": 20, "n_resamples": 150, "confidence": 0.7}
     first, second = (
         evaluate(GaussianNB(), each, y, random_state=seed, **options) for each in X.values()
     )
-    second = replace(second, confidence=0.9, bootstrap={"n_resamples": 100, "random_state": 8})
+    second = replace(second, bootstrap=GroupBootstrap(0.9, 100, 8))
     row = compare([first, second], scheme="by run").differences.loc["2"]
     held = [each.predictions.query("scheme == 'by run'") for each in (first, second)]
     right = np.array([part.sort_values("recording")["correct"] for part in held], float)
-    (drawn,) = group_draws(
-        np.diff(right, axis=0), np.zeros((1, 70), int), runs, n_resamples=150,
-        random_state=seed or 0,
-    )  # fmt: skip
-    difference = np.diff(right.mean(axis=1))[0]
-    limits = draw_interval(drawn, difference, 14, confidence=0.7)
-    found = row[["accuracy", "accuracy_low", "accuracy_high"]].tolist()
-    assert found == pytest.approx([difference, *limits], abs=1e-12)
+    difference = Tally(right[1] - right[0], np.zeros(70, int))
+    drawn = GroupBootstrap(0.7, 150, seed or 0).draws({"accuracy": difference}, runs)["accuracy"]
+    expected = GroupBootstrap(0.7).interval("accuracy", drawn, difference.figure(), 14)
+    assert row[[*expected]].tolist() == pytest.approx([*expected.values()], abs=1e-12)
 
 
 def test_the_order_in_which_recordings_are_held_out_changes_no_difference():
@@ -287,14 +240,16 @@ def test_the_comparison_is_printed_with_caveats_and_both_tables(found):
     assert "<3 neighbours>" not in page
 
 
-def test_invalid_evaluations_are_refused(found):
-    with pytest.raises(TypeError, match="must be a mapping of names to results of evaluate"):
-        compare(found["current"])
-    with pytest.raises(TypeError, match="but 'a' is a DataFrame"):
-        compare({"a": found["current"].table, "b": found["current"]})
-    with pytest.raises(ValueError, match=r"must be at least two, got \['1'\]"):
-        compare([found["current"]])
-    with pytest.raises(ValueError, match=r"evaluations scored: .*'by run'\]; got 'x'"):
-        compare(found, scheme="x")
-    with pytest.raises(ValueError, match=r"one of \['vibration', 'current'\], got 'torque'"):
-        compare(found, reference="torque")
+@pytest.mark.parametrize(
+    ("change", "options", "error", "words"),
+    [
+        (lambda found: found["current"], {}, TypeError, "must be a mapping of names to results"),
+        (lambda found: {"a": found["current"].table}, {}, TypeError, "dict of .*DataFrame"),
+        (lambda found: [found["current"]], {}, ValueError, "at least two"),
+        (lambda found: found, {"scheme": "x"}, ValueError, r"'by run'\]; got 'x'"),
+        (lambda found: found, {"reference": "torque"}, ValueError, "reference .* got 'torque'"),
+    ],
+)
+def test_invalid_evaluations_are_refused(found, change, options, error, words):
+    with pytest.raises(error, match=words):
+        compare(change(found), **options)

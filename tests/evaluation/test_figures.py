@@ -6,26 +6,23 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.metrics import log_loss
 
 from emacm import CostSensitiveGaussianBayes
-from emacm.evaluation.bootstrap import (
-    cell_mean,
-    draw_interval,
-    drawn_groups,
-    gap_of_cells,
-    group_draws,
-    group_intervals,
-)
+from emacm.evaluation.bootstrap import GroupBootstrap, Tally
 from emacm.evaluation.evaluate import evaluate
 from emacm.evaluation.figures import (
     FIGURES,
+    brier_scores,
     confusion,
-    figure_row,
-    label_posteriors,
-    reliability_curve,
+    log_losses,
+    most_probable,
+    reliability,
     tallies,
 )
 from emacm.evaluation.scoring import scoring_rule
+
+BOOTSTRAP = GroupBootstrap(0.9, 300, random_state=2)
 
 
 class Stated(ClassifierMixin, BaseEstimator):
@@ -91,28 +88,6 @@ def test_costs_in_service_weight_the_classes_by_the_priors_of_the_classifier():
     assert row["predicted_cost"] == pytest.approx(0.9 * held["new"] + 0.1 * held["worn"])
 
 
-def test_costs_in_service_have_the_interval_of_the_weighted_mean():
-    judged, rule = judged_families()
-    held = judged.assign(predicted_cost=1.0, **{"P(worn)": 0.75, "P(new)": 0.25})
-    priors = {"dry": 0.5, "new": 0.3, "spalled": 0.2}
-    groups = np.array([3, 3, 1, 1, 4, 0, 4])
-    row = figure_row(tallies(held, replace(rule, priors=priors)), groups, **BOOTSTRAP)
-    cost, truths = held["cost"].to_numpy(), held["truth"].to_numpy()
-    (times,) = drawn_groups(4, 300, 2)
-    drawn = []
-    for weight in times[:, np.unique(groups, return_inverse=True)[1]]:
-        of = {name: weight * (truths == name) for name in priors}
-        known = all(each.sum() for each in of.values())
-        means = [share * (of[name] @ cost / of[name].sum()) for name, share in priors.items()
-                 ] if known else [np.nan]  # fmt: skip
-        drawn.append(sum(means))
-    assert 0.1 < np.isnan(drawn).mean() < 0.9
-    estimate = 0.5 * 4.5 / 3 + 0.3 * 1.5 / 3 + 0.2 * 0
-    assert row["realised_cost"] == pytest.approx(estimate)
-    limits = draw_interval(np.array(drawn), estimate, 4, (0, 4), 0.9)
-    assert (row["realised_cost_low"], row["realised_cost_high"]) == pytest.approx(limits)
-
-
 def test_without_a_cost_the_predicted_cost_is_the_predicted_error_rate():
     X = np.array([["a", 0.7, 0.3], ["b", 0.7, 0.3], ["a", 0.4, 0.6], ["b", 0.2, 0.8]], object)
     found = evaluate(Stated(), X, ["a", "a", "b", "b"], n_splits=2)
@@ -138,30 +113,6 @@ def test_a_calibrated_classifier_pays_what_it_predicts():
     assert any("over-confident" in caveat for caveat in over.caveats)
 
 
-def test_gaps_of_opposite_sign_within_one_bin_cancel_and_between_bins_add_up():
-    values = np.array([0.4, -0.4, 0.2, -0.1])
-    assert cell_mean(values, [0, 0, 0, 0], gap_of_cells) == pytest.approx(0.1 / 4)
-    assert cell_mean(values, [0, 1, 0, 1], gap_of_cells) == pytest.approx(1.1 / 4)
-
-
-def test_the_interval_of_a_gap_is_around_it_and_not_around_its_draws():
-    rng = np.random.default_rng(0)
-    values, bins = rng.normal(0, 0.5, 400), rng.integers(0, 10, 400)
-    gap = cell_mean(values, bins, gap_of_cells)
-    (drawn,) = group_draws([values], [bins], np.arange(400), combine=[gap_of_cells])
-    assert drawn.mean() > 1.2 * gap  # resampling adds to an absolute value
-    ((low, high),) = group_intervals([values], [bins], np.arange(400), combine=[gap_of_cells])
-    assert low < gap < high
-
-
-def test_the_same_groups_and_seed_give_paired_draws():
-    rng = np.random.default_rng(1)
-    first, second = rng.random((2, 60))
-    groups, one_cell = np.repeat(np.arange(12), 5), np.zeros((1, 60), int)
-    draws = [group_draws([v], one_cell, groups)[0] for v in (first, second, first - second)]
-    assert np.allclose(draws[0] - draws[1], draws[2])
-
-
 def test_families_have_the_probability_of_their_classes_in_the_predicted_cost():
     X = np.array([["worn", 0.5, 0.2, 0.3], ["new", 0.6, 0.3, 0.1]] * 4, object)
     y = ["worn1", "new", "worn2", "new"] * 2
@@ -172,25 +123,20 @@ def test_families_have_the_probability_of_their_classes_in_the_predicted_cost():
     assert held.tolist() == pytest.approx([2 * 0.5, 7 * 0.4] * 4)
 
 
-BOOTSTRAP = {"confidence": 0.9, "n_resamples": 300, "random_state": 2}
-
-
 def test_each_bin_of_a_reliability_curve_has_the_interval_of_its_own_recordings():
     of_a = np.array([0.95, 0.95, 0.91, 0.3, 0.3, 0.97, 0.95, 0.25, 0.3, 0.3, *[0.55, 0.45] * 7])
-    truths = pd.Series(list("baabbbaaaa" + "aabaaaabbaaaba"))
+    truths = np.array(list("baabbbaaaa" + "aabaaaabbaaaba")) == "a"
     groups = np.array([1, 1, 2, 3, 4, 5, 6, 7, 1, 2, *np.arange(14) // 2 + 1])
     probabilities = np.column_stack([1 - of_a, of_a])
-    curve = reliability_curve(probabilities, truths, ["b", "a"], groups, **BOOTSTRAP)
-    assert curve["from"].tolist() == [0.5, 0.7, 0.9]
-    assert curve["count"].tolist() == [14, 5, 5]
-    assert curve["groups"].tolist() == [7, 5, 4]
-    assert curve["frequency"].tolist() == [5 / 14, 0.4, 0.6]
-    assert not curve[["low", "high"]].duplicated().any()
+    curve = reliability(probabilities, truths.astype(int), groups, BOOTSTRAP)
+    expected = {"from": [0.5, 0.7, 0.9], "count": [14, 5, 5], "groups": [7, 5, 4]}
+    expected |= {"frequency": [5 / 14, 0.4, 0.6]}
+    assert curve[[*expected]].to_dict("list") == expected
     middle = abs(of_a - 0.5) < 0.1
     for row, chosen in enumerate((middle, ~middle & (of_a < 0.5), ~middle & (of_a > 0.5))):
-        correct = (of_a > 0.5) == (truths == "a")
-        ((low, high),) = group_intervals([correct], [np.where(chosen, 0, -1)], groups, **BOOTSTRAP)
-        assert (curve["low"][row], curve["high"][row]) == (low, high)
+        tally = Tally((of_a > 0.5) == truths, np.where(chosen, 0, -1))
+        expected = BOOTSTRAP.figures({"x": tally}, groups)
+        assert (curve["low"][row], curve["high"][row]) == (expected["x_low"], expected["x_high"])
 
 
 def judged_families():
@@ -217,7 +163,7 @@ def test_the_confusion_counts_families_decided_on_in_the_classes_of_their_truth(
 def test_figures_of_merit_by_hand_are_in_their_order():
     found = tallies(*judged_families())
     assert list(found) == [name for name in FIGURES if name in found]
-    row = figure_row(found, np.arange(7), **BOOTSTRAP)
+    row = BOOTSTRAP.figures(found, np.arange(7))
     assert list(row)[:3] == [f"balanced_accuracy{end}" for end in ("", "_low", "_high")]
     expected = {
         "balanced_accuracy": (1 / 3 + 2 / 4) / 2,
@@ -231,21 +177,74 @@ def test_figures_of_merit_by_hand_are_in_their_order():
     assert row["accuracy_low"] < 3 / 7 < row["accuracy_high"]
 
 
-def test_probabilities_of_the_classes_of_a_family_are_added():
-    _, rule = judged_families()
-    posterior = pd.DataFrame([[0.2, 0.5, 0.3]], columns=["spalled", "new", "dry"])
-    assert label_posteriors(posterior, rule) == pytest.approx(np.array([[0.5, 0.5]]))
-    assert rule.labels == ["worn", "new"]
-
-
 def test_classes_that_are_all_impossible_in_service_have_no_cost_in_service():
     judged, rule = judged_families()
     held = judged[judged["truth"] != "new"].reset_index(drop=True)
     held = held.assign(predicted_cost=1.0, **{"P(worn)": 0.8, "P(new)": 0.2})
     priors = {"dry": 0.0, "new": 1.0, "spalled": 0.0}
-    row = figure_row(tallies(held, replace(rule, priors=priors)), np.arange(4), **BOOTSTRAP)
+    row = BOOTSTRAP.figures(tallies(held, replace(rule, priors=priors)), np.arange(4))
     assert np.isnan([row["realised_cost"], row["predicted_cost"]]).all()
     assert row["expected_cost"] == pytest.approx(4.5 / 4)
     weighted = replace(rule, priors=priors | {"dry": 0.1, "spalled": 0.3})
-    row = figure_row(tallies(held, weighted), np.arange(4), **BOOTSTRAP)
+    row = BOOTSTRAP.figures(tallies(held, weighted), np.arange(4))
     assert row["realised_cost"] == pytest.approx(0.25 * 4.5 / 3 + 0.75 * 0)
+
+
+def calibrated(n_recordings, n_classes, seed=0):
+    """Draw probabilities, and truths that follow them."""
+    rng = np.random.default_rng(seed)
+    probabilities = rng.dirichlet(np.ones(n_classes), n_recordings)
+    truths = (rng.random((n_recordings, 1)) > probabilities.cumsum(axis=1)).sum(axis=1)
+    return probabilities, truths
+
+
+def test_the_mean_logarithmic_loss_is_that_of_scikit_learn_and_an_impossible_truth_costs_36_nats():
+    probabilities, truths = calibrated(200, 4)
+    ours = log_losses(probabilities, truths).mean()
+    assert ours == pytest.approx(log_loss(truths, probabilities), rel=1e-12)
+    assert log_losses([[1.0, 0.0]], [1])[0] == pytest.approx(36.04, abs=0.01)
+    assert not np.signbit(log_losses([[1 + 4e-16, 0.0]], [0]))  # rounded to above 1
+
+
+def test_the_brier_score_of_a_uniform_posterior_is_one_minus_one_over_k():
+    # (1 - 1/K)^2 + (K - 1) / K^2 = 1 - 1/K
+    assert np.allclose(brier_scores(np.full((5, 5), 0.2), [0, 1, 2, 3, 4]), 0.8)
+
+
+def test_true_probabilities_have_a_lower_expected_score_than_sharper_ones():
+    probabilities, truths = calibrated(20_000, 3)
+    sharper = probabilities**2 / (probabilities**2).sum(axis=1, keepdims=True)
+    for score in (log_losses, brier_scores):
+        assert score(probabilities, truths).mean() < score(sharper, truths).mean()
+
+
+def test_calibrated_probabilities_equal_the_frequencies_and_overconfident_ones_exceed_them():
+    probabilities, truths = calibrated(50_000, 3)
+    groups = np.arange(50_000) % 20
+    curve = reliability(probabilities, truths, groups)
+    deviation = np.sqrt(curve["confidence"] * (1 - curve["confidence"]) / curve["count"])
+    assert (np.abs(curve["frequency"] - curve["confidence"]) < 4 * deviation).all()
+    assert curve["count"].sum() == 50_000
+    sharp = probabilities**3 / (probabilities**3).sum(axis=1, keepdims=True)
+    curve = reliability(sharp, truths, groups)
+    middle = curve[curve["to"] < 1]
+    assert (middle["frequency"] < middle["confidence"]).all()
+
+
+def test_an_edge_belongs_to_the_bin_above_and_certainty_to_the_last():
+    of_first = np.array([0.6, 0.7, 1.0, 0.59, 0.6 - 0.8e-10, 0.6 - 1.2e-10, 1 - 1e-12])
+    probabilities = np.column_stack([of_first, 1 - of_first])
+    found = most_probable(probabilities, np.zeros(7, int))
+    assert found[2].tolist() == [6, 7, 9, 5, 6, 5, 9]  # only rounding moves one to the bin above
+
+
+def test_a_reliability_curve_by_hand():
+    probabilities = np.array([[0.5, 0.5], [0.45, 0.55], [0.05, 0.95], [0.96, 0.04], [1.0, 0.0]])
+    curve = reliability(probabilities, [1, 1, 0, 0, 0], np.arange(5))
+    assert curve[["from", "to", "confidence", "frequency", "count"]].to_dict("list") == {
+        "from": [0.5, 0.9],
+        "to": [0.6, 1.0],
+        "confidence": pytest.approx([0.525, (0.95 + 0.96 + 1) / 3]),
+        "frequency": pytest.approx([0.5, 2 / 3]),  # of equal probabilities the first is meant
+        "count": [2, 3],
+    }

@@ -10,7 +10,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from emacm import ConditionRouter, CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
-from emacm.evaluation import miss_rate
 from emacm.evaluation.miss_rate import check_units, largest_missed, miss_rate_limit
 
 INSPECT = {("inspect", "healthy"): 0.3, ("inspect", "worn"): 0.3, ("inspect", "dry"): 0.3}
@@ -68,21 +67,6 @@ def test_the_costs_returned_give_the_rates_of_the_table():
     assert row["inspection_rate_low"] < row["inspection_rate"] < row["inspection_rate_high"]
 
 
-def test_the_factor_is_the_least_one():
-    model = CostSensitiveGaussianBayes(INSPECT).fit(*three_states(90, 0)[:2])
-    X, y, units = three_states(240, 1)
-    limit = miss_rate_limit(model, X, y, units, rate=0.05, healthy="healthy")
-    allowed = largest_missed(160, 0.05, 0.95)
-
-    def missed(factor):
-        cost = pd.DataFrame(model.cost_, model.decisions_, model.classes_)
-        cost.loc["healthy", ["worn", "dry"]] *= factor
-        decided = CostSensitiveGaussianBayes(cost).fit(*three_states(90, 0)[:2]).predict(X)
-        return np.mean(decided[y != "healthy"] == "healthy")
-
-    assert missed(limit.factor) <= allowed < missed(limit.factor * (1 - 1.5e-6))
-
-
 def test_the_rates_of_the_given_cost_are_those_of_evaluate():
     X, y, units = three_states(120, 0)
     model = CostSensitiveGaussianBayes(INSPECT)
@@ -96,19 +80,6 @@ def test_the_rates_of_the_given_cost_are_those_of_evaluate():
     assert len(rates) == 9
     found, expected = limit.table.loc["given cost", rates], result.table.loc["later", rates]
     pd.testing.assert_series_equal(found.astype(float), expected.astype(float), check_names=False)
-
-
-@pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])
-def test_the_factor_does_not_depend_on_the_unit_of_the_cost(scale):
-    X, y, units = fleet(120, 2, 0)
-    cost = np.array([[0.0, 3.0], [1.0, 0.0]])
-    limits = [
-        miss_rate_limit(
-            CostSensitiveGaussianBayes(each).fit(X, y), X, y, units, 0.06, healthy="healthy"
-        )
-        for each in (cost, cost * scale)
-    ]
-    assert limits[0].factor == limits[1].factor > 1.1
 
 
 def test_the_factor_multiplies_what_a_missed_detection_costs_more_than_the_cheapest_decision():
@@ -139,15 +110,6 @@ def test_the_factor_multiplies_what_a_missed_detection_costs_more_than_the_cheap
     allowed = largest_missed(160, 0.05, 0.95)
     assert missed(limit.factor) <= allowed < missed(limit.factor * (1 - 1.5e-6))
     assert limit.table.loc["limit", "missed_by_unit"] == pytest.approx(missed(limit.factor))
-
-
-def test_a_fraction_equal_to_the_allowed_one_is_allowed():
-    critical, weight = np.array([4.0, 0.5, 3.0, 2.0]), np.array([0.25, 0.25, 0.125, 0.375])
-    for allowed, factor in ((0.75, 1.0), (0.375, 2.0), (0.25, 3.0), (0.2, 4.0)):
-        found = miss_rate._least_factor(critical, weight, allowed - 1e-9)
-        assert allowed - 1e-9 + 1e-9 == allowed
-        assert found == pytest.approx(factor * (1 + 1e-6 * (factor > 1)), rel=1e-9)
-    assert miss_rate._least_factor(critical, weight, 0.75 - 1.2e-9) == pytest.approx(2, rel=1e-5)
 
 
 def test_a_rate_that_holds_already_changes_no_cost():
@@ -205,25 +167,16 @@ def test_the_bound_of_means_is_at_least_those_of_hoeffding_and_bentkus():
     assert np.e * binom.cdf(np.ceil(n_units * fraction), n_units, rate) >= 0.05
 
 
-def test_a_probability_equal_to_the_level_is_enough():
-    assert largest_missed(2, 0.5, 0.75, exact=True) == 0  # 0.5^2 = 1 - 0.75
-    assert largest_missed(2, 0.5, 0.75) == 0
-    assert largest_missed(2, 0.5, 0.76, exact=True) == -0.5
-
-
 def test_many_recordings_do_not_replace_units():
     X, y, units = fleet(40, 50, 1)
     model = CostSensitiveGaussianBayes().fit(X, y)
     message = (
         r"20 units with faults cannot prove .* 0.01 with confidence 0.95: .* "
-        r"1 - \(1 - 0.95\)\^\(1/20\) = 0.139. It takes 299 units"
+        r"as high as 0.139. It takes 299 units"
     )
     units = np.where(y == "worn", units, 1000 + np.arange(len(y)))  # enough healthy units
     with pytest.raises(ValueError, match=message):
         miss_rate_limit(model, X, y, units, healthy="healthy")
-    with pytest.raises(ValueError, match=r"0 units with faults"):
-        miss_rate_limit(model, X[y == "healthy"], y[y == "healthy"], units[y == "healthy"],
-                        healthy="healthy")  # fmt: skip
 
 
 @pytest.mark.parametrize(("n_units", "enough"), [(298, False), (299, True)])
@@ -330,8 +283,6 @@ def test_groups_reach_a_classifier_that_leaves_them_out():
         ({"rate": 0.0}, "rate must be .* above 0"),
         ({"confidence": 1.0}, "confidence must be .* below 1"),
         ({"confidence": 0.0}, "confidence must be .* above 0"),
-        ({"rate": 1.0, "groups": None}, "rate must be .* below 1, got 1"),  # before all others
-        ({"confidence": 0.0, "groups": None}, "confidence must be .* above 0"),
         ({"healthy": "good"}, "healthy='good' is neither a class nor a family"),
         ({"groups": None}, "groups must give the unit of each recording"),
         ({"groups": [1, 2]}, "groups must hold one label for each of 240 recordings"),
@@ -370,12 +321,6 @@ def test_what_no_cost_can_attain():
         )  # fmt: skip
 
 
-def test_too_few_units_are_refused_before_the_model_is_used():
-    X, y, units = fleet(28, 2, 0)
-    with pytest.raises(ValueError, match="28 units with faults cannot prove"):
-        miss_rate_limit(None, X, y, units, 0.1, healthy="healthy")
-
-
 def test_a_fault_may_have_the_label_0():
     X, y, units = three_states(150, 0)
     y = np.array([{"healthy": 1, "worn": 0, "dry": 2}[state] for state in y])
@@ -384,35 +329,6 @@ def test_a_fault_may_have_the_label_0():
     decided = model.predict(X)[y == 1]
     assert np.mean(decided == 0) > 0
     assert (row["false_alarm_rate"], row["inspection_rate"]) == (np.mean(decided != 1), 0)
-
-
-def test_one_unit_of_several_recordings_excludes_the_exact_test():
-    model = CostSensitiveGaussianBayes().fit(*fleet(90, 2, 0, between=2.0)[:2])
-    X, y, units = fleet(100, 1, 1, between=2.0)
-    rows = np.append(np.arange(100), 1)  # a faulty one
-    allowed = [largest_missed(50, 0.2, 0.95, exact=exact) for exact in (False, True)]
-    assert allowed[0] < 5 / 50 == allowed[1]
-    for chosen, most in ((rows, allowed[0]), (rows[:-1], allowed[1])):
-        limit = miss_rate_limit(model, X[chosen], y[chosen], units[chosen], 0.2, healthy="healthy")
-        missed = limit.table.loc["limit", "missed_by_unit"]
-        assert most - 1 / 50 < missed <= most + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("n_units", "message"),
-    [(1, r"0\.95\)\^\(1/1\) = 0\.95\. It takes 29"), (3, r"\(1/3\) = 0\.632\.")],
-)
-def test_too_few_units_are_refused_with_the_rate_that_they_prove(n_units, message):
-    with pytest.raises(ValueError, match=message):
-        check_units(n_units, 0.1, 0.95)
-
-
-@pytest.mark.parametrize(("excess", "n_units"), [(0.8e-9, 3), (1.2e-9, 4)])
-def test_only_rounding_is_tolerated_in_the_number_of_units(excess, n_units):
-    confidence = 1 - 0.5 ** (3 + excess)
-    check_units(n_units, 0.5, confidence)
-    with pytest.raises(ValueError, match=f"It takes {n_units} units"):
-        check_units(n_units - 1, 0.5, confidence)
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.1, 0.3, 0.5])
