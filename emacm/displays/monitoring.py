@@ -258,7 +258,7 @@ class TrendDisplay(Display):
             axes[0].figure.supylabel("health index of unit", fontsize=10)
         _drawing.label_x(axes, self.time_label)
         if isinstance(table["time"].iloc[0], pd.Timestamp):
-            axes[0].figure.autofmt_xdate()
+            axes[-1].tick_params("x", rotation=30)
         _drawing.legend_above(axes[0])
         return axes if len(axes) > 1 else axes[0]
 

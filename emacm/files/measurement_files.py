@@ -211,8 +211,7 @@ def read_parquet(path: Path) -> FileColumns:
             f"column {name!r} {reason}. Store a column of numbers for each channel."
         )
     stored = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
-    pandas = json.loads(stored.get("pandas", "{}"))
-    _add_attributes(content, "", stored | (pandas.get("attributes") or {}))
+    _add_attributes(content, "", stored | json.loads(stored.get("PANDAS_ATTRS", "{}")))
     return settled(content)
 
 
