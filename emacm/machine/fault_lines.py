@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from emacm._checks import check_count, check_number
-from emacm.machine.fault_orders import lines_of
+from emacm.machine.fault_orders import check_distinct, lines_of
 from emacm.machine.parts import Part
 from emacm.orders.columns import OrderTableTransformer, column_names, parse_order_columns
 from emacm.orders.new_lines import line_heights
@@ -41,6 +41,8 @@ class LineSettings:
         Lines of each simulated spectrum whose spread is compared with that of a channel.
     lowest_shape, highest_shape, n_shapes : float, float, int
         Shapes of the gamma distributions that are compared, evenly spaced in their logarithm.
+    background : float
+        Distance within which lines are background, in `find_faults` and the recipe [orders].
     """
 
     fewest: int = 5
@@ -52,14 +54,11 @@ class LineSettings:
     lowest_shape: float = 0.5
     highest_shape: float = 2000.0
     n_shapes: int = 120
-
-    @property
-    def shapes(self) -> Array:
-        """Shapes of the gamma distributions."""
-        return np.geomspace(self.lowest_shape, self.highest_shape, self.n_shapes)
+    background: float = 0.5
 
 
 SETTINGS = LineSettings()
+SHAPES = np.geomspace(SETTINGS.lowest_shape, SETTINGS.highest_shape, SETTINGS.n_shapes)
 
 
 @dataclass(frozen=True)
@@ -107,9 +106,9 @@ def fault_series(
     Raises
     ------
     TypeError
-        If an entry is not a part.
+        If there is no part, or an entry is none.
     ValueError
-        If there is no part, or two faults have the same name.
+        If two faults have the same name.
 
     Examples
     --------
@@ -122,28 +121,19 @@ def fault_series(
     FTF [0.398, 0.797]
     """
     check_count(harmonics, "harmonics", at_most=100)
-    single = isinstance(parts, Part | Mapping)
-    if not single and not isinstance(parts, Sequence):
+    listed = [parts] if isinstance(parts, Part | Mapping) else parts
+    if not isinstance(listed, Sequence) or not listed:
         raise TypeError(
-            f"parts must be a part such as a Bearing, or a list of them; got {parts!r}."
+            f"parts must be a part such as a Bearing, or a list of at least one part; got "
+            f"{parts!r}."
         )
-    found: list[FaultSeries] = []
-    for number, part in enumerate([parts] if single else list(parts)):  # type: ignore[arg-type]
+    found = []
+    for number, part in enumerate(listed):
         for prefix, _, line in lines_of(part, number):
-            multiples = line.strikes * np.arange(1, harmonics + 1)
-            orders = tuple(float(order) for order in multiples * line.order)
-            found.append(
-                FaultSeries(prefix + line.name, orders, line.slips, line.kind, line.sidebands)
-            )
-    names = [fault.name for fault in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(
-                f"two faults are called {name!r}. Give the parts names, such as "
-                f"Bearing(..., name='drive end')."
-            )
-    if not found:
-        raise ValueError("parts must hold at least one part, such as a Bearing; got none.")
+            orders = line.strikes * np.arange(1, harmonics + 1) * line.order
+            more = line.slips, line.kind, line.sidebands
+            found.append(FaultSeries(prefix + line.name, tuple(orders.tolist()), *more))
+    check_distinct([fault.name for fault in found])
     return tuple(found)
 
 
@@ -195,7 +185,7 @@ class LineLevels:
                 f"or a larger background."
             )
         self._places = [self._grid(fault) for fault in self.series]
-        self._of_shaft = self._from_whole(self.orders) < 1.5 * self._step
+        self._of_shaft = _from_whole(self.orders) < 1.5 * self._step
         self._without_shaft = without_shaft
         self._drawn: dict[float, Array] = {}
 
@@ -217,15 +207,9 @@ class LineLevels:
 
     def _apart_from_shaft(self, fault: FaultSeries) -> NDArray[np.bool_]:
         """Return which lines of a series cannot be harmonics of the shaft."""
-        distance = self._from_whole(np.array(fault.orders))
-        if not (self._without_shaft and fault.slips) or distance[0] < 1.5 * self._step:
-            return np.zeros(len(distance), bool)
-        return np.asarray(distance > 0.5 * self._step)
-
-    @staticmethod
-    def _from_whole(orders: Array) -> Array:
-        """Return the distance of orders from the nearest whole one, but not from 0."""
-        return np.asarray(np.abs(orders - np.maximum(np.rint(orders), 1)))
+        distance = _from_whole(np.array(fault.orders))
+        separable = self._without_shaft and fault.slips and distance[0] >= 1.5 * self._step
+        return np.asarray(separable & (distance > 0.5 * self._step))
 
     def heights(self, psd: Array) -> Array:
         """Return each line over its local background [dB], of the shape of `psd`.
@@ -309,8 +293,8 @@ class LineLevels:
                 found[name] = float(peaks[places[inside]].mean())
         return found
 
-    def p_values(self, psd: Array, levels: Array) -> Array:
-        """Return the probability of levels at least as high in background alone.
+    def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:
+        """Compare levels with those of background alone.
 
         The background is assumed to be noise whose lines are Gamma distributed, as averages of
         Welch's method are. The shape parameter is estimated from the spread of each spectrum. The
@@ -325,25 +309,10 @@ class LineLevels:
 
         Returns
         -------
-        ndarray of shape (n_rows, n_series)
-            Not smaller than 1/2001.
-        """
-        return self.compare(psd, levels)[1]
-
-    def compare(self, psd: Array, levels: Array) -> tuple[Array, Array]:
-        """Compare levels with those of background alone, as `p_values` does.
-
-        Parameters
-        ----------
-        psd, levels
-            As for `p_values`.
-
-        Returns
-        -------
         excess : ndarray of shape (n_rows, n_series)
             Level minus the mean level of background alone [dB].
         p : ndarray of shape (n_rows, n_series)
-            As of `p_values`.
+            Probability of levels at least as high in background alone, not smaller than 1/2001.
         """
         excess, p = np.empty_like(levels), np.empty_like(levels)
         for row, shape in enumerate(self.background_shapes(psd)):
@@ -366,8 +335,8 @@ class LineLevels:
             The nearest of a grid of shapes; for an average of n independent segments, n.
         """
         spreads = _simulated_spreads(self._width)
-        spread = _spread(line_heights(psd, self._width))
-        return SETTINGS.shapes[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
+        spread = _spread(self.heights(psd))
+        return SHAPES[np.argmin(np.abs(spread[:, np.newaxis] - spreads), axis=1)]
 
     def _background_levels(self, shape: float) -> Array:
         """Return levels of simulated backgrounds, of shape (n_draws, n_series)."""
@@ -376,6 +345,11 @@ class LineLevels:
             spectra = rng.standard_gamma(shape, (SETTINGS.draws, len(self.orders)))
             self._drawn[shape] = self.measure(spectra)[0]
         return self._drawn[shape]
+
+
+def _from_whole(orders: Array) -> Array:
+    """Return the distance of orders from the nearest whole one, but not from 0."""
+    return np.asarray(np.abs(orders - np.maximum(np.rint(orders), 1)))
 
 
 def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
@@ -397,14 +371,8 @@ def _peaks(heights: Array, excluded: NDArray[np.bool_] | None = None) -> Array:
 def _simulated_spreads(width: int) -> Array:
     """Return the spread of simulated heights for each of the Gamma shapes."""
     rng = np.random.default_rng(SETTINGS.seed)
-    return _spread(
-        line_heights(
-            rng.standard_gamma(
-                SETTINGS.shapes[:, np.newaxis], (len(SETTINGS.shapes), SETTINGS.n_lines)
-            ),
-            width,
-        )
-    )
+    psd = rng.standard_gamma(SHAPES[:, np.newaxis], (len(SHAPES), SETTINGS.n_lines))
+    return _spread(line_heights(psd, width))
 
 
 def _spread(heights: Array) -> Array:
@@ -514,17 +482,14 @@ class FaultLines(OrderTableTransformer):
                 "returns them. Put FaultLines after OrderPSD, or pass a DataFrame with such names."
             )
         series = fault_series(self.parts, self.harmonics)
-        by_channel = {block.channel: block for block in blocks}
-        self.channels_ = chosen_channels(self.channels, tuple(by_channel))
-        check_channel_names(tuple(by_channel), self.channels_, "X")
+        known = [block.channel for block in blocks]
+        self.channels_ = chosen_channels(self.channels, known)
+        check_channel_names(known, self.channels_, "X")
         self.faults_ = tuple(fault.name for fault in series)
-        self._levels = {
-            channel: (
-                by_channel[channel].columns,
-                LineLevels(by_channel[channel].orders, series, self.slip, self.background),
-            )
-            for channel in self.channels_
-        }
+        self._levels = {}
+        for block in (blocks[known.index(channel)] for channel in self.channels_):
+            measure = LineLevels(block.orders, series, self.slip, self.background)
+            self._levels[block.channel] = block.columns, measure
         self._columns_out = tuple(f"{c}@{fault}" for c in self.channels_ for fault in self.faults_)
         return self
 

@@ -2,30 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from emacm._checks import check_count, check_number, located
 from emacm.conditions.healthy import are_recordings, check_rates, common_rates
-from emacm.machine.fault_lines import SETTINGS, FaultLines, FaultSeries, LineLevels, fault_series
+from emacm.machine.fault_lines import SETTINGS as LINES
+from emacm.machine.fault_lines import FaultLines, FaultSeries, LineLevels, fault_series
 from emacm.machine.parts import Part
 from emacm.models.recipes import bearing_recipe, highest_order
 from emacm.orders.columns import column_names, parse_order_columns
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.recording import Recording
 
-NONE = "none"
-EFFECT = 3.0  # dB; see the notes of find_faults
-SINGLE = 12.0  # dB; see the notes of find_faults
-_LONGEST, _SHORTEST = 25, 10  # revolutions of a segment
-_BACKGROUND = 0.5  # orders
-_SIDEBANDS = 3.0  # dB, by which sidebands are above the background where they are mentioned
-_FEW = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+@dataclass(frozen=True)
+class NamingSettings:
+    """When a fault is named: chosen by ``python benchmarks/bearings.py`` on CWRU and MFPT data.
+
+    Attributes
+    ----------
+    least_score : float
+        Score that a fault must have, and by which it must exceed the healthy ones [dB].
+    single_line : float
+        Height by which the highest line of a fault may exceed the second one [dB].
+    sidebands : float
+        Height of sidebands above the background from which on they are mentioned [dB].
+    longest, shortest : int
+        Length of a segment, and of the longest stroke of a recording at least [revolutions].
+    """
+
+    least_score: float = 3.0
+    single_line: float = 12.0
+    sidebands: float = 3.0
+    longest: int = 25
+    shortest: int = 10
+
+
+SETTINGS = NamingSettings()
 
 
 def find_faults(
@@ -121,74 +141,87 @@ def find_faults(
     check_count(harmonics, "harmonics", at_most=100)
     check_number(false_alarm, "false_alarm", above=0, at_most=1)
     series = fault_series(parts, harmonics)
-    least = len(series) / (1 + SETTINGS.draws)
+    least = len(series) / (1 + LINES.draws)
     if false_alarm < least:
         raise ValueError(
-            f"false_alarm = {false_alarm:g} is below {least:.2g}, the smallest that "
-            f"{SETTINGS.draws} simulated backgrounds resolve for {len(series)} faults. "
-            f"Raise it, or leave parts out."
+            f"false_alarm = {false_alarm:g} is below {least:.2g}, the smallest that {LINES.draws} "
+            f"simulated backgrounds resolve for {len(series)} faults. Raise it, or leave parts out."
         )
-    measure = partial(
-        _measured, parts=parts, harmonics=harmonics, slip=slip, channels=channels, series=series
-    )
-    baseline = None
+    options: dict[str, Any] = {"harmonics": harmonics, "slip": slip, "channels": channels}
+    highest: dict[str, list[float]] = {}  # healthy scores by channel
     if healthy is not None:
         if are_recordings(healthy):
             check_rates(X, common_rates(healthy))
         with located("healthy"):
-            baseline = _scores(measure(healthy), series).groupby(level="channel").max()
-    rows = [_row(found, series, false_alarm, baseline) for found in measure(X)]
+            for _, channel, faults in _measured(healthy, parts, series, **options):
+                before = highest.get(channel, [0.0] * len(faults))
+                highest[channel] = [max(f.score, b) for f, b in zip(faults, before, strict=True)]
+    rows = []
+    for number, channel, faults in _measured(X, parts, series, **options):
+        if healthy is not None:
+            check_channel_names(list(highest), [channel], "healthy")
+        limits = [SETTINGS.least_score + h for h in highest.get(channel, [0.0] * len(faults))]
+        row = {"recording": number, "channel": channel} | _row(faults, limits, false_alarm)
+        explanation = row.pop("explanation")
+        rows.append(row | {"calibrated": healthy is not None, "explanation": explanation})
     return pd.DataFrame(rows)
 
 
-class _Measured:
-    """Lines of one recording and channel."""
+class _Fault(NamedTuple):
+    """A fault in one recording and channel: its score [dB], its slip, and heights of lines [dB]."""
 
-    def __init__(
-        self, recording: int, channel: str, psd: Any, lines: LineLevels, series: Any
-    ) -> None:
-        self.recording, self.channel = recording, channel
-        levels, slips, heights = lines.measure(psd)
-        excess, p = lines.compare(psd, levels)
-        self.scores, self.p, self.slips = excess[0], p[0], slips[0]
-        self.heights = [each[0] for each in heights]
-        self.sidebands = [
-            lines.sidebands(psd, fault, slip) for fault, slip in zip(series, slips[0], strict=True)
-        ]
+    series: FaultSeries
+    score: float
+    p: float
+    slip: float
+    heights: list[float]
+    sidebands: dict[str, float]
+
+    @property
+    def is_single(self) -> bool:
+        """Whether a fault of rolling elements has one line only, as a modulation has.
+
+        Impacts have harmonics of similar height.
+        """
+        *_, second, highest = [-np.inf, *sorted(self.heights)]
+        several = self.series.slips and len(self.heights) > 1
+        return several and highest - second > SETTINGS.single_line
+
+    def modulated(self, faults: Sequence[_Fault]) -> list[str]:
+        """Return the names of the faults that are modulated at the order of this one."""
+        order, series = self.series.orders[0], [fault.series for fault in faults]
+        return [s.name for s in series if any(np.isclose(order, o) for _, o in s.sidebands)]
 
 
 def _measured(
-    X: Any, *, parts: Any, harmonics: int, slip: float, channels: Any, series: Any
-) -> list[_Measured]:
-    """Measure each recording and channel of recordings or of a table."""
+    X: Any, parts: Any, series: tuple[FaultSeries, ...], **options: Any
+) -> Iterator[tuple[int, str, list[_Fault]]]:
+    """Measure the faults of each recording and channel of recordings or of a table."""
+    slip, channels = options["slip"], options["channels"]
     if column_names(X) is not None:
-        return _of_table(X, 0, series, slip, channels)
-    top = highest_order(parts, harmonics, slip)
-    found = []
+        yield from _of_table(X, 0, series, slip, channels)
+        return
+    top = highest_order(parts, options["harmonics"], slip)
     for index, recording in enumerate(as_recordings(X, "find_faults")):
         with located(partial(described, recording, index)):
             revolutions = _segment(recording, top, channels)
-            recipe = bearing_recipe(
-                parts, harmonics=harmonics, slip=slip, revolutions=revolutions, channels=channels
-            )
-            table = recipe[:-1].fit_transform([recording])
-            found += _of_table(table, index, series, slip, channels)
-    return found
+            recipe = bearing_recipe(parts, revolutions=revolutions, **options)
+            spectra = recipe[:-1].fit_transform([recording])
+            yield from _of_table(spectra, index, series, slip, channels)
 
 
 def _segment(recording: Recording, top: float, channels: Any) -> int:
     """Return the length of the segments of a recording [revolutions]."""
-    paths = recording.paths()
-    longest = max((path.length for path in paths), default=0.0) / (2 * np.pi)
-    if longest < _SHORTEST:
+    longest = max((path.length for path in recording.paths()), default=0.0) / (2 * np.pi)
+    if longest < SETTINGS.shortest:
         raise ValueError(
-            f"its longest stroke has {longest:.3g} revolutions; {_SHORTEST} are needed to separate "
-            f"the lines of the faults. Give a longer recording."
+            f"its longest stroke has {longest:.3g} revolutions; {SETTINGS.shortest} are needed to "
+            f"separate the lines of the faults. Give a longer recording."
         )
     fastest = np.abs(recording.velocity).max() / (2 * np.pi)
     for name in recording.channels if channels is None else channels:
         check_channel_names(recording.channels, [name])
-        width = 7 / 16 * recording.fs[name]
+        width = 7 / 16 * recording.fs[name]  # of the envelope of the whole band
         if top * fastest > width:
             raise ValueError(
                 f"the lines of the faults reach order {top:.4g}, {top * fastest:.4g} Hz at its "
@@ -196,29 +229,29 @@ def _segment(recording: Recording, top: float, channels: Any) -> int:
                 f"{recording.fs[name]:g} Hz, ends at {width:.4g} Hz. Lower harmonics, or leave out "
                 f"the parts with the highest orders."
             )
-    return min(_LONGEST, int(longest))
+    return min(SETTINGS.longest, int(longest))
 
 
 def _of_table(
     table: Any, first: int, series: tuple[FaultSeries, ...], slip: float, channels: Any
-) -> list[_Measured]:
-    """Measure each row and channel of a table."""
+) -> Iterator[tuple[int, str, list[_Fault]]]:
+    """Measure the faults of each row and channel of a table."""
     # FaultLines checks the table: its axis, its values, its channels.
-    checked = FaultLines(
-        {fault.name: fault.orders[0] for fault in series}, harmonics=1, channels=channels
-    ).fit(table)
-    psd = np.asarray(table, np.float64)
-    blocks = {
-        block.channel: block for block in parse_order_columns(column_names(table) or ()) or ()
-    }
-    found = []
-    for row in range(len(psd)):
-        for channel in checked.channels_:
-            block = blocks[channel]
-            lines = _line_levels(tuple(block.orders.tolist()), series, slip)
-            spectrum = psd[row : row + 1, block.columns]
-            found.append(_Measured(first + row, channel, spectrum, lines, series))
-    return found
+    lowest = {fault.name: fault.orders[0] for fault in series}
+    checked = FaultLines(lowest, harmonics=1, channels=channels).fit(table)
+    blocks = parse_order_columns(column_names(table) or ()) or ()
+    block_of = {block.channel: block for block in blocks}
+    rows = np.asarray(table, np.float64)
+    for number, channel in product(range(len(rows)), checked.channels_):
+        block = block_of[channel]
+        psd = rows[number : number + 1, block.columns]
+        lines = _line_levels(tuple(block.orders.tolist()), series, slip)
+        levels, slips, heights = lines.measure(psd)
+        excess, p = lines.compare(psd, levels)
+        of_lines = [own[0].tolist() for own in heights]
+        sidebands = [lines.sidebands(psd, *own) for own in zip(series, slips[0], strict=True)]
+        columns = series, excess[0], p[0], slips[0], of_lines, sidebands
+        yield first + number, channel, list(map(_Fault, *columns))
 
 
 @lru_cache(maxsize=32)
@@ -226,92 +259,49 @@ def _line_levels(
     orders: tuple[float, ...], series: tuple[FaultSeries, ...], slip: float
 ) -> LineLevels:
     """Return the measurement for an order axis, with the backgrounds it has simulated."""
-    return LineLevels(np.array(orders), series, slip, _BACKGROUND, without_shaft=True)
+    return LineLevels(np.array(orders), series, slip, LINES.background, without_shaft=True)
 
 
-def _scores(found: list[_Measured], series: Sequence[FaultSeries]) -> pd.DataFrame:
-    index = pd.Index([each.channel for each in found], name="channel")
-    return pd.DataFrame([each.scores for each in found], index, [fault.name for fault in series])
-
-
-def _row(
-    found: _Measured,
-    series: Sequence[FaultSeries],
-    false_alarm: float,
-    baseline: pd.DataFrame | None,
-) -> dict[str, Any]:
-    """Return the row of the result of one recording and channel."""
-    limits = np.full(len(series), EFFECT)
-    if baseline is not None:
-        if found.channel not in baseline.index:
-            raise ValueError(
-                f"healthy has no channel {found.channel!r}; its channels are "
-                f"{list(baseline.index)}."
-            )
-        limits = EFFECT + np.maximum(baseline.loc[found.channel].to_numpy(), 0.0)
-    passed, single = np.ones(len(series), bool), _single_lines(found, series)
-    if false_alarm < 1:
-        passed = (found.p <= false_alarm / len(series)) & (found.scores >= limits)
-        passed &= ~single
-    own = passed & ~np.array([any(_modulates(one, other) for other in series) for one in series])
-    candidates = own if own.any() else passed
-    best = int(np.where(candidates, found.scores, -np.inf).argmax())
-    if not candidates.any():
-        best = int(found.scores.argmax())
-    row: dict[str, Any] = {
-        "recording": found.recording,
-        "channel": found.channel,
-        "named": series[best].name if candidates.any() else NONE,
-    }
-    row |= {fault.name: found.scores[k] for k, fault in enumerate(series)}
-    row |= {f"p({fault.name})": found.p[k] for k, fault in enumerate(series)}
-    row |= {"slip": found.slips[best], "calibrated": baseline is not None}
-    text = _sentence(found, series[best], best)
-    if candidates.any():
-        kind = series[best].kind
-        text += "" if kind in ("", "given") else f": {kind}"
-        others = [other.name for other in series if _modulates(series[best], other)]
+def _row(faults: list[_Fault], limits: list[float], false_alarm: float) -> dict[str, Any]:
+    """Return the result of one recording and channel: what is named, scores, and why."""
+    passed = [
+        fault
+        for fault, limit in zip(faults, limits, strict=True)
+        if false_alarm == 1
+        or (fault.p <= false_alarm / len(faults) and fault.score >= limit and not fault.is_single)
+    ]
+    own = [fault for fault in passed if not fault.modulated(faults)]
+    named = max(own or passed, key=lambda fault: fault.score, default=None)
+    best = named or max(faults, key=lambda fault: fault.score)
+    text = _lines_text(best)
+    if named is not None:
+        others = named.modulated(faults)
+        text += "" if named.series.kind in ("", "given") else f": {named.series.kind}"
         text += f", or the modulation of {' or '.join(others)}" if others else ""
-    elif found.scores[best] < limits[best]:
-        text = f"no fault: {text}; its score of {found.scores[best]:.1f} dB, the highest, is below "
-        text += f"{limits[best]:.1f} dB"
-    elif single[best]:
-        text = f"no fault: {text}; a single line is a modulation, impacts have harmonics"
     else:
-        text = f"no fault: {text}, which background alone may reach (p = {found.p[best]:.2g})"
-    return row | {"explanation": text}
+        text = f"no fault: {text}{_reason(best, limits[faults.index(best)])}"
+    return {
+        "named": "none" if named is None else named.series.name,
+        **{fault.series.name: fault.score for fault in faults},
+        **{f"p({fault.series.name})": fault.p for fault in faults},
+        "slip": best.slip,
+        "explanation": text,
+    }
 
 
-def _single_lines(found: _Measured, series: Sequence[FaultSeries]) -> NDArray[np.bool_]:
-    """Return which faults of rolling elements have one line only, as a modulation has.
-
-    Impacts have harmonics of similar height.
-    """
-    heights = [np.sort(lines)[::-1] for lines in found.heights]
-    return np.array(
-        [
-            fault.slips and len(lines) > 1 and lines[0] - lines[1] > SINGLE
-            for fault, lines in zip(series, heights, strict=True)
-        ]
-    )
-
-
-def _modulates(fault: FaultSeries, other: FaultSeries) -> bool:
-    """Return whether one fault has the order of a modulation of another one."""
-    return any(np.isclose(fault.orders[0], order) for _, order in other.sidebands)
-
-
-def _sentence(found: _Measured, fault: FaultSeries, k: int) -> str:
+def _lines_text(fault: _Fault) -> str:
     """Describe the lines of a fault."""
-    heights = [f"{height:.0f}" for height in found.heights[k]]
-    text = f"{fault.name} is {heights[0]}"
-    if len(heights) > 1:
-        count = len(heights) - 1
-        number = _FEW[count] if count < len(_FEW) else str(count)
-        text = f"{fault.name} and {number} harmonic{'s' * (count > 1)} are "
-        text += f"{', '.join(heights[:-1])} and {heights[-1]}"
-    text += " dB above the local background"
-    sides = [name for name, level in found.sidebands[k].items() if level >= _SIDEBANDS]
-    if sides:
-        text += f", with {' and '.join(sides)} sidebands"
-    return text
+    name, (*others, last) = fault.series.name, [f"{height:.0f}" for height in fault.heights]
+    lines = f"{name} and its harmonics are {', '.join(others)} and" if others else f"{name} is"
+    sides = [name for name, level in fault.sidebands.items() if level >= SETTINGS.sidebands]
+    beside = f", with {' and '.join(sides)} sidebands" if sides else ""
+    return f"{lines} {last} dB above the local background{beside}"
+
+
+def _reason(fault: _Fault, limit: float) -> str:
+    """Return why the fault of the highest score is not named."""
+    if fault.score < limit:
+        return f"; its score of {fault.score:.1f} dB, the highest, is below {limit:.1f} dB"
+    if fault.is_single:
+        return "; a single line is a modulation, impacts have harmonics"
+    return f", which background alone may reach (p = {fault.p:.2g})"

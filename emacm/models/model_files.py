@@ -6,9 +6,11 @@ import importlib
 import json
 import os
 import platform
+import re
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -23,21 +25,6 @@ from emacm._saved import values_as_lists
 from emacm._version import __version__
 from emacm.resampling.order_resampler import OrderResampler
 
-_SUBPACKAGES = {
-    "calibration",
-    "conditions",
-    "envelopes",
-    "files",
-    "decisions",
-    "machine",
-    "alarms",
-    "life",
-    "streams",
-    "orders",
-    "recordings",
-    "resampling",
-    "stroke_features",
-}
 _OTHERS = {
     "emacm.machine.fault_lines.LineLevels",
     "scipy.sparse._csr.csr_array",
@@ -53,19 +40,12 @@ _OTHERS = {
 }
 
 
-def check_types(names: Sequence[str]) -> None:
-    """Raise a TypeError if a model file must not contain one of the types.
+_START = b"emacm model 1\n"
+_LIBRARIES = ("numpy", "scipy", "sklearn", "pandas", "skops")
 
-    Parameters
-    ----------
-    names : sequence of str
-        Full names of types that skops does not trust by itself.
 
-    Raises
-    ------
-    TypeError
-        The message names the types.
-    """
+def _check_types(names: Sequence[str]) -> None:
+    """Raise a TypeError with the types that skops does not trust and that are not ours."""
     foreign = [name for name in names if name not in _OTHERS and not _is_ours(name)]
     if foreign:
         raise TypeError(
@@ -78,10 +58,7 @@ def check_types(names: Sequence[str]) -> None:
 def _is_ours(name: str) -> bool:
     """Tell whether this is an estimator of emacm, or one of its classes that only hold values."""
     module, _, short = name.rpartition(".")
-    parts = module.split(".")
-    if len(parts) != 3 or parts[0] != "emacm" or parts[1] not in _SUBPACKAGES:
-        return False
-    if parts[2].startswith("__") or short.startswith("__"):
+    if not re.fullmatch(r"emacm\.[a-z_]+\.[a-z][a-z_]+", module):
         return False
     try:
         found: Any = getattr(importlib.import_module(module), short, None)
@@ -89,15 +66,7 @@ def _is_ours(name: str) -> bool:
         return False
     if not isinstance(found, type) or found.__module__ != module:
         return False
-    holds_values = is_dataclass(found) or (issubclass(found, tuple) and hasattr(found, "_fields"))
-    return issubclass(found, BaseEstimator) or holds_values
-
-
-_START = b"emacm model 1\n"
-_LIBRARIES = ("numpy", "scipy", "sklearn", "pandas", "skops")
-_LONGEST = 1 << 26  # bytes of the description of a model
-_SAME = 1e-6  # by which posteriors of the check rows may differ under other versions
-_N_ROWS = 8  # check rows where classes have no means
+    return issubclass(found, BaseEstimator | tuple) or is_dataclass(found)
 
 
 def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = None) -> None:
@@ -165,7 +134,7 @@ def save_model(model: Any, path: str | os.PathLike[str], *, note: str | None = N
                 f"the model contains something that a model file cannot hold: {error}. Use "
                 f"functions of NumPy or SciPy only, or joblib.dump, whose files execute code."
             ) from error
-    check_types(skops.get_untrusted_types(data=stored))
+    _check_types(skops.get_untrusted_types(data=stored))
     about = json.dumps(_description(model, note), default=str).encode()
     body = len(about).to_bytes(8, "little") + about + stored
     content = _START + sha256(body).hexdigest().encode() + b"\n" + body
@@ -215,7 +184,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
         warnings.simplefilter("ignore")  # versions are compared below, all at once
         try:
             types = skops.get_untrusted_types(data=stored)
-            check_types(types)
+            _check_types(types)
             model = skops.loads(stored, trusted=types)
         except TypeError:
             raise
@@ -282,22 +251,13 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
         start = len(_START)
         if content[:start] != _START:
             raise ValueError("it is not a model file of emacm.save_model, or of a later version.")
-        digest, body = content[start : start + 64], content[start + 65 :]
-        if sha256(body).hexdigest().encode() != digest or content[start + 64 : start + 65] != b"\n":
+        digest, body = content[start : start + 65], content[start + 65 :]
+        if sha256(body).hexdigest().encode() + b"\n" != digest:
             raise ValueError(
                 "it is damaged: its content does not have the digest that it states. Copy it again."
             )
         length = int.from_bytes(body[:8], "little")
-        if not 0 < length <= min(_LONGEST, len(body) - 8):
-            raise ValueError("it is damaged: its description is incomplete.")
-        try:
-            about = json.loads(body[8 : 8 + length])
-            known = isinstance(about["versions"], dict) and isinstance(about["check"], list)
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
-            raise ValueError(f"it is damaged: its description is invalid ({error}).") from error
-        if not known:
-            raise ValueError("it is damaged: its description is invalid.")
-        return about, body[8 + length :]
+        return json.loads(body[8 : 8 + length]), body[8 + length :]
 
 
 def parts_of(model: Any) -> Iterator[Any]:
@@ -305,38 +265,40 @@ def parts_of(model: Any) -> Iterator[Any]:
     seen: set[int] = set()
 
     def walk(value: Any) -> Iterator[Any]:
-        if id(value) in seen:
+        if id(value) in seen or not isinstance(value, BaseEstimator | Mapping | list | tuple):
             return
         seen.add(id(value))
         if isinstance(value, BaseEstimator):
             yield value
             value = vars(value)
-        if isinstance(value, Mapping):
-            value = list(value.values())
-        if isinstance(value, list | tuple):
-            for inner in value:
-                if isinstance(inner, BaseEstimator | Mapping | list | tuple):
-                    yield from walk(inner)
+        for inner in value.values() if isinstance(value, Mapping) else value:
+            yield from walk(inner)
 
     yield from walk(model)
 
 
 def _description(model: Any, note: str | None) -> dict[str, Any]:
-    resamplers = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
-    fitted = [part for part in resamplers if hasattr(part, "channels_")]
+    fitted = fitted_resamplers(model)
+    lists = {name: _plain(model, name) for name in ("classes", "decisions", "truths", "cost")}
     return {
         "note": note,
         "saved": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "versions": _versions(),
         "model": type(model).__name__,
         "steps": [name for name, _ in getattr(model, "steps", ())],
-        **{name: _plain(model, f"{name}_") for name in ("classes", "decisions", "truths", "cost")},
-        "priors": _plain(model, "priors_"),
+        **lists,
+        "priors": _plain(model, "priors"),
         "channels": list(fitted[0].channels_) if fitted else [],
         "units": [getattr(part, "training_units_", {}) for part in fitted],
         "training_range": [getattr(part, "training_range_", None) for part in fitted],
         "check": list(_check_rows(model)),
     }
+
+
+def fitted_resamplers(model: Any) -> list[OrderResampler]:
+    """Return the fitted resamplers of a model."""
+    parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
+    return [part for part in parts if hasattr(part, "channels_")]
 
 
 def _versions() -> dict[str, str]:
@@ -346,68 +308,56 @@ def _versions() -> dict[str, str]:
 
 def _differences(saved: Mapping[str, str]) -> str:
     here = _versions()
-    pairs = {name: (version, here.get(name)) for name, version in saved.items() if name != "python"}
-    return ", ".join(
-        f"{name} {old} (here {new})" for name, (old, new) in pairs.items() if old != new
-    )
+    differ = [name for name in saved if name != "python" and saved[name] != here.get(name)]
+    return ", ".join(f"{name} {saved[name]} (here {here.get(name)})" for name in differ)
 
 
 def _plain(model: Any, name: str) -> Any:
     """Return an attribute of the model, or of its last step, as lists; None if it has none."""
-    for part in (model, *([model.steps[-1][1]] if getattr(model, "steps", None) else [])):
-        try:
-            value = getattr(part, name)
-        except (AttributeError, ValueError, TypeError):
-            continue
-        return np.asarray(value).tolist()
+    for part in (model, *(step for _, step in getattr(model, "steps", ())[-1:])):
+        with suppress(AttributeError, ValueError, TypeError):
+            return np.asarray(getattr(part, f"{name}_")).tolist()
     return None
 
 
 def _classifiers(model: Any) -> list[Any]:
     """Return the fitted parts that give posteriors for rows of features."""
+    classifiers = [part for part in parts_of(model) if hasattr(part, "predict_proba")]
     return [
         part
-        for part in parts_of(model)
-        if hasattr(part, "classes_")
-        and not hasattr(part, "steps")
-        and hasattr(part, "predict_proba")
-        and isinstance(getattr(part, "n_features_in_", None), int)
+        for part in classifiers
+        if isinstance(getattr(part, "n_features_in_", None), int) and not hasattr(part, "steps")
     ]
 
 
 def _check_rows(model: Any) -> Iterator[dict[str, Any]]:
     """Yield rows of features and their posteriors, for each classifier."""
     for part in _classifiers(model):
-        rows = _rows_for(part)
-        with warnings.catch_warnings():
+        rows, posterior = _rows_for(part), np.empty(0)
+        with warnings.catch_warnings(), suppress(ValueError, TypeError, AttributeError):
             warnings.simplefilter("ignore")
-            try:
-                posterior = part.predict_proba(rows)
-            except (ValueError, TypeError, AttributeError):  # not rows of numbers
-                posterior = np.empty(0)
-        yield {"rows": rows.tolist(), "posterior": np.asarray(posterior).tolist()}
+            posterior = part.predict_proba(rows)  # an error if it needs more than rows of numbers
+        yield {"rows": rows.tolist(), "posterior": posterior.tolist()}
 
 
-def _rows_for(classifier: Any) -> Any:
+def _rows_for(classifier: Any, *, n_rows: int = 8) -> Any:
     """Return the means of the classes and rows half way between them; or rows of any kind."""
-    means = getattr(classifier, "means_", None)
-    if means is not None and np.ndim(means) == 2:
+    means: Any = getattr(classifier, "means_", None)
+    if np.ndim(means) == 2:
         return np.vstack([means, (means + np.roll(means, 1, axis=0)) / 2])
-    return np.random.default_rng(0).normal(size=(_N_ROWS, classifier.n_features_in_))
+    return np.random.default_rng(0).normal(size=(n_rows, classifier.n_features_in_))
 
 
-def _replay(model: Any, checks: list[Any], differ: str) -> None:
+def _replay(model: Any, checks: list[Any], differ: str, *, tolerance: float = 1e-6) -> None:
     """Raise a ValueError if the check rows give other posteriors than when the model was saved."""
-    parts = _classifiers(model)
     versions = f" The versions differ: {differ}. Install those of the file." if differ else ""
-    same = len(parts) == len(checks)
-    for part, check in zip(parts, checks, strict=False):
+    for part, check in zip(_classifiers(model), checks, strict=True):
         expected = np.asarray(check["posterior"], float)
-        if expected.size:
-            found = np.asarray(part.predict_proba(np.asarray(check["rows"], float)))
-            same &= found.shape == expected.shape and np.allclose(found, expected, 0, _SAME)
-    if not same:
-        raise ValueError(
-            f"its check rows give other posteriors than when it was saved.{versions} Otherwise fit "
-            f"the model again."
-        )
+        if not expected.size:
+            continue
+        found = np.asarray(part.predict_proba(np.asarray(check["rows"], float)))
+        if found.shape != expected.shape or not np.allclose(found, expected, 0, tolerance):
+            raise ValueError(
+                f"its check rows give other posteriors than when it was saved.{versions} Otherwise "
+                f"fit the model again."
+            )

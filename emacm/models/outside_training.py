@@ -85,7 +85,8 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
 def new_lines(model: Any, recording: Any) -> list[str]:
     """Return the statements of each `BinTransformer` in a model about one recording."""
     with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
-        _state_lines(model, [recording])
+        for part in filter(_has_bins, [search_estimator(model)]):
+            _state_lines(part, [recording])
     return found
 
 
@@ -95,25 +96,27 @@ def _has_bins(model: Any) -> bool:
 
 def _state_lines(model: Any, X: Any) -> None:
     """Apply what leads to the bins of a fitted model, and these; they state new lines."""
-    model = search_estimator(model)
-    if isinstance(model, str) or not _has_bins(model):
-        return
     if isinstance(model, Pipeline):
         steps = [step for _, step in model.steps if step not in (None, "passthrough")]
-        last = max(number for number, step in enumerate(steps) if _has_bins(step))
-        for step in steps[:last]:
+        while not _has_bins(steps[-1]):
+            steps.pop()
+        for step in steps[:-1]:
             X = step.transform(X)
-        _state_lines(steps[last], X)
-    elif isinstance(model, FeatureUnion):
-        for _, member in model.transformer_list:
-            _state_lines(member, X)
+        _state_lines(steps[-1], X)
     elif isinstance(model, ConditionRouter):
         _state_lines(model.models_of(X)[0], X)
-    elif hasattr(model, "transform"):
+    elif hasattr(model, "transform") and not isinstance(model, FeatureUnion):
         model.transform(X)
     else:
-        for part in [*getattr(model, "estimators_", []), getattr(model, "estimator_", None)]:
+        for part in filter(_has_bins, _members(model)):
             _state_lines(part, X)
+
+
+def _members(model: Any) -> list[Any]:
+    """Return the fitted estimators that a model is made of."""
+    parts = [step for _, step in getattr(model, "transformer_list", ())]
+    parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
+    return [part for part in parts if hasattr(part, "fit")]
 
 
 def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:
@@ -132,8 +135,6 @@ def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | Non
             training_statements(own, [x]) for own, x in zip(model.models_of(X), X, strict=True)
         ]
         return None if None in parts else [part[0] for part in parts if part is not None]
-    if isinstance(model, FeatureUnion):
-        return _merged([training_statements(step, X) for _, step in model.transformer_list])
     if isinstance(model, Pipeline):
         for _, step in model.steps:
             found = training_statements(step, X)
@@ -145,8 +146,7 @@ def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | Non
             if not isinstance(X, list):  # features
                 return None
         return None
-    inner = [*getattr(model, "estimators_", []), getattr(model, "estimator_", None)]
-    return _merged([training_statements(part, X) for part in inner if part is not None])
+    return _merged([training_statements(part, X) for part in _members(model)])
 
 
 def _merged(parts: Sequence[list[list[Statement]] | None]) -> list[list[Statement]] | None:

@@ -14,7 +14,7 @@ from emacm.conditions.signal_baseline import SignalBaseline
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.envelopes.envelope_detector import EnvelopeDetector
 from emacm.envelopes.prewhitening import CepstralPrewhitening
-from emacm.machine.fault_lines import FaultLines, fault_series
+from emacm.machine.fault_lines import SETTINGS, FaultLines, fault_series
 from emacm.machine.parts import Part
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
@@ -24,8 +24,6 @@ from emacm.resampling.signal_cache import SignalCache
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics
-
-_BACKGROUND = 0.5  # orders
 
 
 def bearing_recipe(
@@ -94,17 +92,16 @@ def bearing_recipe(
     """
     check_number(revolutions, "revolutions", above=0)
     top = highest_order(parts, harmonics, slip)
-    steps = [
-        ("cepstralprewhitening", CepstralPrewhitening(channels=channels)),
-        ("envelopedetector", EnvelopeDetector("full", channels=channels, squared=False)),
-        (
-            "orderresampler",
-            OrderResampler(2 * np.pi / (2.6 * top), min_speed=min_speed, channels=channels),
-        ),
-        ("orderpsd", OrderPSD(revolutions, max_order=top, n_jobs=n_jobs)),
-        ("faultlines", FaultLines(parts, harmonics=harmonics, slip=slip, background=_BACKGROUND)),
-    ]
-    return Pipeline(steps if classifier is None else [*steps, ("classifier", classifier)])
+    theta_s = 2 * np.pi / (2.6 * top)
+    recipe = make_pipeline(
+        CepstralPrewhitening(channels=channels),
+        EnvelopeDetector("full", channels=channels, squared=False),
+        OrderResampler(theta_s, min_speed=min_speed, channels=channels),
+        OrderPSD(revolutions, max_order=top, n_jobs=n_jobs),
+        FaultLines(parts, harmonics=harmonics, slip=slip, background=SETTINGS.background),
+    )
+    last = [] if classifier is None else [("classifier", classifier)]
+    return Pipeline(recipe.steps + last)
 
 
 def highest_order(parts: Any, harmonics: int, slip: float) -> float:
@@ -117,11 +114,7 @@ def highest_order(parts: Any, harmonics: int, slip: float) -> float:
     """
     check_number(slip, "slip", at_least=0, below=0.2)
     lines = [order for fault in fault_series(parts, harmonics) for order in fault.orders]
-    return round(max(lines) * (1 + slip), 1) + _BACKGROUND
-
-
-_STROKE = 1.0  # revolutions; anything shorter is noise of the shaft reference at rest
-_MAX_BINS = 1000  # two channels then have 10,000 features, and their covariance 0.8 GB
+    return round(max(lines) * (1 + slip), 1) + SETTINGS.background
 
 
 def actuator_recipe(
@@ -223,12 +216,12 @@ def actuator_recipe(
     check_choice(phase, "phase", (True, False))
     check_number(revolutions, "revolutions", above=0)
     check_number(max_order, "max_order", at_least=2 / 2.4)
-    if revolutions * max_order > _MAX_BINS:
+    if revolutions * max_order > 1000:
         raise ValueError(
             f"revolutions = {revolutions:g} and max_order = {max_order:g} make "
             f"{revolutions * max_order:.0f} bins for each channel, pair and direction, and the "
-            f"covariance of all features would not fit into memory; at most {_MAX_BINS} are "
-            f"possible. Lower either of them."
+            f"covariance of all features would not fit into memory; at most 1000 are possible. "
+            f"Lower either of them."
         )
     if healthy is not None and not phase:
         raise ValueError(
@@ -236,18 +229,17 @@ def actuator_recipe(
             f"its phase and on that of the healthy one. Leave healthy out, or set phase=True, for "
             f"recordings of the same assemblies only."
         )
-    relative: dict[str, Any] = (
-        {} if healthy is None else {"condition": condition, "healthy": healthy}
-    )
-    strokes: dict[str, Any] = {"min_speed": min_speed, "min_revolutions": _STROKE, "n_jobs": n_jobs}
+    # Anything shorter than a revolution is noise of the shaft reference at rest.
+    strokes: dict[str, Any] = {"min_revolutions": 1.0, "n_jobs": n_jobs}
+    residual = SignalBaseline(condition=condition, healthy=healthy)
     over_angle = make_pipeline(
         OrderResampler(2 * np.pi / (2.4 * max_order), min_speed=min_speed),
-        SignalBaseline(**relative) if relative else "passthrough",
+        "passthrough" if healthy is None else residual,
         SignalCache(),
-        _over_angle(revolutions, max_order, n_jobs),
+        _over_angle(revolutions, max_order, strokes),
     )
     reference = "absolute" if phase else "relative"
-    lines = ShaftHarmonics((1,), phase=reference, n_sections=2, **strokes)
+    lines = ShaftHarmonics((1,), phase=reference, n_sections=2, min_speed=min_speed, **strokes)
     features = _union(over_angle=over_angle, lines=lines)
     gaussians = CostSensitiveGaussianBayes(
         cost,
@@ -257,20 +249,13 @@ def actuator_recipe(
         unknown=unknown,
         temperature=temperature,
     )
-    return Pipeline(
-        [
-            ("featureunion", features),
-            ("standardscaler", StandardScaler()),
-            ("costsensitivegaussianbayes", gaussians),
-        ]
-    )
+    return make_pipeline(features, StandardScaler(), gaussians)
 
 
-def _over_angle(revolutions: float, max_order: float, n_jobs: int | None) -> FeatureUnion:
+def _over_angle(revolutions: float, max_order: float, strokes: dict[str, Any]) -> FeatureUnion:
     """Return the features that are computed from recordings over the shaft angle."""
-    spectra: dict[str, Any] = {"by_direction": "auto", "n_jobs": n_jobs}
+    spectra: dict[str, Any] = {"by_direction": "auto", "n_jobs": strokes["n_jobs"]}
     bins: dict[str, Any] = {"bin_size": 1 / revolutions, "max_order": max_order}
-    strokes: dict[str, Any] = {"min_revolutions": _STROKE, "n_jobs": n_jobs}
     return _union(
         powers=make_pipeline(
             OrderPSD(revolutions, **spectra),

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._progress import n_parallel, run
+from emacm._progress import run
 from emacm.conditions.present_costs import with_present_costs
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import before_the_last_step, search_estimator
 from emacm.decisions.risks import LeastRiskMixin, decide, risks_of
 from emacm.explanations.explain import explain_decision
 from emacm.files.folder import FileRecording
-from emacm.models.model_files import parts_of
+from emacm.models.model_files import fitted_resamplers
 from emacm.models.outside_training import training_statements
 from emacm.orders.new_lines import collected_statements
 from emacm.recordings.inputs import as_list, received
@@ -29,8 +28,6 @@ from emacm.resampling.order_resampler import OrderResampler, check_angle_step
 from emacm.resampling.quality import Quality, recording_quality
 
 Row = dict[str, Any]
-
-_TOGETHER = 8  # recordings whose features are computed before the first decision
 
 
 def score(model: Any, recordings: Any, *, n_jobs: int | None = None) -> pd.DataFrame:
@@ -143,38 +140,19 @@ def scored_rows(
     -------
     list of dict
     """
-    size = max(1, min(_TOGETHER, len(sources) // (4 * n_parallel(n_jobs))))
-    starts = range(0, len(sources), size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the rows contain them
-        blocks = run(
-            partial(_rows, model),
-            [sources[start : start + size] for start in starts],
-            [names[start : start + size] for start in starts],
-            n_jobs=n_jobs,
-        )
-    return list(chain.from_iterable(blocks))
+        return run(partial(_scored_row, model), sources, names, n_jobs=n_jobs)
 
 
 def _itself(entry: Any) -> Any:
     return entry
 
 
-def _rows(model: Any, sources: Sequence[Callable[[], Any]], names: Sequence[Any]) -> list[Row]:
-    """Return the rows of a few recordings: first the features of all, then the decisions.
-
-    The instructions and tables of a decision then stay in the cache of the processor.
-    """
-    steps = [_row_in_steps(model, *pair) for pair in zip(sources, names, strict=True)]
-    first = [next(step) for step in steps]
-    return [row or next(step) for row, step in zip(first, steps, strict=True)]
-
-
-def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[Row]:
-    """Yield an empty row when the features are known (unless there are none), then the row."""
-    empty = dict.fromkeys(score_columns(model), np.nan)
+def _scored_row(model: Any, source: Callable[[], Any], name: Any) -> Row:
+    """Return the row of one recording, with what is known of it if there is no decision."""
     texts = {"decision": None, "warnings": "", "outside_training": "", "error": ""}
-    row = empty | texts | {"recording": name}
+    row = dict.fromkeys(score_columns(model), np.nan) | texts | {"recording": name}
     recording = None
     try:
         recording = source()
@@ -182,31 +160,20 @@ def _row_in_steps(model: Any, source: Callable[[], Any], name: Any) -> Iterator[
             raise TypeError(f"expected a recording, got {received(recording)}")
         with collected_statements() as new_lines:
             final, table = opened_classifier(model, [recording])
-        row |= _findings(model, recording)
-        if isinstance(table, np.ndarray):  # the samples are not needed any more
-            _release(recording)
-            yield {}
-        with collected_statements() as inside:  # of a classifier with features of its own
             decided, is_unknown = _decision(model, final, table)
-        row |= decided
-        row["outside_training"] = row["outside_training"] or "; ".join([*new_lines, *inside])
-        if is_unknown:
-            row["outside_training"] = _reasons(model, recording, row["outside_training"])
+        row |= decided | _findings(model, recording)
+        outside = row["outside_training"] or "; ".join(new_lines)
+        row["outside_training"] = _reasons(model, recording, outside) if is_unknown else outside
     except Exception as error:  # any error is the result for this recording
         known = isinstance(error, ValueError | TypeError | OSError | ImportError)
         text = str(error) if known else f"{type(error).__name__}: {error}"
         row["error"] = " ".join(text.split()) or type(error).__name__
-        if isinstance(recording, Recording) and not row["warnings"]:
-            with suppress(Exception):  # defects, such as a dead channel, are often the reason
-                row |= _findings(model, recording)
+        with suppress(Exception):  # defects, such as a dead channel, are often the reason
+            row |= _findings(model, recording)
     finally:
-        _release(recording)
-    yield row
-
-
-def _release(recording: Any) -> None:
-    if isinstance(recording, FileRecording):
-        recording.release()
+        if isinstance(recording, FileRecording):
+            recording.release()
+    return row
 
 
 def _decision(model: Any, final: Any, table: Any) -> tuple[Row, bool]:
@@ -263,7 +230,7 @@ def _reasons(model: Any, recording: Recording, known: str) -> str:
     return "; ".join(filter(None, [known, *statements]))
 
 
-def _findings(model: Any, recording: Recording) -> Row:
+def _findings(model: Any, recording: Any) -> Row:
     """Return what is unusual about a recording as measured."""
     found = measured_quality(search_estimator(model), recording)
     if found is None:
@@ -281,12 +248,9 @@ def measured_quality(model: Any, recording: Recording) -> tuple[OrderResampler, 
     (OrderResampler, Quality), or None
         None if the model resamples nothing.
     """
-    for part in parts_of(model):
-        if isinstance(part, OrderResampler) and hasattr(part, "channels_"):
-            break
-    else:
-        return None
-    known = [name for name in part.channels_ if name in recording.channels]
-    options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
-    more = (float(part.ratio), part.max_rest)
-    return part, recording_quality(recording, known or recording.channels, *options, *more)
+    for part in fitted_resamplers(model)[:1]:
+        known = [name for name in part.channels_ if name in recording.channels]
+        options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
+        more = (float(part.ratio), part.max_rest)
+        return part, recording_quality(recording, known or recording.channels, *options, *more)
+    return None

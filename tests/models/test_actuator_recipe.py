@@ -114,12 +114,6 @@ def test_every_feature_has_a_name_of_its_own(options):
     assert {"current+@0-0.25", "current+:mean", "current*error:coherence+@1-1.25"} <= set(names)
 
 
-def test_it_decides_on_families_of_states():
-    X, y = campaign()
-    cost = family_costs({"normal": ["normal"], "worn": ["worn1", "worn2"]})
-    assert {*fitted(X, y, cost=cost).predict(X)} == {"normal", "worn"}
-
-
 def another_machine(seed):
     """Another current, another mechanism, and a load that the shaft angle does not determine."""
     rng, angle = np.random.default_rng(seed), stroke_angle()
@@ -148,14 +142,8 @@ def test_decisions_on_families_include_the_unknown_state():
     costs = pd.DataFrame(model[-1].cost_, model[-1].decisions_, model[-1].truths_)
     assert costs["unknown"].to_dict() == {"normal": 1, "worn": 1, "unknown": 0, "inspect": 0.3}
     # One in two machines may be unknown: then a doubtful one is inspected.
-    model.set_params(
-        costsensitivegaussianbayes__priors={
-            "normal": 0.3,
-            "worn1": 0.1,
-            "worn2": 0.1,
-            "unknown": 0.5,
-        }
-    )
+    priors = {"normal": 0.3, "worn1": 0.1, "worn2": 0.1, "unknown": 0.5}
+    model.set_params(costsensitivegaussianbayes__priors=priors)
     assert set(model.predict(campaign()[0])) <= {"normal", "worn", "inspect", "unknown"}
 
 
@@ -205,22 +193,6 @@ def test_healthy_recordings_of_a_load_make_its_level_no_fault():
     assert abs(difference) < 1e-9
 
 
-def test_a_baseline_without_phase_is_refused():
-    with pytest.raises(ValueError, match=r"healthy = 'normal' needs phase=True.*same assemblies"):
-        actuator_recipe(healthy="normal")
-
-
-@pytest.mark.parametrize("name", ["revolutions", "max_order"])
-def test_numbers_are_checked(name):
-    with pytest.raises(ValueError, match=name):
-        actuator_recipe(**{name: 0})
-
-
-def test_phase_is_yes_or_no():
-    with pytest.raises(ValueError, match="phase"):
-        actuator_recipe(phase="relative")
-
-
 @pytest.mark.filterwarnings("ignore:recording 4.* is constant")  # the error says it too
 @pytest.mark.parametrize("level", [0.0, 0.7])
 @pytest.mark.parametrize("channel", ["current", "error"])
@@ -233,16 +205,6 @@ def test_a_dead_channel_is_named_with_its_recording(channel, level):
     for call in (lambda: model.predict(X), lambda: fitted(X, y)):
         with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
             call()
-
-
-def test_more_features_than_fit_into_memory_are_refused():
-    with pytest.raises(ValueError, match=r"max_order = 500 make 4000 bins.*Lower"):
-        actuator_recipe(revolutions=8, max_order=500)
-
-
-def test_a_highest_order_that_needs_less_than_two_samples_per_revolution_is_refused():
-    with pytest.raises(ValueError, match=r"max_order must be a number at least 0\.83\d*, got 0\.5"):
-        actuator_recipe(max_order=0.5)
 
 
 def test_a_machine_with_one_direction_needs_no_setting():
@@ -265,3 +227,18 @@ def test_a_machine_with_one_direction_needs_no_setting():
     columns = recipe[:-1].transform(runs).columns
     assert not any("+" in name.partition("@")[0].partition(":")[0] for name in columns)
     assert list(recipe.predict(runs)) == states
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"revolutions": 0}, "revolutions"),
+        ({"max_order": 0.5}, r"max_order must be a number at least 0\.83"),
+        ({"revolutions": 8, "max_order": 500}, r"max_order = 500 make 4000 bins.*Lower"),
+        ({"phase": "relative"}, "phase"),
+        ({"healthy": "normal"}, r"healthy = 'normal' needs phase=True.*same assemblies"),
+    ],
+)
+def test_parameters_that_are_impossible_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        actuator_recipe(**options)

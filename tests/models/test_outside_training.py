@@ -1,13 +1,9 @@
 """A model states what is unusual about a recording: speed, rate, level, length, defects."""
 
-import pickle
 import re
-import warnings
 
 import numpy as np
-import pandas as pd
 import pytest
-import sklearn
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import FeatureUnion, make_pipeline
@@ -76,26 +72,12 @@ def test_nothing_is_stated_of_recordings_like_those_of_the_training():
 
 
 @pytest.mark.parametrize(
-    ("factor", "unit"),
-    [
-        (60 / (2 * np.pi), "rpm"),
-        (180 / np.pi, "degrees per second"),
-        (1 / (2 * np.pi), "revolutions per second"),
-    ],
+    ("factor", "unit"), [(30 / np.pi, "rpm"), (0.5 / np.pi, "revolutions per second")]
 )
 def test_a_speed_in_another_unit_is_stated_with_that_unit(factor, unit):
     text = about(run(9, speed=SPEED * factor))
     way = "above" if factor > 1 else "below"
     assert f"rad/s is {way} the training range 46.06 to 47.94 rad/s: is it in {unit}?" in text
-
-
-def test_another_highest_speed_is_stated_without_a_unit():
-    assert about(run(9, speed=70.0)).startswith("speed 68.6 to 71.4 rad/s is above the training")
-    assert "is it in" not in about(run(9, speed=70.0))
-
-
-def test_a_speed_within_ten_per_cent_is_not_stated():
-    assert about(run(9, speed=1.08 * SPEED)) == ""
 
 
 def test_another_sampling_rate_is_stated_once_for_all_channels():
@@ -104,11 +86,6 @@ def test_another_sampling_rate_is_stated_once_for_all_channels():
     assert stated in text
     assert text.count("sampling rate") == 1
     assert "highest valid order 131" in text  # 1000 Hz at 7.63 revolutions per second
-
-
-def test_a_dead_channel_is_stated():
-    dead = run(9, change=lambda s: s | {"vibration": np.zeros(N)})
-    assert "channel 'vibration' without signal, unlike training, 0.7685 to 1.449" in about(dead)
 
 
 def test_a_gain_of_all_channels_is_one_statement():
@@ -120,19 +97,11 @@ def test_a_gain_of_one_channel_names_the_channel():
     assert about(run(9, gain=(1, 30))).startswith("channel 'current' 30 dB above training, 10.7")
 
 
-def test_a_gain_of_less_than_three_decibels_is_not_stated():
-    assert about(run(8, gain=(1.35, 1.0), worn=True)) == ""
-
-
 def test_exchanged_cables_are_stated_as_such():
     swapped = run(9, change=lambda s: {"vibration": s["current"], "current": s["vibration"]})
     assert about(swapped) == (
         "levels of channels 'vibration', 'current' as if exchanged: are they swapped?"
     )
-
-
-def test_too_few_revolutions_are_stated():
-    assert about(run(9, n=N // 3)) == "9.971 revolutions, in the training at least 29.92"
 
 
 def test_a_router_compares_with_recordings_of_the_same_condition():
@@ -164,10 +133,8 @@ def test_a_resampler_is_found_in_searches_unions_and_other_classifiers():
         LeastRiskClassifier(pipeline()).fit(X, y),
     ]
     for model in models:
-        assert (
-            about(run(9, gain=(10, 10)), model)
-            == "all channels 20 dB above training: gain or unit?"
-        )
+        stated = about(run(9, gain=(10, 10)), model)
+        assert stated == "all channels 20 dB above training: gain or unit?"
 
 
 def test_a_model_of_tables_is_refused():
@@ -222,79 +189,14 @@ def test_a_new_line_beside_a_strong_one_is_stated_by_all_kinds_of_models():
             model.predict([run(10), with_new_line(9)])
 
 
-def test_with_metadata_routing_groups_reach_the_bins_in_a_union():
-    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(12)], ["healthy", "worn"] * 6
-    units = np.arange(12) // 2
-
-    def union():
-        bins = make_pipeline(
-            OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12)
-        )
-        classifier = CostSensitiveGaussianBayes(
-            covariance="tied", shrinkage="auto", unknown="unknown"
-        )
-        return make_pipeline(
-            FeatureUnion([("one", bins), ("other", FeatureUnion([("bins", clone(bins))]))]),
-            FunctionTransformer(np.log10),
-            classifier,
-        )
-
-    def limits(model):
-        one, other = (part for _, part in model[0].transformer_list)
-        return [bins[-1].new_line_limits_ for bins in (one, other.transformer_list[0][1])]
-
-    features = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4)).fit_transform(X)
-    own = BinTransformer(max_order=12).fit(features, groups=units).new_line_limits_
-    with sklearn.config_context(enable_metadata_routing=True):
-        model = union()
-        model[-1].set_fit_request(groups=True)
-        model.fit(X, y, groups=units)
-    for found in limits(model):
-        np.testing.assert_array_equal(found, own)
-    plain = union().fit(X, y, costsensitivegaussianbayes__groups=units)
-    assert (limits(plain)[0] != own).any()  # single recordings were left out
-
-
 def test_beside_another_gain_no_lines_are_stated():
     model, _ = fitted()
     bad = with_new_line(9)
-    louder = Recording(
-        {"vibration": bad.signals["vibration"], "current": 10 * bad.signals["current"]},
-        FS,
-        velocity=bad.velocity,
-        meta=bad.meta,
-    )
+    signals = {"vibration": bad.signals["vibration"], "current": 10 * bad.signals["current"]}
+    louder = Recording(signals, FS, velocity=bad.velocity, meta=bad.meta)
     for text in (about(louder, model), score(model, [louder])["outside_training"][0]):
         assert text.startswith("channel 'current' 20 dB above training")
         assert "line at" not in text
-
-
-def test_score_estimates_a_spectrum_once(monkeypatch):
-    model, _ = fitted()
-    counted = []
-    original = OrderPSD.transform
-    monkeypatch.setattr(OrderPSD, "transform", lambda *a: (counted.append(1), original(*a))[1])
-    score(model, [with_new_line(9), run(9)])
-    assert len(counted) == 2
-
-
-def test_only_features_that_lead_to_bins_are_computed_and_those_once(monkeypatch):
-    X, y = [run(seed, worn=seed % 2 == 1) for seed in range(8)], ["healthy", "worn"] * 4
-    bins = make_pipeline(OrderResampler(2 * np.pi / 32), OrderPSD(4), BinTransformer(max_order=12))
-    others = RecordingStatistics(by_direction=False)
-    union = FeatureUnion([("bins", bins), ("others", others), ("none", "drop")])
-    model = make_pipeline(union, StandardScaler(), DecisionTreeClassifier()).fit(X, y)
-    counted = []
-    for kind in (OrderPSD, BinTransformer, RecordingStatistics, StandardScaler):
-        original = kind.transform
-
-        def counting(self, *given, original=original):
-            counted.append(type(self).__name__)
-            return original(self, *given)
-
-        monkeypatch.setattr(kind, "transform", counting)
-    assert re.fullmatch(NEW_LINE, about(with_new_line(9), model))
-    assert counted == ["OrderPSD", "BinTransformer"]
 
 
 def test_a_recording_without_a_segment_is_stated_to_be_short():
@@ -303,32 +205,6 @@ def test_a_recording_without_a_segment_is_stated_to_be_short():
 
 
 # What is stated of single recordings
-
-
-def defects(recording, model=None):
-    """Return what the resampler and `outside_training` state of a recording."""
-    model = model or fitted()[0]
-    return "; ".join([*model[0].quality([recording])["warnings"], about(recording, model)])
-
-
-@pytest.mark.parametrize(
-    ("bad", "text"),
-    [
-        (run(9, gain=(1000, 1000)), "all channels 60 dB above training: gain or unit?"),
-        (run(9, speed=SPEED * 60 / (2 * np.pi)), "is it in rpm?"),
-        (
-            run(9, change=lambda s: s | {"current": np.clip(s["current"], -6, 9)}),
-            "channel 'current' is clipped at 9",
-        ),
-    ],
-    ids=["gain", "rpm", "clipping"],
-)
-def test_a_wrong_input_is_stated_and_a_decision_is_made_all_the_same(bad, text):
-    model = fitted()[0]
-    assert text in defects(bad, model)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".*line at order")  # of `BinTransformer`
-        assert len(model.predict([bad])) == 1
 
 
 def in_units(recording, **units):
@@ -357,14 +233,6 @@ def test_the_same_unit_or_none_is_not_stated(in_g, units):
     assert about(in_units(run(9), **units), in_g) == ""
 
 
-def test_all_units_of_the_training_are_known():
-    X = [in_units(run(seed), vibration=("g", "mV")[seed // 4]) for seed in range(8)]
-    model = pipeline().fit(X, ["healthy", "worn"] * 4)
-    assert model[0].training_units_ == {"vibration": ("g", "mV")}
-    assert about(in_units(run(9), vibration="mV", current="A"), model) == ""
-    assert "in the training in g or mV" in about(in_units(run(9), vibration="V"), model)
-
-
 def test_units_are_stored_in_model_files(in_g, tmp_path):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     save_model(in_g, tmp_path / "model.emacm")
@@ -372,20 +240,6 @@ def test_units_are_stored_in_model_files(in_g, tmp_path):
     assert described == [{"vibration": ["g"], "current": ["A"]}]
     table = score(load_model(tmp_path / "model.emacm"), [in_units(run(9), vibration="mV")])
     assert "channel 'vibration' is in mV, in the training in g" in table["outside_training"][0]
-
-
-def test_a_model_without_units_states_none_of_them(in_g):
-    older = pickle.loads(pickle.dumps(in_g))
-    del older[0].training_units_
-    assert about(in_units(run(9), vibration="mV"), older) == ""
-
-
-def test_the_range_is_stored_with_the_model():
-    model, _ = fitted()
-    loaded = pickle.loads(pickle.dumps(model))
-    pd.testing.assert_series_equal(
-        pd.Series(loaded[0].training_range_), pd.Series(model[0].training_range_)
-    )
 
 
 # Directions of rotation
@@ -404,10 +258,7 @@ FEATURES = [
     make_pipeline(OrderResampler(2 * np.pi / 32), RecordingStatistics(by_direction="auto")),
     RecordingStatistics(by_direction="auto"),
     ShaftHarmonics((1,), phase=None, by_direction="auto"),
-    make_pipeline(
-        OrderResampler(2 * np.pi / 32),
-        SynchronousAverage(by_direction="auto"),
-    ),
+    make_pipeline(OrderResampler(2 * np.pi / 32), SynchronousAverage(by_direction="auto")),
 ]
 
 
@@ -441,8 +292,4 @@ def test_directions_of_the_training_and_short_moves_are_not_stated():
         statistics = RecordingStatistics(by_direction=False).fit(X)
         assert outside_training(statistics, [new]) == [[]]
         resampler = OrderResampler(2 * np.pi / 32).fit(X)
-        assert not any("in the training only" in text for text in about_all(resampler, new))
-
-
-def about_all(model, recording):
-    return outside_training(model, [recording])[0]
+        assert not any("in the training only" in s for s in outside_training(resampler, [new])[0])

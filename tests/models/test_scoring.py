@@ -1,19 +1,14 @@
 """Scoring: the results of the model itself, and a row that says what and where for each failure."""
 
-import gzip
-import io
 import os
 import pickle
 import re
-import struct
 import warnings
 import wave
-import zipfile
 
 import numpy as np
 import pandas as pd
 import pytest
-import scipy.io
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -160,16 +155,11 @@ def test_no_recordings_give_an_empty_table(model):
     assert score(model, []).empty
 
 
-# Forty kinds of failure
+# Kinds of failure
 
 
 def npz(path, **changes):
     np.savez(path, **(signals() | changes))
-
-
-def npy(path):
-    np.save(path.with_suffix(".npy"), np.ones(9))
-    path.with_suffix(".npy").rename(path)
 
 
 def csv(path, frame=None, text=None):
@@ -200,39 +190,11 @@ def with_value(name, sample, value):
     return {name: values}
 
 
-def replaced(path):
-    npz(path)
-    recording = open_recording(path, LAYOUT)
-    npz(path, vib=np.ones(7))
-    return recording
-
-
 def gone(path):
     npz(path)
     recording = open_recording(path, LAYOUT)
     path.unlink()
     return recording
-
-
-def flipped(path):
-    npz(path)
-    content = bytearray(path.read_bytes())
-    content[9000:9008] = bytes(8)
-    path.write_bytes(content)
-
-
-def header(path, shape):
-    """Write an npz file in which an array states another shape."""
-    buffer = io.BytesIO()
-    np.save(buffer, np.ones(10_000))
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("vib.npy", buffer.getvalue().replace(b"(10000,)", shape.ljust(8)))
-
-
-def a_law(path):
-    fmt = struct.pack("<IHHIIHH", 16, 6, 1, 1000, 1000, 1, 8)
-    data = b"WAVEfmt " + fmt + b"data" + struct.pack("<I", 200) + bytes(200)
-    path.write_bytes(b"RIFF" + struct.pack("<I", len(data)) + data)
 
 
 FRAME = pd.DataFrame(signals())
@@ -254,20 +216,7 @@ FAILURES = {
     "missing": ("a.npz", lambda p: None, LAYOUT, "no file"),
     "folder": ("a.npz", lambda p: p.mkdir(), LAYOUT, "a.npz"),
     "empty npz": ("a.npz", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
-    "empty csv": ("a.csv", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
-    "header only": (
-        "a.csv",
-        lambda p: csv(p, text="vib,amp,speed\n"),
-        LAYOUT,
-        "no rows of numbers",
-    ),
     "truncated npz": ("a.npz", lambda p: truncated(npz, p, 0.6), LAYOUT, "damaged"),
-    "truncated mat": (
-        "a.mat",
-        lambda p: truncated(lambda q: scipy.io.savemat(q, signals()), p, 0.6),
-        LAYOUT,
-        "cannot be read as a .mat",
-    ),
     "truncated wav": ("a.wav", lambda p: wav(p, cut=2000), Layout(velocity=3), "truncated"),
     "truncated row": (
         "a.csv",
@@ -276,12 +225,8 @@ FAILURES = {
         "'speed'|'amp'",
     ),
     "text in an npz": ("a.npz", lambda p: p.write_text("vib"), LAYOUT, "not an .npz file"),
-    "text in a mat": ("a.mat", lambda p: p.write_text("vib " * 200), LAYOUT, "as a .mat file"),
-    "text in a wav": ("a.wav", lambda p: p.write_text("vib" * 20), LAYOUT, "not a WAV file"),
     "bytes in a csv": ("a.csv", lambda p: p.write_bytes(bytes(range(256))), LAYOUT, "bytes 0"),
     "unknown type": ("a.xyz", lambda p: p.write_text("vib"), LAYOUT, "files of type .xyz"),
-    "no suffix": ("a", lambda p: p.write_text("vib"), LAYOUT, "without a suffix"),
-    "npy named npz": ("a.npz", npy, LAYOUT, "not an .npz"),
     "pickled objects": (
         "a.npz",
         lambda p: npz(p, vib=np.array([{}, []], object)),
@@ -294,20 +239,12 @@ FAILURES = {
         LAYOUT,
         "no column 'speed'",
     ),
-    "no shaft in the layout": ("a.npz", npz, Layout(fs=FS), "no shaft reference"),
     "NaN": ("a.npz", lambda p: npz(p, **with_value("vib", 123, np.nan)), LAYOUT, "'vib'.*123"),
-    "infinity": ("a.npz", lambda p: npz(p, **with_value("amp", 9, np.inf)), LAYOUT, "'amp'.*9"),
     "NaN in the speed": (
         "a.npz",
         lambda p: npz(p, **with_value("speed", 77, np.nan)),
         LAYOUT,
         "'speed'.*77",
-    ),
-    "missing cell": (
-        "a.csv",
-        lambda p: csv(p, with_row(41, np.nan)),
-        LAYOUT,
-        "sample 41",
     ),
     "text in a cell": (
         "a.csv",
@@ -324,18 +261,11 @@ FAILURES = {
         LAYOUT,
         "jumps by .* at sample 1000",
     ),
-    "impossible speed": ("a.npz", lambda p: npz(p, speed=SPEED * 1e12), LAYOUT, "no shaft reaches"),
     "too short": (
         "a.npz",
         lambda p: npz(p, **{k: v[:200] for k, v in signals().items()}),
         LAYOUT,
         "no stroke holds a segment",
-    ),
-    "one sample": (
-        "a.npz",
-        lambda p: npz(p, **{k: v[:1] for k, v in signals().items()}),
-        LAYOUT,
-        "no signal",
     ),
     "channel missing": (
         "a.npz",
@@ -356,62 +286,18 @@ FAILURES = {
         "'sound' besides",
     ),
     "other rate": ("a.npz", lambda p: npz(p, fs=12_000), LAYOUT, "states fs = 1000 Hz"),
-    "no rate": ("a.npz", npz, Layout(velocity="speed"), "sampling rate of 'vib' is not known"),
     "other unit": (
         "a.csv",
         lambda p: csv(p, FRAME.rename(columns={"vib": "vib [mV]"})),
         LAYOUT,
         "unit 'g' for 'vib', but the file 'mV'",
     ),
-    "unknown unit of the speed": (
-        "a.csv",
-        lambda p: csv(p, FRAME.rename(columns={"speed": "speed [knots]"})),
-        LAYOUT,
-        "unit 'knots' of the velocity is not known",
-    ),
-    "unequal lengths": ("a.npz", lambda p: npz(p, amp=np.ones(N // 2)), LAYOUT, "durations must"),
     "gap": ("a.npz", lambda p: npz(p, t=GAPS), TIMED, "gap of 0.041 s after sample 700"),
-    "jitter": (
-        "a.npz",
-        lambda p: npz(p, t=TIMES["t"] + np.arange(N) % 3 * 3e-4),
-        TIMED,
-        "jitter",
-    ),
-    "times go back": (
-        "a.npz",
-        lambda p: npz(p, t=np.r_[TIMES["t"][:-1], 0.5]),
-        TIMED,
-        "goes back at sample 2999",
-    ),
-    "name without meta": (
-        "a.npz",
-        npz,
-        Layout(meta="{unit}_{run:d}"),
-        "does not match the pattern",
-    ),
-    "columns of the same name": (
-        "a.csv",
-        lambda p: csv(p, text="vib,vib\n1,2\n3,4\n"),
-        LAYOUT,
-        "different names",
-    ),
-    "UTF-16 without mark": (
-        "a.csv",
-        lambda p: p.write_bytes(FRAME.to_csv(index=False).encode("utf-16-le")),
-        LAYOUT,
-        "bytes 0: it is binary, or UTF-16",
-    ),
     "Excel workbook": (
         "a.csv",
         lambda p: p.write_bytes(b"PK\x03\x04" + bytes(range(1, 256))),
         LAYOUT,
         "a ZIP archive, such as an Excel workbook: save it as CSV",
-    ),
-    "gzip": (
-        "a.csv",
-        lambda p: p.write_bytes(gzip.compress(b"vib,amp,speed\n")),
-        LAYOUT,
-        "compressed by gzip: unpack it",
     ),
     "web page": ("a.csv", lambda p: p.write_text("<html>\n404\n"), LAYOUT, "it is a web page"),
     "Git LFS": (
@@ -420,75 +306,12 @@ FAILURES = {
         LAYOUT,
         "pointer of Git LFS",
     ),
-    "HDF5 named npz": (
-        "a.npz",
-        lambda p: p.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(99)),
-        LAYOUT,
-        "it is an HDF5 file: name it .h5",
-    ),
-    "folder named csv": ("a.csv", lambda p: p.mkdir(), LAYOUT, "it is a folder, not a file"),
-    "pipe": ("a.csv", os.mkfifo, LAYOUT, "a pipe or a device"),
-    "loop of links": ("a.npz", lambda p: p.symlink_to(p), LAYOUT, "cannot be opened: too many"),
-    "a single row of many values": (
-        "a.csv",
-        lambda p: csv(p, text="1,2," * 6000),
-        LAYOUT,
-        "has no column",
-    ),
-    "column without any value": (
-        "a.csv",
-        lambda p: csv(p, FRAME.assign(spare=np.nan)),
-        Layout(**OTHER),
-        "column 'spare' is empty",
-    ),
-    "long text in a cell": (
-        "a.csv",
-        lambda p: csv(p, with_row(42, "x" * 9999)),
-        LAYOUT,
-        r"got 'x{59}\.\.\. at sample 42",
-    ),
-    "another number of values": (
-        "a.csv",
-        lambda p: csv(p, text=FRAME.to_csv(index=False) + "1,2,3,4\n"),
-        LAYOUT,
-        "line 3002 has 4 values, but there are 3 columns",
-    ),
-    "bytes of an npz changed": ("a.npz", flipped, LAYOUT, "Bad CRC-32 for file 'vib.npy'"),
-    "array of negative length": (
-        "a.npz",
-        lambda p: header(p, b"(-10,) "),
-        LAYOUT,
-        "damaged",
-    ),
-    "array of another length": ("a.npz", lambda p: header(p, b"(40000,)"), LAYOUT, "damaged"),
-    "array of three dimensions": (
-        "a.npz",
-        lambda p: npz(p, vib=np.ones((N, 2, 2))),
-        LAYOUT,
-        "'vib' has 3 dimensions",
-    ),
     "numbers only": (
         "a.npz",
         lambda p: np.savez(p, vib=3.0, text="a"),
         LAYOUT,
         r"no signal, only \['vib'\]; 'text' holds texts",
     ),
-    "empty array": ("a.npz", lambda p: npz(p, vib=[]), LAYOUT, "'vib' is empty"),
-    "text of a mat": (
-        "a.mat",
-        lambda p: scipy.io.savemat(p, signals() | {"vib": "loud"}),
-        LAYOUT,
-        "'vib' is a text",
-    ),
-    "sparse": (
-        "a.mat",
-        lambda p: scipy.io.savemat(p, signals() | {"vib": scipy.sparse.eye(5).tocsc()}),
-        LAYOUT,
-        "'vib' is sparse",
-    ),
-    "A-law": ("a.wav", a_law, Layout(velocity=3), "Unknown wave file format: ALAW"),
-    "no permission": ("a.npz", lambda p: (npz(p), p.chmod(0)), LAYOUT, "a.npz"),
-    "replaced": ("a.npz", replaced, None, "was replaced or changed"),
     "gone": ("a.npz", gone, None, "no file"),
 }
 
@@ -498,8 +321,6 @@ def test_a_failure_gives_a_row_that_says_what_and_where(model, tmp_path, kind):
     name, write, layout, message = FAILURES[kind]
     path = tmp_path / name
     written = write(path)
-    if kind == "no permission" and os.access(path, os.R_OK):
-        pytest.skip("this user may read any file")
 
     def source():
         return written if layout is None else open_recording(path, layout)
@@ -510,10 +331,6 @@ def test_a_failure_gives_a_row_that_says_what_and_where(model, tmp_path, kind):
     assert pd.Series([row["error"]]).str.contains(message).all(), row["error"]
     assert name in row["error"] or "recording 0" in row["error"]
     assert "\n" not in row["error"]
-
-
-def test_there_are_sixty_kinds_of_failure():
-    assert len(FAILURES) >= 60
 
 
 @pytest.mark.parametrize("entry", [None, 3, "a.npz", np.ones((2, 50)), {"vib": [1, 2]}])
