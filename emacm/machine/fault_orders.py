@@ -244,13 +244,11 @@ def named_orders(
                 f"orders must be a table from fault_orders; it has no column {missing[0]!r}."
             )
         orders = orders["order"]
-    if not isinstance(orders, Mapping | pd.Series):
+    if not isinstance(orders, Mapping | pd.Series) or not len(orders):
         raise TypeError(
-            f"orders must be a table from fault_orders or a mapping of names to orders, "
-            f"got {orders!r}."
+            f"orders must be a table from fault_orders or a mapping of names to orders, with at "
+            f"least one order; got {orders!r}."
         )
-    if not len(orders):
-        raise ValueError("orders must contain at least one order, got none.")
     names = [str(name) for name, _ in orders.items()]
     check_distinct(names)
     values = [

@@ -6,7 +6,7 @@ from dataclasses import KW_ONLY, dataclass
 from math import lcm, pi
 
 from emacm._checks import check_count, check_number
-from emacm.machine.parts import MOST, Line, Part, check_mounting
+from emacm.machine.parts import Line, Part, check_mounting
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class Motor(Part):
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_count(self.pole_pairs, "pole_pairs", at_most=MOST)
+        check_count(self.pole_pairs, "pole_pairs")
         if self.slots is not None:
-            check_count(self.slots, "slots", at_least=2, at_most=MOST)
+            check_count(self.slots, "slots", at_least=2)
         check_mounting(self)
 
     @property
@@ -140,10 +140,10 @@ class InductionMotor(Part):
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_count(self.pole_pairs, "pole_pairs", at_most=MOST)
+        check_count(self.pole_pairs, "pole_pairs")
         check_number(self.slip, "slip", above=0, at_most=0.5)
         if self.bars is not None:
-            check_count(self.bars, "bars", at_least=2, at_most=MOST)
+            check_count(self.bars, "bars", at_least=2)
         check_mounting(self)
 
     @classmethod
@@ -179,7 +179,7 @@ class InductionMotor(Part):
         TypeError, ValueError
             If the speed is not below the synchronous one, or less than half of it.
         """
-        check_count(pole_pairs, "pole_pairs", at_most=MOST)
+        check_count(pole_pairs, "pole_pairs")
         synchronous = 2 * pi * check_number(mains, "mains", above=0, unit="Hz") / pole_pairs
         turning = check_number(
             speed, "speed", at_least=synchronous / 2, below=synchronous, unit="rad/s"

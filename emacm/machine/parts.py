@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from emacm._checks import check_number
 
-MOST = 1_000_000  # balls, teeth, poles or slots; revolutions per revolution of the motor shaft
-
 
 class Line(NamedTuple):
     """One series of spectral lines of a part.
@@ -53,6 +51,6 @@ class Part:
 
 def check_mounting(part: Part) -> None:
     """Check the speed ratio, where a part has one, and the name."""
-    check_number(getattr(part, "ratio", 1.0), "ratio", at_least=1 / MOST, at_most=MOST)
+    check_number(getattr(part, "ratio", 1.0), "ratio", above=0)
     if not isinstance(part.name, str) or "@" in part.name:
         raise TypeError(f"name must be a string without '@', got {part.name!r}.")

@@ -6,7 +6,7 @@ from dataclasses import KW_ONLY, dataclass
 from math import asin, atan, cos, pi
 
 from emacm._checks import check_choice, check_count, check_number
-from emacm.machine.parts import MOST, Line, Part, check_mounting
+from emacm.machine.parts import Line, Part, check_mounting
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Bearing(Part):
 
     def __post_init__(self) -> None:
         """Check the geometry."""
-        check_count(self.n_balls, "n_balls", at_least=2, at_most=MOST)
+        check_count(self.n_balls, "n_balls", at_least=2)
         _check_rolling(self)
         check_choice(self.rotating, "rotating", ("inner", "outer"))
         half_angle = asin(self.ball_diameter / self.pitch_diameter)
@@ -163,7 +163,7 @@ class BallScrew(Part):
 
     def __post_init__(self) -> None:
         """Check the geometry."""
-        check_number(self.balls_per_turn, "balls_per_turn", above=0, at_most=MOST)
+        check_number(self.balls_per_turn, "balls_per_turn", above=0)
         _check_rolling(self)
         check_number(self.lead, "lead", above=0, at_most=100 * self.pitch_diameter)
         check_choice(self.rotating, "rotating", ("screw", "nut"))
@@ -174,7 +174,7 @@ class BallScrew(Part):
                 f"turn of length {turn:g}. All lengths must be in the same unit."
             )
         if self.circuit_balls is not None:
-            check_count(self.circuit_balls, "circuit_balls", at_most=MOST)
+            check_count(self.circuit_balls, "circuit_balls")
 
     @property
     def _lead_angle(self) -> float:
@@ -206,11 +206,6 @@ def _check_rolling(part: Bearing | BallScrew) -> None:
     """Check the geometry of the rolling elements."""
     check_number(part.ball_diameter, "ball_diameter", above=0)
     check_number(part.pitch_diameter, "pitch_diameter", above=part.ball_diameter)
-    if part.ball_diameter * MOST < part.pitch_diameter:
-        raise ValueError(
-            f"ball_diameter must be at least {1 / MOST:g} times pitch_diameter "
-            f"({part.pitch_diameter:g}), got {part.ball_diameter:g}. Both must be in the same unit."
-        )
     angle = check_number(part.contact_angle, "contact_angle", at_least=0, unit="rad")
     if angle >= pi / 2:
         raise ValueError(

@@ -1,23 +1,13 @@
 """Planetary stages and induction motors, compared with kinematics solved as equations."""
 
-from dataclasses import FrozenInstanceError, replace
-from math import gcd, pi, sin
+from math import gcd, pi
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emacm import (
-    BallScrew,
-    Bearing,
-    Gear,
-    InductionMotor,
-    Motor,
-    PlanetaryGear,
-    fault_orders,
-)
-from emacm.machine.parts import MOST
+from emacm import Gear, InductionMotor, Motor, PlanetaryGear, fault_orders
 
 MEMBERS = ("sun", "planet", "ring", "carrier")
 
@@ -99,25 +89,6 @@ def test_the_mesh_of_a_planetary_stage_is_modulated_by_the_passing_planets():
     assert not [name for name in star if "planet pass" in name or "carrier" in name]
 
 
-@pytest.mark.parametrize("planet_teeth", [2, 31])
-def test_the_planets_may_have_as_many_teeth_as_fit(planet_teeth):
-    assert PlanetaryGear(30, 90, 3, planet_teeth).planet_teeth == planet_teeth
-
-
-def test_a_fault_of_a_planet_is_modulated_by_the_carrier_only():
-    stage = PlanetaryGear(28, 100, 4)
-    (line,) = [line for line in stage.lines() if line.name == "planet fault"]
-    assert line.sidebands == (("carrier", pytest.approx(28 / 128)),)
-
-
-def test_rotor_bars_are_modulated_by_the_shaft_and_by_twice_the_supply():
-    motor = InductionMotor(3, 0.035, 44)
-    (line,) = [line for line in motor.lines() if line.name == "bar pass"]
-    names, orders_ = zip(*line.sidebands, strict=True)
-    assert names == ("shaft", "2xsupply")
-    assert orders_ == pytest.approx((1, 2 * 3 / (1 - 0.035)))
-
-
 def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
     with pytest.raises(ValueError, match=r"leave 10.5 for a planet.* Give planet_teeth"):
         PlanetaryGear(30, 51, 3)
@@ -130,47 +101,21 @@ def test_an_odd_difference_of_teeth_needs_the_teeth_of_the_planets():
         (lambda: PlanetaryGear(1, 30, 3), "sun_teeth must be a whole number of at least 2"),
         (lambda: PlanetaryGear(30, 30, 3), "ring_teeth must be a whole number of at least 34"),
         (lambda: PlanetaryGear(30, 90, 0), "n_planets must be a whole number"),
-        (lambda: PlanetaryGear(30, 90, 3, 1), "planet_teeth .* at least 2 and at most 31, got 1"),
         (lambda: PlanetaryGear(30, 90, 3, 60), "planet_teeth .* at most 31, got 60"),
-        (lambda: PlanetaryGear(30, 90, 3, fixed="planet"), "fixed must be one of 'sun', 'ring'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="planet"), "driven_by must be one of 'sun'"),
         (lambda: PlanetaryGear(30, 90, 3, driven_by="ring"), "must differ, got 'ring' for both"),
-        (lambda: PlanetaryGear(MOST + 1, MOST + 2, 3), "sun_teeth .* at most 1000000,"),
-        (lambda: PlanetaryGear(MOST - 4, MOST + 1, 3), "ring_teeth .* at most 1000000,"),
-        (lambda: PlanetaryGear(30, 90, MOST + 1), "n_planets .* at most 1000000,"),
-        (lambda: Gear(1, 20), "^teeth .* at least 2"),
-        (lambda: PlanetaryGear(30, 51, 3, 12), "planet_teeth .* at least 2 and at most 11, got 12"),
         (lambda: Gear(20, 1), "mating_teeth .* at least 2"),
-        (lambda: Gear(MOST + 1, 20), "^teeth .* at most 1000000,"),
-        (lambda: Gear(20, MOST + 1), "mating_teeth .* at most 1000000,"),
-        (lambda: PlanetaryGear(30, 90, 3, ratio=0), "ratio must be a number at least"),
-        (lambda: InductionMotor(2, 0.0), "slip must be a number above 0"),
+        (lambda: PlanetaryGear(30, 90, 3, ratio=0), "ratio must be a number above 0"),
         (lambda: InductionMotor(2, 4.0), "slip must be a number above 0 and at most 0.5"),
         (lambda: InductionMotor(2, 0.04, bars=1), "bars must be a whole number of at least 2"),
-        (
-            lambda: InductionMotor.from_speed(2, speed=25.0, mains=50),
-            "speed must be a number of rad/s, at least 78.5398 and below 157.08",
-        ),
         (lambda: InductionMotor.from_speed(2, speed=160.0, mains=50), "below 157.08, got 160"),
-        (lambda: InductionMotor.from_speed(0, speed=1.0, mains=50), "pole_pairs must be a whole"),
         (lambda: InductionMotor.from_speed(2, speed=1.0, mains=0), "mains .* of Hz, above 0"),
-        (lambda: InductionMotor.from_speed(2, speed=-1.0, mains=-1), "mains .* of Hz, above 0"),
-        (
-            lambda: fault_orders(Gear(9, 20), signal="current"),
-            "exactly one Motor or InductionMotor among the parts",
-        ),
+        (lambda: fault_orders(Gear(9, 20), signal="current"), "exactly one Motor or Induction"),
     ],
 )
 def test_an_invalid_stage_or_motor_is_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
-
-
-def test_the_smallest_gears_and_a_stage_of_one_planet_have_lines():
-    assert orders(Gear(2, 2)) == {"mesh": 2, "pinion": 1, "wheel": 1, "hunting": 1, "phase": 1}
-    (mesh, *_) = PlanetaryGear(2, 6, 1).lines()  # of a single planet, the carrier is the passage
-    assert [name for name, _ in mesh.sidebands] == ["sun", "carrier"]
-    assert PlanetaryGear(2, MOST, 1).ring_teeth == MOST
 
 
 def test_a_pinion_of_13_teeth_drives_a_gear_of_35():
@@ -181,12 +126,6 @@ def test_a_pinion_of_13_teeth_drives_a_gear_of_35():
     assert hertz == pytest.approx([292.5, 8.357], abs=5e-4)
     assert gcd(13, 35) == 1
     assert "phase" not in found
-
-
-def test_gears_on_another_shaft_have_the_orders_of_the_measured_one():
-    found = orders(Gear(8, 42, ratio=20.0))  # faster than the measured shaft
-    values = [found[name] for name in ("pinion", "wheel", "phase", "mesh")]
-    assert values == pytest.approx([20, 3.8095, 80, 160], abs=1e-4)
 
 
 def test_broken_bars_stand_at_multiples_of_twice_the_slip_beside_the_supply():
@@ -223,21 +162,6 @@ def test_rotor_slot_harmonics_agree_with_the_published_formula():
             assert shaft * found[line] == pytest.approx(published)
 
 
-def screw(lead=5.0, balls=9, **options):
-    return BallScrew(balls, 3.0, 20.0, lead, **options)
-
-
-@pytest.mark.parametrize(
-    "part", [Bearing(9, 1.0, 8.0), screw(), Gear(2, 3), PlanetaryGear(30, 90, 3), Motor(2)]
-)
-def test_a_part_cannot_be_changed_and_has_a_tuple_of_lines(part):
-    with pytest.raises(FrozenInstanceError):
-        part.name = "front"
-    assert isinstance(part.lines(), tuple)
-    assert part == replace(part)
-    assert hash(part) == hash(replace(part))
-
-
 def test_a_fault_of_the_sun_or_ring_is_modulated_by_its_own_rotation():
     def sidebands(fixed):
         lines = PlanetaryGear(28, 100, 4, fixed=fixed, ratio=0.5).lines()
@@ -258,23 +182,6 @@ def test_a_line_at_the_supply_has_no_difference_of_order_0():
     assert found["supply-fan"] == 4
 
 
-@pytest.mark.parametrize("name", ["a@b", 3, None])
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda name: Motor(3, name=name),
-        lambda name: InductionMotor(3, 0.1, name=name),
-        lambda name: Gear(20, 30, name=name),
-        lambda name: PlanetaryGear(30, 90, 3, name=name),
-        lambda name: screw(name=name),
-    ],
-)
-def test_the_name_of_a_part_is_a_text_without_at(make, name):
-    with pytest.raises(TypeError, match=f"name must be a string without '@', got {name!r}"):
-        make(name)
-    assert make("front").name == "front"
-
-
 def test_a_stage_whose_sun_is_fixed_is_driven_by_the_carrier():
     stage = PlanetaryGear(30, 90, 2, fixed="sun", ratio=0.25)
     assert stage.speeds["carrier"] == 0.25
@@ -285,11 +192,3 @@ def test_a_stage_whose_sun_is_fixed_is_driven_by_the_carrier():
         ("carrier", 0.25),
         ("planet pass", 0.5),  # of two planets
     )
-
-
-@pytest.mark.parametrize("n_balls", [3, 8, 15])
-def test_balls_may_fill_a_bearing_but_for_rounding(n_balls):
-    sizes = [39.04 * sin(pi * (1 + excess) / n_balls) for excess in (0.9e-9, 1.1e-9)]
-    assert Bearing(n_balls, sizes[0], 39.04).n_balls == n_balls
-    with pytest.raises(ValueError, match=f"{n_balls} balls of diameter .* do not fit"):
-        Bearing(n_balls, sizes[1], 39.04)
