@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from math import copysign, exp, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy.constants import inch, lbf
 
-from emacm import _kernels
 from emacm.simulation.faults import FAULTS, POLE_PAIRS
 from emacm.simulation.laboratory import (
     ASSUMED,
@@ -77,29 +76,42 @@ def voltage_free_speed(actuator: Actuator, current: float) -> float:
     return max(left, 0.0) / per_speed  # voltages added as if in phase: a lower bound
 
 
-def drive_limits(
-    actuator: Actuator,
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Return the limits of current and voltage, as `limited_torque` of the kernels reads them.
+def limited_torque(torque: float, velocity: float, actuator: Actuator) -> float:
+    """Return the nearest torque for which the drive's current and voltage are allowed [N m].
+
+    Parameters
+    ----------
+    torque : float
+        Motor torque [N m].
+    velocity : float
+        Shaft speed [rad/s].
+    actuator : Actuator
+        Constants.
+
+    Returns
+    -------
+    float
 
     Examples
     --------
-    >>> from emacm import _kernels
-    >>> limit, limits = _kernels.loops.limited_torque, drive_limits(Actuator())
-    >>> [round(limit(30.0, speed, limits) / limits[0], 1) for speed in (0.0, 460.0)]  # A
+    >>> actuator = Actuator()
+    >>> limited = [limited_torque(30.0, speed, actuator) for speed in (0.0, 460.0)]
+    >>> [round(torque / actuator.torque_constant, 1) for torque in limited]  # A
     [40.0, 10.9]
     """
-    quarter = actuator.max_current / 4
-    return (
-        actuator.torque_constant,
-        actuator.emf_constant,
-        actuator.winding_resistance,
-        POLE_PAIRS * actuator.winding_inductance,
-        ASSUMED.voltage_reserve * VOLTAGE_LIMIT,
-        actuator.max_torque,
-        voltage_free_speed(actuator, quarter),
-        actuator.max_torque / 4,
-    )
+    constant, resistance = actuator.torque_constant, actuator.winding_resistance
+    allowed = ASSUMED.voltage_reserve * VOLTAGE_LIMIT
+    torque = min(max(torque, -actuator.max_torque), actuator.max_torque)
+    emf = actuator.emf_constant * abs(velocity)
+    reactance = POLE_PAIRS * actuator.winding_inductance * abs(velocity)
+    if (resistance + reactance) * abs(torque) <= constant * (allowed - emf):
+        return torque  # even if the voltages were in phase
+    impedance = resistance * resistance + reactance * reactance
+    inner = emf * resistance * (emf * resistance) + impedance * (allowed * allowed - emf * emf)
+    root = sqrt(max(inner, 0.0))
+    side = copysign(constant / impedance, velocity)
+    one, other = side * (-emf * resistance + root), side * (-emf * resistance - root)
+    return min(max(torque, min(one, other)), max(one, other))
 
 
 def carrier_ripple(
@@ -261,30 +273,38 @@ def _follow(
     load_share: float,
     jam: float,
 ) -> tuple[float, NDArray[np.floating]]:
-    """Return the first angle and the velocity at each control step."""
-    resists = [
-        float(load_force(condition, place, load_share)) * lbf * actuator.torque_per_force
-        for place in (np.array(0.0), np.array(1.0))
-    ]
-    velocities = _kernels.loops.follow(
-        targets,
-        1 / ASSUMED.control_rate,
-        (
-            actuator.position_gain,
-            min(1.0, 2 * np.pi * actuator.velocity_bandwidth / ASSUMED.control_rate),
-            ASSUMED.headroom * PEAK_SPEED,
-            actuator.inertia,
-        ),
-        (resists[0], (resists[1] - resists[0]) / actuator.angle_per_inch),
-        (actuator.coulomb, actuator.viscous, 1 / actuator.efficiency - 1),
-        (
-            jam * _JAM.friction * actuator.max_torque,
-            _JAM.place * actuator.angle_per_inch,
-            _JAM.width * actuator.angle_per_inch,
-        ),
-        drive_limits(actuator),
+    """Return the first angle and the velocity at each control step; the shaft starts at rest."""
+    dt, limit = 1 / ASSUMED.control_rate, ASSUMED.headroom * PEAK_SPEED
+    nearer = min(1.0, 2 * np.pi * actuator.velocity_bandwidth * dt)
+    inertia, lost = actuator.inertia, 1 / actuator.efficiency - 1
+    at_0, at_1 = (
+        float(load_force(condition, np.array(place), load_share)) * lbf * actuator.torque_per_force
+        for place in (0.0, 1.0)
     )
-    return float(targets[0]), velocities
+    per_rad = (at_1 - at_0) / actuator.angle_per_inch
+    jammed = jam * _JAM.friction * actuator.max_torque
+    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (_JAM.place, _JAM.width))
+    # Up to these, nothing is limited.
+    part, slow = actuator.max_torque / 4, voltage_free_speed(actuator, actuator.max_current / 4)
+    angle, velocity, velocities = float(targets[0]), 0.0, []
+    for target in targets.tolist():  # nonlinear, so computed step by step: 1 us each
+        velocities.append(velocity)
+        wanted = min(max(actuator.position_gain * (target - angle), -limit), limit)
+        change = nearer * (wanted - velocity)
+        needed, speed = at_0 + per_rad * angle, abs(velocity)
+        braking = actuator.coulomb + actuator.viscous * speed + lost * abs(needed)
+        if jammed:
+            braking += jammed * exp(-(((angle - jam_angle) / jam_width) ** 2))
+        torque = inertia * change / dt + needed + copysign(braking, velocity)
+        if speed > slow or not -part <= torque <= part:
+            limited = limited_torque(torque, velocity, actuator)
+            if limited != torque:  # the limited torque drives; friction can only brake
+                driven = velocity + (limited - needed) * dt / inertia
+                left = copysign(max(abs(driven) - braking * dt / inertia, 0.0), driven)
+                change = min(max(left, -limit), limit) - velocity
+        angle += dt * (velocity + change / 2)
+        velocity += change
+    return float(targets[0]), np.array(velocities)
 
 
 def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> NDArray[np.floating]:
@@ -379,7 +399,7 @@ def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
 def responses(
     systems: Sequence[tuple[Coefficients, Coefficients]], signal: NDArray[np.floating], fs: float
 ) -> NDArray[np.floating]:
-    """Return the responses of up to three linear systems of second order, at rest at the start.
+    """Return the responses of linear systems of second order, at rest at the start.
 
     Parameters
     ----------
@@ -408,4 +428,4 @@ def responses(
         for q, p, r in system
     ]
     b, a = np.array(digital[::2]), np.array(digital[1::2])
-    return _kernels.loops.resonate(b / a[:, :1], a / a[:, :1], signal)
+    return np.stack([filters.lfilter(*system, signal) for system in zip(b, a, strict=True)])
