@@ -1,7 +1,6 @@
 """The inner loops, in two implementations: numba's where it is installed, NumPy's otherwise.
 
-`numpy` is the reference; `numba` gives the same results in fewer passes over memory. Both have
-four modules: `motion`, `resampling` and `spectra`, and `control` of the simulated bench. The
+`numpy` is the reference; `numba` gives the same results in fewer passes over memory. The
 environment variable ``EMACM_KERNELS`` ("numpy" or "numba") selects one of them, which is `loops`.
 """
 
@@ -11,6 +10,7 @@ import importlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +22,28 @@ NAMES = ("numpy", "numba")
 loops: ModuleType  # to be read as an attribute of this package, as `using` sets it
 
 
+@dataclass(frozen=True)
+class BlockSizes:
+    """How much is processed at a time; chosen by ``python benchmarks/pipeline.py``.
+
+    The defaults are those of the compiled loops, which hold little besides their input.
+
+    Attributes
+    ----------
+    spread, interpolated : int
+        Time samples that are spread or interpolated; with fewer, threads wait for one another.
+    weights : int
+        Samples whose weights are held, which should stay in the first cache.
+    segment_bytes : int
+        Bytes of the segments that are transformed, which should stay in the second cache.
+    """
+
+    spread: int = 1 << 18
+    interpolated: int = 1 << 17
+    weights: int = 2048
+    segment_bytes: int = 1 << 20
+
+
 def __getattr__(name: str) -> ModuleType:
     """Choose `loops` when they are first read, as numba takes a second to import."""
     if name != "loops":
@@ -31,17 +53,17 @@ def __getattr__(name: str) -> ModuleType:
     return loops
 
 
-def _use(package: ModuleType) -> None:
+def _use(module: ModuleType) -> None:
     global loops
-    loops = package
+    loops = module
 
 
 def needs_compiler() -> bool:
     """Tell whether loops are compiled at their first call, as none are on the disk yet."""
-    package = globals().get("loops") or __getattr__("loops")
-    compiled = getattr(package.decimate, "stats", None)
+    module = globals().get("loops") or __getattr__("loops")
+    compiled = getattr(module.decimate, "stats", None)
     folder = None if compiled is None else compiled.cache_path
-    return folder is not None and not any(Path(folder).glob("resampling.*.nbi"))
+    return folder is not None and not any(Path(folder).glob("numba.*.nbi"))
 
 
 @contextmanager

@@ -228,7 +228,7 @@ class SegmentPlan:
         decimated = None if self.detrend == "linear" else loops.low_pass(length, self.n_orders)
         taps, gains, n_kept = decimated or (None, 1.0, length)
         total = np.zeros((len(section), self.n_orders))
-        n_rows = max(1, loops.SEGMENT_BYTES // (8 * n_kept))  # less memory for long segments
+        n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * n_kept))  # less memory for long segments
         for row in range(0, len(section), n_rows):
             rows = slice(row, row + n_rows)
             for transforms in self._transforms(section[rows], first, n_segments, taps, n_kept):
@@ -252,7 +252,7 @@ class SegmentPlan:
         if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
             stop = first + (n_segments - 1) * self.step + length
             section, first = np.ascontiguousarray(section[:, first:stop], np.float64), 0
-        at_once = max(1, loops.SEGMENT_BYTES // (8 * (n_kept or length) * len(section)))
+        at_once = max(1, loops.BLOCKS.segment_bytes // (8 * (n_kept or length) * len(section)))
         window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
             segments = np.empty((len(section), min(at_once, n_segments - start), n_kept or length))

@@ -356,7 +356,7 @@ def interpolated(
     first, last = path.sample_range(fs, len(rows[0]))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
     loops = _kernels.loops
-    at_once = loops.READ_BLOCK if interpolation == "linear" else _SPLINE_BLOCK
+    at_once = loops.BLOCKS.interpolated if interpolation == "linear" else _SPLINE_BLOCK
     # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start, stop in parts(first, last - 1, at_once):
@@ -395,9 +395,10 @@ def _read_off(
         parts_of_rows = [row[start:stop] for row in rows]
         loops.interpolate_linear(travel, first, theta_s, parts_of_rows, values)
         return values
-    left, weights = loops.interpolation_weights(travel, first, n_angles, theta_s)
+    angles = theta_s * np.arange(first, first + n_angles)
+    indices = np.interp(angles, travel, np.arange(len(travel)))
     for value, row in zip(values, rows, strict=True):
-        value[:] = _spline(row, start, stop, left + weights)
+        value[:] = _spline(row, start, stop, indices)
     return values
 
 

@@ -8,6 +8,7 @@ bit whether a stroke is read at once or while it is measured.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -17,18 +18,66 @@ import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-# All measured by the tests: pass band within 0.01 dB to PASS of the highest order, and whatever
-# folds into it down by more than 60 dB.
-PASS = 0.78  # of the highest order pi/theta_s: how far the band-limited result is flat
-KERNEL_REACH = 4 - PASS  # highest order the kernel still lets through, per pi/theta_s
-LEAST_REVERSAL = 0.25  # rad by which a shaft may always turn back along a stroke
-_WIDTH = 4  # grid points over which a time sample is spread
-_SHAPE = 2.4 * _WIDTH  # of the kernel exp(shape (sqrt(1 - z²) - 1)); least folding at this grid
-_DEGREE = 5  # of the polynomials that stand for the kernel: within 1e-4 of it
-_HALF = 20  # of the decimating filter, in points of the fine grid
-_FIRST = _WIDTH // 2  # point that the filter of the first output reads first
-_SOUGHT = 512  # samples that are compared with an angle at a time
-_MARGIN = _HALF + _FIRST  # fine grid points needed beyond either end of the stroke
+
+@dataclass(frozen=True)
+class GridDesign:
+    """Design of the band-limited resampling.
+
+    ``pytest tests/resampling/test_spreading.py`` measures that the pass band is flat within
+    0.01 dB up to `flat`, and that what is aliased into it is down by more than 60 dB. The inner
+    loops are written for the given `width`, `degree`, `half` and `upsampling_half`.
+
+    Attributes
+    ----------
+    flat : float
+        End of the pass band, as a fraction of the highest order pi/theta_s.
+    width : int
+        Grid points over which a time sample is spread.
+    shape : float
+        Of the kernel exp(shape width (sqrt(1 - z²) - 1)): the least folding at this grid.
+    degree : int
+        Of the polynomials that stand for the kernel: within 1e-4 of it.
+    half : int
+        Half the decimating filter, in points of the fine grid.
+    least_reversal : float
+        Angle by which a shaft may always turn back along a stroke [rad].
+    upsampling_half : int
+        Time samples on either side that a new sample is made from.
+    upsampling_stop : float
+        Frequency at which the filter of the upsampling has fallen by 80 dB, over the sampling rate.
+    part, mean_of, fewest : int
+        Time samples, or samples of the shaft, that are spread at a time, and of which the mean is
+        taken at the start of a stroke; the fewest for signals slower than the shaft.
+    densest : int
+        Dense samples for each sample of the signal, of the shaft and of the result, beyond which
+        the shaft has jumped.
+    """
+
+    flat: float = 0.78
+    width: int = 4
+    shape: float = 2.4
+    degree: int = 5
+    half: int = 20
+    least_reversal: float = 0.25
+    upsampling_half: int = 16
+    upsampling_stop: float = 0.58
+    part: int = 1 << 13
+    mean_of: int = 5000
+    fewest: int = 16
+    densest: int = 64
+
+    @property
+    def first(self) -> int:
+        """Point that the filter of the first output reads first."""
+        return self.width // 2
+
+    @property
+    def margin(self) -> int:
+        """Fine grid points that are needed beyond either end of the stroke."""
+        return self.half + self.first
+
+
+DESIGN = GridDesign()
 
 
 class Block(NamedTuple):
@@ -36,30 +85,29 @@ class Block(NamedTuple):
 
     Attributes
     ----------
-    travel : ndarray of shape (n,)
-        Angle travelled [rad].
-    ends : (float, float)
-        That of the samples before and after them.
+    near : ndarray of shape (n + 2,)
+        Angle travelled, at the samples and at one more on either side [rad].
     values : list of ndarray of shape (n,)
         Of each row.
     """
 
-    travel: NDArray[np.floating]
-    ends: tuple[float, float]
+    near: NDArray[np.floating]
     values: list[NDArray[np.floating]]
+
+    @property
+    def travel(self) -> NDArray[np.floating]:
+        """Angle travelled at the samples [rad], shape (n,)."""
+        return self.near[1:-1]
 
     def cut(self, first: int, last: int) -> Block:
         """Return the samples `first` to `last` (exclusive)."""
-        before = float(self.travel[first - 1]) if first else self.ends[0]
-        after = float(self.travel[last]) if last < len(self.travel) else self.ends[1]
-        values = [row[first:last] for row in self.values]
-        return Block(self.travel[first:last], (before, after), values)
+        return Block(self.near[first : last + 2], [row[first:last] for row in self.values])
 
 
 class FineGrid:
     """The fine grid of one stroke, of which only the part in work is held.
 
-    Point `_MARGIN` + 2 j is the angle of output j.
+    Point `DESIGN.margin` + 2 j is the angle of output j.
 
     Parameters
     ----------
@@ -88,17 +136,18 @@ class FineGrid:
         self.means = means
         self._step = theta_s / 2
         self.part = part
-        self._reversal = max(max_reversal, LEAST_REVERSAL)
+        self._reversal = max(max_reversal, DESIGN.least_reversal)
         # So far behind the farthest sample an output may stand: what the shaft may still turn back,
         # and as much again, as a shaft that went beyond its end is mirrored back from there; the
         # filter; as much as mirror images reach over the ends; and a point, for rounding.
-        self._lag = 2 * self._reversal / self._step + _MARGIN + 2 * _HALF + _FIRST + 1
+        self._lag = (
+            2 * self._reversal / self._step + DESIGN.margin + 2 * DESIGN.half + DESIGN.first + 1
+        )
         self._done = 0  # outputs
         self._used = 0  # points held, from point 2 * self._done upwards
         self._grid = np.zeros((len(means), 0))
         self._reached = 0.0  # farthest angle travelled so far
-        nothing = np.empty(0)
-        self._tail = Block(nothing, (0.0, 0.0), [nothing] * len(means))
+        self._tail = Block(np.zeros(2), [np.empty(0)] * len(means))
 
     @property
     def n_held(self) -> int:
@@ -147,13 +196,13 @@ class FineGrid:
         -------
         ndarray of shape (n_rows, n_outputs)
         """
-        limit = 2 * (n_angles - 1) + 1 + 2 * _MARGIN - 2 * self._done  # of the points needed
-        for sign, shift in _mirror_images(length, _MARGIN * self._step):
+        limit = 2 * (n_angles - 1) + 1 + 2 * DESIGN.margin - 2 * self._done  # of the points needed
+        for sign, shift in _mirror_images(length, DESIGN.margin * self._step):
             self._spread(self._tail, sign, shift, limit)
         outputs = np.empty((len(self.means), n_angles - self._done))
         if outputs.shape[1]:
-            self._use(_FIRST + 2 * (outputs.shape[1] - 1) + 1 + 2 * _HALF)
-            held, taps = (self._grid, self._used, _FIRST), _decimating_filter()
+            self._use(DESIGN.first + 2 * (outputs.shape[1] - 1) + 1 + 2 * DESIGN.half)
+            held, taps = (self._grid, self._used, DESIGN.first), _decimating_filter()
             self._loops.decimate(*held, taps, self.means, outputs, 0, outputs.shape[1])
         return outputs
 
@@ -164,8 +213,7 @@ class FineGrid:
             "done": self._done,
             "grid": self._grid[:, : self._used].copy(),
             "reached": self._reached,
-            "travel": tail.travel,
-            "ends": np.array(tail.ends),
+            "near": tail.near,
             "values": np.stack(tail.values),
         }
 
@@ -174,18 +222,17 @@ class FineGrid:
         self._done, self._reached = int(state["done"]), float(state["reached"])
         self._grid = np.array(state["grid"])
         self._used = self._grid.shape[1]
-        before, after = map(float, state["ends"])
-        self._tail = Block(state["travel"], (before, after), list(state["values"]))
+        self._tail = Block(state["near"], list(state["values"]))
 
     def _n_complete(self, reached: Any) -> Any:
         """Count the outputs that no later sample changes."""
         # Rounded down before what is done is taken off, so that all calls count alike.
-        return ((reached / self._step + _MARGIN - self._lag) // 2).astype(int) - self._done
+        return ((reached / self._step + DESIGN.margin - self._lag) // 2).astype(int) - self._done
 
     @property
     def _offset(self) -> float:
         """Place of the start of the path among the points held."""
-        return _MARGIN - 2.0 * self._done
+        return DESIGN.margin - 2.0 * self._done
 
     def _resample(
         self, block: Block, reached: NDArray[np.floating], outputs: NDArray[np.floating], done: int
@@ -194,7 +241,7 @@ class FineGrid:
 
         `reached` is the farthest angle up to the end of each part [rad]; `done` outputs are filled.
         """
-        tops = (reached / self._step + self._offset).astype(int) + 1 + _WIDTH // 2
+        tops = (reached / self._step + self._offset).astype(int) + 1 + DESIGN.width // 2
         complete = np.maximum(self._n_complete(reached), 0)
         before = np.concatenate([[0], complete[:-1]])
         n_points = np.maximum(tops, self._used) - 2 * before
@@ -202,8 +249,8 @@ class FineGrid:
         place = 1 / self._step, self._offset, _kernel_halves()
         rows = block.values, self.means, self._grid
         steps = self.part, n_points, complete - before
-        made = _FIRST, _decimating_filter(), outputs, done
-        self._loops.resample(block.travel, block.ends, *place, *rows, *steps, *made)
+        made = DESIGN.first, _decimating_filter(), outputs, done
+        self._loops.resample(block.near, *place, *rows, *steps, *made)
         self._reached = float(reached[-1])
         self._done += int(complete[-1])
         self._used = int(n_points[-1] - 2 * (complete[-1] - before[-1]))
@@ -216,12 +263,12 @@ class FineGrid:
         if not len(inside):
             return
         block = block.cut(int(inside[0]), int(inside[-1]) + 1)
-        self._use(int(min(float(position.max()), limit)) + 1 + _WIDTH // 2)
+        self._use(int(min(float(position.max()), limit)) + 1 + DESIGN.width // 2)
         place = sign / self._step, offset, _kernel_halves()
         rows = block.values, self.means, self._grid
         one_part = len(block.travel), np.array([self._used]), np.zeros(1, int)
-        made = _FIRST, _decimating_filter(), self._grid[:, :0], 0
-        self._loops.resample(block.travel, block.ends, *place, *rows, *one_part, *made)
+        made = DESIGN.first, _decimating_filter(), self._grid[:, :0], 0
+        self._loops.resample(block.near, *place, *rows, *one_part, *made)
 
     def _use(self, n_points: int) -> None:
         """Have at least so many points in use."""
@@ -237,31 +284,25 @@ class FineGrid:
 
     def _tail_with(self, block: Block) -> Block:
         """Return the samples that a mirror image at the end may contain, some more added."""
-        near = self._reached - 2 * self._reversal - (_MARGIN + 1) * self._step
-        held = block.cut(_first_after(block.travel, near), len(block.travel))
+        least = self._reached - 2 * self._reversal - (DESIGN.margin + 1) * self._step
+        held = block.cut(_first_after(block.travel, least), len(block.travel))
         if len(held.travel) == len(block.travel):
-            first = _first_after(self._tail.travel, near)
-            before = self._tail.cut(first, len(self._tail.travel))
-            travel = np.concatenate([before.travel, block.travel])
+            before = self._tail.cut(_first_after(self._tail.travel, least), self.n_held)
+            near = np.concatenate([before.near[:-1], block.near[1:]])
             pairs = zip(before.values, block.values, strict=True)
-            values = [np.concatenate(pair) for pair in pairs]
-            held = Block(travel, (before.ends[0], block.ends[1]), values)
-        around = np.concatenate([held.ends[:1], held.travel, held.ends[1:]])
-        steps = around[1:] != around[:-1]
+            held = Block(near, [np.concatenate(pair) for pair in pairs])
+        near, values = held
+        steps = np.diff(near) != 0
         # While the shaft stands, samples have no weight: only the first and the last count.
         counts = slice(None) if steps.all() else steps[1:] | steps[:-1]
-        travel, *values = (np.array(row[counts]) for row in (held.travel, *held.values))
-        return Block(travel, held.ends, values)
+        near = np.concatenate([near[:1], near[1:-1][counts], near[-1:]])
+        return Block(near, [row[counts].copy() for row in values])
 
 
 def _first_after(travel: NDArray[np.floating], angle: float) -> int:
-    """Return the sample after the last one up to an angle, which is sought from the end."""
-    for stop in range(len(travel), 0, -_SOUGHT):
-        start = max(0, stop - _SOUGHT)
-        passed = np.flatnonzero(travel[start:stop] <= angle)
-        if len(passed):
-            return start + int(passed[-1]) + 1
-    return 0
+    """Return the sample after the last one up to an angle."""
+    passed = np.flatnonzero(travel <= angle)
+    return int(passed[-1]) + 1 if len(passed) else 0
 
 
 def _mirror_images(length: float, margin: float) -> Iterator[tuple[int, float]]:
@@ -280,8 +321,8 @@ def _mirror_images(length: float, margin: float) -> Iterator[tuple[int, float]]:
 
 def _kernel(distance: NDArray[np.floating]) -> NDArray[np.floating]:
     """Exponential of semicircle (Barnett et al., Eq. (1.8)), of distances in grid points."""
-    z = distance * (2 / _WIDTH)
-    return np.exp(_SHAPE * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
+    z = distance * (2 / DESIGN.width)
+    return np.exp(DESIGN.shape * DESIGN.width * (np.sqrt(np.maximum(0.0, 1.0 - z * z)) - 1.0))
 
 
 @lru_cache(maxsize=1)
@@ -292,12 +333,14 @@ def _kernel_halves() -> NDArray[np.floating]:
     on: the decimating filter evens out the polynomials, not what they were fitted to. They agree
     with it at the ends of the cell, so that there is no step where a sample changes its cell.
     """
-    place = np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE) / 2
+    place = np.cos(np.pi * np.arange(DESIGN.degree + 1) / DESIGN.degree) / 2
     halves = []
-    for k in reversed(range(_WIDTH // 2)):
+    for k in reversed(range(DESIGN.width // 2)):
         values = _kernel(place + 0.5 + k)
-        values[place + 0.5 + k == _WIDTH / 2] = 0.0  # where the kernel ends
-        halves.append(Polynomial.fit(place, values, _DEGREE, domain=[-1, 1], window=[-1, 1]).coef)
+        values[place + 0.5 + k == DESIGN.width / 2] = 0.0  # where the kernel ends
+        halves.append(
+            Polynomial.fit(place, values, DESIGN.degree, domain=[-1, 1], window=[-1, 1]).coef
+        )
     return np.array(halves)
 
 
@@ -305,7 +348,7 @@ def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.floating]:
     """Fourier transform of the kernel at frequencies in cycles per grid point."""
     node, weight = np.polynomial.legendre.leggauss(40)
     spectrum = np.zeros(len(frequency))
-    for k, half in zip(reversed(range(_WIDTH // 2)), _kernel_halves(), strict=True):
+    for k, half in zip(reversed(range(DESIGN.width // 2)), _kernel_halves(), strict=True):
         distance, value = node / 2 + 0.5 + k, Polynomial(half)(node / 2)
         # The kernel is even: a point above the sample counts as one below.
         spectrum += np.cos(2 * np.pi * np.outer(frequency, distance)) @ (weight * value)
@@ -316,9 +359,9 @@ def _kernel_spectrum(frequency: NDArray[np.floating]) -> NDArray[np.floating]:
 def _decimating_filter() -> NDArray[np.floating]:
     """Low pass for keeping every other point of the fine grid, which also evens out the kernel."""
     # Frequencies in units of the fine grid's Nyquist frequency; that of the result is 0.5.
-    passed = np.repeat(np.linspace(0, 0.5 * (PASS + 0.02), 41), 2)[1:-1]
-    stopped = 0.5 * (2 - PASS - 0.02)
+    passed = np.repeat(np.linspace(0, 0.5 * (DESIGN.flat + 0.02), 41), 2)[1:-1]
+    stopped = 0.5 * (2 - DESIGN.flat - 0.02)
     bands = [*passed, stopped, 1.0]
     gains = [*(1 / _kernel_spectrum(passed / 2)), 0.0, 0.0]
     importance = [1.0] * (len(passed) // 2) + [10.0]
-    return scipy.signal.firls(2 * _HALF + 1, bands, gains, weight=importance)
+    return scipy.signal.firls(2 * DESIGN.half + 1, bands, gains, weight=importance)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from emacm.recordings.recording import Recording
-from emacm.resampling.fine_grid import PASS
+from emacm.resampling.fine_grid import DESIGN
 from emacm.shaft.motion import LazySeries, Series, blocks
 from emacm.shaft.paths import ShaftPath
 
@@ -193,7 +193,7 @@ def _findings(
     found = []
     if not row["strokes"]:
         found.append(Finding("standstill", "the shaft never turns"))
-    if PASS * np.pi / theta_s > row["max_order"]:
+    if DESIGN.flat * np.pi / theta_s > row["max_order"]:
         text = (
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
             f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"

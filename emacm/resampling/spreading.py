@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
+from sys import maxsize
 from types import ModuleType
 from typing import Any
 
@@ -26,18 +27,9 @@ import scipy  # which imports scipy.signal, a tenth of a second, when it is used
 from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm.resampling.fine_grid import KERNEL_REACH, Block, FineGrid
+from emacm.resampling.fine_grid import DESIGN, Block, FineGrid
 from emacm.shaft.motion import Series
 from emacm.shaft.paths import ShaftPath
-
-_UPSAMPLING_HALF = 16  # time samples on either side that a new sample is made from
-_UPSAMPLING_STOP = 0.58  # of fs: where the filter of the time interpolation has fallen by 80 dB
-_MOST_DENSER = 64  # times the samples there are over time and angle; beyond, the shaft jumps
-_MOST_SAMPLES = 1 << 31  # in work over time
-_PART = 1 << 13  # dense samples, or samples of the shaft, that are spread at a time
-_MEAN_OF = 5000  # samples, or samples of the shaft, at the start of a stroke
-_FEWEST = 16  # samples of either, of a signal whose sampling rate is below that of the shaft
-_CUBIC = 4  # samples of the shaft that the travel before them may depend on
 
 
 def spread_rows(
@@ -81,7 +73,7 @@ class Spreading:
         Angle between samples of the result [rad].
     max_reversal : float
         Largest angle by which the shaft turns back along the stroke [rad]; up to
-        `emacm.resampling.fine_grid.LEAST_REVERSAL`, the result does not depend on it.
+        `GridDesign.least_reversal`, the result does not depend on it.
     """
 
     def __init__(self, fs: float, factor: int, theta_s: float, max_reversal: float = 0.0) -> None:
@@ -114,12 +106,12 @@ class Spreading:
         """
         first, last = self._dense_range(rows, path)
         first = first if self._grid is None else self._first
-        part = _limited(_PART, self._fs * self._factor, path)
+        part = _limited(DESIGN.part, self._fs * self._factor, path)
         if not complete:
             known = self._known(rows, path)
             last = first + max(0, known - first) // part * part
         if self._grid is None:
-            n_mean = _limited(_MEAN_OF, self._fs, path)
+            n_mean = _limited(DESIGN.mean_of, self._fs, path)
             begin, end = path.sample_range(self._fs, len(rows[0]))
             if not complete and (last == first or end - begin < n_mean):
                 return
@@ -133,7 +125,7 @@ class Spreading:
         # Less at once where the angle grid is dense, so that it takes no more memory than the
         # signals.
         density = 2 * path.fastest / (self._fs * self._factor * self._theta_s)
-        at_once = max(1, int(self._loops.BLOCK / max(1.0, 2 * density)) // part) * part
+        at_once = max(1, int(self._loops.BLOCKS.spread / max(1.0, 2 * density)) // part) * part
         while self._next < last:
             stop = min(self._next + at_once, last)
             resampled = [self._grid.add(self._dense_block(rows, path, stop, last, complete))]
@@ -148,10 +140,10 @@ class Spreading:
     def rows_needed(self, path: ShaftPath) -> int:
         """Return how many samples of the rows a complete path needs, if there are as many."""
         if self._factor == 1:
-            first, last = path.sample_range(self._fs, _MOST_SAMPLES)
+            first, last = path.sample_range(self._fs, maxsize)
             return max(last, first + 2)
-        first, last = path.sample_range(self._fs * self._factor, _MOST_SAMPLES)
-        return -(-max(last, first + 2) // self._factor) + _UPSAMPLING_HALF + 1
+        first, last = path.sample_range(self._fs * self._factor, maxsize)
+        return -(-max(last, first + 2) // self._factor) + DESIGN.upsampling_half + 1
 
     def needed_from(self, start_time: float) -> float:
         """Return the time of the first sample that is still needed [s].
@@ -196,13 +188,13 @@ class Spreading:
 
     def _known(self, rows: Sequence[Series], path: ShaftPath) -> int:
         """Return the last + 1 dense sample that does not depend on what follows."""
-        lasting = path.start_time + (path.n_times - 1 - _CUBIC) / path.fs
-        by_path = int(np.floor(lasting * self._fs * self._factor))
-        if path.n_times <= _CUBIC + 1:
+        known = path.n_times - 5  # the cubic between samples depends on the four before them
+        if known <= 0:
             return 0
+        by_path = int(np.floor((path.start_time + known / path.fs) * self._fs * self._factor))
         if self._factor == 1:
             return min(by_path, len(rows[0]))
-        return min(by_path, (len(rows[0]) - _UPSAMPLING_HALF - 1) * self._factor)
+        return min(by_path, (len(rows[0]) - DESIGN.upsampling_half - 1) * self._factor)
 
     def _dense_block(
         self, rows: Sequence[Series], path: ShaftPath, stop: int, last: int, complete: bool
@@ -211,22 +203,21 @@ class Spreading:
         rate, start = self._fs * self._factor, self._next
         low = max(start - 1, self._first)
         high = stop if complete and stop == last else stop + 1
-        travel = path.travel_at(rate, low, high)
+        near = path.travel_at(rate, low, high)
         # Each sample stands for the way halfway to its neighbours, the outer ones up to the ends:
         # their neighbours beyond are their mirror images.
-        before = travel[0] if low < start else -travel[0]
-        after = travel[-1] if high > stop else 2 * path.length - travel[-1]
+        before = [-near[:1]] if low == start else []
+        after = [2 * path.length - near[-1:]] if high == stop else []
+        if before or after:
+            near = np.concatenate([*before, near, *after])
         if self._factor == 1:
-            values = [row[start:stop] for row in rows]
-        else:
-            values = _upsampled(self._loops, rows, self._factor, start, stop)
-        travel = travel[start - low : len(travel) - (high - stop)]
-        return Block(travel, (float(before), float(after)), values)
+            return Block(near, [row[start:stop] for row in rows])
+        return Block(near, _upsampled(self._loops, rows, self._factor, start, stop))
 
 
 def _limited(n_times: int, fs: float, path: ShaftPath) -> int:
     """Return a number of samples at a rate, or fewer, so that the shaft has about as many."""
-    return max(_FEWEST, int(n_times * min(1.0, fs / path.fs)))
+    return max(DESIGN.fewest, int(n_times * min(1.0, fs / path.fs)))
 
 
 def _means(rows: Sequence[Series], first: int, last: int) -> NDArray[np.floating]:
@@ -254,15 +245,16 @@ def upsampling(fs: float, fastest: float, theta_s: float) -> int:
     -------
     int
     """
-    reach = KERNEL_REACH * fastest / (2 * theta_s)  # Hz: the kernel as a function of time
-    return 1 if reach <= fs / 2 else int(max(2.0, np.ceil(reach / fs + _UPSAMPLING_STOP)))
+    # Highest frequency [Hz] that the kernel still lets through: what folds onto the pass band.
+    reach = (4 - DESIGN.flat) * fastest / (2 * theta_s)
+    return 1 if reach <= fs / 2 else int(max(2.0, np.ceil(reach / fs + DESIGN.upsampling_stop)))
 
 
 def _check_density(factor: int, fs: float, path: ShaftPath, theta_s: float) -> None:
     """Raise a ValueError where the samples would have to be made too dense."""
     n_shaft = len(path.travel)
     n_dense = factor * fs * n_shaft / path.fs
-    if n_dense > _MOST_DENSER * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
+    if n_dense > DESIGN.densest * (n_shaft + n_shaft * fs / path.fs + path.count(theta_s)):
         largest, place = path.largest_step()
         mean = path.length / (n_shaft - 1)
         raise ValueError(
@@ -270,19 +262,14 @@ def _check_density(factor: int, fs: float, path: ShaftPath, theta_s: float) -> N
             f"{path.start_time + place / path.fs:.6g} s; that is {largest / mean:.3g} "
             f"times its mean step. Is the angle in rad, and is this a jump? Repair or cut it."
         )
-    if n_dense > _MOST_SAMPLES:
-        raise ValueError(
-            f"theta_s = {theta_s:g} rad is too fine for signals at {fs:g} Hz: between two of their "
-            f"samples the shaft turns by up to {path.fastest / fs:.3g} rad. Raise theta_s."
-        )
 
 
 def _upsampled(
     loops: ModuleType, rows: Sequence[Series], factor: int, start: int, stop: int
 ) -> list[NDArray[np.floating]]:
     """Return samples `start` to `stop` of the rows at `factor` times their rate."""
-    low = start // factor - _UPSAMPLING_HALF
-    high = -(-stop // factor) + _UPSAMPLING_HALF + 1
+    low = start // factor - DESIGN.upsampling_half
+    high = -(-stop // factor) + DESIGN.upsampling_half + 1
     last = len(rows[0]) - 1
     first, count = start - low * factor, stop - start
     taps = _upsampling_filter(factor)
@@ -297,5 +284,5 @@ def _upsampled(
 @lru_cache(maxsize=32)
 def _upsampling_filter(factor: int) -> NDArray[np.floating]:
     """Low pass at the old Nyquist frequency; Kaiser's window for 80 dB."""
-    taps, window = 2 * _UPSAMPLING_HALF * factor + 1, ("kaiser", scipy.signal.kaiser_beta(80))
+    taps, window = 2 * DESIGN.upsampling_half * factor + 1, ("kaiser", scipy.signal.kaiser_beta(80))
     return factor * scipy.signal.firwin(taps, 1 / factor, window=window)

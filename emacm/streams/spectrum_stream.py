@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SectionCutter, SegmentPlan
-from emacm.resampling.fine_grid import LEAST_REVERSAL
+from emacm.resampling.fine_grid import DESIGN
 from emacm.resampling.quality import Quality
 from emacm.resampling.spreading import Spreading, upsampling
 from emacm.shaft.paths import ShaftPath
@@ -387,11 +387,11 @@ class SpectrumStream:
         if not streams or stroke.stop - stroke.start < _SHORTEST:
             return
         path = self.shaft.path(growing, settings.ratio)
-        if path.max_reversal > LEAST_REVERSAL:
+        if path.max_reversal > DESIGN.least_reversal:
             raise ValueError(
                 f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
-                f"{path.start_time:.6g} s of the reading; at most {LEAST_REVERSAL:g} rad can be "
-                f"followed. Raise min_speed or set max_rest of OrderResampler, and reset."
+                f"{path.start_time:.6g} s of the reading; at most {DESIGN.least_reversal:g} rad can "
+                f"be followed. Raise min_speed or set max_rest of OrderResampler, and reset."
             )
         for k, stream in list(streams.items()):
             rows = self.signals[k].series

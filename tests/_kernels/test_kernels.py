@@ -17,6 +17,7 @@ from emacm.resampling.fine_grid import _decimating_filter, _kernel_halves
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("numba") is None, reason="numba is not installed (extra 'fast')"
 )
+TAPS = _decimating_filter()
 both_types = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 
 
@@ -66,20 +67,24 @@ def test_integrals_agree_and_are_in_float64(compiled, rng, dtype):
     agree(one, other)
 
 
+def spread(module, near, scale, offset, signals, means, grid):
+    """Spread samples as one part, after which nothing is decimated."""
+    one_part = len(near) - 2, np.array([grid.shape[1] - 10]), np.array([0])
+    rows = _kernel_halves(), signals, means, grid
+    module.resample(near, scale, offset, *rows, *one_part, 2, TAPS, grid[:, :0], 0)
+
+
 @both_types
 @pytest.mark.parametrize("n_signals", [1, 2, 5, 8, 11])
 @pytest.mark.parametrize("scale", [3.0, -3.0])
 @pytest.mark.parametrize("n_times", [1, 60, 10_000])  # several cells at a step, and many in a cell
 def test_spreading_agrees(compiled, rng, dtype, n_signals, scale, n_times):
-    travel = np.sort(rng.uniform(0, 100, n_times))
+    near = np.sort([-0.01, *rng.uniform(0, 100, n_times), 100.01])
     signals = [rng.standard_normal(n_times).astype(dtype) for _ in range(n_signals)]
     means = rng.standard_normal(n_signals)
     grids = np.zeros((2, n_signals, 290))  # the last samples lie beyond
-    offset, ends = 2.5 if scale > 0 else 280.0, (-0.01, 100.01)
     for module, grid in zip((compiled, _kernels_numpy), grids, strict=True):
-        place, rows = (travel, ends, scale, offset, _kernel_halves()), (signals, means, grid)
-        one_part = n_times, np.array([280]), np.array([0])
-        module.resample(*place, *rows, *one_part, 2, _decimating_filter(), grid[:, :0], 0)
+        spread(module, near, scale, 2.5 if scale > 0 else 280.0, signals, means, grid)
     assert np.all(grids[:, :, 280:] == 0)
     assert np.abs(grids).max() > 0
     agree(grids[0], grids[1])
@@ -88,26 +93,22 @@ def test_spreading_agrees(compiled, rng, dtype, n_signals, scale, n_times):
 @both_types
 @pytest.mark.parametrize("n_signals", [1, 5, 9])
 def test_resampling_part_by_part_is_spreading_and_decimating(compiled, rng, dtype, n_signals):
-    travel = np.sort(rng.uniform(0, 100, 1000))
+    near = np.sort([-0.01, *rng.uniform(0, 100, 1000), 100.01])
     signals = [rng.standard_normal(1000).astype(dtype) for _ in range(n_signals)]
-    means, ends = rng.standard_normal(n_signals), (-0.01, 100.01)
+    means = rng.standard_normal(n_signals)
     n_points, ready = np.array([200, 180, 230, 150]), np.array([30, 0, 60, 50])
     grids, outputs = np.zeros((3, n_signals, 290)), np.full((3, n_signals, 150), 7.0)
     for module, grid, made in zip((compiled, _kernels_numpy), grids, outputs, strict=False):
-        place, rows = (travel, ends, 3.0, 2.5, _kernel_halves()), (signals, means, grid)
-        module.resample(*place, *rows, 300, n_points, ready, 2, _decimating_filter(), made, 5)
+        rows = _kernel_halves(), signals, means, grid
+        module.resample(near, 3.0, 2.5, *rows, 300, n_points, ready, 2, TAPS, made, 5)
     offset, done = 2.5, 5
     for k, (used, n_outputs) in enumerate(zip(n_points, ready, strict=True)):
-        some = slice(300 * k, 300 * (k + 1))
-        around = np.concatenate([ends[:1], travel, ends[1:]])[300 * k : 300 * (k + 1) + 2][[0, -1]]
-        place = travel[some], tuple(around), 3.0, offset, _kernel_halves()
-        one_part = len(travel[some]), np.array([used]), np.array([0])
-        nothing = 2, _decimating_filter(), grids[2][:, :0], 0  # is decimated
-        rows = [row[some] for row in signals], means, grids[2]
-        _kernels_numpy.resample(*place, *rows, *one_part, *nothing)
+        rows = [row[300 * k : 300 * (k + 1)] for row in signals]
+        held = np.pad(grids[2][:, :used], ((0, 0), (0, 10)))
+        spread(_kernels_numpy, near[300 * k : 300 * (k + 1) + 2], 3.0, offset, rows, means, held)
+        grids[2][:, :used] = held[:, :used]
         if n_outputs:
-            taps = _decimating_filter()
-            _kernels_numpy.decimate(grids[2], used, 2, taps, means, outputs[2], done, n_outputs)
+            _kernels_numpy.decimate(grids[2], used, 2, TAPS, means, outputs[2], done, n_outputs)
         offset, done = offset - 2.0 * n_outputs, done + n_outputs
     assert done == 145
     assert np.abs(grids[2]).max() > 0
@@ -138,7 +139,7 @@ def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng):
     grids = [grid.copy(), grid.copy()]
     outputs = np.full((2, 3, 207), 7.0)
     for module, held, made in zip((compiled, _kernels_numpy), grids, outputs, strict=True):
-        module.decimate(held, 480, 2, _decimating_filter(), means, made, 7, 200)
+        module.decimate(held, 480, 2, TAPS, means, made, 7, 200)
     assert np.all(outputs[:, :, :7] == 7)
     agree(*outputs[:, :, 7:])
     np.testing.assert_array_equal(grids[0], grids[1])
@@ -147,11 +148,11 @@ def test_decimation_agrees_and_leaves_the_same_grid(compiled, rng):
 
 
 def test_decimation_is_a_convolution_of_which_every_other_point_is_kept(rng):
-    grid, taps = rng.standard_normal(200), _decimating_filter()
+    grid = rng.standard_normal(200)
     found = np.empty((1, 50))
-    _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, taps, np.zeros(1), found, 0, 50)
+    _kernels_numpy.decimate(grid[np.newaxis].copy(), 200, 3, TAPS, np.zeros(1), found, 0, 50)
     found = found[0]
-    np.testing.assert_allclose(found, np.convolve(grid, taps)[43 : 43 + 100 : 2], atol=1e-12)
+    np.testing.assert_allclose(found, np.convolve(grid, TAPS)[43 : 43 + 100 : 2], atol=1e-12)
 
 
 @both_types
@@ -162,13 +163,11 @@ def test_linear_interpolation_agrees(compiled, rng, dtype, n_signals):
     signals = [rng.standard_normal(30_000).astype(dtype) for _ in range(n_signals)]
     found = np.empty((2, n_signals, n_angles))
     for module, values in zip((compiled, _kernels_numpy), found, strict=True):
-        left, weights = module.interpolation_weights(reached, 4, n_angles, 0.3)
-        assert (left.dtype, weights.dtype) == (np.int32, np.float64)
         module.interpolate_linear(reached, 4, 0.3, signals, values)
     agree(*found)
 
 
-def test_straight_lines_are_interpolate_linear_as_by_numpy_interp(rng):
+def test_linear_interpolation_is_that_of_numpy(rng):
     reached = np.cumsum(rng.uniform(0.1, 1, 500))
     signal = rng.standard_normal(500)
     values = np.empty((1, 400))
@@ -177,39 +176,14 @@ def test_straight_lines_are_interpolate_linear_as_by_numpy_interp(rng):
     np.testing.assert_allclose(values[0], expected, atol=1e-12)
 
 
+def test_a_plateau_at_the_start_is_passed_at_its_first_sample(compiled):
+    for module in (compiled, _kernels_numpy):
+        values = np.empty((1, 2))
+        module.interpolate_linear(np.array([0.5, 0.5, 1.0]), 0, 1.0, [np.arange(3.0)], values)
+        np.testing.assert_array_equal(values, [[0.0, 2.0]])
+
+
 # Which of them are used
-
-
-@pytest.mark.parametrize("jammed", [0.0, 18.0])
-def test_the_control_loop_agrees_to_the_last_bit_at_its_limits_too(compiled, jammed):
-    targets = 90 * np.sin(2 * np.pi * 2 * np.arange(4000) / 2000)
-    drive = (0.67, 0.45, 0.25, 9e-3, 170.0, 27.0, 300.0, 7.0)
-    constants = (40.0, 0.3, 470.0, 1e-3), (4.0, 0.1), (0.3, 1e-3, 0.1), (jammed, 60.0, 9.0), drive
-    one, other = (m.follow(targets, 5e-4, *constants) for m in (compiled, _kernels_numpy))
-    np.testing.assert_array_equal(one, other)
-    assert np.abs(one).max() > 300  # where the voltage limits the torque
-    torques = np.linspace(-40, 40, 81)
-    limited = [_kernels_numpy.limited_torque(torque, 340.0, drive) for torque in torques]
-    assert limited != torques.tolist()
-    assert limited == [compiled.limited_torque(torque, 340.0, drive) for torque in torques]
-
-
-@pytest.mark.parametrize("n_filters", [1, 2, 3])
-def test_resonances_agree_to_the_last_bit(compiled, rng, n_filters):
-    signal, b = rng.standard_normal(3000), rng.standard_normal((n_filters, 3))
-    a = np.array([[1.0, -1.9, 0.95], [1.0, 0.3, 0.2], [1.0, -1.2, 0.6]])[:n_filters]
-    one, other = (module.resonate(b, a, signal) for module in (compiled, _kernels_numpy))
-    assert one.shape == (n_filters, 3000)
-    np.testing.assert_array_equal(one, other)
-
-
-def test_both_modules_offer_the_same_loops(compiled):
-    def offered(module):
-        return {name for name in module.__all__ if callable(getattr(module, name))}
-
-    assert len(offered(compiled)) == 13
-    assert offered(compiled) == offered(_kernels_numpy)
-    assert compiled.__all__ == _kernels_numpy.__all__
 
 
 def test_kernels_can_be_named_for_a_while():
@@ -279,7 +253,7 @@ def test_a_compiler_is_needed_where_no_compiled_loop_is_on_the_disk(tmp_path, mo
     loop = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
     monkeypatch.setattr(_kernels, "loops", SimpleNamespace(decimate=loop))
     assert _kernels.needs_compiler()
-    (tmp_path / "resampling.decimate-1.py311.nbi").touch()
+    (tmp_path / "numba.decimate-1.py311.nbi").touch()
     assert not _kernels.needs_compiler()
     loop.stats.cache_path = None  # no folder can be written to
     assert not _kernels.needs_compiler()

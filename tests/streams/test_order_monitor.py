@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -138,8 +139,8 @@ def readings_of(monitor, recording, times, restored=None):
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch):
     """Everything that happens after thousands of samples, after hundreds."""
-    monkeypatch.setattr(emacm.resampling.spreading, "_PART", 700)
-    monkeypatch.setattr(emacm.resampling.spreading, "_MEAN_OF", 300)
+    design = replace(emacm.resampling.spreading.DESIGN, part=700, mean_of=300)
+    monkeypatch.setattr(emacm.resampling.spreading, "DESIGN", design)
     monkeypatch.setattr(emacm.orders.segment_plan, "_SECTION_BYTES", 9000)
     monkeypatch.setattr(emacm.streams.spectrum_stream, "_WAITING", 100)
 
@@ -310,10 +311,6 @@ def test_nothing_is_compiled_by_the_first_samples():
         recording = recorded("reversing", RATES["mixed"], "velocity")
         monitor = monitor_of(model_of(recording), recording)
         loops = [f for f in vars(_kernels.loops).values() if hasattr(f, "signatures")]
-        from emacm._kernels.numba import motion, resampling, spectra
-
-        for module in (motion, resampling, spectra):
-            loops += [f for f in vars(module).values() if hasattr(f, "signatures")]
         before = [len(f.signatures) for f in loops]
         readings_of(monitor, recording, np.arange(0, 6, 0.1))
         assert [len(f.signatures) for f in loops] == before

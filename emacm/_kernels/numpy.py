@@ -1,4 +1,8 @@
-"""Loops that resample from time to shaft angle, in NumPy and SciPy; all in float64."""
+"""The inner loops in NumPy and SciPy: the reference, used where numba is not installed.
+
+Each function has a twin in `emacm._kernels.numba`, with the same arguments and results. All
+compute in float64.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +10,74 @@ import numpy as np
 import scipy  # scipy.signal takes a tenth of a second to import, so it is imported on first use
 from numpy.typing import NDArray
 
-BLOCK = READ_BLOCK = 1 << 15  # time samples processed at a time, for which several arrays are held
+from emacm._kernels import BlockSizes
 
 Array = NDArray[np.floating]
-Indices = NDArray[np.int32]
+Indices = NDArray[np.integer]
+
+# Several arrays are held besides the input, so less is processed at a time.
+BLOCKS = BlockSizes(spread=1 << 15, interpolated=1 << 15, segment_bytes=1 << 19)
+
+
+def set_checkpoints(
+    velocity: Array, half_step: float, stride: int, angles: Array, lowest: Array, highest: Array
+) -> None:
+    """Integrate a velocity once, and keep the angle at every `stride`-th sample.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,)
+        Velocity [rad/s]; contiguous and read-only, so that one kind of array is compiled for.
+    half_step : float
+        Half a sampling interval [s].
+    stride : int
+        Samples of a section; the last section may be shorter.
+    angles : ndarray of shape (n_sections,)
+        Set to the angle at the first sample of each section [rad], accumulated from 0 sample by
+        sample, so that it equals a cumulative sum over the whole velocity bit for bit.
+    lowest, highest : ndarray of shape (n_sections,)
+        Set to the range of the velocity in each section [rad/s].
+    """
+    total = 0.0
+    at_once = max(1, BLOCKS.spread // stride) * stride
+    for start in range(0, len(velocity), at_once):
+        part = velocity[start : start + at_once + 1]
+        angle = np.empty(len(part))
+        integrate(part, half_step, np.array([total]), len(part), angle)
+        sections = slice(start // stride, (start + at_once) // stride)
+        angles[sections] = angle[: min(at_once, len(velocity) - start) : stride]
+        total = float(angle[-1])
+    starts = np.arange(0, len(velocity), stride)
+    lowest[:] = np.minimum.reduceat(velocity, starts)
+    highest[:] = np.maximum.reduceat(velocity, starts)
+
+
+def integrate(velocity: Array, half_step: float, starts: Array, stride: int, angle: Array) -> None:
+    """Integrate a velocity by the trapezoidal rule, section by section, in float64.
+
+    Parameters
+    ----------
+    velocity : ndarray of shape (n_times,)
+        Velocity [rad/s], as for `set_checkpoints`.
+    half_step : float
+        Half a sampling interval [s].
+    starts : ndarray of shape (n_sections,)
+        Angle at the first sample of each section [rad]; the integral over the sections before has
+        the same value.
+    stride : int
+        Samples of a section; the last section may be shorter.
+    angle : ndarray of shape (n_times,)
+        Set to the angle [rad].
+    """
+    speed = velocity.astype(np.float64)
+    angle[0] = starts[0]
+    np.add(speed[1:], speed[:-1], out=angle[1:])
+    angle[1:] *= half_step
+    np.cumsum(angle, out=angle)
 
 
 def resample(
-    travel: Array,
-    ends: tuple[float, float],
+    near: Array,
     scale: float,
     offset: float,
     kernel: Array,
@@ -35,12 +98,11 @@ def resample(
 
     Parameters
     ----------
-    travel : ndarray of shape (n_times,)
-        Angle travelled [rad]; a sample is weighted by half the distance between its neighbours.
-    ends : (float, float)
-        Angle travelled at the neighbours of the first and the last sample [rad].
+    near : ndarray of shape (n_times + 2,)
+        Angle travelled at the samples, and at one more on either side [rad]. A sample is weighted
+        by half the distance between its neighbours.
     scale, offset : float
-        A sample lies at ``scale * travel + offset`` on the grid, before this is decimated; where
+        A sample lies at ``scale * angle + offset`` on the grid, before this is decimated; where
         `scale` is negative it is a mirror image.
     kernel : ndarray of shape (2, 6)
         Weights of the outer and the inner grid point below the sample, as polynomials in its
@@ -60,9 +122,9 @@ def resample(
     first, taps, outputs, done
         As for `decimate`.
     """
-    near = np.concatenate([ends[:1], travel, ends[1:]])
-    for start, used, n_outputs in zip(range(0, len(travel), part), n_points, ready, strict=True):
-        stop = min(start + part, len(travel))
+    n_times = len(near) - 2
+    for start, used, n_outputs in zip(range(0, n_times, part), n_points, ready, strict=True):
+        stop = min(start + part, n_times)
         weights, cells = _weights(near[start : stop + 2], scale, offset, kernel, used)
         low, high = int(cells.min()), int(cells.max())
         cells -= low
@@ -180,39 +242,6 @@ def decimate(
     grid[:, kept:used] = 0
 
 
-def interpolation_weights(
-    reached: Array, first: int, n_angles: int, theta_s: float
-) -> tuple[Indices, Array]:
-    """Find the samples between which the shaft passes each angle of a uniform grid.
-
-    Parameters
-    ----------
-    reached : ndarray of shape (n_times,)
-        Largest angle travelled so far, never falling [rad].
-    first : int
-        Index of the first grid angle wanted.
-    n_angles : int
-        Number of grid angles wanted; all are passed within `reached`.
-    theta_s : float
-        Angle between grid angles [rad].
-
-    Returns
-    -------
-    left : ndarray of int32, shape (n_angles,)
-        The last sample before, up to ``n_times - 2``; of a plateau, its end.
-    weights : ndarray of shape (n_angles,)
-        Fraction of the distance to the next sample, 0..1.
-    """
-    angles = theta_s * np.arange(first, first + n_angles)
-    indices = np.interp(angles, reached, np.arange(len(reached)))
-    left = np.minimum(indices.astype(np.int32), np.int32(len(reached) - 2))
-    low = reached[left]
-    # From the angles again: the index has lost the digits taken by its integer part.
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weights = (angles - low) / (reached[left + 1] - low)
-    return left, np.where(weights > 0, np.minimum(weights, 1), 0)
-
-
 def interpolate_linear(
     reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
 ) -> None:
@@ -220,16 +249,96 @@ def interpolate_linear(
 
     Parameters
     ----------
-    reached, first, theta_s
-        As for `interpolation_weights`.
+    reached : ndarray of shape (n_times,)
+        Largest angle travelled so far, never falling [rad].
+    first : int
+        Index of the first grid angle wanted; all are passed within `reached`.
+    theta_s : float
+        Angle between grid angles [rad].
     signals : list of ndarray of shape (n_times,)
     values : ndarray of shape (n_signals, n_angles)
         The result.
     """
-    left, weights = interpolation_weights(reached, first, values.shape[1], theta_s)
-    index = left.astype(np.intp)  # once, not for each signal
+    angles = theta_s * np.arange(first, first + values.shape[1])
+    # Of a plateau, its end.
+    left = np.interp(angles, reached, np.arange(len(reached))).astype(np.intp)
+    left = np.minimum(left, len(reached) - 2)
+    low = reached[left]
+    # From the angles again: the index has lost the digits taken by its integer part.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weights = (angles - low) / (reached[left + 1] - low)
+    weights = np.where(weights > 0, np.minimum(weights, 1), 0)
     for signal, value in zip(signals, values, strict=True):
-        low = signal[index].astype(np.float64, copy=False)
-        np.subtract(signal[1:][index], low, out=value)
+        before = signal[left].astype(np.float64, copy=False)
+        np.subtract(signal[1:][left], before, out=value)
         value *= weights
-        value += low
+        value += before
+
+
+def low_pass(length: int, n_lines: int) -> None:
+    """Return what segments are filtered by before they are decimated: nothing, as it is slower.
+
+    Parameters
+    ----------
+    length : int
+        Samples of a segment.
+    n_lines : int
+        Lowest spectral lines that are wanted.
+
+    Returns
+    -------
+    (ndarray of shape (n_taps,), ndarray of shape (n_lines,), int) or None
+        Taps, factors of the powers of the lines, and samples that are kept of a segment.
+    """
+
+
+def set_segments(
+    signals: Array,
+    first: int,
+    step: int,
+    window: Array,
+    remove_mean: bool,
+    taps: Array | None,
+    segments: Array,
+) -> None:
+    """Cut signals into segments and multiply them by a window.
+
+    Parameters
+    ----------
+    signals : ndarray of shape (n_signals, n_angles)
+    first : int
+        Start of the first segment.
+    step : int
+        Samples from one segment to the next; the last one ends within the signals.
+    window : ndarray of shape (n_per_segment,)
+    remove_mean : bool
+        Subtract the mean of each segment first.
+    taps : ndarray or None
+        What `low_pass` returns: each segment is filtered by them, and decimated.
+    segments : ndarray of shape (n_signals, n_segments, n_per_segment)
+        What is set; of decimated segments, the last axis is shorter.
+    """
+    part = signals[:, first : first + (segments.shape[1] - 1) * step + len(window)]
+    row, sample = part.strides
+    cut = np.lib.stride_tricks.as_strided(
+        part, segments.shape, (row, step * sample, sample), writeable=False
+    )
+    if remove_mean:
+        np.subtract(cut, cut.mean(axis=-1, keepdims=True), out=segments)
+        segments *= window
+    else:
+        np.multiply(cut, window, out=segments)
+
+
+def add_powers(transforms: NDArray[np.complexfloating], total: Array) -> None:
+    """Add the squared magnitude of the lowest spectral lines of all segments.
+
+    Parameters
+    ----------
+    transforms : ndarray of shape (n_signals, n_segments, n_all_lines)
+        Fourier transforms.
+    total : ndarray of shape (n_signals, n_lines)
+        Changed in place.
+    """
+    lines = transforms[..., : total.shape[1]]
+    total += (lines.real**2 + lines.imag**2).sum(axis=1)

@@ -1,0 +1,481 @@
+"""The inner loops compiled by numba; `emacm._kernels.numpy` documents each of them.
+
+The loops release Python's lock where they take time, so threads process recordings in parallel.
+They have no branch and no variable offset inside, so that the compiler can vectorise them.
+
+Where only the lowest spectral lines are wanted, a segment is decimated before it is transformed: it
+is filtered by a circular low pass, and every fourth value is kept,
+
+    y_m = sum_n h_(n - 4 m) x_(n mod L),    |Y_k| = |H_k X_k + H_(k + L/4) X_(k + L/4) + ...| / 4.
+
+H is the transform of the taps themselves, so that dividing by it is exact, and less than 2e-14 of a
+line aliases onto those wanted. To convolve by a Kaiser-Bessel kernel, to transform fewer points and
+to divide by the kernel's transform is the gridding of magnetic resonance imaging (Jackson, Meyer,
+Nishimura and Macovski, IEEE Trans. Med. Imaging 10(3), 473-478, 1991), here of uniform points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import fft
+
+from emacm._kernels import BlockSizes
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.integer]
+
+BLOCKS = BlockSizes()
+
+
+def compiled(function: Any, *, reordered: bool = True) -> Any:
+    """Compile at the first call, without Python's lock; sums may be reordered.
+
+    The compiled code is cached on disk where that is possible.
+    """
+    order = {"reassoc", "contract", "nsz", "arcp"} if reordered else set()  # results to 1e-15
+    try:
+        return njit(cache=True, nogil=True, fastmath=order)(function)
+    except RuntimeError:  # neither the folder of the package nor that of the user can be written to
+        return njit(nogil=True, fastmath=order)(function)
+
+
+def compiled_exactly(function: Any) -> Any:
+    """Compile so that every sum keeps its order."""
+    return compiled(function, reordered=False)
+
+
+@compiled_exactly
+def set_checkpoints(velocity, half_step, stride, angles, lowest, highest):
+    total = 0.0
+    for k in range(len(angles)):
+        first = k * stride
+        before = np.float64(velocity[first])
+        if k:
+            total += (np.float64(velocity[first - 1]) + before) * half_step
+        angles[k] = total
+        low = high = before
+        for i in range(first + 1, min(first + stride, len(velocity))):
+            now = np.float64(velocity[i])
+            total += (before + now) * half_step
+            before = now
+            low = now if now < low else low
+            high = now if now > high else high
+        lowest[k], highest[k] = low, high
+
+
+@compiled_exactly
+def integrate(velocity, half_step, starts, stride, angle):
+    for i in range(1, len(velocity)):
+        angle[i] = (np.float64(velocity[i - 1]) + np.float64(velocity[i])) * half_step
+    in_fours = len(velocity) // stride // 4 * 4
+    for k in range(0, in_fours, 4):  # four sums at a time: an addition waits for the one before it
+        p, q, r, s = k * stride, (k + 1) * stride, (k + 2) * stride, (k + 3) * stride
+        one, two, three, four = angle[p:q], angle[q:r], angle[r:s], angle[s : s + stride]
+        t0, t1, t2, t3 = starts[k], starts[k + 1], starts[k + 2], starts[k + 3]
+        one[0], two[0], three[0], four[0] = t0, t1, t2, t3
+        for i in range(1, stride):
+            t0 += one[i]
+            t1 += two[i]
+            t2 += three[i]
+            t3 += four[i]
+            one[i], two[i], three[i], four[i] = t0, t1, t2, t3
+    for first in range(in_fours * stride, len(velocity), stride):
+        total = starts[first // stride]
+        angle[first] = total
+        for i in range(first + 1, min(first + stride, len(velocity))):
+            total += angle[i]
+            angle[i] = total
+
+
+def resample(
+    near: Array,
+    scale: float,
+    offset: float,
+    kernel: Array,
+    signals: list[Array],
+    means: Array,
+    grid: Array,
+    part: int,
+    n_points: Indices,
+    ready: Indices,
+    first: int,
+    taps: Array,
+    outputs: Array,
+    done: int,
+) -> None:
+    """Spread samples part by part, and decimate the grid as far as it is complete after each."""
+    place = *_views([near]), scale, offset, kernel
+    parts = part, n_points, ready, first, taps
+    held = np.empty((4, BLOCKS.weights)), np.empty(BLOCKS.weights, np.uint32)
+    for some, rows in _in_eights(signals):
+        _resample(*place, rows, means[some], grid[some], *parts, outputs[some], done, *held)
+
+
+def upsample(signal: Array, taps: Array, factor: int, first: int, n_outputs: int) -> Array:
+    """Raise the sampling rate of a signal over time."""
+    phases = np.zeros((factor, 33))
+    for phase, row in enumerate(phases):
+        part = taps[phase::factor]
+        row[: len(part)] = part
+    outputs = np.empty(n_outputs)
+    _upsample(*_views([signal]), phases[:, ::-1].copy(), first, outputs)
+    return outputs
+
+
+def interpolate_linear(
+    reached: Array, first: int, theta_s: float, signals: list[Array], values: Array
+) -> None:
+    """Interpolate signals linearly at uniform angles, Eq. (2.13) of Chirico."""
+    left, weights = np.empty(values.shape[1], np.int32), np.empty(values.shape[1])
+    _interpolation_weights(*_views([reached]), first, theta_s, left, weights)
+    for some, rows in _in_eights(signals):
+        _interpolate_linear(rows, left, weights, values[some])
+
+
+def _in_eights(signals: Sequence[Array]) -> Iterator[tuple[slice, tuple[Array, ...]]]:
+    """Yield eight signals at a time, with their places, so that one number is compiled for.
+
+    Where there are fewer, the first one is repeated, which has no effect.
+    """
+    for start in range(0, len(signals), 8):
+        rows = _views(signals[start : start + 8])
+        yield slice(start, start + 8), (*rows, *rows[:1] * (8 - len(rows)))
+
+
+def _views(signals: Sequence[Array]) -> tuple[Array, ...]:
+    """Return contiguous read-only views in float64, so that one kind of array is compiled for."""
+    rows = [np.ascontiguousarray(signal, np.float64)[:] for signal in signals]
+    for row in rows:
+        row.flags.writeable = False
+    return tuple(rows)
+
+
+@compiled
+def _set_weights(near, scale, offset, kernel, n_points, weights, cells):
+    w0, w1, w2, w3 = weights
+    a0, a1, a2, a3, a4, a5 = kernel[0]
+    b0, b1, b2, b3, b4, b5 = kernel[1]
+    half_scale = 0.5 * abs(scale)
+    for i in range(len(cells)):
+        position = near[i + 1] * scale + offset
+        width = (near[i + 2] - near[i]) * half_scale
+        inside = (position >= 1.0) & (position < n_points - 2)
+        position = position if inside else 1.0
+        width = width if inside else 0.0
+        cell = np.int32(position)
+        place = position - cell - 0.5
+        square = place * place
+        outer_even = ((a4 * square + a2) * square + a0) * width
+        outer_odd = ((a5 * square + a3) * square + a1) * place * width
+        inner_even = ((b4 * square + b2) * square + b0) * width
+        inner_odd = ((b5 * square + b3) * square + b1) * place * width
+        cells[i] = cell - 1
+        w0[i] = outer_even + outer_odd
+        w1[i] = inner_even + inner_odd
+        w2[i] = inner_even - inner_odd
+        w3[i] = outer_even - outer_odd
+
+
+@compiled
+def _spread_two(signals, means, weights, cells, rows):
+    x_s, x_t = signals
+    mean_s, mean_t = means
+    row_s, row_t = rows
+    w0, w1, w2, w3 = weights
+    s0 = s1 = s2 = s3 = 0.0
+    t0 = t1 = t2 = t3 = 0.0
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:  # what is complete leaves the registers
+            row_s[cell] += s0
+            row_t[cell] += t0
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, 0.0
+                t0, t1, t2, t3 = t1, t2, t3, 0.0
+            else:
+                _add_three(row_s, cell, s1, s2, s3)
+                _add_three(row_t, cell, t1, t2, t3)
+                s0 = s1 = s2 = s3 = 0.0
+                t0 = t1 = t2 = t3 = 0.0
+            cell = cells[i]
+        value = x_s[i] - mean_s
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+        value = x_t[i] - mean_t
+        t0 += value * w0[i]
+        t1 += value * w1[i]
+        t2 += value * w2[i]
+        t3 += value * w3[i]
+    row_s[cell] += s0
+    row_t[cell] += t0
+    _add_three(row_s, cell, s1, s2, s3)
+    _add_three(row_t, cell, t1, t2, t3)
+
+
+@compiled
+def _spread_four(signals, means, weights, cells, rows):
+    x_s, x_t, x_u, x_v = signals
+    mean_s, mean_t, mean_u, mean_v = means
+    row_s, row_t, row_u, row_v = rows
+    w0, w1, w2, w3 = weights
+    s0 = s1 = s2 = s3 = 0.0
+    t0 = t1 = t2 = t3 = 0.0
+    u0 = u1 = u2 = u3 = 0.0
+    v0 = v1 = v2 = v3 = 0.0
+    cell = cells[0]
+    for i in range(len(cells)):
+        if cells[i] != cell:  # what is complete leaves the registers
+            row_s[cell] += s0
+            row_t[cell] += t0
+            row_u[cell] += u0
+            row_v[cell] += v0
+            if cells[i] == cell + 1:
+                s0, s1, s2, s3 = s1, s2, s3, 0.0
+                t0, t1, t2, t3 = t1, t2, t3, 0.0
+                u0, u1, u2, u3 = u1, u2, u3, 0.0
+                v0, v1, v2, v3 = v1, v2, v3, 0.0
+            else:
+                _add_three(row_s, cell, s1, s2, s3)
+                _add_three(row_t, cell, t1, t2, t3)
+                _add_three(row_u, cell, u1, u2, u3)
+                _add_three(row_v, cell, v1, v2, v3)
+                s0 = s1 = s2 = s3 = 0.0
+                t0 = t1 = t2 = t3 = 0.0
+                u0 = u1 = u2 = u3 = 0.0
+                v0 = v1 = v2 = v3 = 0.0
+            cell = cells[i]
+        value = x_s[i] - mean_s
+        s0 += value * w0[i]
+        s1 += value * w1[i]
+        s2 += value * w2[i]
+        s3 += value * w3[i]
+        value = x_t[i] - mean_t
+        t0 += value * w0[i]
+        t1 += value * w1[i]
+        t2 += value * w2[i]
+        t3 += value * w3[i]
+        value = x_u[i] - mean_u
+        u0 += value * w0[i]
+        u1 += value * w1[i]
+        u2 += value * w2[i]
+        u3 += value * w3[i]
+        value = x_v[i] - mean_v
+        v0 += value * w0[i]
+        v1 += value * w1[i]
+        v2 += value * w2[i]
+        v3 += value * w3[i]
+    row_s[cell] += s0
+    _add_three(row_s, cell, s1, s2, s3)
+    row_t[cell] += t0
+    _add_three(row_t, cell, t1, t2, t3)
+    row_u[cell] += u0
+    _add_three(row_u, cell, u1, u2, u3)
+    row_v[cell] += v0
+    _add_three(row_v, cell, v1, v2, v3)
+
+
+@compiled
+def _add_three(row, cell, one, two, three):
+    row[cell + 1] += one
+    row[cell + 2] += two
+    row[cell + 3] += three
+
+
+@compiled
+def _resample(
+    near,
+    scale,
+    offset,
+    kernel,
+    x,
+    means,
+    grid,
+    part,
+    n_points,
+    ready,
+    first,
+    taps,
+    outputs,
+    done,
+    held,
+    cells,
+):
+    n_times, at_once, n_rows = len(near) - 2, held.shape[1], len(grid)
+    weights = held[0], held[1], held[2], held[3]
+    fours = n_rows // 4 * 4
+    spare = np.zeros(grid.shape[1] if n_rows % 2 else 0)  # beside a row that is left over
+    for number in range(len(n_points)):
+        used, n_outputs = n_points[number], ready[number]
+        stop = min((number + 1) * part, n_times)
+        for low in range(number * part, stop, at_once):
+            end = min(low + at_once, stop)
+            some = cells[: end - low]
+            _set_weights(near[low : end + 2], scale, offset, kernel, used, weights, some)
+            for k in range(0, fours, 4):  # several at a time: an addition waits for the one before
+                rows = x[k][low:end], x[k + 1][low:end], x[k + 2][low:end], x[k + 3][low:end]
+                onto = grid[k], grid[k + 1], grid[k + 2], grid[k + 3]
+                four_means = means[k], means[k + 1], means[k + 2], means[k + 3]
+                _spread_four(rows, four_means, weights, some, onto)
+            for k in range(fours, n_rows, 2):
+                paired = k + 1 < n_rows
+                pair = grid[k], grid[k + 1] if paired else spare
+                two_means = means[k], means[k + 1] if paired else 0.0
+                _spread_two((x[k][low:end], x[k + 1][low:end]), two_means, weights, some, pair)
+        if n_outputs:
+            decimate(grid, used, first, taps, means, outputs, done, n_outputs)
+            done += n_outputs
+            offset -= 2.0 * n_outputs
+
+
+@compiled
+def _upsample(signal, phases, first, outputs):
+    factor = len(phases)
+    line = np.empty(len(outputs) // factor + 1)
+    for start in range(min(factor, len(outputs))):
+        phase = (first + start) % factor
+        taps = phases[phase]
+        count = (len(outputs) - start - 1) // factor + 1
+        part = signal[(first + start) // factor - 16 :]
+        for i in range(count):
+            total = taps[1] * part[i + 1]
+            for k in range(2, 33):  # of constant length, so that the loop over i is vectorised
+                total += taps[k] * part[i + k]
+            line[i] = total
+        if phase == 0:  # where new samples meet old ones, a tap more
+            for i in range(count):
+                line[i] += taps[0] * part[i]
+        for i in range(count):
+            outputs[start + i * factor] = line[i]
+
+
+@compiled
+def decimate(grid, used, first, taps, means, outputs, done, n_outputs):
+    if len(taps) != 41:
+        raise ValueError("the decimating filter must have 41 taps")
+    even = np.empty(n_outputs + 20)
+    odd = np.empty(n_outputs + 20)
+    for r in range(len(grid)):
+        row, output = grid[r], outputs[r][done : done + n_outputs]
+        for j in range(n_outputs + 19):
+            even[j] = row[first + 2 * j]
+            odd[j] = row[first + 2 * j + 1]
+        even[n_outputs + 19] = row[first + 2 * (n_outputs + 19)]
+        for j in range(n_outputs):
+            total = means[r] + taps[20] * even[j + 10]
+            for k in range(10):  # of constant length, so that the loop over j is vectorised
+                total += taps[2 * k] * (even[j + k] + even[j + 20 - k])
+            for k in range(10):
+                total += taps[2 * k + 1] * (odd[j + k] + odd[j + 19 - k])
+            output[j] = total
+        kept = used - 2 * n_outputs
+        for j in range(kept):
+            row[j] = row[2 * n_outputs + j]
+        row[kept:used] = 0
+
+
+@compiled
+def _interpolation_weights(reached, first, theta_s, left, weights):
+    i, last = 0, len(reached) - 2
+    low, high = reached[0], reached[1]
+    for j in range(len(left)):
+        angle = theta_s * (first + j)
+        while i < last and high <= angle:
+            i += 1
+            low, high = high, reached[i + 1]
+        left[j] = i
+        weights[j] = 1.0 if angle >= high else 0.0 if angle <= low else (angle - low) / (high - low)
+
+
+@compiled
+def _interpolate_linear(signals, left, weights, values):
+    for k in range(len(values)):
+        signal, following, row = signals[k], signals[k][1:], values[k]
+        for j in range(len(left)):
+            place = np.uint32(left[j])
+            low = signal[place]
+            row[j] = low + weights[j] * (following[place] - low)
+
+
+@lru_cache(maxsize=64)
+def low_pass(
+    length: int,
+    n_lines: int,
+    *,
+    decimation: int = 4,
+    highest: float = 1 / 16,
+    width: int = 16,
+    shape: float = 0.98,
+    shortest: int = 64,
+) -> tuple[Array, Array, int] | None:
+    """Return what segments are filtered by; None where plain transforms are faster.
+
+    Of the sampling rate, lines up to `highest` are decimated. The kernel is `width` samples wide
+    after it, and `shape` is that of the Kaiser-Bessel kernel whose stop band begins where the first
+    line aliases. Segments are at least as long as the kernel, `shortest`.
+    """
+    if length % decimation or length < shortest or n_lines > length * highest:
+        return None
+    # sinh(sqrt(shape² - w²)) / sqrt(shape² - w²), the transform (Jackson et al.), is small beyond
+    # w = shape; w is the angle within half a width, here that of the first line that aliases.
+    steepness = shape * np.pi * width * (1 - (n_lines - 1) * decimation / length)
+    n_taps = decimation * width
+    place = (2 * np.arange(n_taps) + 1) / n_taps - 1
+    taps = np.i0(steepness * np.sqrt(1 - place**2)) / np.i0(steepness)
+    response = fft.rfft(taps, length)[:n_lines]
+    gains = decimation**2 / (response.real**2 + response.imag**2)
+    return taps, gains, length // decimation
+
+
+@compiled
+def set_segments(signals, first, step, window, remove_mean, taps, segments):
+    length = len(window)
+    overhang = 0 if taps is None else len(taps) - 4
+    whole = np.empty(length + overhang)
+    for c in range(len(signals)):
+        for s in range(segments.shape[1]):
+            part = signals[c, first + s * step :][:length]
+            mean = part.mean() if remove_mean else 0.0
+            segment = segments[c, s] if taps is None else whole
+            for i in range(length):
+                segment[i] = (part[i] - mean) * window[i]
+            if taps is not None:
+                whole[length:] = whole[:overhang]
+                _keep_every_fourth(whole, taps, segments[c, s])
+
+
+@compiled
+def _keep_every_fourth(segment, taps, output):
+    for j in range(0, len(output), 8):
+        j = min(j, len(output) - 8)
+        part, kept = segment[4 * j : 4 * j + len(taps) + 28], output[j : j + 8]
+        s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+        for k in range(len(taps)):  # eight sums, so that a tap and a sample are loaded once for all
+            tap = taps[k]
+            s0 += tap * part[k]
+            s1 += tap * part[k + 4]
+            s2 += tap * part[k + 8]
+            s3 += tap * part[k + 12]
+            s4 += tap * part[k + 16]
+            s5 += tap * part[k + 20]
+            s6 += tap * part[k + 24]
+            s7 += tap * part[k + 28]
+        kept[0], kept[1], kept[2], kept[3] = s0, s1, s2, s3
+        kept[4], kept[5], kept[6], kept[7] = s4, s5, s6, s7
+
+
+@compiled
+def add_powers(transforms, total):
+    for c in range(len(total)):
+        row = total[c]
+        for s in range(transforms.shape[1]):
+            lines = transforms[c, s]
+            for k in range(len(row)):
+                row[k] += lines[k].real * lines[k].real + lines[k].imag * lines[k].imag
