@@ -390,8 +390,9 @@ class SpectrumStream:
         if path.max_reversal > DESIGN.least_reversal:
             raise ValueError(
                 f"the shaft turned back by {path.max_reversal:.3g} rad in the stroke that began at "
-                f"{path.start_time:.6g} s of the reading; at most {DESIGN.least_reversal:g} rad can "
-                f"be followed. Raise min_speed or set max_rest of OrderResampler, and reset."
+                f"{path.start_time:.6g} s of the reading; at most "
+                f"{DESIGN.least_reversal:g} rad can be followed. Raise min_speed or set max_rest "
+                f"of OrderResampler, and reset."
             )
         for k, stream in list(streams.items()):
             rows = self.signals[k].series
