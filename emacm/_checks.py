@@ -202,20 +202,6 @@ def check_choice(value: Any, name: str, choices: tuple[Any, ...]) -> Any:
     return value
 
 
-def column_sizes(X: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return a power of two near the largest magnitude of each column.
-
-    Divided by it, squares of any finite values are finite, and no digit changes.
-
-    Examples
-    --------
-    >>> column_sizes(np.array([[3.0, 0.0], [-5.0, 0.0]]))
-    array([4. , 0.5])
-    """
-    exponents = np.frexp(np.abs(X).max(axis=0, initial=0.0))[1]
-    return np.ldexp(1.0, exponents - 1)
-
-
 def check_unique_columns(frame: DataFrame, name: str) -> None:
     """Raise a ValueError if two columns of a DataFrame have the same name."""
     if not frame.columns.is_unique:

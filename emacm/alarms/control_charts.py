@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_finite_readings, check_number, check_table, column_sizes
+from emacm._checks import check_finite_readings, check_number, check_table, group_codes
 from emacm._saved import SavedEstimator
 from emacm.alarms.run_lengths import (
     LONGEST,
@@ -20,12 +20,8 @@ from emacm.alarms.run_lengths import (
     stated_run_length,
 )
 from emacm.recordings.digests import content_digest
-from emacm.recordings.meta import read_grouping
 
 Array = NDArray[np.float64]
-
-_LARGEST_LIMIT = 100.0  # standard deviations
-_DEFAULT_ARL = 500.0
 
 
 class AlarmReadings(NamedTuple):
@@ -108,12 +104,9 @@ class _Chart(SavedEstimator):
         """
         limit = self._limit()
         X = self._table(X, ensure_min_samples=2)
-        numbers = _group_numbers(groups, X)
+        numbers = np.zeros(len(X), dtype=np.intp) if groups is None else group_codes(groups, len(X))
         order = np.argsort(numbers, kind="stable")
-        sizes = column_sizes(X)
-        X = X / sizes
-        self.mean_ = X.mean(axis=0) * sizes
-        scale = X.std(axis=0, ddof=1) * sizes
+        self.mean_, scale = X.mean(axis=0), X.std(axis=0, ddof=1)
         constant = scale <= 1e-12 * np.abs(self.mean_)
         if constant.all():
             raise ValueError(
@@ -209,18 +202,17 @@ class _Chart(SavedEstimator):
             If it is no such state, or that of a chart with another limit or baseline.
         """
         check_is_fitted(self)
+        own = self._identity()
         try:
             chart, found = str(state["chart"]), np.asarray(state["statistic"], dtype=np.float64)
             n_updates = int(state["n_updates"])
+            if chart != own or found.shape != self.mean_.shape:
+                raise ValueError(f"it is of {chart}, with {found.size} statistics; this is {own}")
         except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"state must be what state() returned, got {state!r}.") from error
-        own = self._identity()
-        if chart != own or found.shape != self.mean_.shape or not np.isfinite(found).all():
             raise ValueError(
-                f"the state is damaged or that of another chart: it has {found.size} statistics "
-                f"{found.tolist()} of {chart}; this one is {own}. Restore the state of a chart "
-                f"with the same limit and baseline, or begin without a state."
-            )
+                f"the state is damaged or that of another chart: {error}. Restore the state of a "
+                f"chart with the same limit and baseline, or begin without a state."
+            ) from error
         self.statistic_, self.n_updates_ = found, n_updates
         return self
 
@@ -235,18 +227,14 @@ class _Chart(SavedEstimator):
         check_finite_readings(X, self)
         return X
 
-    def _limit(self) -> float:
+    def _limit(self, *, default_arl: float = 500.0, largest: float = 100.0) -> float:
         """Return the limit: given, or from the average run length."""
-        if self.limit is not None and self.__dict__["arl"] is not None:
-            raise ValueError(
-                f"give limit or arl, got both: limit={self.limit!r}, arl={self.__dict__['arl']!r}."
-            )
-        if self.limit is not None:
-            return check_number(self.limit, "limit", above=0, at_most=_LARGEST_LIMIT)
-        wanted = self.__dict__["arl"]
-        arl = check_number(
-            _DEFAULT_ARL if wanted is None else wanted, "arl", above=1, at_most=LONGEST
-        )
+        limit, arl = self.limit, self.__dict__["arl"]
+        if limit is not None and arl is not None:
+            raise ValueError(f"give limit or arl, got both: limit={limit!r}, arl={arl!r}.")
+        if limit is not None:
+            return check_number(limit, "limit", above=0, at_most=largest)
+        arl = check_number(default_arl if arl is None else arl, "arl", above=1, at_most=LONGEST)
         return limit_for(lambda x: self._run_length(x, 0.0), arl, type(self).__name__)
 
     def _average_run_length(self, shift: float = 0.0) -> float:
@@ -390,10 +378,3 @@ class CUSUM(_Chart):
 
     def _exceeds(self, statistic: Array, limit: float) -> NDArray[np.bool_]:
         return statistic > limit
-
-
-def _group_numbers(groups: Any, X: Array) -> NDArray[np.intp]:
-    grouping = read_grouping(groups, X, "groups", "group")
-    if grouping is None:
-        return np.zeros(len(X), dtype=np.intp)
-    return np.unique(grouping.labels, return_inverse=True)[1]

@@ -15,8 +15,10 @@ from sklearn.covariance import LedoitWolf
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_count, check_number, check_table, column_sizes
+from emacm._checks import check_count, check_number, check_table
 from emacm._saved import SavedEstimator
+from emacm.calibration.left_out import left_out
+from emacm.calibration.quantiles import groups_needed
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_grouping, read_meta
 
@@ -71,15 +73,12 @@ def health_trend(model: Any, recordings: Any, *, unit: Any = None, time: Any) ->
     times = read_meta(entries, time, role="time", arrays=True)
     names = [getattr(entry, "path", number) for number, entry in enumerate(entries)]
     features, errors = _features(model, entries)
-    table = pd.DataFrame(
-        {"unit": units, "time": times, "index": np.nan, "limit": np.nan, "alarm": False}
-    )
-    table = table.assign(baseline="", recording=names, error=errors)
+    table = pd.DataFrame({"unit": units, "time": times, "index": np.nan, "limit": np.nan})
+    table = table.assign(alarm=False, baseline="", recording=names, error=errors)
     good = [k for k, error in enumerate(errors) if not error]
     if good:
-        columns = ["unit", "time", "index", "limit", "alarm", "baseline"]
         found = index.rows(np.vstack(features), [times[k] for k in good], [units[k] for k in good])
-        table.loc[good, columns] = found[columns].to_numpy(object)
+        table.loc[good, found.columns] = found.to_numpy(object)
     table = table.astype({"index": float, "limit": float, "alarm": bool})
     table = table.sort_values(["unit", "time"], kind="stable", ignore_index=True)
     table.attrs = {"false_alarm": index.false_alarm}
@@ -112,7 +111,6 @@ def _features(model: Pipeline, entries: Sequence[Any]) -> tuple[list[Any], list[
 
 Array = NDArray[np.float64]
 
-_NAME = "health_index"
 _UNIT, _POPULATION = "unit", "population"  # kinds of baselines
 
 
@@ -219,18 +217,20 @@ class HealthIndex(TransformerMixin, SavedEstimator):
                 UserWarning,
                 stacklevel=2,
             )
-        own = None if units is None else read_meta(X, units, role="units", arrays=True)
-        rows = list(range(len(X)))
-        blocks = rows if groups is None else read_meta(X, groups, role="groups", arrays=True)
+        own = None if units is None else _labels(X, units, "units")
+        blocks = _labels(X, range(len(X)) if groups is None else groups, "groups")
         self._baselines = known = _Baselines.of(X, own, self.min_baseline)
         if not known.total.any() or (known.means and not known.within.any()):
             where = "" if not known.total.any() else " within units: are recordings copies?"
             raise ValueError(f"X has no variation in any of {X.shape[1]} features{where or '.'}")
         self.units_ = tuple(known.means)
-        self.left_out_ = pd.DataFrame(
-            [*_without_groups(X, own, blocks, self.min_baseline)],
-            columns=["row", "group", "baseline", "index"],
-        )
+        population = blocks if own is None else own
+        found = _left_out_indices(X, own, population, _POPULATION, self.min_baseline)
+        if own is not None:
+            pairs = pd.Series(list(zip(own, blocks, strict=True)))
+            found += _left_out_indices(X, own, pairs, _UNIT, self.min_baseline)
+        table = pd.DataFrame(found, columns=["row", "group", "baseline", "index"])
+        self.left_out_ = table.sort_values(["baseline", "row"], ignore_index=True)
         return self
 
     def transform(self, X: Any, units: ArrayLike | None = None) -> Array:
@@ -284,22 +284,13 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         kind = _UNIT if unit is not None and unit in self.units_ else _POPULATION
         own = self.left_out_[self.left_out_["baseline"] == kind]
         if own.empty:
-            raise ValueError(self._nothing_left_out(kind))
-        return _limit(own, self.false_alarm, kind)
-
-    def _nothing_left_out(self, kind: str) -> str:
-        """Say why there is no limit: to leave a group out, there must be another one."""
-        remedy = (
-            f"Give at least {_needed(self.false_alarm)} of them, measured at different times, or "
-            f"set false_alarm to None for an index without limit."
-        )
-        if kind == _UNIT:
-            return (
-                f"a limit for units with a baseline of their own needs units that were measured in "
-                f"several groups, with {self.min_baseline} recordings or more in the others; here "
-                f"no unit has them. {remedy}"
+            raise ValueError(
+                f"no group can be left out for the limit of the {kind}. It needs at least "
+                f"{groups_needed(1 - self.false_alarm)} groups, measured at different times (of a "
+                f"unit: with {self.min_baseline} recordings in the others); or set false_alarm to "
+                f"None for an index without limit."
             )
-        return f"a limit needs several groups, but all recordings are of one. {remedy}"
+        return _limit(own, self.false_alarm, kind)
 
     def trend(self, X: Any, times: ArrayLike, units: ArrayLike | None = None) -> pd.DataFrame:
         """Return the index of each unit over time or cycles, with its limit.
@@ -334,7 +325,7 @@ class HealthIndex(TransformerMixin, SavedEstimator):
         X, own = self._checked(X, units)
         when = read_meta(X, times, role="times", arrays=True)
         read_grouping(times, X, "times", "time")  # refuses times without an order
-        labels = ["all"] * len(X) if own is None else own
+        labels = ["all"] * len(X) if own is None else own.tolist()
         limits = {unit: self.limit(unit) for unit in dict.fromkeys(labels)}
         index = self._baselines.distances(X, own)
         limit = np.array([limits[unit] for unit in labels])
@@ -345,13 +336,18 @@ class HealthIndex(TransformerMixin, SavedEstimator):
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the name of the index, "health_index"."""
         check_is_fitted(self)
-        return np.array([_NAME], dtype=object)
+        return np.array(["health_index"], dtype=object)
 
-    def _checked(self, X: Any, units: Any) -> tuple[Array, list[Any] | None]:
+    def _checked(self, X: Any, units: Any) -> tuple[Array, pd.Series | None]:
         check_is_fitted(self)
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        return X, None if units is None else read_meta(X, units, role="units", arrays=True)
+        return X, None if units is None else _labels(X, units, "units")
+
+
+def _labels(X: Array, labels: Any, role: str) -> pd.Series:
+    """Return one label for each recording."""
+    return pd.Series(read_meta(X, labels, role=role, arrays=True), dtype=object)
 
 
 @dataclass(frozen=True)
@@ -377,18 +373,15 @@ class _Baselines:
     total: Array
 
     @classmethod
-    def of(cls, X: Array, units: list[Any] | None, min_baseline: int) -> _Baselines:
+    def of(cls, X: Array, units: pd.Series | None, min_baseline: int) -> _Baselines:
         """Estimate the baselines of healthy recordings."""
         if units is None:
             mean = X.mean(axis=0)
             factor = _factor(X - mean, X, len(X) - 1)
             return cls({}, mean, len(X), factor, factor)
-        labels = pd.Index(units)
-        codes, names = pd.factorize(labels)
+        codes, names = pd.factorize(units)
         counts = np.bincount(codes)
-        sums = np.zeros((len(names), X.shape[1]))
-        np.add.at(sums, codes, X)
-        means = sums / counts[:, np.newaxis]
+        means = np.array([X[codes == k].mean(axis=0) for k in range(len(names))])
         mean = means.mean(axis=0)
         own = {
             name: (means[k], int(counts[k]))
@@ -396,37 +389,30 @@ class _Baselines:
             if counts[k] >= min_baseline
         }
         within = _factor(X - means[codes], X, len(X) - len(names))
-        total = _factor(X - mean, X, max(len(X) - 1, 1))
-        return cls(own, mean, len(names), within, total)
+        return cls(own, mean, len(names), within, _factor(X - mean, X, len(X) - 1))
 
-    def distances(self, X: Array, units: list[Any] | None) -> Array:
+    def distances(self, X: Array, units: pd.Series | None) -> Array:
         """Return the distance of each row per feature, shape (n_recordings,)."""
-        labels = [None] * len(X) if units is None else units
+        codes, names = np.zeros(len(X), int), [None]
+        if units is not None:
+            codes, names = pd.factorize(units)
         found = np.empty(len(X))
-        for unit in dict.fromkeys(labels):
-            rows = np.array([label == unit for label in labels])
+        for k, unit in enumerate(names):
             known = unit is not None and unit in self.means
             mean, count = self.means[unit] if known else (self.mean, self.n_units)
             factor = self.within if known else self.total
-            with np.errstate(over="ignore", invalid="ignore"):
-                squares = np.sum(((X[rows] - mean) @ factor) ** 2, axis=1)
-            if not np.isfinite(squares).all():
-                raise ValueError(
-                    f"the features of recording {np.flatnonzero(rows)[~np.isfinite(squares)][0]} "
-                    f"are so far away that distances overflow. Check them and their units."
-                )
-            used = max(np.count_nonzero(factor.any(axis=1)), 1)
+            squares = np.sum(((X[codes == k] - mean) @ factor) ** 2, axis=1)
+            n_used = max(np.count_nonzero(factor.any(axis=1)), 1)
             # A baseline of few recordings is itself uncertain.
-            found[rows] = np.sqrt(squares / used / (1 + 1 / count))
+            found[codes == k] = np.sqrt(squares / n_used / (1 + 1 / count))
         return found
 
 
 def _factor(residuals: Array, X: Array, divisor: int) -> Array:
     """Return P with P P' = inverse of the shrunk covariance of residuals; 0 for constant ones."""
     count, width = residuals.shape
-    sizes = column_sizes(X)
-    scale = np.sqrt(np.sum((residuals / sizes) ** 2, axis=0) / max(divisor, 1)) * sizes
-    used = scale > 1e-12 * sizes
+    scale = np.sqrt(np.sum(residuals**2, axis=0) / max(divisor, 1))
+    used = scale > 1e-12 * np.abs(X).max(axis=0)
     factor = np.zeros((width, width))
     if divisor < 1 or not used.any():
         return factor
@@ -434,51 +420,31 @@ def _factor(residuals: Array, X: Array, divisor: int) -> Array:
     covariance = LedoitWolf(assume_centered=True).fit(white).covariance_ * count / divisor
     values, vectors = np.linalg.eigh(covariance)
     root = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
-    places = np.flatnonzero(used)
-    factor[np.ix_(places, places)] = root / scale[used][:, np.newaxis]
+    factor[np.ix_(used, used)] = root / scale[used][:, np.newaxis]
     return factor
 
 
-def _without_groups(
-    X: Array, units: list[Any] | None, groups: list[Any], min_baseline: int
+def _left_out_indices(
+    X: Array, units: pd.Series | None, labels: pd.Series, kind: str, min_baseline: int
 ) -> list[tuple[int, Any, str, float]]:
-    """Return the index of each recording by baselines of the others."""
+    """Return the index of each recording by baselines without all recordings of its label."""
     found: list[tuple[int, Any, str, float]] = []
-
-    def leave_out(chosen: NDArray[np.bool_], group: Any, kind: str) -> None:
-        rest = None if units is None else _chosen(units, ~chosen)
-        baselines = _Baselines.of(X[~chosen], rest, min_baseline)
-        own = _chosen(units, chosen) if units is not None and kind == _UNIT else None
-        if own is not None and own[0] not in baselines.means:
-            return  # too few are left for a baseline of its own
-        values = baselines.distances(X[chosen], own)
-        rows = np.flatnonzero(chosen).tolist()
-        found.extend((row, group, kind, float(v)) for row, v in zip(rows, values, strict=True))
-
-    labels = groups if units is None else units
-    for group in dict.fromkeys(labels):
-        chosen = np.array([label == group for label in labels])
-        if len(X) - chosen.sum() >= 2:
-            leave_out(chosen, group, _POPULATION)
-    if units is not None:
-        pairs = list(zip(units, groups, strict=True))
-        for pair in dict.fromkeys(pairs):
-            leave_out(np.array([own == pair for own in pairs]), pair, _UNIT)
+    for others, rows in left_out(np.zeros(len(X), dtype=np.intp), labels, max_folds=len(X)):
+        if len(others) < 2:
+            continue
+        rest = None if units is None else units.iloc[others]
+        baselines = _Baselines.of(X[others], rest, min_baseline)
+        own = units.iloc[rows] if units is not None and kind == _UNIT else None
+        if own is not None and own.iloc[0] not in baselines.means:
+            continue  # too few are left for a baseline of its own
+        values = baselines.distances(X[rows], own).tolist()
+        found += [(r, labels.iloc[r], kind, v) for r, v in zip(rows.tolist(), values, strict=True)]
     return found
-
-
-def _chosen(labels: list[Any], chosen: NDArray[np.bool_]) -> list[Any]:
-    return [label for label, is_chosen in zip(labels, chosen.tolist(), strict=True) if is_chosen]
-
-
-def _needed(false_alarm: float | None) -> int:
-    """Return the number of groups that a limit needs."""
-    return int(np.ceil(1 / (false_alarm or 1.0) - 1 - 1e-9))
 
 
 def _limit(left_out: pd.DataFrame, false_alarm: float, kind: str) -> float:
     """Return the quantile of left-out indices in which each group counts the same."""
-    n_groups, needed = left_out.groupby("group").ngroups, _needed(false_alarm)
+    n_groups, needed = left_out.groupby("group").ngroups, groups_needed(1 - false_alarm)
     if n_groups < needed:
         what = "groups of units with a baseline" if kind == _UNIT else "units or groups"
         raise ValueError(

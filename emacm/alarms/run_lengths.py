@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,14 +28,41 @@ from scipy.stats import chi2, norm
 
 Array = NDArray[np.float64]
 
-FEWEST_READINGS = 50  # with fewer, the correlation is too uncertain: measured in the tests
-FEWEST_GROUPS = 5
-_N_BASELINES = 500
-_STEPS = (500, 4000)  # simulated readings after each baseline: least and most
-_FEWEST_ALARMS = 25  # with fewer, the run length is stated as a lower limit
-_LARGEST_CORRELATION = 0.98
-_REACH = 1.5  # standard deviations of the correlation, at which the alarm rate is simulated again
-_SETTLING = 50  # steps until the autoregression has forgotten its start
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Settings of the simulation behind a stated run length.
+
+    They were compared on simulated machines (see `stated_run_length`;
+    ``python -m pytest -m slow tests/alarms`` repeats the comparison).
+
+    Parameters
+    ----------
+    n_baselines : int
+        Simulated baselines.
+    fewest_steps, most_steps : int
+        Readings simulated after each baseline.
+    fewest_readings, fewest_groups : int
+        With fewer, the correlation is too uncertain, and only the nominal value is stated.
+    fewest_alarms : int
+        With fewer simulated alarms, the run length is stated as a lower limit.
+    largest_correlation : float
+        Limit of the estimated correlation.
+    reach : float
+        Standard deviations of the correlation at which the alarm rate is simulated again.
+    settling : int
+        Steps until the autoregression has forgotten its start.
+    """
+
+    n_baselines: int = 500
+    fewest_steps: int = 500
+    most_steps: int = 4000
+    fewest_readings: int = 50
+    fewest_groups: int = 5
+    fewest_alarms: int = 25
+    largest_correlation: float = 0.98
+    reach: float = 1.5
+    settling: int = 50
 
 
 class RunLength(NamedTuple):
@@ -86,6 +114,7 @@ def stated_run_length(
     exceeds: Callable[[Array], NDArray[np.bool_]],
     nominal: float,
     rng: np.random.Generator,
+    settings: Bootstrap = Bootstrap(),
 ) -> RunLength:
     """Simulate baselines of this size and correlation, and count false alarms after each [1]_.
 
@@ -103,6 +132,8 @@ def stated_run_length(
         Average run length with a known baseline.
     rng : Generator
         Random numbers.
+    settings : Bootstrap
+        Sizes and limits of the simulation.
 
     Returns
     -------
@@ -136,13 +167,14 @@ def stated_run_length(
     ========  =================  =================  =================
     """
     n_readings, n_groups = len(baseline), int(groups.max()) + 1
-    process = _Process(baseline, groups, rng)
+    process = _Process(baseline, groups, rng, settings)
     correlation = float(process.correlations.max())
     size = (correlation, n_readings, n_groups)
     # Successive readings of a group state the correlation; each group has one reading without.
-    if n_readings - n_groups < FEWEST_READINGS - 1 or 1 < n_groups < FEWEST_GROUPS:
+    few = n_readings - n_groups < settings.fewest_readings - 1
+    if few or 1 < n_groups < settings.fewest_groups:
         return RunLength(nominal, nominal, "nominal", *size)
-    n_steps = int(np.clip(2 * nominal, *_STEPS))
+    n_steps = int(np.clip(2 * nominal, settings.fewest_steps, settings.most_steps))
     seed = int(rng.integers(1 << 60))
 
     def alarms(shift: Array | float) -> tuple[int, Array]:
@@ -153,15 +185,16 @@ def stated_run_length(
     own = np.arctanh(process.correlations)
     n_alarms, estimated = alarms(0.0)
     n_simulated = n_steps * len(estimated)
-    if n_alarms < _FEWEST_ALARMS:
+    if n_alarms < settings.fewest_alarms:
         most = chi2.ppf(0.95, 2 * n_alarms + 2) / 2  # upper limit of a Poisson mean
         return RunLength(nominal, n_simulated / most, "at least", *size)
     errors = np.arctanh(estimated) - own
     spread = errors.std(axis=0)
-    counts = [alarms(-_REACH * spread)[0], n_alarms, alarms(_REACH * spread)[0]]
+    reach = settings.reach
+    counts = [alarms(-reach * spread)[0], n_alarms, alarms(reach * spread)[0]]
     # The logarithm of the rate is a parabola through the three.
     logs = np.log(np.maximum(counts, 1)) - np.log(n_alarms)
-    parabola = np.polyfit([-_REACH, 0.0, _REACH], logs, 2)
+    parabola = np.polyfit([-reach, 0.0, reach], logs, 2)
     scaled = np.clip(np.divide(errors, spread, out=np.zeros_like(errors), where=spread > 0), -3, 3)
     bias = float(np.mean(np.exp(np.polyval(parabola, scaled))))
     return RunLength(nominal, bias * n_simulated / n_alarms, "bootstrap", *size)
@@ -192,8 +225,14 @@ class _Process:
     lengths are very sensitive; with blocks of residuals it is kept.
     """
 
-    def __init__(self, baseline: Array, groups: NDArray[np.intp], rng: np.random.Generator) -> None:
-        self._rng = rng
+    def __init__(
+        self,
+        baseline: Array,
+        groups: NDArray[np.intp],
+        rng: np.random.Generator,
+        settings: Bootstrap = Bootstrap(),
+    ) -> None:
+        self._rng, self._settings = rng, settings
         self._lengths = np.bincount(groups)
         n_groups = len(self._lengths)
         means = np.array([baseline[groups == g].mean(axis=0) for g in range(n_groups)])
@@ -203,7 +242,9 @@ class _Process:
         self._offsets = (means - grand) * inflation
         centred = baseline - means[groups]
         follows = np.flatnonzero(groups[1:] == groups[:-1]) + 1
-        self.correlations = _correlations(centred, follows, self._lengths.mean())
+        power = np.sum(centred**2, axis=0)
+        products = np.sum(centred[follows] * centred[follows - 1], axis=0)
+        self.correlations = self._corrected(products, power)
         residuals = centred[follows] - self.correlations * centred[follows - 1]
         lost = 2 * n_groups  # degrees of freedom: mean and first reading of each group
         factor = np.sqrt(len(residuals) / max(len(residuals) - lost / 2, 1))
@@ -222,7 +263,7 @@ class _Process:
 
         Each of shape (n_baselines, n_columns).
         """
-        shape = (_N_BASELINES, self._offsets.shape[1])
+        shape = (self._settings.n_baselines, self._offsets.shape[1])
         total, squares, power, products = np.zeros((4, *shape))
         for length in self._lengths:
             self.start_group()
@@ -244,14 +285,14 @@ class _Process:
         variance = np.maximum(squares - n_readings * mean**2, 0) / (n_readings - 1)
         # A baseline without variation gives no alarms, as in the chart.
         scale = np.sqrt(np.where(variance > 0, variance, np.inf))
-        return mean, scale, _corrected(products, power, self._lengths.mean())
+        return mean, scale, self._corrected(products, power)
 
     def start_group(self) -> None:
         """Draw the offset of a new group, and let the autoregression settle."""
-        chosen = self._rng.integers(len(self._offsets), size=_N_BASELINES)
+        chosen = self._rng.integers(len(self._offsets), size=self._settings.n_baselines)
         self._offset = self._offsets[chosen]
         self._deviation = np.zeros_like(self._offset)
-        for _ in range(_SETTLING):
+        for _ in range(self._settings.settling):
             self.next_readings()
 
     def next_readings(self) -> Array:
@@ -259,29 +300,24 @@ class _Process:
         assert self._residuals is not None
         if not self._left:
             last = len(self._residuals) - self._block
-            self._row, self._left = self._rng.integers(last + 1, size=_N_BASELINES), self._block
+            self._row, self._left = (
+                self._rng.integers(last + 1, size=self._settings.n_baselines),
+                self._block,
+            )
         self._deviation = self.correlations * self._deviation + self._residuals[self._row]
         self._row, self._left = self._row + 1, self._left - 1
         return self._offset + self._deviation
 
-
-def _correlations(centred: Array, follows: NDArray[np.intp], length: float) -> Array:
-    """Return the correlation of successive readings, corrected for the bias of short series."""
-    power = np.sum(centred**2, axis=0)
-    products = np.sum(centred[follows] * centred[follows - 1], axis=0)
-    return _corrected(products, power, length)
-
-
-def _corrected(products: Array, power: Array, length: float) -> Array:
-    raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
-    # M. G. Kendall, Biometrika 41, 403-404, 1954: the bias is -(1 + 3 rho) / n.
-    return np.clip(raw + (1 + 3 * raw) / length, -_LARGEST_CORRELATION, _LARGEST_CORRELATION)
+    def _corrected(self, products: Array, power: Array) -> Array:
+        """Return correlations of successive readings, corrected for the bias of short series."""
+        raw = np.divide(products, power, out=np.zeros_like(power), where=power > 0)
+        # M. G. Kendall, Biometrika 41, 403-404, 1954: the bias is -(1 + 3 rho) / n.
+        corrected = raw + (1 + 3 * raw) / self._lengths.mean()
+        limit = self._settings.largest_correlation
+        return np.clip(corrected, -limit, limit)
 
 
-_LEAST_NODES = 40
 _LONGEST = 1e12  # readings; above, the equations are singular in double precision
-_NODES_PER_WIDTH = 4  # of the kernel; the error of the quadrature is then below 1e-6
-_MOST_NODES = 2000
 LONGEST = 1e9  # readings; a limit with a longer average run length is of no use
 
 
@@ -314,7 +350,7 @@ def ewma_run_length(weight: float, limit: float, shift: float = 0.0) -> float:
     nodes, weights = _nodes(-half, half, weight)
     starts = np.append(nodes, 0.0)[:, np.newaxis]
     kernel = norm.pdf((nodes - (1 - weight) * starts) / weight - shift) * weights / weight
-    return _solved(kernel[:-1], kernel[-1])
+    return _resolved(float(1 + kernel[-1] @ _lengths(kernel[:-1])))
 
 
 def cusum_run_length(reference: float, limit: float, shift: float = 0.0) -> float:
@@ -364,30 +400,25 @@ def limit_for(run_length: Callable[[float], float], arl: float, what: str) -> fl
     """
     low, high = 1e-3, 1.0
     if run_length(low) >= arl:
-        shortest = min(run_length(low), _LONGEST)
-        remedy = "Give a longer one" if shortest < LONGEST else "Give a smaller reference"
         raise ValueError(
             f"no limit of this {what} has an average run length of {arl:g}; the shortest is "
-            f"{shortest:.3g} readings{' or more' if shortest == _LONGEST else ''}. {remedy}."
+            f"{run_length(low):.3g} readings. Give a longer one, or a smaller reference."
         )
     while run_length(high) < arl:
         high *= 1.5
     return float(brentq(lambda x: np.log(min(run_length(x), _LONGEST) / arl), low, high, xtol=1e-9))
 
 
-def _nodes(low: float, high: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre nodes and weights that resolve a kernel of this width."""
-    wanted = _LEAST_NODES + int(_NODES_PER_WIDTH * (high - low) / width)
-    nodes, weights = leggauss(min(wanted, _MOST_NODES))
+def _nodes(
+    low: float, high: float, width: float, *, least: int = 40, per_width: int = 4, most: int = 2000
+) -> tuple[Array, Array]:
+    """Return Gauss-Legendre nodes and weights; the error of the quadrature is below 1e-6."""
+    nodes, weights = leggauss(min(least + int(per_width * (high - low) / width), most))
     half = (high - low) / 2
     return low + half * (nodes + 1), half * weights
 
 
-def _solved(kernel: np.ndarray, from_start: np.ndarray) -> float:
-    return _resolved(float(1 + from_start @ _lengths(kernel)))
-
-
-def _lengths(kernel: np.ndarray) -> np.ndarray:
+def _lengths(kernel: Array) -> Array:
     try:
         return np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
     except np.linalg.LinAlgError:  # no alarm within double precision

@@ -27,26 +27,14 @@ from emacm.recordings.recording import Recording
 
 GRAVITY = 9.80665  # m/s2, standard acceleration of gravity
 _TO_MM_PER_S2 = {"m/s2": 1e3, "m/s²": 1e3, "m/s^2": 1e3, "mm/s2": 1.0, "g": 1e3 * GRAVITY}
-_SEGMENT = 4.0  # s; a line step of 0.25 Hz
-_PERIODS = 10  # of the lowest frequency that a recording must contain
 
+_LARGE = ("ISO 20816-3", "above 300 kW, or shaft height from 315 mm")
+_MEDIUM = ("ISO 20816-3", "15 to 300 kW, or shaft height 160 to 315 mm")
 _CLASSES: dict[str, tuple[float, float, float, str, str]] = {
-    "group 1 rigid": (2.3, 4.5, 7.1, "ISO 20816-3", "above 300 kW, or shaft height from 315 mm"),
-    "group 1 flexible": (
-        3.5,
-        7.1,
-        11.0,
-        "ISO 20816-3",
-        "above 300 kW, or shaft height from 315 mm",
-    ),
-    "group 2 rigid": (1.4, 2.8, 4.5, "ISO 20816-3", "15 to 300 kW, or shaft height 160 to 315 mm"),
-    "group 2 flexible": (
-        2.3,
-        4.5,
-        7.1,
-        "ISO 20816-3",
-        "15 to 300 kW, or shaft height 160 to 315 mm",
-    ),
+    "group 1 rigid": (2.3, 4.5, 7.1, *_LARGE),
+    "group 1 flexible": (3.5, 7.1, 11.0, *_LARGE),
+    "group 2 rigid": (1.4, 2.8, 4.5, *_MEDIUM),
+    "group 2 flexible": (2.3, 4.5, 7.1, *_MEDIUM),
     "class I": (0.71, 1.8, 4.5, "ISO 10816-1", "small machines, electric motors up to 15 kW"),
     "class II": (1.12, 2.8, 7.1, "ISO 10816-1", "medium machines, motors of 15 to 75 kW"),
     "class III": (1.8, 4.5, 11.2, "ISO 10816-1", "large machines on rigid foundations"),
@@ -118,6 +106,7 @@ def vibration_velocity(
     *,
     unit: str = "m/s2",
     band: tuple[float, float] = (10.0, 1000.0),
+    segment: float = 4.0,
 ) -> float:
     """Return the broad-band velocity of an acceleration, integrated over frequency.
 
@@ -134,6 +123,8 @@ def vibration_velocity(
         Unit of the acceleration.
     band : (float, float)
         Lowest and highest frequency [Hz].
+    segment : float, default=4.0
+        Length of the segments of Welch's method [s]; lines are 1 / segment [Hz] apart.
 
     Returns
     -------
@@ -166,12 +157,12 @@ def vibration_velocity(
             f"band must end at or below half the sampling rate, {fs / 2:g} Hz, got {high:g} Hz. "
             f"Sample faster, or give another band; its velocity cannot be compared with the zones."
         )
-    if len(signal) < _PERIODS / low * fs:
+    if len(signal) < 10 / low * fs:
         raise ValueError(
-            f"acceleration must last at least {_PERIODS / low:g} s, ten periods of {low:g} Hz, got "
+            f"acceleration must last at least {10 / low:g} s, ten periods of {low:g} Hz, got "
             f"{len(signal) / fs:g} s. Record longer."
         )
-    n_segment = min(len(signal), round(_SEGMENT * fs))
+    n_segment = min(len(signal), round(segment * fs))
     frequencies, density = welch(signal, fs, nperseg=n_segment, detrend="constant")
     inside = (frequencies >= low) & (frequencies <= high)
     power = np.sum(density[inside] / (2 * np.pi * frequencies[inside]) ** 2) * frequencies[1]

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm.calibration.left_out import left_out
+from emacm.calibration.quantiles import groups_needed
 from emacm.life.life_models import WeibullLife, WeibullRegression, WienerProcess
 from emacm.recordings.meta import plain_label, read_grouping
 
 Array = NDArray[np.float64]
-
-_SAME_LIFE = 1e-6  # relative difference of age + remaining life within a unit
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,10 @@ def read_histories(X: Array, groups: Any, onset: float | None, consecutive: int)
     """
     grouping = read_grouping(groups, X, "groups", "unit")
     labels = np.arange(len(X)) if grouping is None else grouping.labels
-    units, numbers = np.unique(labels, return_inverse=True)
-    by_unit = np.lexsort((X[:, 0], numbers))
-    starts = np.searchsorted(numbers[by_unit], np.arange(len(units) + 1))
     histories = []
-    for label, start, stop in zip(units, starts[:-1], starts[1:], strict=True):
-        unit = plain_label(label)
-        rows = by_unit[start:stop]
+    for label in np.unique(labels):
+        unit, rows = plain_label(label), np.flatnonzero(labels == label)
+        rows = rows[np.argsort(X[rows, 0], kind="stable")]
         ages = X[rows, 0]
         same = np.flatnonzero(np.diff(ages) <= 0)
         if len(same):
@@ -84,24 +81,24 @@ def read_histories(X: Array, groups: Any, onset: float | None, consecutive: int)
                 f"unit {unit!r} has two readings at age {ages[same[0]]:g} (rows {rows[same[0]]} "
                 f"and {rows[same[0] + 1]}). Average them, or give the units by groups=."
             )
-        columns = X[rows, 1:]
-        first = _onset(columns, onset, consecutive)
-        histories.append(History(unit, rows, ages, columns, first))
+        first = _onset(X[rows, 1:], onset, consecutive)
+        histories.append(History(unit, rows, ages, X[rows, 1:], first))
     return histories
 
 
-def lives_of(histories: list[History], remaining: Array) -> Array:
+def lives_of(histories: list[History], remaining: Array, tolerance: float = 1e-6) -> Array:
     """Return the age at the end of each unit.
 
     Raises
     ------
     ValueError
-        If age and remaining life of a unit do not add up to the same life.
+        If age and remaining life of a unit do not add up to the same life, up to a relative
+        `tolerance`.
     """
     lives = []
     for unit in histories:
         ends = unit.ages + remaining[unit.rows]
-        wrong = np.abs(ends - ends[0]) > _SAME_LIFE * max(abs(ends[0]), 1e-300)
+        wrong = np.abs(ends - ends[0]) > tolerance * abs(ends[0])
         if wrong.any():
             row = int(np.argmax(wrong))
             raise ValueError(
@@ -154,34 +151,17 @@ def _onset(values: Array, level: float | None, consecutive: int) -> int:
     return len(values)
 
 
-def units_needed(coverage: float) -> int:
-    """Return the smallest number of failed units that can support a coverage.
-
-    Examples
-    --------
-    >>> units_needed(0.9), units_needed(0.95), units_needed(0.8)
-    (9, 19, 4)
-    """
-    return int(np.ceil(coverage / (1 - coverage) - 1e-9))
-
-
-def check_coverage(coverage: float, n_units: int) -> None:
-    """Raise a ValueError if this number of failed units cannot support a coverage.
+def check_coverage(coverage: float, n_units: int, what: str = "that failed") -> None:
+    """Raise a ValueError if this number of units cannot support a coverage.
 
     Among n + 1 exchangeable units, the new one has the largest score with probability
     1 / (n + 1); beyond that, intervals say nothing about the data.
     """
-    needed = units_needed(coverage)
-    if not n_units:
+    if n_units < groups_needed(coverage):
         raise ValueError(
-            f"no unit failed; intervals of {coverage:.0%} coverage take {needed} that did. Add "
-            f"units that were followed until they failed."
-        )
-    if n_units < needed:
-        raise ValueError(
-            f"{n_units} units that failed cannot support intervals of {coverage:.0%} coverage; it "
-            f"takes {needed}. They support at most {n_units / (n_units + 1):.0%}: set coverage "
-            f"to this or less, or add units."
+            f"{n_units} units {what} cannot support intervals of {coverage:.0%} coverage; it "
+            f"takes {groups_needed(coverage)}. They support at most {n_units / (n_units + 1):.0%}: "
+            f"set coverage to this or less, or add units that were followed until they failed."
         )
 
 
@@ -246,9 +226,6 @@ def redistributed(levels: Array, censored: NDArray[np.bool_]) -> Array:
     return weights
 
 
-_FAR = 0.1  # beyond the range, as of speeds outside the training (`emacm.resampling`)
-
-
 @dataclass(frozen=True)
 class FitRange:
     """Lives and columns of the units of a fit.
@@ -282,16 +259,16 @@ class FitRange:
                 found[row] = self._outside(age, columns, margin)
         return found
 
-    def warn_outside(self, units: list[History], n_rows: int, *, stacklevel: int) -> None:
+    def warn_outside(self, units: list[History], n_rows: int, *, margin: float = 0.1) -> None:
         """Warn of readings far outside the range, naming the first."""
-        texts = self.statements(units, n_rows, margin=_FAR)
+        texts = self.statements(units, n_rows, margin=margin)
         rows = [row for row, text in enumerate(texts) if text]
         if rows:
             warnings.warn(
                 f"{len(rows)} of {n_rows} readings are far outside the range of the fit, where "
                 f"predictions extrapolate; row {rows[0]}: {texts[rows[0]]}",
                 UserWarning,
-                stacklevel=stacklevel + 1,
+                stacklevel=4,
             )
 
     def _outside(self, age: float, columns: Array, margin: float) -> str:
@@ -323,21 +300,18 @@ def statement(row: dict[str, Any], coverage: float, *, indexed: bool, outside: s
     outside : str
         What of the reading is outside the range of the fit.
     """
-    if row["stage"] == BEFORE_ONSET:
-        known = "No damage yet" if indexed else "No health index"
-        basis = f"{known}: this is the life of the population at this age."
-        when = "of this age"
-    else:
+    known = "No damage yet" if indexed else "No health index"
+    basis, when = f"{known}: this is the life of the population at this age.", "of this age"
+    if row["stage"] == DAMAGE:
         basis = "Damage is present: this follows from the health index of the unit."
         when = "as long after the onset"
-    units = f"{row['n_units']} units"
+    interval = f"{coverage:.0%} interval from {row['n_units']} units {when}."
     if not np.isfinite(row["upper"]):
-        basis += f" The units do not support an upper limit with {coverage:.0%} coverage."
+        interval = f"The units do not support an upper limit with {coverage:.0%} coverage."
     elif row["calibration"] != SAME_AGE:
-        basis += f" {coverage:.0%} interval as of {units} earlier: too few {when}."
-    else:
-        basis += f" {coverage:.0%} interval from {units} {when}."
-    return f"{basis} {outside}".rstrip()
+        units = f"{row['n_units']} units earlier"
+        interval = f"{coverage:.0%} interval as of {units}: too few {when}."
+    return f"{basis} {interval} {outside}".rstrip()
 
 
 Bools = NDArray[np.bool_]
@@ -346,8 +320,6 @@ BEFORE_ONSET = "before onset"
 DAMAGE = "damage"
 MODELS = ("weibull", "wiener")
 SAME_AGE, EARLIER_AGE = "same age", "earlier age"
-_MOST_FOLDS = 20  # units are left out one by one up to this number, else in this many folds
-_N_HALVINGS = 60
 
 
 @dataclass(frozen=True)
@@ -384,16 +356,18 @@ class LifeModels:
                 (histories[k].ages[histories[k].onset :], histories[k].states[:, 0]) for k in chosen
             ]
             return cls(population, WienerProcess.fit(paths, failed[chosen], threshold))
-        parts = []
-        for k in chosen:
-            unit = histories[k]
-            left = lives[k] - unit.ages[unit.onset :]
-            running = left > 0
-            n = int(running.sum())
-            columns = unit.columns[unit.onset :][running]
-            parts.append((columns, left[running], np.full(n, failed[k]), np.full(n, 1 / max(n, 1))))
-        table, remaining, ends, weights = map(np.concatenate, zip(*parts, strict=True))
-        return cls(population, WeibullRegression.fit(table, remaining, ends, weights))
+        units = np.concatenate([np.full(len(histories[k].rows), k) for k in chosen])
+        ages = np.concatenate([histories[k].ages for k in chosen])
+        table = np.concatenate([histories[k].columns for k in chosen])
+        onsets = np.array(
+            [unit.ages[unit.onset] if unit.onset < len(unit.ages) else np.inf for unit in histories]
+        )
+        remaining = lives[units] - ages
+        kept = (ages >= onsets[units]) & (remaining > 0)
+        units = units[kept]
+        weights = 1 / np.bincount(units)[units]
+        regression = WeibullRegression.fit(table[kept], remaining[kept], failed[units], weights)
+        return cls(population, regression)
 
     def cdf(self, unit: History, remaining: Array) -> Array:
         """Return the probability of remaining lives, (n_readings, n_levels), of each reading."""
@@ -408,11 +382,11 @@ class LifeModels:
             found[first:] = self.damage.cdf(remaining[first:], table[:, np.newaxis, :])
         return found
 
-    def quantiles(self, unit: History, levels: Array) -> Array:
+    def quantiles(self, unit: History, levels: Array, n_halvings: int = 60) -> Array:
         """Return the remaining lives with these probabilities, (n_readings, n_levels)."""
         low = np.full(levels.shape, np.log(self.population.scale) - 25.0)
         high = low + 50.0
-        for _ in range(_N_HALVINGS):
+        for _ in range(n_halvings):
             middle = (low + high) / 2
             below = self.cdf(unit, np.exp(middle)) < levels
             low, high = np.where(below, middle, low), np.where(below, high, middle)
@@ -454,6 +428,8 @@ class LifeCalibration:
         Which of the two it is.
     fit : callable
         Models fitted on some of the units.
+    max_folds : int
+        Units are left out one by one up to this number, else in this many folds.
     """
 
     def __init__(
@@ -462,12 +438,13 @@ class LifeCalibration:
         lives: Array,
         failed: Bools,
         fit: Callable[[NDArray[np.intp]], LifeModels],
+        max_folds: int = 20,
     ) -> None:
         self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
-        folds = np.arange(len(histories)) % min(_MOST_FOLDS, len(histories))
-        for fold in range(int(folds.max()) + 1):
-            models = fit(np.flatnonzero(folds != fold))
-            for k in np.flatnonzero(folds == fold):
+        numbers = np.arange(len(histories))
+        for others, rows in left_out(np.zeros_like(numbers), numbers, max_folds):
+            models = fit(others)
+            for k in rows:
                 self._add(models, histories[k], lives[k], bool(failed[k]))
 
     def width(self, stage: str, time: float, coverage: float) -> tuple[float, int, str]:

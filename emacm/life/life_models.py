@@ -22,9 +22,6 @@ from scipy.special import erfcx, ndtr
 
 Array = NDArray[np.float64]
 
-_RIDGE = 1e-2  # of standardised coefficients, so that few units give finite ones
-_WIDEST_SHAPE = 50.0  # of a Weibull distribution; equal lives would give an infinite one
-
 
 @dataclass(frozen=True)
 class WeibullLife:
@@ -72,7 +69,14 @@ class WeibullRegression:
 
     @classmethod
     def fit(
-        cls, table: Array, lives: Array, failed: NDArray[np.bool_], weights: Array
+        cls,
+        table: Array,
+        lives: Array,
+        failed: NDArray[np.bool_],
+        weights: Array,
+        *,
+        ridge: float = 1e-2,
+        widest_shape: float = 50.0,
     ) -> WeibullRegression:
         """Estimate by maximum likelihood with a small ridge.
 
@@ -86,6 +90,10 @@ class WeibullRegression:
             Whether the unit failed at the end of this life.
         weights : ndarray of shape (n_readings,)
             Weight of each reading.
+        ridge : float
+            Penalty of standardised coefficients, so that few units give finite ones.
+        widest_shape : float
+            Largest shape; equal lives would give an infinite one.
         """
         logs, n_columns = np.log(lives), table.shape[1]
         mean = np.average(table, axis=0, weights=weights)
@@ -100,17 +108,17 @@ class WeibullRegression:
             z = (logs - middle - design @ coefficients) / spread
             hazard = np.exp(np.minimum(z, 500.0))
             value = np.sum(weights * (hazard - failed * (z - log_spread)))
-            value += _RIDGE * np.sum(coefficients[1:] ** 2)
+            value += ridge * np.sum(coefficients[1:] ** 2)
             slope = weights * (hazard - failed)
             gradient = np.append(
                 -(design.T @ slope) / spread, -np.sum(slope * z) + np.sum(weights * failed)
             )
-            gradient[1:-1] += 2 * _RIDGE * coefficients[1:]
+            gradient[1:-1] += 2 * ridge * coefficients[1:]
             return float(value), gradient
 
         start = np.zeros(n_columns + 2)
         start[-1] = np.log(max(float(logs.std()), 0.1))
-        bounds = [(None, None)] * (n_columns + 1) + [(-np.log(_WIDEST_SHAPE), 3.0)]
+        bounds = [(None, None)] * (n_columns + 1) + [(-np.log(widest_shape), 3.0)]
         found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         slopes = found[1:-1] / scale
         return cls(float(middle + found[0] - slopes @ mean), slopes, float(np.exp(found[-1])))

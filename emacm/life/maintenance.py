@@ -95,17 +95,13 @@ def expected_costs(lives: Array, costs: MaintenanceCosts) -> pd.DataFrame:
     ['stop', 'order', 'continue']
     """
     lead, review = costs.lead_time, costs.review
+    until_later = np.where(lives <= review, lead, np.maximum(review + lead - lives, 0))
     fails = costs.failure * np.mean(lives <= review, axis=1)
-    wait_later = np.where(lives <= review, lead, np.maximum(review + lead - lives, 0))
     stop = costs.waiting * lead + costs.early * lives.mean(axis=1)
-    order = fails + _mean(costs.waiting * np.maximum(lead - lives, 0))
-    order += _mean(costs.holding * np.maximum(lives - lead, 0))
-    later = fails + _mean(costs.waiting * wait_later)
-    later += _mean(costs.holding * np.maximum(lives - review - lead, 0))
+    stock, missing = np.maximum(lives - lead, 0), np.maximum(lead - lives, 0)
+    order = fails + np.mean(costs.waiting * missing + costs.holding * stock, axis=1)
+    stock = np.maximum(lives - review - lead, 0)
+    later = fails + np.mean(costs.waiting * until_later + costs.holding * stock, axis=1)
     table = pd.DataFrame({CONTINUE: later, ORDER: order, STOP: stop})
     table["decision"] = table.idxmin(axis=1)
     return table
-
-
-def _mean(values: Array) -> Array:
-    return np.mean(values, axis=1)

@@ -21,22 +21,6 @@ from emacm.recordings.meta import read_grouping
 
 Array = NDArray[np.float64]
 
-# Remaining life [s] at the end of the truncated records of the test bearings, as published [1]_.
-_PHM2012 = {
-    "Bearing1_3": 5730.0,
-    "Bearing1_4": 339.0,
-    "Bearing1_5": 1610.0,
-    "Bearing1_6": 1460.0,
-    "Bearing1_7": 7570.0,
-    "Bearing2_3": 7530.0,
-    "Bearing2_4": 1390.0,
-    "Bearing2_5": 3090.0,
-    "Bearing2_6": 1290.0,
-    "Bearing2_7": 580.0,
-    "Bearing3_3": 820.0,
-}
-_PHM2012_FILES = {"Bearing1_4": 2890.0}  # 289 records of 10 s follow the truncated ones
-
 
 def phm2012_lives(source: str = "official") -> pd.Series:
     """Return the true remaining lives of the IEEE PHM 2012 challenge [1]_.
@@ -63,8 +47,12 @@ def phm2012_lives(source: str = "official") -> pd.Series:
     [339.0, 2890.0]
     """
     check_choice(source, "source", ("official", "files"))
-    lives = _PHM2012 if source == "official" else _PHM2012 | _PHM2012_FILES
-    return pd.Series(lives, name="remaining life [s]")
+    names = [f"Bearing1_{k}" for k in (3, 4, 5, 6, 7)] + [f"Bearing2_{k}" for k in (3, 4, 5, 6, 7)]
+    lives = [5730.0, 339.0, 1610.0, 1460.0, 7570.0, 7530.0, 1390.0, 3090.0, 1290.0, 580.0, 820.0]
+    published = pd.Series(lives, index=[*names, "Bearing3_3"], name="remaining life [s]")
+    if source == "files":
+        published["Bearing1_4"] = 2890.0  # 289 records of 10 s follow the truncated ones
+    return published
 
 
 def phm2012_score(true: ArrayLike, predicted: ArrayLike) -> float:

@@ -33,13 +33,10 @@ from emacm.life.life_calibration import (
     lives_of,
     read_histories,
     statement,
-    units_needed,
 )
 from emacm.life.maintenance import MaintenanceCosts, expected_costs
 
 Array = NDArray[np.float64]
-
-_N_DRAWS = 200  # equally probable lives for expected costs
 
 
 class RemainingLife(RegressorMixin, SavedEstimator):
@@ -182,7 +179,10 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         failed = ~censored_units(censored, histories, len(X))
         self.n_units_, self.n_failed_ = len(histories), int(failed.sum())
         check_coverage(self.coverage, self.n_failed_)
-        self._check_damaged(histories, failed)
+        if self.n_features_in_ > 1:
+            damaged = np.array([unit.onset < len(unit.ages) for unit in histories])
+            what = f"that failed and have readings after the onset of damage (onset={self.onset!r})"
+            check_coverage(self.coverage, int(np.sum(failed & damaged)), what)
 
         def fitted(units: NDArray[np.intp]) -> LifeModels:
             chosen = [histories[k] for k in units]
@@ -236,7 +236,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         wanted = check_real_array(levels, "levels").astype(np.float64)
         if wanted.ndim != 1 or not ((wanted >= 0) & (wanted <= 1)).all():
             raise ValueError(f"levels must be a list of numbers from 0 to 1, got {levels!r}.")
-        self._range.warn_outside(units, n_rows, stacklevel=3)
+        self._range.warn_outside(units, n_rows)
         return self._quantiles(units, np.broadcast_to(wanted, (n_rows, len(wanted))))
 
     def failure_probability(self, X: Any, horizon: float, groups: ArrayLike | None = None) -> Array:
@@ -256,7 +256,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         horizon = check_number(horizon, "horizon", at_least=0)
         units, n_rows = self._followed(X, groups)
-        self._range.warn_outside(units, n_rows, stacklevel=3)
+        self._range.warn_outside(units, n_rows)
         found = np.empty(n_rows)
         for unit in units:
             remaining = np.full((len(unit.rows), 1), horizon)
@@ -295,24 +295,21 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         check_number(coverage, "coverage", above=0, below=1)
         check_coverage(coverage, self.n_failed_)
         units, n_rows = self._followed(X, groups)
-        columns: dict[str, list[Any]] = {
-            name: [None] * n_rows for name in ("age", "stage", "n_units", "calibration")
-        }
+        records: list[dict[str, Any]] = [{}] * n_rows
         levels, outside = np.full((n_rows, 3), 0.5), self._range.statements(units, n_rows)
         for unit in units:
             for number, row in enumerate(unit.rows):
-                damaged = number >= unit.onset
+                damaged, age = number >= unit.onset, unit.ages[number]
                 stage = DAMAGE if damaged else BEFORE_ONSET
-                time = unit.ages[number] - (unit.ages[unit.onset] if damaged else 0)
+                time = age - (unit.ages[unit.onset] if damaged else 0)
                 width, n_units, calibration = self._calibration.width(stage, time, coverage)
                 levels[row, 1:] = 0.5 - width, 0.5 + width
-                columns["age"][row], columns["stage"][row] = unit.ages[number], stage
-                columns["n_units"][row], columns["calibration"][row] = n_units, calibration
+                records[row] = {"age": age, "stage": stage, "n_units": n_units}
+                records[row]["calibration"] = calibration
         lives = self._quantiles(units, np.clip(levels, 0, 1))
-        table = pd.DataFrame(columns, index=X.index if isinstance(X, pd.DataFrame) else None)
-        table.insert(2, "median", lives[:, 0])
-        table.insert(3, "lower", lives[:, 1])
-        table.insert(4, "upper", lives[:, 2])
+        table = pd.DataFrame(records, index=X.index if isinstance(X, pd.DataFrame) else None)
+        for column, name in enumerate(("median", "lower", "upper")):
+            table.insert(2 + column, name, lives[:, column])
         indexed = self.n_features_in_ > 1
         table["statement"] = [
             statement(row, coverage, indexed=indexed, outside=text)
@@ -321,7 +318,12 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         return table
 
     def decide(
-        self, X: Any, costs: MaintenanceCosts, groups: ArrayLike | None = None
+        self,
+        X: Any,
+        costs: MaintenanceCosts,
+        groups: ArrayLike | None = None,
+        *,
+        n_draws: int = 200,
     ) -> pd.DataFrame:
         """Return the decision of least expected cost for each reading.
 
@@ -331,6 +333,8 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             As for `predict`.
         costs : MaintenanceCosts
             What late and early decisions cost.
+        n_draws : int
+            Number of equally probable lives over which costs are averaged.
 
         Returns
         -------
@@ -344,7 +348,7 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         """
         if not isinstance(costs, MaintenanceCosts):
             raise TypeError(f"costs must be MaintenanceCosts, got {type(costs).__name__}.")
-        levels = (np.arange(_N_DRAWS) + 0.5) / _N_DRAWS
+        levels = (np.arange(n_draws) + 0.5) / n_draws
         table = expected_costs(self.predict_quantiles(X, levels, groups), costs)
         return table.set_axis(X.index) if isinstance(X, pd.DataFrame) else table
 
@@ -360,19 +364,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
             raise ValueError(
                 f"threshold, at which units fail, must be above onset={onset!r}, at which damage "
                 f"begins, got {limit!r}."
-            )
-
-    def _check_damaged(self, histories: list[History], failed: NDArray[np.bool_]) -> None:
-        if not self.n_features_in_ > 1:
-            return
-        damaged = [unit.onset < len(unit.ages) for unit in histories]
-        n_damaged = int(np.count_nonzero(failed & np.array(damaged)))
-        needed = units_needed(self.coverage)
-        if n_damaged < needed:
-            raise ValueError(
-                f"{self.n_failed_} units failed, but only {n_damaged} of them have readings after "
-                f"the onset of damage (onset={self.onset!r}); intervals of {self.coverage:.0%} "
-                f"coverage take {needed}. Set another onset, or add units."
             )
 
     def _followed(self, X: Any, groups: Any) -> tuple[list[History], int]:
