@@ -12,17 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_finite_table, check_real_array, located
+from emacm._checks import check_finite_table, check_real_array
 from emacm._saved import SavedEstimator
-from emacm.conditions.healthy import (
-    are_recordings,
-    check_rates,
-    common_rates,
-    find_healthy,
-    known_conditions,
-)
+from emacm.conditions.healthy import check_rates, find_healthy, known_conditions
 from emacm.orders.columns import OrderTable, column_names
-from emacm.recordings.meta import sorted_conditions
 
 
 class FeatureBaseline(  # type: ignore[call-arg]
@@ -208,22 +201,16 @@ class FeatureBaseline(  # type: ignore[call-arg]
                 f"RecordingStatistics(); got {self.transformer!r}."
             )
         found = find_healthy(X, y, self.condition, self.healthy, self.baseline_recordings)
-        healthy_rows = [X[i] for i in np.flatnonzero(found.mask)] if are_recordings(X) else []
-        self._rates = common_rates([*healthy_rows, *found.further])
-        check_rates(X, self._rates)
-        with located("baseline_recordings"):
-            check_rates(found.further, self._rates)
         transformer = clone(self.transformer)
         table = transformer.fit_transform(X, y)
-        healthy = _values(table)[found.mask]
+        values = _values(table)
+        healthy = values[found.mask]
         if found.further:
             healthy = np.concatenate([healthy, _values(transformer.transform(found.further))])
-        self.means_ = {
-            condition: healthy[[own == condition for own in found.conditions]].mean(axis=0)
-            for condition in sorted_conditions(found.conditions)
-        }
+        self._rates = found.rates
+        self.means_ = {value: healthy[rows].mean(axis=0) for value, rows in found.rows.items()}
         self.transformer_, self.conditions_ = transformer, tuple(self.means_)
-        self._report_effect(X, _values(table))
+        self._report_effect(X, values)
         return table
 
     def _report_effect(self, X: Any, values: NDArray[np.float64]) -> None:
@@ -242,14 +229,14 @@ class FeatureBaseline(  # type: ignore[call-arg]
             if len(own) < 3:  # their scatter is not known
                 continue
             shift, scatter = np.abs(own.mean(axis=0) - mean), own.std(axis=0, ddof=1)
-            varying = scatter > 0
-            if varying.any() and np.median(shift[varying] / scatter[varying]) > 10:
-                ratio = np.median(shift[varying] / scatter[varying])
+            ratios = shift[scatter > 0] / scatter[scatter > 0]
+            if len(ratios) and np.median(ratios) > 10:
                 warnings.warn(
                     f"condition {condition!r}: the features of its {len(own)} recordings differ "
-                    f"from the healthy means by {ratio:.3g} times their scatter (median over the "
-                    f"features). Healthy and other recordings may have been measured differently: "
-                    f"compare sensors, filters, gain and speed, or leave FeatureBaseline out.",
+                    f"from the healthy means by {np.median(ratios):.3g} times their scatter "
+                    f"(median over the features). Healthy and other recordings may have been "
+                    f"measured differently: compare sensors, filters, gain and speed, or leave "
+                    f"FeatureBaseline out.",
                     stacklevel=4,
                 )
 

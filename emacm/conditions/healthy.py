@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import located
-from emacm.recordings.inputs import described, entry_name, kind_of, received
+from emacm.decisions.labels import label_list
+from emacm.recordings.inputs import described, entry_name, received
 from emacm.recordings.meta import (
     called,
     condition_name,
@@ -33,13 +34,17 @@ class Healthy(NamedTuple):
         Which recordings of X are healthy.
     further : list
         Healthy recordings given in addition to X.
-    conditions : list of hashable
-        Conditions of the healthy recordings of X, then of the further ones.
+    rows : dict of condition to list of int
+        Numbers of the healthy recordings of each condition, counted over those of X and then the
+        further ones.
+    rates : dict of str to float
+        Sampling rate of each channel of the healthy recordings [Hz].
     """
 
     mask: NDArray[np.bool_]
     further: list[Any]
-    conditions: list[Any]
+    rows: dict[Any, list[int]]
+    rates: dict[str, float]
 
 
 def find_healthy(
@@ -67,8 +72,8 @@ def find_healthy(
     Raises
     ------
     TypeError, ValueError
-        If an input is invalid, or a condition in X has no healthy recording (the message gives
-        the condition).
+        If an input is invalid, a condition in X has no healthy recording (the message gives the
+        condition), or a recording was sampled at another rate than the healthy ones.
     """
     found, mask = read_meta(X, condition), healthy_recordings(X, y, healthy)
     further = [] if baseline_recordings is None else baseline_recordings
@@ -83,17 +88,24 @@ def find_healthy(
         )
     with located("baseline_recordings"):
         known = read_meta(further, condition) if further else []
+    own = [value for value, good in zip(found, mask, strict=True) if good] + known
+    rows = {
+        value: [row for row, other in enumerate(own) if other == value]
+        for value in sorted_conditions(own)
+    }
     for value in sorted_conditions(found):
-        rows = [index for index, other in enumerate(found) if other == value]
-        if not mask[rows].any() and value not in known:
+        if value not in rows:
             raise ValueError(
-                f"none of the {len(rows)} recordings of {condition_name(condition, value)} is "
-                f"healthy (healthy = {healthy!r}). Add healthy ones to X or to "
-                f"baseline_recordings, or leave this condition out."
+                f"none of the {found.count(value)} recordings of "
+                f"{condition_name(condition, value)} is healthy (healthy = {healthy!r}). Add "
+                f"healthy ones to X or to baseline_recordings, or leave this condition out."
             )
-    return Healthy(
-        mask, [*further], [v for v, good in zip(found, mask, strict=True) if good] + known
-    )
+    healthy_rows = [X[row] for row in np.flatnonzero(mask)] if are_recordings(X) else []
+    rates = common_rates([*healthy_rows, *further])
+    check_rates(X, rates)
+    with located("baseline_recordings"):
+        check_rates(further, rates)
+    return Healthy(mask, [*further], rows, rates)
 
 
 def known_conditions(X: Any, condition: Any, known: Sequence[Any]) -> list[Any]:
@@ -149,50 +161,34 @@ def healthy_recordings(X: Any, y: ArrayLike | None, healthy: Any) -> NDArray[np.
     entries = listed_recordings(X)
     if callable(healthy):
         returned = [called(healthy, entry, i, "healthy") for i, entry in enumerate(entries)]
-        for index, (entry, value) in enumerate(zip(entries, returned, strict=True)):
-            if not isinstance(value, bool | np.bool_):
-                raise TypeError(
-                    f"healthy as a function must return True or False, got {value!r} for "
-                    f"{described(entry, index)}."
-                )
+        if not all(isinstance(value, bool | np.bool_) for value in returned):
+            raise TypeError(f"healthy as a function must return True or False, got {returned!r}.")
         return np.array(returned, dtype=bool)
     if isinstance(healthy, Mapping):
-        wanted = {key: _listed(values) for key, values in healthy.items()}
-        if not wanted:
-            raise ValueError("healthy must name at least one key of meta, got an empty mapping.")
-        return np.array(
-            [
-                all(meta_value(entry, index, key, "healthy") in own for key, own in wanted.items())
-                for index, entry in enumerate(entries)
-            ]
+        allowed = {key: _listed(values) for key, values in healthy.items()}
+        holds = [
+            [meta_value(entry, index, key, "healthy") in own for key, own in allowed.items()]
+            for index, entry in enumerate(entries)
+        ]
+        return np.array([bool(own) and all(own) for own in holds])
+    if y is None:
+        raise ValueError(
+            f"healthy = {healthy!r} names labels of y, but no y was given. Call fit(X, y), or let "
+            f"healthy read the recordings: a mapping of meta keys to values, or a function."
         )
-    return _labelled(y, len(entries), _listed(healthy))
+    labels, wanted = label_list(y), _listed(healthy)
+    if len(labels) != len(entries):
+        raise ValueError(f"y has {len(labels)} labels for {len(entries)} recordings.")
+    for label in wanted:
+        if label not in labels:
+            known = list(dict.fromkeys(labels))
+            raise ValueError(f"healthy names {label!r}, which is not in y. y holds {known}.")
+    return np.array([label in wanted for label in labels])
 
 
 def _listed(values: Any) -> list[Any]:
     listed = list(values) if isinstance(values, _COLLECTIONS) else [values]
     return [plain_label(value) for value in listed]
-
-
-def _labelled(y: Any, n_recordings: int, healthy: list[Any]) -> NDArray[np.bool_]:
-    if y is None:
-        raise ValueError(
-            f"healthy = {healthy} names labels of y, but no y was given. Call fit(X, y), or let "
-            f"healthy read the recordings: a mapping of meta keys to values, or a function."
-        )
-    if isinstance(y, str | Mapping) or not isinstance(y, Iterable) or getattr(y, "ndim", 1) > 1:
-        came = f"an array of shape {np.shape(y)}" if hasattr(y, "shape") else kind_of(y)
-        raise TypeError(f"y must hold one label for each recording, got {came}.")
-    labels = _listed(y if isinstance(y, _COLLECTIONS) else list(y))
-    if len(labels) != n_recordings:
-        raise ValueError(f"y has {len(labels)} labels for {n_recordings} recordings.")
-    for label in healthy:
-        if label not in labels:
-            found = list(dict.fromkeys(labels))
-            raise ValueError(f"healthy names {label!r}, which is not in y. y holds {found}.")
-    if not healthy:
-        raise ValueError("healthy must name at least one label of y, got none.")
-    return np.array([label in healthy for label in labels])
 
 
 def are_recordings(X: Any) -> bool:

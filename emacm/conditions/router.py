@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from numbers import Real
 from typing import Any
@@ -22,9 +22,9 @@ from emacm._checks import check_choice, located
 from emacm._progress import run
 from emacm._saved import SavedEstimator
 from emacm.conditions.present_costs import narrowed, present_cost_table, with_present_costs
-from emacm.decisions.labels import check_classes
+from emacm.decisions.labels import check_classes, label_array
 from emacm.decisions.metrics import fraction_correct
-from emacm.decisions.pipelines import before_the_last_step, final_estimator
+from emacm.decisions.pipelines import before_the_last_step, final_estimator, parameters_of_rows
 from emacm.decisions.truths import truth_labels
 from emacm.recordings.inputs import entry_name
 from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted_conditions
@@ -32,119 +32,11 @@ from emacm.recordings.meta import chosen_rows, condition_name, read_meta, sorted
 Rows = NDArray[np.intp]
 
 
-def joined_rows(parts: Sequence[Any], places: Sequence[Rows]) -> NDArray[Any]:
-    """Join arrays row by row.
-
-    Parameters
-    ----------
-    parts : sequence of array-like of shape (n_rows, ...)
-        Results for some recordings each.
-    places : sequence of ndarray of shape (n_rows,)
-        Numbers of the rows in the result.
-
-    Returns
-    -------
-    ndarray of shape (n_recordings, ...)
-        Text and numbers together are kept as objects.
-
-    Raises
-    ------
-    ValueError
-        If parts have different numbers of columns.
-
-    Examples
-    --------
-    >>> joined_rows([["b"], ["a", "inspect"]], [np.array([1]), np.array([0, 2])]).tolist()
-    ['a', 'b', 'inspect']
-    """
-    arrays = [np.asarray(part) for part in parts]
-    shapes = {array.shape[1:] for array in arrays}
-    if len(shapes) > 1:
-        raise ValueError(
-            f"classifiers of different conditions return rows of different shapes: "
-            f"{sorted(shapes)}. Give them parameters that do not depend on the condition."
-        )
-    joined = np.empty((sum(map(len, places)), *shapes.pop()), _common_type(arrays))
-    for array, rows in zip(arrays, places, strict=True):
-        joined[rows] = array
-    return joined
-
-
-def aligned_columns(
-    parts: Sequence[Any], known: Sequence[NDArray[Any]], labels: NDArray[Any], *, absent: float
-) -> list[NDArray[np.floating]]:
-    """Return each part with one column for each label.
-
-    Parameters
-    ----------
-    parts : sequence of array-like of shape (n_rows, n_known)
-        Results for some recordings each.
-    known : sequence of ndarray of shape (n_known,)
-        Labels of the columns of each part.
-    labels : ndarray of shape (n_labels,)
-        Labels of the result.
-    absent : float
-        Value of a label that a part has no column for.
-
-    Returns
-    -------
-    list of ndarray of shape (n_rows, n_labels)
-        The parts unchanged, if all have these labels in this order.
-
-    Raises
-    ------
-    ValueError
-        If the columns of a part are not one for each label.
-
-    Examples
-    --------
-    >>> aligned_columns([[[0.2, 0.8]]], [np.array(["a", "c"])], np.array(["a", "b", "c"]), absent=0)
-    [array([[0.2, 0. , 0.8]])]
-    """
-    arrays = [np.asarray(part) for part in parts]
-    wanted = labels.tolist()
-    if all(own.tolist() == wanted for own in known):
-        return arrays
-    aligned = []
-    for array, own in zip(arrays, known, strict=True):
-        if array.shape != (len(array), len(own)):
-            raise ValueError(
-                f"results of shape {array.shape} cannot be joined with those of other conditions: "
-                f"expected one column for each of {own.tolist()}."
-            )
-        table = np.full((len(array), len(wanted)), float(absent))
-        table[:, [wanted.index(label) for label in own.tolist()]] = array
-        aligned.append(table)
-    return aligned
-
-
-def fit_on_rows(
-    model: Any,
-    rows: Rows,
-    name: str,
-    *,
-    X: Any,
-    y: Any,
-    fit_params: Mapping[str, Any],
-    config: Mapping[str, Any],
-) -> Any:
-    """Fit on some recordings, with their rows of all other arguments.
-
-    `config` is the configuration of scikit-learn in the calling thread.
-    """
-    cut = {
-        key: chosen_rows(value, rows) if _per_recording(value, len(y)) else value
-        for key, value in fit_params.items()
-    }
-    with located(f"among the recordings {name}"), config_context(**config):
-        return model.fit(chosen_rows(X, rows), chosen_rows(y, rows), **cut)
-
-
 def check_labels(y: Any, n_recordings: int) -> None:
     """Raise if y does not hold one valid class for each recording."""
     if y is None:
         raise ValueError("a classifier needs y, the class of each recording; call fit(X, y).")
-    if isinstance(y, str | Mapping) or getattr(y, "ndim", 1) == 0 or not hasattr(y, "__len__"):
+    if isinstance(y, str | Mapping) or not np.shape(y):
         raise TypeError(
             f"y must be a list or an array with one class for each of {n_recordings} recordings, "
             f"got {type(y).__name__}."
@@ -164,23 +56,6 @@ def check_two_classes(y: Any, groups: Sequence[Rows], names: Sequence[str]) -> N
                 f"needs two classes in each condition. Add recordings of another class there, or "
                 f"leave this condition out."
             )
-
-
-def _common_type(arrays: Sequence[NDArray[Any]]) -> Any:
-    kinds = {"U" if array.dtype.kind in "US" else array.dtype.kind for array in arrays}
-    if kinds <= {"U"} or kinds <= set("iuf") or len(kinds) == 1:
-        return np.result_type(*arrays)
-    return np.dtype(object)
-
-
-def _per_recording(value: Any, n_recordings: int) -> bool:
-    if isinstance(value, str | Mapping) or not hasattr(value, "__len__"):
-        return False
-    shape = getattr(value, "shape", None)
-    return (len(value) if shape is None else shape[0] if shape else -1) == n_recordings
-
-
-_UNSEEN = ("raise", "nearest", "pooled")
 
 
 def _has(method: str) -> Callable[[Any], bool]:
@@ -291,8 +166,12 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             If a parameter, a condition or a class is invalid or missing, a condition has
             a single class, or a classifier raises an error (the message gives the condition).
         """
-        check_choice(self.unseen, "unseen", _UNSEEN)
-        self._check_estimator()
+        check_choice(self.unseen, "unseen", ("raise", "nearest", "pooled"))
+        if not hasattr(self.estimator, "get_params") or not is_classifier(self.estimator):
+            raise TypeError(
+                f"estimator must be a classifier or a pipeline that ends in one; got "
+                f"{self.estimator!r}."
+            )
         if get_config()["enable_metadata_routing"]:
             fit_params = process_routing(self, "fit", **fit_params).estimator.fit
         found = read_meta(X, self.condition)
@@ -305,10 +184,8 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         check_two_classes(y, groups, names)
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
-        inner = self.inner(X)
-        fit_one = partial(fit_on_rows, X=inner, y=y, fit_params=fit_params, config=get_config())
-        models = [self._clone(y, rows) for rows in groups]
-        fitted = run(fit_one, models, groups, names, n_jobs=self.n_jobs, unit="condition")
+        fit_one = partial(self._fitted, self.inner(X), y, fit_params, get_config())
+        fitted = run(fit_one, groups, names, n_jobs=self.n_jobs, unit="condition")
         self.__dict__.pop("pooled_", None)  # of an earlier fit
         if self.unseen == "pooled":
             self.pooled_ = fitted[-1]
@@ -316,6 +193,25 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         self.estimators_ = dict(zip(conditions, fitted, strict=False))
         self.classes_ = np.unique(np.concatenate([model.classes_ for model in fitted]))
         return self
+
+    def _fitted(
+        self,
+        X: Any,
+        y: Any,
+        fit_params: Mapping[str, Any],
+        config: Mapping[str, Any],
+        rows: Rows,
+        name: str,
+    ) -> Any:
+        """Fit a clone on some recordings, with the costs and priors of their classes.
+
+        `config` is the configuration of scikit-learn in the calling thread.
+        """
+        labels = chosen_rows(y, rows)
+        model = narrowed(clone(self.estimator), np.unique(labels), np.unique(y))
+        some = parameters_of_rows(fit_params, rows, len(y))
+        with located(f"among the recordings {name}"), config_context(**config):
+            return model.fit(chosen_rows(X, rows), labels, **some)
 
     @property
     def decisions_(self) -> NDArray[Any]:
@@ -353,8 +249,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             If a recording has no condition, or no classifier and ``unseen="raise"``; or if the
             present cost or priors are invalid.
         """
-        results, rows, _ = self._results(X, "predict")
-        return joined_rows(results, rows)
+        return label_array(self._by_recording(X, "predict").tolist(), self.classes_)
 
     @available_if(_has("predict_proba"))
     def predict_proba(self, X: Any) -> NDArray[np.floating]:
@@ -370,12 +265,12 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         ndarray of shape (n_recordings, n_classes)
             In the order of `classes_`; 0 for a class that is absent from the recording's condition.
         """
-        return self._by_class(X, "predict_proba", absent=0.0)
+        return self._table(X, "predict_proba", "classes_", absent=0.0)
 
     @available_if(_has("predict_log_proba"))
     def predict_log_proba(self, X: Any) -> NDArray[np.floating]:
         """Return the logarithm of `predict_proba`; -inf for a class absent from the condition."""
-        return self._by_class(X, "predict_log_proba", absent=-np.inf)
+        return self._table(X, "predict_log_proba", "classes_", absent=-np.inf)
 
     @available_if(_has("typicality"))
     def typicality(self, X: Any) -> NDArray[np.floating]:
@@ -383,14 +278,12 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
 
         As `CostSensitiveGaussianBayes.typicality`, by the classifier of each recording's condition.
         """
-        results, rows, _ = self._results(X, "typicality")
-        return joined_rows(results, rows)
+        return self._by_recording(X, "typicality").to_numpy()
 
     @available_if(_has("unknown_proba"))
     def unknown_proba(self, X: Any) -> NDArray[np.floating]:
         """Return the probability that the true state is unknown, shape (n_recordings,)."""
-        results, rows, _ = self._results(X, "unknown_proba")
-        return joined_rows(results, rows)
+        return self._by_recording(X, "unknown_proba").to_numpy()
 
     @available_if(_has("risk"))
     def risk(self, X: Any) -> NDArray[np.floating]:
@@ -407,9 +300,7 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             In the order of `decisions_`; infinite for a decision that is unknown in the
             recording's condition.
         """
-        results, rows, models = self._results(X, "risk")
-        known = [model.decisions_ for model in models]
-        return joined_rows(aligned_columns(results, known, self.decisions_, absent=np.inf), rows)
+        return self._table(X, "risk", "decisions_", absent=np.inf)
 
     def score(self, X: Any, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the fraction of correct decisions.
@@ -460,13 +351,6 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         tags.input_tags.two_d_array = False
         return tags
 
-    def _check_estimator(self) -> None:
-        model = self.estimator
-        if isinstance(model, type) or not (hasattr(model, "fit") and is_classifier(model)):
-            raise TypeError(
-                f"estimator must be a classifier or a pipeline that ends in one; got {model!r}."
-            )
-
     def inner(self, X: Any) -> Any:
         """Return X as the classifiers see it: a table without the columns of the condition."""
         if not isinstance(X, pd.DataFrame) or callable(self.condition):
@@ -476,11 +360,6 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
         if not inner.shape[1]:
             raise ValueError(f"X has no columns besides the condition, {list(keys)}; add features.")
         return inner
-
-    def _clone(self, y: Any, rows: NDArray[np.intp]) -> Any:
-        """Return a clone with costs and priors of the classes that occur in some rows."""
-        known, classes = (np.unique(np.asarray(part)) for part in (chosen_rows(y, rows), y))
-        return narrowed(clone(self.estimator), known, classes)
 
     def _check_numbers(self, values: Sequence[Any]) -> None:
         for value in values:
@@ -509,11 +388,9 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
                 )
         return routes
 
-    def _results(self, X: Any, method: str) -> tuple[list[Any], list[Any], list[Any]]:
-        """Return the results of a method of the last steps, their rows in X, and the last steps."""
-        check_is_fitted(self)
+    def _results(self, X: Any, method: str) -> Iterator[tuple[Rows, Any, Any]]:
+        """Yield numbers of recordings, the last step of their condition, and its result."""
         routes, inner = self._routes(X), self.inner(X)
-        results, places, models = [], [], []
         for route in dict.fromkeys(routes):
             rows = np.flatnonzero([other == route for other in routes])
             model = self.pooled_ if route is None else self.estimators_[route]
@@ -521,16 +398,25 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             with located(f"among the recordings for the classifier of {of}"):
                 final, table = before_the_last_step(model, chosen_rows(inner, rows))
                 final = with_present_costs(final, model, self.estimator, self.classes_)
-                results.append(getattr(final, method)(table))
-            places.append(rows)
-            models.append(final)
-        return results, places, models
+                yield rows, final, getattr(final, method)(table)
+
+    def _by_recording(self, X: Any, method: str) -> pd.Series:
+        check_is_fitted(self)
+        parts = [pd.Series(result, rows) for rows, _, result in self._results(X, method)]
+        return pd.concat(parts).sort_index()
+
+    def _table(self, X: Any, method: str, labels: str, *, absent: float) -> NDArray[np.floating]:
+        """Return one row per recording, one column per label of all conditions."""
+        check_is_fitted(self)
+        known = getattr(self, labels).tolist()
+        parts = [
+            pd.DataFrame(result, rows, getattr(final, labels).tolist()).reindex(
+                columns=known, fill_value=absent
+            )
+            for rows, final, result in self._results(X, method)
+        ]
+        return pd.concat(parts).sort_index().to_numpy()
 
     def _cost_table(self) -> tuple[NDArray[Any], NDArray[np.float64]]:
         check_is_fitted(self)
         return present_cost_table([*self.estimators_.values()], self.estimator, self.classes_)
-
-    def _by_class(self, X: Any, method: str, *, absent: float) -> NDArray[np.floating]:
-        results, rows, models = self._results(X, method)
-        known = [model.classes_ for model in models]
-        return joined_rows(aligned_columns(results, known, self.classes_, absent=absent), rows)

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
-from emacm.conditions.healthy import check_rates, common_rates, find_healthy, known_conditions
+from emacm.conditions.healthy import check_rates, find_healthy, known_conditions
 from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.digests import content_digest
 from emacm.recordings.inputs import as_recordings, check_channels, described
-from emacm.recordings.meta import condition_name, sorted_conditions
+from emacm.recordings.meta import condition_name
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 from emacm.resampling.order_resampler import as_angle_recordings, check_alike
 from emacm.shaft.motion import StrokeTravel
 from emacm.shaft.paths import ShaftPath
-
-ALIGNMENTS = ("angle", "start")
 
 
 class GridSignals(NamedTuple):
@@ -119,14 +115,6 @@ class AngleBaseline:
     def __repr__(self) -> str:
         """Return name and digest; cached spectra are identified by this text."""
         return f"AngleBaseline({self.name}; {self.digest})"
-
-    def reach(self, direction: int) -> tuple[tuple[float, float], ...]:
-        """Return first and last shaft angle of each section [rad], along the motion."""
-        sign = direction or 1
-        return tuple(
-            (sign * part.first * self.theta_s, sign * (part.stop - 1) * self.theta_s)
-            for part in self.sections.get(direction, ())
-        )
 
 
 def mean_baseline(
@@ -267,34 +255,18 @@ class ResidualRecording(AngleRecording):
             for stroke in super().strokes
             for aligned in [GridStroke.of(stroke, self.baseline.align)]
             for known in self.baseline.sections.get(stroke.direction, ())
-            for low, high in [_common(aligned, known)]
+            for low in [max(aligned.first, known.first)]
+            for high in [min(aligned.first + aligned.count, known.stop)]
             if high - low > 1
         )
         if not sections:
-            raise ValueError(self._without_baseline())
+            starts = [f"{stroke.start_angle:.4g}" for stroke in super().strokes[:4]]
+            raise ValueError(
+                f"no stroke of it, which start at {', '.join(starts)} rad, is within the shaft "
+                f"angles of the healthy recordings of {self.baseline.name}. Use healthy recordings "
+                f"of the same motion, or align='start'."
+            )
         return sections
-
-    def coverage(self) -> tuple[float, float]:
-        """Return the revolutions of all strokes, and of the sections with a baseline."""
-        whole = sum(stroke.revolutions for stroke in super().strokes)
-        try:
-            return whole, sum(stroke.revolutions for stroke in self.strokes)
-        except ValueError:
-            return whole, 0.0
-
-    def _without_baseline(self) -> str:
-        ways = {1: "forward", -1: "reverse", 0: "travelling"}
-        known = [
-            f"{way} {low:.4g} to {high:.4g} rad"
-            for direction, way in ways.items()
-            for low, high in self.baseline.reach(direction)
-        ]
-        own = [f"{ways[s.direction]} from {s.start_angle:.4g} rad" for s in super().strokes]
-        return (
-            f"no stroke of it ({', '.join(own[:4])}) is within the shaft angles of the healthy "
-            f"recordings of {self.baseline.name} ({', '.join(known) or 'none'}). Use healthy "
-            f"recordings of the same motion, or align='start'."
-        )
 
 
 def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
@@ -309,15 +281,9 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     ahead = (position - first) * theta_s
     if ahead <= 1e-9 * theta_s:
         return path, first, 0
-    travel: Any = path.travel
-    if not isinstance(travel, StrokeTravel):
-        raise TypeError(f"only single strokes have a shaft angle, got {type(travel).__name__}.")
+    travel = cast(StrokeTravel, path.travel)
     moved = travel.starting_at(path.start_angle - sign * ahead)
     return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
-
-
-def _common(aligned: GridStroke, known: GridSignals) -> tuple[int, int]:
-    return max(aligned.first, known.first), min(aligned.first + aligned.count, known.stop)
 
 
 def _runs(known: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -365,9 +331,9 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
     -----
     The signals are resampled at whole multiples of `theta_s`, so means and differences are
     computed sample by sample, without interpolation. A mean exists where at least half of the
-    healthy recordings have samples (assumed); strokes are cut to this range, and `coverage` gives
-    the fraction that remains. Short strokes of a shaft that vibrates at rest would enter the mean:
-    set `min_speed` of `OrderResampler` above this motion. Healthy recordings used in training are
+    healthy recordings have samples (assumed); strokes are cut to this range. Short strokes of a
+    shaft that vibrates at rest would enter the mean: set `min_speed` of `OrderResampler` above
+    this motion. Healthy recordings used in training are
     part of their own mean: their residual is smaller than that of new ones, by the factor
     1 - 1/n_healthy.
 
@@ -426,32 +392,24 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             recording, or channels, `theta_s` or sampling rates differ; the message gives the
             recording or the condition.
         """
-        check_choice(self.align, "align", ALIGNMENTS)
+        check_choice(self.align, "align", ("angle", "start"))
         rows = as_angle_recordings(X, "SignalBaseline")
         found = find_healthy(rows, y, self.condition, self.healthy, self.baseline_recordings)
         first = rows[0]
-        self._check_alike(rows, first)
+        self._check_alike(rows, first.channels, first.theta_s)
         with located("baseline_recordings"):
             further = _resampled_as(first, found.further)
-            self._check_alike(further, first)
-        healthy = [row for row, good in zip(rows, found.mask, strict=True) if good] + further
-        self._rates = common_rates(healthy)
-        check_rates(rows, self._rates)
-        with located("baseline_recordings"):
-            check_rates(further, self._rates)
-        self.baselines_: dict[Any, AngleBaseline] = {
-            condition: mean_baseline(
-                [
-                    row
-                    for row, own in zip(healthy, found.conditions, strict=True)
-                    if own == condition
-                ],
+            self._check_alike(further, first.channels, first.theta_s)
+        healthy = [rows[row] for row in np.flatnonzero(found.mask)] + further
+        self.baselines_ = {
+            value: mean_baseline(
+                [healthy[row] for row in own],
                 align=self.align,
-                name=condition_name(self.condition, condition),
+                name=condition_name(self.condition, value),
             )
-            for condition in sorted_conditions(found.conditions)
+            for value, own in found.rows.items()
         }
-        self.conditions_ = tuple(self.baselines_)
+        self._rates, self.conditions_ = found.rates, tuple(self.baselines_)
         self.channels_, self.theta_s_ = first.channels, first.theta_s
         return self
 
@@ -476,7 +434,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         check_is_fitted(self)
         rows = as_angle_recordings(X, "SignalBaseline")
-        self._check_alike(rows, self)
+        self._check_alike(rows, self.channels_, self.theta_s_)
         check_rates(rows, self._rates)
         found = known_conditions(rows, self.condition, self.conditions_)
         return [
@@ -484,48 +442,28 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             for row, condition in zip(rows, found, strict=True)
         ]
 
-    def coverage(self, X: Any) -> pd.DataFrame:
-        """Return the fraction of the strokes for which there is a baseline.
-
-        Parameters
-        ----------
-        X : list of AngleRecording
-            Recordings.
-
-        Returns
-        -------
-        DataFrame
-            One row per recording: "revolutions" of its strokes, "covered" (revolutions with a
-            baseline), and "share" (covered / revolutions).
-        """
-        found = np.array([recording.coverage() for recording in self.transform(X)])
-        frame = pd.DataFrame(found, columns=["revolutions", "covered"])
-        return frame.assign(share=frame["covered"] / frame["revolutions"])
-
     def __sklearn_tags__(self) -> Any:
         """Declare that y is needed if `healthy` is a label."""
         tags = super().__sklearn_tags__()
         tags.target_tags.required = not (callable(self.healthy) or hasattr(self.healthy, "keys"))
         return tags
 
-    def _check_alike(self, rows: Sequence[AngleRecording], known: Any) -> None:
-        """Raise if recordings differ from the first one in `fit`, or from the fitted ones."""
-        channels, theta_s = (
-            (self.channels_, self.theta_s_) if known is self else (known.channels, known.theta_s)
-        )
+    def _check_alike(
+        self, rows: Sequence[AngleRecording], channels: Sequence[str], theta_s: float
+    ) -> None:
+        """Raise if recordings differ from those of `fit`, or cannot have a baseline."""
         check_alike(rows, channels, theta_s, "SignalBaseline")
         for index, row in enumerate(rows):
-            with located(partial(described, row, index)):
-                if isinstance(row, ResidualRecording):
-                    raise TypeError(
-                        "it is a residual already; use one SignalBaseline only, or give it the "
-                        "output of OrderResampler."
-                    )
-                if row.direction == "travel" and self.align == "angle":
-                    raise ValueError(
-                        "align='angle' needs strokes of one direction each, but "
-                        "direction='travel' of OrderResampler joins them. Use align='start'."
-                    )
+            if isinstance(row, ResidualRecording):
+                raise TypeError(
+                    f"{described(row, index)}: it is a residual already; use one SignalBaseline "
+                    f"only, or give it the output of OrderResampler."
+                )
+            if row.direction == "travel" and self.align == "angle":
+                raise ValueError(
+                    "align='angle' needs strokes of one direction each, but direction='travel' of "
+                    "OrderResampler joins them. Use align='start'."
+                )
 
 
 def _resampled_as(first: AngleRecording, recordings: list[Any]) -> list[AngleRecording]:

@@ -11,8 +11,9 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
+from emacm.conditions.router import check_labels
 from emacm.decisions.families import family_mapping
-from emacm.decisions.labels import check_classes, label_array
+from emacm.decisions.labels import label_array
 from emacm.decisions.metrics import (
     Correct,
     are_correct,
@@ -287,14 +288,8 @@ def _truths(cost: Any) -> set[Any]:
 
 def checked_classes(y: ArrayLike, X: Any) -> NDArray[Any]:
     """Return y as an array, or raise an error if it has not one class for each recording."""
-    n_recordings = X.shape[0] if hasattr(X, "shape") else len(listed_recordings(X))
+    check_labels(y, X.shape[0] if hasattr(X, "shape") else len(listed_recordings(X)))
     classes = np.asarray(y)
-    if classes.shape != (n_recordings,):
-        raise ValueError(
-            f"y must contain one class for each of {n_recordings} recordings in X, got shape "
-            f"{classes.shape}."
-        )
-    check_classes(y)
     check_classification_targets(classes)
     if len(np.unique(classes)) < 2:
         raise ValueError(f"y must contain at least two classes, got {np.unique(classes)}.")

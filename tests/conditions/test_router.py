@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sklearn
-from sklearn.base import BaseEstimator, ClassifierMixin, clone, is_classifier
+from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, LogisticRegression
 from sklearn.model_selection import GridSearchCV, cross_val_predict, cross_validate
@@ -24,7 +24,6 @@ from emacm import (
     OrderResampler,
     PosteriorProduct,
     Recording,
-    as_families,
     explain_decision,
     explain_model,
     family_costs,
@@ -93,20 +92,6 @@ def test_it_predicts_what_an_estimator_fitted_on_that_condition_alone_predicts(f
         )
 
 
-def test_rows_follow_their_recordings_whatever_their_order(fleet):
-    X, y = fleet
-    router = ConditionRouter(chain()).fit(X, y)
-    mixed = np.random.default_rng(0).permutation(len(X))
-    again = router.predict_proba([X[i] for i in mixed])
-    np.testing.assert_allclose(again, router.predict_proba(X)[mixed], rtol=1e-12)
-
-
-def test_the_order_of_training_recordings_does_not_matter_to_the_conditions(fleet):
-    X, y = fleet
-    assert ConditionRouter(chain()).fit(X, y).conditions_ == (-40, 20, 40)
-    assert ConditionRouter(chain()).fit(X[::-1], y[::-1]).conditions_ == (-40, 20, 40)
-
-
 def test_levels_that_one_model_confuses_are_told_apart_by_load(fleet):
     X, y = fleet
     router = cross_val_predict(ConditionRouter(chain()), X, y, cv=3)
@@ -118,23 +103,6 @@ def test_a_table_has_its_condition_in_a_column_that_the_estimator_does_not_see()
     router = ConditionRouter(CostSensitiveGaussianBayes(covariance="tied")).fit(LOADED, STATES)
     assert router.estimators_[20].feature_names_in_.tolist() == ["level"]
     assert router.predict(table([40, 20], [5.5, 5.5])).tolist() == ["healthy", "worn"]
-
-
-def test_several_keys_make_conditions_of_tuples(fleet):
-    X, y = fleet
-    X = [
-        run(loads_of(X)[i], label == "worn", i, unit="AB"[i // 3 % 2]) for i, label in enumerate(y)
-    ]
-    router = ConditionRouter(chain(), ("unit", "load")).fit(X, y)
-    assert router.conditions_[0] == ("A", -40)
-    assert len(router.estimators_) == 6
-
-
-def test_a_function_may_read_the_condition(fleet):
-    X, y = fleet
-    router = ConditionRouter(chain(), lambda recording: recording.meta["load"] > 0).fit(X, y)
-    assert router.conditions_ == (False, True)
-    assert router.predict(X).shape == (36,)
 
 
 def test_a_function_may_read_rows_of_a_bare_array():
@@ -171,17 +139,6 @@ def test_a_decision_that_a_condition_has_not_is_never_the_least_risk():
 
 
 # Decisions
-
-
-def test_decisions_that_are_no_class_come_through(fleet):
-    X, y = fleet
-    cost = {("healthy", "worn"): 1000, ("worn", "healthy"): 1000} | INSPECT
-    router = ConditionRouter(chain(cost=cost)).fit(X, y)
-    assert router.decisions_.tolist() == ["healthy", "worn", "inspect"]
-    assert "inspect" in router.predict(X)
-    np.testing.assert_array_equal(
-        router.decisions_[router.risk(X).argmin(axis=1)], router.predict(X)
-    )
 
 
 def test_the_risk_of_a_pipeline_is_that_of_its_last_step(fleet):
@@ -230,31 +187,12 @@ def test_a_decision_for_the_family_of_a_state_is_scored_as_right():
 # Conditions not seen
 
 
-def test_an_unseen_condition_is_an_error_that_names_recording_and_conditions(fleet):
-    X, y = fleet
-    router = ConditionRouter(chain()).fit(X, y)
-    with pytest.raises(ValueError, match=r"recording 1 \(load=30, seed=0\) has load=30, .*\[-40, "):
-        router.predict([X[0], run(30, False, 0)])
-
-
 def test_the_nearest_condition_may_answer_for_an_unseen_one():
     model = CostSensitiveGaussianBayes(covariance="tied")
     router = ConditionRouter(model, unseen="nearest").fit(LOADED, STATES)
     near = router.predict_proba(table([31, 29, 30, -5], [5.2] * 4))
     known = router.predict_proba(table([40, 20, 20, 20], [5.2] * 4))
     np.testing.assert_array_equal(near, known)
-
-
-def test_nothing_is_nearest_among_words():
-    frame = LOADED.assign(load=["low"] * 4 + ["high"] * 4)
-    with pytest.raises(ValueError, match="conditions that are numbers, but there is load='high'"):
-        ConditionRouter(LogisticRegression(), unseen="nearest").fit(frame, STATES)
-
-
-def test_a_word_is_not_near_a_number():
-    router = ConditionRouter(LogisticRegression(), unseen="nearest").fit(LOADED, STATES)
-    with pytest.raises(ValueError, match="numbers, but there is load='high'"):
-        router.predict(pd.DataFrame({"load": ["high"], "level": [1.0]}))
 
 
 def test_a_pooled_estimator_knows_all_recordings():
@@ -273,9 +211,6 @@ def test_a_second_fit_forgets_the_pooled_estimator():
     assert not hasattr(router, "pooled_")
 
 
-# scikit-learn
-
-
 @pytest.mark.slow
 def test_a_search_reaches_parameters_of_the_inner_steps(fleet):
     X, y = fleet
@@ -285,14 +220,6 @@ def test_a_search_reaches_parameters_of_the_inner_steps(fleet):
     assert set(search.cv_results_[f"param_{name}"].tolist()) == {1, 2}
     inner = search.best_estimator_[-1].estimators_[20]
     assert inner["bintransformer"].bin_size == search.best_params_[name]
-
-
-def test_a_search_may_run_for_each_condition(fleet):
-    X, y = fleet
-    search = GridSearchCV(chain(cost=INSPECT), {"bintransformer__bin_size": [1, 2]}, cv=2)
-    router = ConditionRouter(search).fit(X, y)
-    assert router.risk(X).shape == (36, 3)
-    assert router.estimators_[20].best_params_
 
 
 def test_cloning_keeps_parameters_and_forgets_what_was_learnt(fleet):
@@ -313,24 +240,6 @@ def test_folds_and_files_change_nothing(fleet, tmp_path):
         np.testing.assert_array_equal(same.predict_proba(X), router.predict_proba(X))
     scores = cross_validate(ConditionRouter(chain(), n_jobs=2), X, y, cv=3)["test_score"]
     assert scores.min() > 0.9
-
-
-def test_threads_change_nothing(fleet):
-    X, y = fleet
-    one, two = (ConditionRouter(chain(), n_jobs=n).fit(X, y).predict_proba(X) for n in (1, 2))
-    np.testing.assert_array_equal(one, two)
-
-
-def test_it_is_a_classifier():
-    assert is_classifier(ConditionRouter(chain()))
-
-
-@pytest.mark.parametrize(
-    "estimator", [LinearRegression(), StandardScaler(), None, "svm", LogisticRegression]
-)
-def test_what_is_no_classifier_is_refused(estimator):
-    with pytest.raises(TypeError, match="estimator must be a classifier or a pipeline that ends"):
-        ConditionRouter(estimator).fit(LOADED, STATES)
 
 
 def test_it_has_the_methods_of_its_estimator_alone():
@@ -385,82 +294,6 @@ def test_weights_are_routed_where_scikit_learn_routes_metadata():
     assert result["estimator"][0].estimators_[20].class_count_.tolist() == [3, 7]
 
 
-# Errors
-
-
-def test_a_missing_key_names_recording_and_key(fleet):
-    X, y = fleet
-    bare = Recording({"current": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"unit": "A"})
-    with pytest.raises(ValueError, match=r"recording 1 \(unit='A'\) has no meta key 'load', only"):
-        ConditionRouter(chain()).fit([X[0], bare], y[:2])
-
-
-def test_a_missing_column_names_row_and_column():
-    with pytest.raises(ValueError, match="recording 0 has no column 'speed', only"):
-        ConditionRouter(chain(), "speed").fit(LOADED, STATES)
-
-
-@pytest.mark.parametrize(
-    ("load", "error", "message"),
-    [
-        (None, ValueError, "its meta key 'load' is None"),
-        (np.nan, ValueError, "its meta key 'load' is nan"),
-        ([20], TypeError, r"its meta key 'load' is \[20\], which cannot be hashed"),
-    ],
-)
-def test_what_is_no_condition_is_refused(load, error, message):
-    bare = Recording({"current": [0.0, 1]}, 1, velocity=[1.0, 1.0], meta={"load": load})
-    with pytest.raises(error, match=rf"recording 0 .*: {message}"):
-        ConditionRouter(chain()).fit([bare], ["a"])
-
-
-def test_bare_rows_have_no_meta():
-    with pytest.raises(TypeError, match="recording 0 is a ndarray without meta"):
-        ConditionRouter(LogisticRegression()).fit(LOADED.to_numpy(), STATES)
-
-
-@pytest.mark.parametrize("X", ["recordings", {"a": 1}, 3])
-def test_what_is_no_list_is_refused(X):
-    with pytest.raises(TypeError, match="X must be a list of recordings, got"):
-        ConditionRouter(chain()).fit(X, STATES)
-
-
-def test_nothing_to_predict_is_refused(fleet):
-    router = ConditionRouter(chain()).fit(*fleet)
-    with pytest.raises(ValueError, match="X contains no recording"):
-        router.predict([])
-
-
-def test_a_condition_of_a_single_class_is_named():
-    with pytest.raises(ValueError, match="all 4 recordings of load=40 are of class 'worn'"):
-        ConditionRouter(LogisticRegression()).fit(LOADED, ["a", "b", "a", "b"] + ["worn"] * 4)
-
-
-def test_a_classifier_needs_y():
-    with pytest.raises(ValueError, match=r"a classifier needs y, .* call fit\(X, y\)"):
-        ConditionRouter(LogisticRegression()).fit(LOADED, None)
-
-
-def test_as_many_labels_as_recordings_are_needed():
-    with pytest.raises(ValueError, match="y has 7 entries for 8 recordings"):
-        ConditionRouter(LogisticRegression()).fit(LOADED, STATES[:7])
-
-
-def test_an_unknown_choice_is_refused():
-    with pytest.raises(ValueError, match="unseen must be one of 'raise', 'nearest', 'pooled'"):
-        ConditionRouter(LogisticRegression(), unseen="guess").fit(LOADED, STATES)
-
-
-def test_an_error_inside_tells_the_condition():
-    frame = LOADED.assign(level=[1.0, 2, 3, 4, 7, 7, 7, 7])
-    model = CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied")
-    with pytest.raises(ValueError, match="among the recordings of load=40: The largest variance"):
-        ConditionRouter(model).fit(frame, STATES)
-
-
-# Explanations
-
-
 def test_a_router_is_explained_by_the_pipeline_of_the_condition(fleet):
     X, y = fleet
     router = ConditionRouter(chain()).fit(X, y)
@@ -481,13 +314,6 @@ def test_a_router_after_other_steps_says_how_to_explain_it():
     model = make_pipeline(FunctionTransformer(), router).fit(X, STATES)
     with pytest.raises(TypeError, match=r"router\.estimators_\[20\], with a table"):
         explain_decision(model, X.iloc[[0]])
-
-
-def test_the_pipeline_of_a_condition_can_be_explained(fleet):
-    X, y = fleet
-    router = ConditionRouter(chain()).fit(X, y)
-    table = explain_decision(router.estimators_[-40], X[0])
-    assert table["column"].tolist()[0] in {"current@1-2", "current@2-3"}
 
 
 FAMILIES = {"healthy": ["healthy"], "worn": ["worn", "dry"]}
@@ -513,40 +339,6 @@ def test_a_cost_may_name_a_class_that_some_condition_lacks(cost):
     assert router.predict(LOADED)[4:].tolist() == ["healthy", "healthy", "worn", "worn"]
 
 
-def test_a_class_of_probability_0_adds_nothing_to_the_risk():
-    cost = FORMS_OF_A_COST["families"]
-    router = ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
-    by_posterior = router.predict_proba(LOADED) @ router.cost_.T
-    np.testing.assert_allclose(router.risk(LOADED), by_posterior, atol=1e-15)
-
-
-def test_the_cost_of_the_router_is_whole_whichever_condition_lacks_a_class():
-    cost = FORMS_OF_A_COST["mapping"]
-    forward = ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
-    backward = ConditionRouter(gaussian(cost)).fit(LOADED.assign(load=-LOADED["load"]), SUB_STATES)
-    np.testing.assert_array_equal(forward.cost_, backward.cost_)
-
-
-def test_a_cost_of_a_class_that_no_condition_has_is_refused():
-    cost = {("healthy", "loose"): 10}
-    with pytest.raises(ValueError, match=r"load=20: cost names the class 'loose' as a truth"):
-        ConditionRouter(gaussian(cost)).fit(LOADED, SUB_STATES)
-
-
-def test_the_cost_of_the_estimator_given_stays_as_it_is():
-    router = ConditionRouter(gaussian(FORMS_OF_A_COST["mapping"]))
-    router.fit(LOADED, SUB_STATES)
-    assert router.estimator.cost == FORMS_OF_A_COST["mapping"]
-
-
-def test_a_right_family_scores_as_right():
-    router = ConditionRouter(gaussian(FORMS_OF_A_COST["families"])).fit(LOADED, SUB_STATES)
-    right = as_families(SUB_STATES, FAMILIES) == router.predict(LOADED)
-    assert router.score(LOADED, SUB_STATES) == right.mean() == 1.0
-    weight = np.arange(1.0, 9.0)
-    assert router.score(LOADED, np.full(8, "worn"), weight) == (3 + 4 + 7 + 8) / 36
-
-
 def test_a_fit_that_fails_leaves_the_router_as_it_was(fleet):
     X, y = fleet
     fresh = ConditionRouter(chain(shrinkage=2.0))
@@ -558,76 +350,6 @@ def test_a_fit_that_fails_leaves_the_router_as_it_was(fleet):
     with pytest.raises(ValueError, match="of class 'healthy'"):
         router.fit(X[:18:3], y[:18:3])
     assert router.conditions_ == (-40, 20, 40)
-
-
-@pytest.mark.parametrize("missing", [None, np.nan, pd.NA])
-def test_a_recording_without_a_class_is_named_and_makes_no_class_called_nan(missing):
-    with pytest.raises(
-        ValueError, match=r"class of every recording, but recording 7 has (None|nan|<)"
-    ):
-        ConditionRouter(LogisticRegression()).fit(LOADED, [*STATES[:7], missing])
-
-
-def test_text_and_numbers_are_no_classes_together():
-    with pytest.raises(TypeError, match=r"recording 0 has 'healthy' and recording 7 has 3"):
-        ConditionRouter(LogisticRegression()).fit(LOADED, [*STATES[:7], 3])
-
-
-@pytest.mark.parametrize("y", [3, np.array(3), "worn", dict(enumerate(STATES)), iter(STATES)])
-def test_labels_that_are_no_list_are_refused(y):
-    with pytest.raises(
-        TypeError, match="y must be a list or an array with one class for each of 8"
-    ):
-        ConditionRouter(LogisticRegression()).fit(LOADED, y)
-
-
-@pytest.mark.parametrize(
-    ("condition", "error", "message"),
-    [
-        (["load"], TypeError, r"condition must be a key of meta .* got \['load'\]"),
-        (("load", ["unit"]), TypeError, "condition must be a key of meta"),
-        ((), TypeError, "condition must be a key of meta"),
-    ],
-)
-def test_what_names_no_key_is_refused(condition, error, message):
-    with pytest.raises(error, match=message):
-        ConditionRouter(LogisticRegression(), condition).fit(LOADED, STATES)
-
-
-def test_an_infinite_condition_is_near_to_none():
-    far = LOADED.assign(load=[20.0] * 7 + [np.inf])
-    with pytest.raises(ValueError, match=r"recording 7.* is inf"):
-        ConditionRouter(LogisticRegression(), unseen="nearest").fit(far, STATES)
-
-
-def test_a_table_of_nothing_but_the_condition_is_refused():
-    with pytest.raises(ValueError, match=r"no columns besides the condition, \['load'\]"):
-        ConditionRouter(LogisticRegression()).fit(LOADED[["load"]], STATES)
-
-
-def test_a_condition_in_two_columns_is_refused():
-    with pytest.raises(ValueError, match=r"X has columns of the same name: \['load'\]"):
-        ConditionRouter(LogisticRegression()).fit(LOADED[["load", "load", "level"]], STATES)
-
-
-@pytest.mark.parametrize(
-    ("wrap", "message"),
-    [
-        (lambda X: X[0], "got a single one; write .recording."),
-        (iter, "got a list_iterator. It can be read only once; write list"),
-        (lambda X: pd.Series(X), "got a Series"),
-    ],
-)
-def test_recordings_that_come_in_no_list_are_refused(fleet, wrap, message):
-    X, y = fleet
-    with pytest.raises(TypeError, match=f"must be a list of recordings, {message}"):
-        ConditionRouter(chain()).fit(wrap(X), y)
-
-
-def test_a_table_of_another_library_is_told_from_one_of_pandas():
-    polars = pytest.importorskip("polars")
-    with pytest.raises(TypeError, match="got a polars DataFrame, which is not a pandas one"):
-        ConditionRouter(LogisticRegression()).fit(polars.DataFrame({"load": [1, 2]}), ["a", "b"])
 
 
 @pytest.mark.parametrize(
@@ -688,13 +410,6 @@ def test_a_cost_set_after_fit_changes_decisions():
     assert router.estimators_[20].cost is None  # the fitted classifiers stay as they are
 
 
-def test_a_cost_of_an_unknown_class_is_refused_when_deciding():
-    router = ConditionRouter(gaussian(None)).fit(LOADED, SUB_STATES)
-    router.set_params(estimator__cost={("healthy", "loose"): 10})
-    with pytest.raises(ValueError, match=r"classifier of load=20: .*'loose'"):
-        router.predict(LOADED)
-
-
 def test_a_cost_that_a_search_selected_stays():
     costs = [{("worn", "healthy"): 1e9}, {("healthy", "worn"): 5}]
 
@@ -711,12 +426,6 @@ def test_a_cost_that_a_search_selected_stays():
     )
 
 
-@pytest.mark.parametrize("n_jobs", [0, 1.5, "2", True])
-def test_a_number_of_jobs_that_is_none_is_refused(n_jobs):
-    with pytest.raises((TypeError, ValueError), match="n_jobs must"):
-        ConditionRouter(LogisticRegression(), n_jobs=n_jobs).fit(LOADED, STATES)
-
-
 def test_workers_see_the_configuration_of_scikit_learn():
     weight = np.arange(1.0, 9)
     with sklearn.config_context(enable_metadata_routing=True):
@@ -727,7 +436,57 @@ def test_workers_see_the_configuration_of_scikit_learn():
     assert router.estimators_[40][-1].class_count_.tolist() == [11, 15]
 
 
-@pytest.mark.parametrize("method", ["predict", "predict_proba", "risk"])
-def test_nothing_is_decided_before_the_fit(method):
+def bare(**meta):
+    return [Recording({"current": [0.0, 1]}, 1, velocity=1.0, meta=meta)]
+
+
+LOGISTIC = LogisticRegression()
+NEAREST = ConditionRouter(LOGISTIC, unseen="nearest")
+WORDS = LOADED.assign(load=["low"] * 4 + ["high"] * 4)
+UNSEEN = ConditionRouter(LOGISTIC, unseen="guess")
+BAD_FITS = [
+    (ConditionRouter(LinearRegression()), LOADED, STATES, "estimator must be a classifier or a"),
+    (ConditionRouter(None), LOADED, STATES, "estimator must be a classifier or a pipeline that"),
+    (ConditionRouter(LogisticRegression), LOADED, STATES, "estimator instance"),
+    (ConditionRouter(LOGISTIC), LOADED, None, r"a classifier needs y, .* call fit\(X, y\)"),
+    (ConditionRouter(LOGISTIC), LOADED, "worn", "y must be a list or an array with one class"),
+    (ConditionRouter(LOGISTIC), LOADED, STATES[:7], "y has 7 entries for 8 recordings"),
+    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], None], "recording 7 has None"),
+    (ConditionRouter(LOGISTIC), LOADED, [*STATES[:7], 3], "recording 7 has 3"),
+    (ConditionRouter(LOGISTIC), LOADED, [*"abab", *["worn"] * 4], "load=40 are of class 'worn'"),
+    (ConditionRouter(LOGISTIC), LOADED[["load"]], STATES, "no columns besides the condition"),
+    (ConditionRouter(LOGISTIC), LOADED.to_numpy(), STATES, "a ndarray without meta"),
+    (ConditionRouter(LOGISTIC, "speed"), LOADED, STATES, "recording 0 has no column 'speed'"),
+    (ConditionRouter(LOGISTIC, ["load"]), LOADED, STATES, "condition must be a key of meta"),
+    (ConditionRouter(LOGISTIC), bare(unit="A"), ["a"], "recording 0 .* no meta key 'load'"),
+    (ConditionRouter(LOGISTIC), bare(load=np.nan), ["a"], "its meta key 'load' is nan"),
+    (ConditionRouter(LOGISTIC), "recordings", ["a"], "X must be a list of recordings, got"),
+    (ConditionRouter(LOGISTIC, n_jobs=0), LOADED, STATES, "n_jobs must"),
+    (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'nearest', 'pooled'"),
+    (NEAREST, WORDS, STATES, "conditions that are numbers, but there is load='high'"),
+    (
+        ConditionRouter(CostSensitiveGaussianBayes(shrinkage="oas", covariance="tied")),
+        LOADED.assign(level=[1.0, 2, 3, 4, 7, 7, 7, 7]),
+        STATES,
+        "among the recordings of load=40: The largest variance",
+    ),
+]
+
+
+@pytest.mark.parametrize(("router", "X", "y", "message"), BAD_FITS)
+def test_what_cannot_be_fitted_is_refused(router, X, y, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        router.fit(X, y)
+
+
+def test_what_cannot_be_decided_is_refused(fleet):
     with pytest.raises(NotFittedError):
-        getattr(ConditionRouter(gaussian(None), unseen="pooled"), method)(LOADED)
+        ConditionRouter(gaussian(None)).risk(LOADED)
+    router = ConditionRouter(gaussian(None)).fit(LOADED, SUB_STATES)
+    with pytest.raises(ValueError, match=r"row 1 has load=30, but .*\[20, 40\]"):
+        router.predict(table([20, 30], [1, 2]))
+    with pytest.raises(ValueError, match="X contains no recording"):
+        router.predict([])
+    router.set_params(estimator__cost={("healthy", "loose"): 10})
+    with pytest.raises(ValueError, match=r"classifier of load=20: .*'loose'"):
+        router.predict(LOADED)

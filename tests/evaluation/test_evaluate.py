@@ -480,7 +480,7 @@ def test_several_costs_that_differ_are_refused():
 
 
 BAD = {
-    "y must contain one class for each of 96 recordings": {"y": ["a"] * 5},
+    "y has 5 entries for 96 recordings": {"y": ["a"] * 5},
     "y must contain the class of every recording, but recording 0 has None": {"y": [None] * 96},
     "y must contain classes of one type, text or numbers": {"y": ["a"] * 95 + [3]},
     "y must contain at least two classes, got ['a']": {"y": ["a"] * 96},
