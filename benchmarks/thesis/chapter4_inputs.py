@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from chapter4_spectra import MIN_SPEED, REVOLUTIONS
-from emacm.simulation.laboratory import ASSUMED, Actuator, Condition
+from emacm.simulation.laboratory import ASSUMED, VARIATIONS, Actuator, Condition
 
 _ASSUMED = "assumed"
 _INPUTS = [
@@ -81,7 +81,7 @@ def inputs_table(duration: float) -> pd.DataFrame:
     """
     constants = {"lead": Actuator().screw_lead, "duration": duration}
     constants |= {
-        name: 100 * ASSUMED.heating * duration * ASSUMED.warm[name]
+        name: 100 * ASSUMED.heating * duration * VARIATIONS[name].warm
         for name in ("viscous", "coulomb")
     }
     rows = [(name, value.format(**constants), source) for name, value, source in _INPUTS]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
+from emacm.simulation import motor, sensors
 from emacm.simulation.faults import (
     FAULTS,
     Imperfections,
@@ -19,32 +20,21 @@ from emacm.simulation.faults import (
     ball_passage,
     check_faults,
     draw_imperfections,
-    drift,
     healthy_lines,
-    resolver_error,
-    warmth,
 )
 from emacm.simulation.laboratory import (
     ASSUMED,
     CONDITIONS,
     RATED_CURRENT,
+    TRANSDUCERS,
     Actuator,
     draw_run,
     draw_unit,
-    load_error,
-    load_force,
-    position_command,
+    drift,
+    warmth,
 )
-from emacm.simulation.mechanics import bench_motion, carrier_ripple, phase_voltage, rod_position
-from emacm.simulation.motor import (
-    Torques,
-    housing_acceleration,
-    housing_force,
-    phase_currents,
-    shaft_torques,
-)
-from emacm.simulation.sensors import cable_noise, interference, measured, resolver_angle
-from emacm.simulation.waves import PHASES, OrderWaves
+from emacm.simulation.mechanics import bench_motion, rod_position
+from emacm.simulation.waves import Array, OrderWaves
 
 
 class BenchTruth(NamedTuple):
@@ -52,49 +42,41 @@ class BenchTruth(NamedTuple):
 
     Attributes
     ----------
-    condition : int
-        Row of Table 4.3.
-    phase : float
-        Phase of the position command at time 0 [rad].
     actuator : Actuator
         The unit at the start of this recording.
     times : ndarray of shape (n_times,)
         Times [s]; the recording starts at 0.
     torques : Torques
         Torques and motion of the shaft.
+    waves : OrderWaves
+        Waves over the shaft angle.
     force : ndarray of shape (n_times,)
         Load against positive motion [lbf].
     position : ndarray of shape (n_times,)
         Position of the rod [in].
     currents : ndarray of shape (3, n_times)
         Phase currents, including the ripple of the inverter [A].
-    voltage : ndarray of shape (n_times,)
-        Peak voltage of a phase, without the ripple of the inverter [V].
     acceleration : ndarray of shape (n_times,)
         Acceleration of the housing [g].
     passages : dict of str to Passage
         Passages of rolling elements over each defect.
+    position_command : ndarray of shape (n_times,)
+        Commanded position [in].
     load_command : ndarray of shape (n_times,)
         Commanded load at the position of the rod: bias and spring of Table 4.3 [lbf].
     """
 
-    condition: int
-    phase: float
     actuator: Actuator
-    times: NDArray[np.floating]
-    torques: Torques
-    force: NDArray[np.floating]
-    position: NDArray[np.floating]
-    currents: NDArray[np.floating]
-    voltage: NDArray[np.floating]
-    acceleration: NDArray[np.floating]
+    times: Array
+    torques: motor.Torques
+    waves: OrderWaves
+    force: Array
+    position: Array
+    currents: Array
+    acceleration: Array
     passages: dict[str, Passage]
-    load_command: NDArray[np.floating]
-
-    @property
-    def position_command(self) -> NDArray[np.floating]:
-        """Commanded position [in]."""
-        return position_command(CONDITIONS[self.condition], self.times, self.phase)
+    position_command: Array
+    load_command: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,8 +156,6 @@ class LaboratoryBench:
         for name in ("electrical_noise", "unit_spread", "run_spread"):
             check_number(getattr(self, name), name, at_least=0)
         check_choice(self.phases, "phases", ("a", "b", "c", "ab", "ac", "bc", "abc"))
-        if not isinstance(self.commands, bool | np.bool_):
-            raise TypeError(f"commands must be True or False, got {self.commands!r}.")
         check_number(self.duration, "duration", at_least=0.01, unit="s")
         check_number(self.cutoff, "cutoff", above=0, unit="Hz")
         check_number(self.fs, "fs", above=max(2 * self.cutoff, 2 / self.duration), unit="Hz")
@@ -207,7 +187,7 @@ class LaboratoryBench:
     @property
     def built(self) -> Actuator:
         """Constants of this unit: `actuator` with its unit-to-unit variation."""
-        return draw_unit(self.actuator, self._rng("unit"), spread=self.unit_spread)
+        return draw_unit(self.actuator, self._rng("unit"), self.unit_spread)
 
     def record(self, condition: int, run: int = 1) -> Recording:
         """Simulate one recording.
@@ -237,39 +217,40 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
-        truth, turning = self._simulated(condition, run, self.phases)
-        angle = truth.torques.angle
-        current = truth.torques.motor / (truth.actuator.torque_constant * RATED_CURRENT)
-        error, slope = resolver_error(turning, truth.actuator, self._imperfections)
-        lvdt, accelerometer = (
-            drift(name, truth.times, self.run_spread)
-            for name in ("lvdt_gain", "accelerometer_gain")
-        )
+        truth = self.truth(condition, run)
+        rng = partial(self._rng, condition=condition, run=run)
+        unit, angle = truth.actuator, truth.torques.angle
+        current = truth.torques.motor / (unit.torque_constant * RATED_CURRENT)
+        error, slope = sensors.resolver_error(truth.waves, unit, self._imperfections)
+        lvdt_gain = drift("lvdt_gain", truth.times, self.run_spread) * unit.lvdt_gain
+        gain = drift("accelerometer_gain", truth.times, self.run_spread) * unit.accelerometer_gain
         quantities = {
-            "lvdt": lvdt * truth.actuator.lvdt_gain * truth.position + truth.actuator.lvdt_offset,
+            "lvdt": lvdt_gain * truth.position + unit.lvdt_offset,
             "velocity": (slope + 1) * truth.torques.velocity,  # computed from the resolver
-            **{f"current_{x}": i for x, i in zip(self.phases, truth.currents, strict=True)},
-            "accelerometer": accelerometer * truth.actuator.accelerometer_gain * truth.acceleration,
+            **{f"current_{x}": truth.currents["abc".index(x)] for x in self.phases},
+            "accelerometer": gain * truth.acceleration,
             **({"load_cell": truth.force} if self.commands else {}),
         }
         kept = slice(int(np.count_nonzero(truth.times < 0)), None)
-        level = self.electrical_noise * truth.actuator.electrical_noise
-        waves = interference(truth.times, self._rng("interference", condition, run))
+        level = self.electrical_noise * unit.electrical_noise
+        mains, carrier = sensors.interference(truth.times, rng("interference"))
         signals = {}
         for name, values in quantities.items():
-            sensor, rng = name.partition("_")[0], self._rng(name, condition, run)
-            mark = truth.actuator.mark + len(sensor)  # different phases in different cables
-            cable = waves.volts(sensor)
-            cable += cable_noise(sensor, turning, current, level, mark)
-            settled = measured(sensor, values, rng, fs=self.fs, cutoff=self.cutoff, cable=cable)
+            sensor = name.partition("_")[0]
+            transducer = TRANSDUCERS[sensor]
+            cable = transducer.mains * mains + transducer.carrier * carrier
+            mark = unit.mark + len(sensor)  # different phases in different cables
+            cable += sensors.motor_noise(sensor, truth.waves, current, level, mark)
+            settled = sensors.measured(
+                sensor, values, rng(name), fs=self.fs, cutoff=self.cutoff, cable=cable
+            )
             signals[name] = settled[kept]
-        if self.commands:  # digital values: no sensor, no noise
-            for name in ("position_command", "load_command"):
-                signals[name] = getattr(truth, name)[kept].astype(np.float32)
+        for name in ("position_command", "load_command") if self.commands else ():
+            signals[name] = getattr(truth, name)[kept].astype(np.float32)  # digital: no noise
         return Recording(
             {name: signals[name] for name in self.channels},
             self.fs,
-            angle=resolver_angle(angle[kept], self._rng("resolver", condition, run), error[kept]),
+            angle=sensors.resolver_angle((angle + error)[kept], rng("resolver")),
             shaft_fs=self.fs / ASSUMED.shaft_decimation,
             meta=self.meta(condition, run),
         )
@@ -291,62 +272,52 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
-        return self._simulated(condition, run, PHASES)[0]
-
-    def _simulated(self, condition: int, run: int, phases: str) -> tuple[BenchTruth, OrderWaves]:
-        """Simulate one run with some phase currents; return the waves of its shaft angle too."""
-        row, faults = CONDITIONS[_known(condition)], self._present
-        check_count(run, "run")
-        of_run = self._rng("run", condition, run)
-        unit = self._in_run(condition, run, of_run)
+        meta, row, fs = self.meta(condition, run), CONDITIONS[condition], self.fs
+        rng = partial(self._rng, condition=condition, run=run)
+        of_run = rng("run")
+        actuator = self._in_run(condition, run, of_run)
+        faults = {name: FAULTS[name].scaled(self.faults.get(name, 0.0)) for name in FAULTS}
         phase = of_run.uniform(0, 2 * np.pi)
         share = 1 + 0.01 * self.run_spread * of_run.standard_normal()
-        n_before = round(ASSUMED.before * self.fs)
-        times = np.arange(-n_before, round(self.duration * self.fs)) / self.fs
-        motion = bench_motion(
-            row, unit, times, phase=phase, load_share=share, jam=faults.get("jam", 0.0)
+        times = np.arange(-round(ASSUMED.before * fs), round(self.duration * fs)) / fs
+        motion = bench_motion(row, actuator, times, phase, share, faults["jam"])
+        load_command = row.load(motion.angle / actuator.angle_per_inch)
+        force = motor.low_passed_noise(
+            len(times), ASSUMED.load_bandwidth, fs, rng("load"), ASSUMED.load_error
         )
-        place = motion.angle / unit.angle_per_inch
-        load_command = load_force(row, place)
-        force = load_error(len(times), self.fs, self._rng("load", condition, run))
         force += share * load_command
         passages = {
-            name: ball_passage(name, motion.angle, self._rng(name, condition, run), mark=unit.mark)
-            for name in faults
-            if FAULTS[name].rolls
+            name: ball_passage(faults[name], motion.angle, rng(name), actuator.mark)
+            for name in meta["faults"]
+            if faults[name].rolls
         }
-        lines = healthy_lines(
-            motion.angle, self._imperfections, self._rng("lines", condition, run), self.fs
+        unit = motor.Unit(actuator, faults, passages)
+        shares = self._imperfections.line_shares
+        line_force, line_torque = healthy_lines(motion.angle, shares, rng("lines"), fs)
+        torques = motor.shaft_torques(
+            unit, motion, force, line_torque, rng("friction"), self.run_spread
         )
-        of_friction = self._rng("friction", condition, run)
-        known = (unit, faults, passages)
-        torques = shaft_torques(motion, force, *known, of_friction, lines.torque, self.run_spread)
-        turning = OrderWaves(torques.angle)
-        position, knocks = rod_position(
-            torques.angle, force, unit, faults.get("backlash", 0.0), self.fs
-        )
-        of_forces = self._rng("forces", condition, run)
-        shaking = housing_force(torques, *known, knocks, of_forces, self.fs, lines.force, turning)
-        voltage = phase_voltage(torques.motor, torques.velocity, unit)
-        currents = phase_currents(torques.motor, turning, unit, faults, phases)
-        if self.fs / 2 > ASSUMED.carrier:
-            turned = self._rng("carrier", condition, run).uniform(0, 2 * np.pi)
-            currents += carrier_ripple(voltage, turning, times, turned, unit, phases)
-        truth = BenchTruth(
-            condition,
-            phase,
-            unit,
+        waves = OrderWaves(torques.angle)
+        backlash = faults["backlash"].backlash
+        position, knocks = rod_position(torques.angle, force, actuator, backlash, fs)
+        shaking = motor.housing_force(unit, torques, waves, knocks, line_force, rng("forces"), fs)
+        currents = motor.phase_currents(unit, torques.motor, waves)
+        if fs / 2 > ASSUMED.carrier:
+            turned = rng("carrier").uniform(0, 2 * np.pi)
+            currents += motor.carrier_ripple(torques, waves, times, turned, actuator)
+        return BenchTruth(
+            actuator,
             times,
             torques,
+            waves,
             force,
             position,
             currents,
-            voltage,
-            housing_acceleration(shaking, unit, self.fs),
+            motor.housing_acceleration(shaking, actuator, fs),
             passages,
+            row.position(times, phase),
             load_command,
         )
-        return truth, turning
 
     def meta(self, condition: int, run: int) -> dict[str, Any]:
         """Return the `meta` of the recording of a run, without simulating it.
@@ -365,9 +336,10 @@ class LaboratoryBench:
         TypeError, ValueError
             If the condition or run does not exist.
         """
+        number = check_count(condition, "condition")
         return {
             "unit": self.unit,
-            "condition": _known(condition),
+            "condition": check_choice(number, "condition", tuple(CONDITIONS)),
             "run": check_count(run, "run"),
             "label": self.label,
             "severity": self.severity,
@@ -381,25 +353,15 @@ class LaboratoryBench:
 
     @property
     def _imperfections(self) -> Imperfections:
-        return draw_imperfections(self._rng("imperfections"), spread=self.unit_spread)
+        return draw_imperfections(self._rng("imperfections"), self.unit_spread)
 
     def _in_run(self, condition: int, run: int, rng: np.random.Generator) -> Actuator:
         """Return the constants of the unit in a run: warm-up, and the mounted accelerometer."""
         mounted = self._rng("mounting", condition, (run - 1) // ASSUMED.runs_per_mounting)
-        return draw_run(
-            self.built,
-            rng,
-            spread=self.run_spread,
-            warmth=warmth(self._rng("warmth", condition), run),
-            mounting=float(mounted.standard_normal()),
-        )
+        warm = warmth(self._rng("warmth", condition), run)
+        return draw_run(self.built, rng, self.run_spread, warm, float(mounted.standard_normal()))
 
     def _rng(self, stream: str, condition: int = 0, run: int = 0) -> np.random.Generator:
         # The name, not a number in a list: a new fault or channel must not change any other stream.
         key = (zlib.crc32(stream.encode()), self.unit, condition, run)
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
-
-
-def _known(condition: Any) -> int:
-    """Return the number of an existing condition."""
-    return check_choice(check_count(condition, "condition"), "condition", tuple(CONDITIONS))

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm._checks import check_choice, check_count, check_number, check_signal
+from emacm._checks import check_choice, check_count, check_number
 from emacm.recordings.recording import Recording
 
-CHAPTER3_ORDERS: Mapping[str, float | None] = MappingProxyType(
-    {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
-)
+CHAPTER3_ORDERS: Mapping[str, float | None] = {"healthy": None, "defect 1": 3.125, "defect 2": 10.5}
 
 
 def chapter3_recording(
@@ -87,46 +84,38 @@ def chapter3_recording(
     >>> chapter3_recording("defect 1", run=7).meta["orders"]
     {'defect 1': (3.125,)}
     """
-    check_choice(label, "label", tuple(_checked_orders(defect_orders)))
-    check_count(run, "run", at_least=0)
-    check_count(seed, "seed", at_least=0)
+    check_choice(label, "label", tuple(defect_orders))
     check_choice(reference, "reference", ("velocity", "angle"))
-    for value, name, unit in (
-        (sigma, "sigma", "A"),
-        (supply_amplitude, "supply_amplitude", "A"),
-        (defect_amplitude, "defect_amplitude", "A"),
-    ):
-        check_number(value, name, at_least=0, unit=unit)
-    check_number(duration, "duration", above=0, unit="s")
-    times = np.arange(round(duration * check_number(fs, "fs", above=0, unit="Hz"))) / fs
-    velocity, angle = chapter3_motion(times, mean_speed, speed_frequency)
+    check_count(run, "run", at_least=0)
+    sigma = check_number(sigma, "sigma", at_least=0, unit="A")
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    times = np.arange(round(check_number(duration, "duration", above=0, unit="s") * fs)) / fs
+    omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
+    # Rounding must not make the speed negative where it reaches zero: that would be a stroke.
+    velocity = np.maximum(mean_speed * (1 + np.sin(omega * times)), 0.0)  # Eq. (3.1)
+    angle = mean_speed * times - mean_speed / omega * np.cos(omega * times)  # Eq. (3.2)
     current = 5.0 * np.sin(6 * angle)  # Eq. (3.4)
     current += supply_amplitude * np.sin(2 * np.pi * 100 * times)
     order = defect_orders[label]
     if order is not None:
-        order = check_number(order, f"order of {label!r}", above=0)
         current += defect_amplitude * np.sin(order * angle)  # Eq. (3.5)
     # The label, not its position: another label must not change the noise of this one.
     key = (zlib.crc32(label.encode()), run)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
     current += sigma * rng.standard_normal(len(times))  # Eq. (3.6)
-    shaft = {"velocity": velocity, "angle": angle}[reference]
     meta = {
         "label": label,
         "run": run,
         "severity": 0.0 if order is None else defect_amplitude / 0.1,
         "orders": {} if order is None else {label: (order,)},
     }
-    if reference == "velocity":
-        return Recording({"current": current}, fs, velocity=shaft, meta=meta)
-    return Recording({"current": current}, fs, angle=shaft, meta=meta)
+    shaft = {"velocity": velocity} if reference == "velocity" else {"angle": angle}
+    return Recording({"current": current}, fs, **shaft, meta=meta)
 
 
 def chapter3_recordings(
     n_runs: int = 40,
     *,
-    sigma: float = 0.25,
-    seed: int = 0,
     defect_orders: Mapping[str, float | None] = CHAPTER3_ORDERS,
     **constants: Any,
 ) -> tuple[list[Recording], NDArray[np.str_]]:
@@ -136,7 +125,7 @@ def chapter3_recordings(
     ----------
     n_runs : int
         Runs of each class. The first runs do not depend on their number.
-    sigma, seed, defect_orders, **constants
+    defect_orders, **constants
         As for `chapter3_recording`.
 
     Returns
@@ -159,58 +148,8 @@ def chapter3_recordings(
     """
     check_count(n_runs, "n_runs")
     recordings = [
-        chapter3_recording(
-            label, run, sigma=sigma, seed=seed, defect_orders=defect_orders, **constants
-        )
-        for label in _checked_orders(defect_orders)
+        chapter3_recording(label, run, defect_orders=defect_orders, **constants)
+        for label in defect_orders
         for run in range(n_runs)
     ]
     return recordings, np.array([recording.meta["label"] for recording in recordings])
-
-
-def chapter3_motion(
-    times: NDArray[np.floating], mean_speed: float = 20 * np.pi, speed_frequency: float = 5.0
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the speed and the angle of the motor of chapter 3, Eqs. (3.1) and (3.2).
-
-    Parameters
-    ----------
-    times : ndarray of shape (n_times,)
-        Times [s].
-    mean_speed : float
-        Mean of the speed, and amplitude of its sine [rad/s].
-    speed_frequency : float
-        Frequency of the speed variation [Hz].
-
-    Returns
-    -------
-    velocity, angle : ndarray of shape (n_times,)
-        Speed [rad/s], from 0 to ``2 * mean_speed``, and angle [rad].
-
-    Raises
-    ------
-    TypeError, ValueError
-        If times are not finite, or `mean_speed` or `speed_frequency` is not positive.
-
-    Examples
-    --------
-    >>> velocity, angle = chapter3_motion(np.array([0.0, 0.05]))
-    >>> (velocity / np.pi).round(6), angle.round(6)
-    (array([20., 40.]), array([-2.      ,  3.141593]))
-    """
-    times = check_signal(times, "times", min_length=1)
-    mean_speed = check_number(mean_speed, "mean_speed", above=0, unit="rad/s")
-    omega = 2 * np.pi * check_number(speed_frequency, "speed_frequency", above=0, unit="Hz")
-    # Rounding must not make the speed negative where it reaches zero: that would be a stroke.
-    velocity = np.maximum(mean_speed * (1 + np.sin(omega * times)), 0.0)  # Eq. (3.1)
-    angle = mean_speed * times - mean_speed / omega * np.cos(omega * times)  # Eq. (3.2)
-    return velocity, angle
-
-
-def _checked_orders(defect_orders: Mapping[str, float | None]) -> Mapping[str, float | None]:
-    if not isinstance(defect_orders, Mapping) or not defect_orders:
-        raise TypeError(
-            f"defect_orders must be a mapping of labels to orders, such as {{'healthy': None, "
-            f"'worn': 3.125}}, got {defect_orders!r}."
-        )
-    return defect_orders

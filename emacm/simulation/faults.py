@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import arcminute
 
 from emacm._checks import check_choice, check_number
 from emacm.machine.fault_orders import fault_orders
 from emacm.machine.rolling import Bearing
-from emacm.simulation.laboratory import ASSUMED, Actuator
-from emacm.simulation.waves import OrderWaves
+from emacm.simulation.laboratory import ASSUMED
+from emacm.simulation.waves import Array, OrderWaves
 
 # Assumed: geometry of an angular contact bearing that gives the order 6.123 of chapter 4.
 BEARING = Bearing(10, 0.2478, 1.0, math.radians(25))
@@ -27,12 +25,10 @@ POLE_PAIRS = 6  # Table 4.1: 12 poles
 _LINES = fault_orders(BEARING)["order"]
 CAGE_ORDER = float(_LINES["FTF"])
 # Orders of the rolling elements of a healthy unit, by part.
-HEALTHY_ORDERS: Mapping[str, float] = MappingProxyType(
-    {
-        **{name: float(_LINES[name]) for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
-        "screw": float(fault_orders(SCREW)["order"]["BPFO"]),
-    }
-)
+HEALTHY_ORDERS: Mapping[str, float] = {
+    **{name: float(_LINES[name]) for name in ("FTF", "BPFO", "BPFI", "2xBSF")},
+    "screw": float(fault_orders(SCREW)["order"]["BPFO"]),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,75 +81,57 @@ class Fault:
     place: float = 0.0
     width: float = 1.0
 
+    def scaled(self, severity: float) -> Fault:
+        """Return the fault with its sizes at a severity in [0, 1]."""
+        sizes = (field.name for field in fields(self) if field.name not in _GEOMETRY)
+        return replace(self, **{name: severity * getattr(self, name) for name in sizes})
 
-FAULTS: Mapping[str, Fault] = MappingProxyType(
-    {
-        "inner ring": Fault(
-            orders=(float(_LINES["BPFI"]),), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
-        ),
-        "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
-        "ball": Fault(
-            orders=(float(_LINES["2xBSF"]),),
-            rolls=True,
-            turns_with=CAGE_ORDER,
-            torque=0.3,
-            impact=0.03,
-        ),
-        "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
-        # A spall in the groove of the nut.
-        "screw": Fault(
-            orders=(HEALTHY_ORDERS["screw"],),
-            rolls=True,
-            torque=0.3,
-            impact=0.04,
-        ),
-        "eccentricity": Fault(orders=(1.0,), torque=0.3, force=40.0),
-        # An impact where the load changes its sign; 0.01 in is a worn-out screw.
-        "backlash": Fault(backlash=0.01, impact=0.3),
-        "phase imbalance": Fault(orders=(2.0 * POLE_PAIRS,), imbalance=0.3),
-        # 1x, random friction, and sidebands of order 6 of the current.
-        "lubrication": Fault(
-            orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
-        ),
-        "jam": Fault(friction=0.6, place=1.9, width=0.15),  # all conditions pass 1.9 in
-    }
-)
-FAULT_ORDERS: Mapping[str, tuple[float, ...]] = MappingProxyType(
-    {name: fault.orders for name, fault in FAULTS.items()}
-)
+
+_GEOMETRY = ("orders", "rolls", "turns_with", "place", "width")
+
+
+FAULTS: Mapping[str, Fault] = {
+    "inner ring": Fault(
+        orders=(float(_LINES["BPFI"]),), rolls=True, turns_with=1.0, torque=0.3, impact=0.04
+    ),
+    "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
+    "ball": Fault(
+        orders=(float(_LINES["2xBSF"]),),
+        rolls=True,
+        turns_with=CAGE_ORDER,
+        torque=0.3,
+        impact=0.03,
+    ),
+    "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
+    # A spall in the groove of the nut.
+    "screw": Fault(orders=(HEALTHY_ORDERS["screw"],), rolls=True, torque=0.3, impact=0.04),
+    "eccentricity": Fault(orders=(1.0,), torque=0.3, force=40.0),
+    # An impact where the load changes its sign; 0.01 in is a worn-out screw.
+    "backlash": Fault(backlash=0.01, impact=0.3),
+    "phase imbalance": Fault(orders=(2.0 * POLE_PAIRS,), imbalance=0.3),
+    # 1x, random friction, and sidebands of order 6 of the current.
+    "lubrication": Fault(
+        orders=(1.0,), torque=0.15, friction=1.5, friction_noise=0.35, rolling_noise=2.0
+    ),
+    "jam": Fault(friction=0.6, place=1.9, width=0.15),  # all conditions pass 1.9 in
+}
+FAULT_ORDERS: Mapping[str, tuple[float, ...]] = {
+    name: fault.orders for name, fault in FAULTS.items()
+}
 
 
 def check_faults(faults: Any) -> dict[str, float]:
-    """Return severities by fault, in the order of `FAULTS`.
-
-    Parameters
-    ----------
-    faults : None, str or mapping of str to float
-        No fault, a fault of severity 1, or severities in [0, 1].
-
-    Returns
-    -------
-    dict of str to float
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a fault is unknown or a severity is not in [0, 1].
+    """Return severities in [0, 1] by fault, in the order of `FAULTS`; a name alone is severity 1.
 
     Examples
     --------
     >>> check_faults({"jam": 0.5, "ball": 1})
     {'ball': 1.0, 'jam': 0.5}
     """
-    if faults is None:
-        return {}
-    if isinstance(faults, str):
-        faults = {faults: 1.0}
+    if faults is None or isinstance(faults, str):
+        faults = {faults: 1.0} if faults else {}
     if not isinstance(faults, Mapping):
-        raise TypeError(
-            f"faults must be None, a name or a mapping such as {{'inner ring': 0.5}}, "
-            f"got {faults!r}."
-        )
+        raise TypeError(f"faults must be None, a name or {{'inner ring': 0.5}}, got {faults!r}.")
     for name, severity in faults.items():
         check_choice(name, "a fault", tuple(FAULTS))
         check_number(severity, f"severity of {name!r}", at_least=0, at_most=1)
@@ -175,13 +153,13 @@ class Passage(NamedTuple):
         Random size of each impact, relative to the median.
     """
 
-    phase: NDArray[np.floating]
-    weight: NDArray[np.floating]
+    phase: Array
+    weight: Array
     impacts: NDArray[np.intp]
-    sizes: NDArray[np.floating]
+    sizes: Array
 
     @property
-    def pulses(self) -> NDArray[np.floating]:
+    def pulses(self) -> Array:
         """One pulse per rolling element, with mean 0 and a width of a fifth of their distance."""
         shape = np.cos(np.pi * self.phase)
         for _ in range(4):  # to the power 16; a power function is several times slower
@@ -190,7 +168,7 @@ class Passage(NamedTuple):
 
 
 def ball_passage(
-    fault: str, angle: NDArray[np.floating], rng: np.random.Generator, *, mark: float = 0.0
+    fault: Fault, angle: Array, rng: np.random.Generator, mark: float = 0.0
 ) -> Passage:
     """Return when rolling elements pass a defect, with slip, and under which load.
 
@@ -200,8 +178,8 @@ def ball_passage(
 
     Parameters
     ----------
-    fault : {"inner ring", "outer ring", "ball", "screw"}
-        Location of the defect.
+    fault : Fault
+        One over which rolling elements pass.
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
     rng : Generator
@@ -213,11 +191,6 @@ def ball_passage(
     -------
     Passage
 
-    Raises
-    ------
-    ValueError
-        If no rolling element passes over this fault.
-
     References
     ----------
     .. [1] J. Antoni and R. B. Randall, A stochastic model for simulation and diagnostics of rolling
@@ -228,20 +201,19 @@ def ball_passage(
     Examples
     --------
     >>> angle = np.linspace(0, 2 * np.pi * 100, 100_000)
-    >>> len(ball_passage("inner ring", angle, np.random.default_rng(0)).impacts)
+    >>> len(ball_passage(FAULTS["inner ring"], angle, np.random.default_rng(0)).impacts)
     612
     """
-    check_choice(fault, "fault", tuple(name for name, known in FAULTS.items() if known.rolls))
-    (order,) = FAULTS[fault].orders
+    (order,) = fault.orders
     steps = np.diff(angle, prepend=angle[0]) * (order / (2 * np.pi))
     start = rng.uniform()
     slip = np.cumsum(ASSUMED.slip * np.sqrt(np.abs(steps)) * rng.standard_normal(len(angle)))
     phase = start + order / (2 * np.pi) * (angle - angle[0]) + slip
     impacts = np.flatnonzero(np.diff(np.floor(phase))) + 1
     sizes = np.exp(ASSUMED.impact_scatter * rng.standard_normal(len(impacts)))
-    weight, turns_with = np.ones_like(phase), FAULTS[fault].turns_with
-    if turns_with:
-        psi = turns_with * angle + mark
+    weight = np.ones_like(phase)
+    if fault.turns_with:
+        psi = fault.turns_with * angle + mark
         weight = (1 - (1 - np.cos(psi)) / (2 * ASSUMED.load_zone)) ** 1.5
     return Passage(phase, weight, impacts, sizes)
 
@@ -257,24 +229,13 @@ class Imperfections(NamedTuple):
         Lines of the rolling elements, in the order of `ASSUMED.healthy_lines`.
     """
 
-    resolver_shares: NDArray[np.floating]
-    resolver_phases: NDArray[np.floating]
-    line_shares: NDArray[np.floating]
+    resolver_shares: Array
+    resolver_phases: Array
+    line_shares: Array
 
 
-def draw_imperfections(rng: np.random.Generator, *, spread: float = 1.0) -> Imperfections:
-    """Draw the imperfections of one unit.
-
-    Parameters
-    ----------
-    rng : Generator
-        Random numbers of the unit.
-    spread : float
-        Unit-to-unit variation relative to the default; 0: all relative sizes are 1.
-
-    Returns
-    -------
-    Imperfections
+def draw_imperfections(rng: np.random.Generator, spread: float = 1.0) -> Imperfections:
+    """Draw the imperfections of one unit; with `spread` 0, all relative sizes are 1.
 
     Examples
     --------
@@ -287,65 +248,9 @@ def draw_imperfections(rng: np.random.Generator, *, spread: float = 1.0) -> Impe
     return Imperfections(shares[:n_errors], phases, shares[n_errors:])
 
 
-def resolver_error(
-    angle: NDArray[np.floating] | OrderWaves, actuator: Actuator, imperfections: Imperfections
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the error of the resolver, and its derivative by the angle.
-
-    Parameters
-    ----------
-    angle : ndarray of shape (n_times,) or OrderWaves
-        Shaft angle [rad].
-    actuator : Actuator
-        Constants.
-    imperfections : Imperfections
-        Imperfections of the unit.
-
-    Returns
-    -------
-    error : ndarray of shape (n_times,)
-        Indicated minus true angle [rad], at orders 1, 2 and 12.
-    slope : ndarray of shape (n_times,)
-        Error of the indicated velocity, relative to the velocity.
-
-    Examples
-    --------
-    >>> unit = draw_imperfections(np.random.default_rng(0), spread=0)
-    >>> error, _ = resolver_error(np.array([np.pi / 2]), Actuator(), unit)  # 3' at order 1
-    >>> (error * 180 * 60 / np.pi).round(6)
-    array([3.])
-    """
-    waves, size = OrderWaves.of(angle), actuator.resolver_error * arcminute
-    parts = [
-        (order, size * relative * share, phase)
-        for (order, relative), share, phase in zip(
-            ASSUMED.resolver_errors, *imperfections[:2], strict=True
-        )
-    ]
-    slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]
-    return waves.sines(*parts), waves.sines(*slopes)
-
-
-class HealthyLines(NamedTuple):
-    """Lines that the rolling elements of a healthy unit cause.
-
-    Attributes
-    ----------
-    force, torque : ndarray of shape (n_times,)
-        Force on the housing relative to `Actuator.waviness`, and friction torque relative to
-        `Actuator.recirculation`.
-    """
-
-    force: NDArray[np.floating]
-    torque: NDArray[np.floating]
-
-
 def healthy_lines(
-    angle: NDArray[np.floating],
-    imperfections: Imperfections,
-    rng: np.random.Generator,
-    fs: float,
-) -> HealthyLines:
+    angle: Array, shares: Array, rng: np.random.Generator, fs: float
+) -> tuple[Array, Array]:
     """Return the lines of waviness and of the passage of balls in bearing and screw.
 
     Every part has its own slip: a random walk over the travel, as in `ball_passage`.
@@ -354,8 +259,8 @@ def healthy_lines(
     ----------
     angle : ndarray of shape (n_times,)
         Shaft angle [rad].
-    imperfections : Imperfections
-        Imperfections of the unit.
+    shares : ndarray of shape (n_lines,)
+        `Imperfections.line_shares`.
     rng : Generator
         Random numbers of the run: positions of the balls at the start, and slip.
     fs : float
@@ -363,10 +268,11 @@ def healthy_lines(
 
     Returns
     -------
-    HealthyLines
+    force, torque : ndarray of shape (n_times,)
+        Force on the housing relative to `Actuator.waviness`, and friction torque relative to
+        `Actuator.recirculation`.
     """
-    step = max(1, int(fs / ASSUMED.line_rate))
-    fine = _every(len(angle), step)
+    fine = _every(len(angle), max(1, int(fs / ASSUMED.line_rate)))
     turned = angle[fine]
     force, torque = np.zeros_like(turned), np.zeros_like(turned)
     coarse = _every(len(turned), ASSUMED.walk_steps)
@@ -378,65 +284,15 @@ def healthy_lines(
         slipped = np.interp(np.arange(len(turned)), coarse, walk)
         waves[part] = OrderWaves(order * turned + slipped)
     for (part, harmonic, of_force, of_torque), share in zip(
-        ASSUMED.healthy_lines, imperfections.line_shares, strict=True
+        ASSUMED.healthy_lines, shares, strict=True
     ):
         wave = waves[part].sines((harmonic, share, 0.0))
         force += of_force * wave
         torque += of_torque * wave
-    if step == 1:
-        return HealthyLines(force, torque)
     samples = np.arange(len(angle))
-    return HealthyLines(*(np.interp(samples, fine, wave) for wave in (force, torque)))
+    return np.interp(samples, fine, force), np.interp(samples, fine, torque)
 
 
 def _every(n_samples: int, step: int) -> NDArray[np.intp]:
     """Return every `step`-th sample and the last."""
-    kept = np.arange(0, n_samples, step)
-    return kept if kept[-1] == n_samples - 1 else np.append(kept, n_samples - 1)
-
-
-def warmth(rng: np.random.Generator, run: int) -> float:
-    """Return how warm a unit is in a run: 0 cold, 1 warm.
-
-    Parameters
-    ----------
-    rng : Generator
-        Random numbers of the unit in a condition: its temperature at the first run.
-    run : int
-        Number of the run, from 1.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> [round(warmth(np.random.default_rng(0), run), 2) for run in (1, 10, 100)]
-    [0.32, 0.78, 1.0]
-    """
-    first = rng.uniform(*ASSUMED.coldest)
-    return float(1 - (1 - first) * np.exp(-(run - 1) / ASSUMED.warm_up))
-
-
-def drift(name: str, times: NDArray[np.floating], spread: float = 1.0) -> NDArray[np.floating]:
-    """Return a constant during a recording, relative to its value at the start.
-
-    Parameters
-    ----------
-    name : str
-        One of the constants in `ASSUMED.warm`.
-    times : ndarray of shape (n_times,)
-        Times [s]; the recording starts at 0.
-    spread : float
-        Run-to-run variation relative to the default; 0: no drift.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-
-    Examples
-    --------
-    >>> drift("viscous", np.array([0.0, 10.0]))
-    array([1.  , 0.98])
-    """
-    return 1 + spread * ASSUMED.heating * ASSUMED.warm[name] * times
+    return np.unique(np.append(np.arange(0, n_samples, step), n_samples - 1))

@@ -14,6 +14,7 @@ from emacm.recordings.recording import Recording
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
 from emacm.simulation.laboratory import ASSUMED
+from emacm.simulation.waves import Array
 
 STATES = ("healthy", "screw", "inner ring")
 
@@ -66,17 +67,15 @@ def simulate_actuator(
     (('lvdt', 'velocity', 'current_a', 'accelerometer'), 'screw')
     """
     check_choice(state, "state", STATES)
-    fs = check_number(fs, "fs", above=0, unit="Hz")
     faults = {} if state == "healthy" else {state: severity}
-    bench = LaboratoryBench(
-        unit=unit,
-        faults=faults,
-        duration=duration,
-        fs=fs,
-        cutoff=ASSUMED.short_run_cutoff * fs,
-        seed=seed,
-    )
-    return bench.record(condition, run)
+    options = _short_run(duration, fs, seed)
+    return LaboratoryBench(unit=unit, faults=faults, **options).record(condition, run)
+
+
+def _short_run(duration: float, fs: float, seed: int) -> dict[str, Any]:
+    """Return parameters of a bench at a low sampling rate."""
+    fs = check_number(fs, "fs", above=0, unit="Hz")
+    return {"duration": duration, "fs": fs, "cutoff": ASSUMED.short_run_cutoff * fs, "seed": seed}
 
 
 def simulate_fleet(
@@ -136,8 +135,7 @@ def simulate_fleet(
                 simulate_actuator(state, severity=size, unit=unit, run=run, seed=seed)
                 for run in range(1, n_runs + 1)
             ]
-    states = np.array([recording.meta["label"] for recording in recordings])
-    units = np.array([recording.meta["unit"] for recording in recordings])
+    states, units = (np.array([r.meta[key] for r in recordings]) for key in ("label", "unit"))
     return recordings, states, units
 
 
@@ -179,20 +177,12 @@ def thesis_benches(
     >>> [bench.label for bench in thesis_benches()]
     ['healthy', 'inner ring + lubrication']
     """
-    if not isinstance(electrical_noise, tuple) or len(electrical_noise) != 2:
-        raise TypeError(
-            f"electrical_noise must be a pair, of the healthy and of the degraded unit; "
-            f"got {electrical_noise!r}."
-        )
-    grease = check_number(grease, "grease", at_least=0, at_most=1)
+    noise_healthy, noise_degraded = electrical_noise
     faults = {"inner ring": severity, "lubrication": 1 - grease}
     return (
-        LaboratoryBench(unit=0, electrical_noise=electrical_noise[0], **constants),
-        LaboratoryBench(unit=1, faults=faults, electrical_noise=electrical_noise[1], **constants),
+        LaboratoryBench(unit=0, electrical_noise=noise_healthy, **constants),
+        LaboratoryBench(unit=1, faults=faults, electrical_noise=noise_degraded, **constants),
     )
-
-
-Array = NDArray[np.float64]
 
 
 class UnitLife(NamedTuple):
@@ -308,9 +298,7 @@ class WearLaw:
             drift = self.drift + self.drift_spread * rng.standard_normal()
         step = interval / 64
         distance = -np.log(self.start)
-        n_steps = int(
-            20 * distance / self.drift / step
-        )  # a unit is given up after 20 mean durations
+        n_steps = int(20 * distance / self.drift / step)  # at most 20 mean durations
         noise = np.sqrt(self.diffusion * step) * rng.standard_normal(n_steps)
         logarithm = np.append(0.0, np.cumsum(drift * step + noise)) - distance
         failed = int(np.argmax(logarithm >= 0))
@@ -391,7 +379,7 @@ def run_to_failure_fleet(
     check_count(first_unit, "first_unit", at_least=0)
     check_choice(fault, "fault", tuple(FAULTS))
     censored = check_number(censored, "censored", at_least=0, at_most=1)
-    fs = check_number(fs, "fs", above=0, unit="Hz")
+    options = _short_run(duration, fs, seed)
     law = WearLaw() if law is None else law
     if not isinstance(law, WearLaw):
         raise TypeError(f"law must be a WearLaw, got {law!r}.")
@@ -403,21 +391,14 @@ def run_to_failure_fleet(
             end = rng.uniform(0.3, 1.0) * found.life
             found = law.draw(unit, interval, observed=end, seed=seed)
         for run, (age, severity) in enumerate(zip(found.ages, found.severity, strict=True), 1):
-            bench = _WornBench(
-                unit=unit,
-                faults={fault: float(severity)},
-                duration=duration,
-                fs=fs,
-                cutoff=ASSUMED.short_run_cutoff * fs,
-                seed=seed,
-                life={
-                    "age": float(age),
-                    "onset": found.onset,
-                    "life": found.life,
-                    "observed_life": found.observed,
-                    "remaining_life": found.observed - float(age),
-                    "censored": found.censored,
-                },
-            )
+            life = {
+                "age": float(age),
+                "onset": found.onset,
+                "life": found.life,
+                "observed_life": found.observed,
+                "remaining_life": found.observed - float(age),
+                "censored": found.censored,
+            }
+            bench = _WornBench(unit=unit, faults={fault: float(severity)}, life=life, **options)
             recordings.append(bench.record(condition, run))
     return recordings

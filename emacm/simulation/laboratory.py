@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import signal as filters
 from scipy.constants import inch, lbf
 
-from emacm._checks import check_number
+from emacm.simulation.waves import Array
 
 RPM = 2 * np.pi / 60  # rad/s
-
 
 PEAK_SPEED = 4572 * RPM  # rad/s, Table 4.1
 RATED_FORCE = 3700 * lbf  # N, Table 4.1
@@ -39,6 +35,11 @@ class Condition(NamedTuple):
         stroke, where the LVDT reads 0).
     load_bias : float
         Load force at position 0 [lbf].
+
+    Examples
+    --------
+    >>> CONDITIONS[3].position(np.array([0.0, 0.25, 0.5, 0.75]) / 2.14).round(9)
+    array([ 0.25,  2.3 ,  0.25, -1.8 ])
     """
 
     shape: str
@@ -48,181 +49,115 @@ class Condition(NamedTuple):
     spring_rate: float
     load_bias: float
 
+    def position(self, times: Array, phase: float = 0.0) -> Array:
+        """Return the commanded position [in] at some times [s]; `phase` is that at time 0 [rad]."""
+        wave = np.sin(2 * np.pi * self.frequency * times + phase)
+        if self.shape == "triangle":
+            wave = 2 / np.pi * np.arcsin(wave)
+        return self.bias + self.amplitude * wave
 
-CONDITIONS: Mapping[int, Condition] = MappingProxyType(
-    {
-        1: Condition("sine", 1.90, 0.10, 0.70, 0.0, 116.0),
-        2: Condition("triangle", 1.40, -0.90, 1.00, 0.0, 278.0),
-        3: Condition("triangle", 0.25, 2.05, 2.14, 0.0, 660.0),
-        4: Condition("sine", 0.10, -2.20, 0.70, -1210.0, -1867.0),
-        5: Condition("triangle", 1.15, -1.55, 0.41, -550.0, 255.0),
-    }
-)
+    def load(self, position: Any) -> Any:
+        """Return the load against motion to larger positions [lbf], at a position [in]."""
+        return self.load_bias + self.spring_rate * position
+
+
+CONDITIONS: Mapping[int, Condition] = {
+    1: Condition("sine", 1.90, 0.10, 0.70, 0.0, 116.0),
+    2: Condition("triangle", 1.40, -0.90, 1.00, 0.0, 278.0),
+    3: Condition("triangle", 0.25, 2.05, 2.14, 0.0, 660.0),
+    4: Condition("sine", 0.10, -2.20, 0.70, -1210.0, -1867.0),
+    5: Condition("triangle", 1.15, -1.55, 0.41, -550.0, 255.0),
+}
 
 
 class Transducer(NamedTuple):
-    """One row of Table 4.2 of the thesis.
+    """One row of Table 4.2 of the thesis, and assumed disturbances [V].
 
     Attributes
     ----------
-    scale : float
-        Units per volt.
-    peak : float
-        Full scale, in the same units.
-    unit : str
-        Unit of the channel.
+    scale, peak : float
+        Units per volt, and full scale in the same units.
+    noise : float
+        RMS noise up to half of 48 kHz.
+    mains, carrier : float
+        Amplitude of the mains, and of the switching of the inverter, in the cable. The phase
+        current contains the switching as ripple instead.
+    bandwidth : float
+        -3 dB bandwidth [Hz] of the demodulator of the LVDT (excitation of some kHz) and of the
+        velocity output of the resolver converter (tracking loop of 14 bits); Butterworth of
+        second order. The others have more than the conditioning filter passes.
+    pickup : tuple of float
+        Electrical noise of the motor in the cable at rated current, at 2 and 6 times the
+        electrical order: section 4.5 of the thesis reports orders 12 and 36.
     """
 
     scale: float
     peak: float
-    unit: str
+    noise: float
+    mains: float
+    carrier: float = 0.0
+    bandwidth: float = np.inf
+    pickup: tuple[float, ...] = ()
 
 
-TRANSDUCERS: Mapping[str, Transducer] = MappingProxyType(
-    {
-        "lvdt": Transducer(0.5, 3.0, "in"),
-        "velocity": Transducer(500 * RPM, 4700 * RPM, "rad/s"),
-        "current": Transducer(5.0, 50.0, "A"),
-        "accelerometer": Transducer(1.0, 10.0, "g"),
-        "load": Transducer(1000.0, 5500.0, "lbf"),
-    }
-)
+TRANSDUCERS: Mapping[str, Transducer] = {
+    "lvdt": Transducer(0.5, 3.0, 1e-3, 1e-3, 2e-3, 250.0, (2e-3, 1.5e-3)),  # in
+    "velocity": Transducer(500 * RPM, 4700 * RPM, 2e-3, 1e-3, 3e-3, 800.0, (6e-3, 4e-3)),
+    "current": Transducer(5.0, 50.0, 5e-3, 1e-3),  # A
+    "accelerometer": Transducer(1.0, 10.0, 3e-3, 5e-4, 1e-3),  # g
+    "load": Transducer(1000.0, 5500.0, 1e-3, 1e-3, 1e-3),  # lbf
+}
 
 
-def position_command(
-    condition: Condition, times: NDArray[np.floating], phase: float = 0.0
-) -> NDArray[np.floating]:
-    """Return the commanded position.
+class Variation(NamedTuple):
+    """Variation of a constant of `Actuator`.
 
-    Parameters
+    Parts of the same design agree within per cents, except for friction and the effects of shape
+    deviations.
+
+    Attributes
     ----------
-    condition : Condition
-        A row of Table 4.3.
-    times : ndarray of shape (n_times,)
-        Times [s].
-    phase : float
-        Phase of the command at time 0 [rad].
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Position [in].
-
-    Examples
-    --------
-    >>> position_command(CONDITIONS[3], np.array([0.0, 0.25, 0.5, 0.75]) / 2.14).round(9)
-    array([ 0.25,  2.3 ,  0.25, -1.8 ])
+    units, runs : float
+        Standard deviation of the logarithm, from unit to unit and from run to run.
+    warm : float
+        Change of the logarithm from the cold to the warm unit, about 30 K: grease, magnets (-0.1
+        %/K), stiffness of the fixture, sensors.
     """
-    wave = np.sin(2 * np.pi * condition.frequency * times + phase)
-    if condition.shape == "triangle":
-        wave = 2 / np.pi * np.arcsin(wave)
-    return condition.bias + condition.amplitude * wave
+
+    units: float
+    runs: float = 0.0
+    warm: float = 0.0
 
 
-def load_force(
-    condition: Condition, position: NDArray[np.floating], share: float = 1.0
-) -> NDArray[np.floating]:
-    """Return the force of the load actuator against motion to larger positions.
-
-    Parameters
-    ----------
-    condition : Condition
-        A row of Table 4.3.
-    position : ndarray of shape (n_times,)
-        Position of the rod [in].
-    share : float
-        Actual load relative to the commanded load.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Force [lbf].
-
-    Examples
-    --------
-    >>> load_force(CONDITIONS[5], np.array([-0.4, 2.7])).round(6)
-    array([  475., -1230.])
-    """
-    return share * (condition.load_bias + condition.spring_rate * position)
-
-
-def load_error(n_times: int, fs: float, rng: np.random.Generator) -> NDArray[np.floating]:
-    """Return the control error of the load actuator: 3 lbf RMS below 10 Hz (assumed).
-
-    Parameters
-    ----------
-    n_times : int
-        Number of samples.
-    fs : float
-        Sampling rate [Hz].
-    rng : Generator
-        Random numbers of the run.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Force [lbf].
-    """
-    decay = np.exp(-2 * np.pi * 10.0 / fs)
-    white = 3.0 * np.sqrt(1 - decay**2) * rng.standard_normal(n_times)
-    white[0] /= np.sqrt(1 - decay**2)  # stationary from the first sample
-    return filters.lfilter([1.0], [1.0, -decay], white)
+VARIATIONS: Mapping[str, Variation] = {
+    "coulomb": Variation(0.15, 0.03, -0.15),
+    "viscous": Variation(0.15, 0.03, -0.4),
+    "torque_gain": Variation(0.02, warm=-0.03),
+    "ripple": Variation(0.4),
+    "cogging": Variation(0.3),
+    "unbalance": Variation(0.4),
+    "rolling_noise": Variation(0.2, 0.03),
+    "resonance": Variation(0.03, warm=-0.01),
+    "damping": Variation(0.2),
+    "lvdt_gain": Variation(0.003, warm=0.002),
+    "accelerometer_gain": Variation(0.03, warm=0.01),
+    "electrical_noise": Variation(0.3, 0.05),
+}
 
 
 class Assumed(NamedTuple):
-    """Assumed constants of sensors, drive and housing of the bench, and their variation.
+    """Assumed constants of the acquisition, drive and housing of the bench.
 
     Constants of the actuator are in `Actuator`, of faults in `FAULTS`, and of the tables of the
     thesis in `CONDITIONS` and `TRANSDUCERS`. All constants below are assumed unless they name a
     source. They were written down before any classification of the recordings, and depend on none.
     """
 
-    # Sensors
-    # RMS noise of each sensor up to half of 48 kHz [V].
-    noise: Mapping[str, float] = MappingProxyType(
-        {
-            "lvdt": 1e-3,
-            "velocity": 2e-3,
-            "current": 5e-3,
-            "accelerometer": 3e-3,
-            "load": 1e-3,
-        }
-    )
+    # Acquisition
     noise_rate: float = 48_000.0  # Hz: sampling rate to which noise and the rolling noise refer
-    # -3 dB bandwidth [Hz] of the demodulator of the LVDT (excitation of some kHz) and of the
-    # velocity output of the resolver converter (tracking loop of 14 bits); Butterworth of second
-    # order. Current sensor and accelerometer have more than the conditioning filter passes.
-    bandwidth: Mapping[str, float] = MappingProxyType({"lvdt": 250.0, "velocity": 800.0})
-    # Electrical noise of the motor in the cables [V at rated current], at 2 and 6 times the
-    # electrical order: section 4.5 of the thesis reports orders 12 and 36. Sizes assumed.
-    pickup: Mapping[str, tuple[float, float]] = MappingProxyType(
-        {"lvdt": (2e-3, 1.5e-3), "velocity": (6e-3, 4e-3)}
-    )
-    pickup_floor: float = 0.3  # fraction without current
-    # Mains in the cables [V]: 60 Hz, with its third and fifth harmonic; fixed in time.
-    mains: Mapping[str, float] = MappingProxyType(
-        {
-            "lvdt": 1e-3,
-            "velocity": 1e-3,
-            "current": 1e-3,
-            "accelerometer": 5e-4,
-            "load": 1e-3,
-        }
-    )
-    mains_lines: tuple[tuple[float, float], ...] = (
-        (60.0, 1.0),
-        (180.0, 0.4),
-        (300.0, 0.2),
-    )  # frequency [Hz], relative amplitude
-    # Switching of the inverter in the cables [V]. The phase current contains it as ripple instead.
-    carrier_pickup: Mapping[str, float] = MappingProxyType(
-        {
-            "lvdt": 2e-3,
-            "velocity": 3e-3,
-            "accelerometer": 1e-3,
-            "load": 1e-3,
-        }
-    )
+    pickup_floor: float = 0.3  # fraction of the motor's electrical noise without current
+    # Mains in the cables, fixed in time: frequency [Hz], relative amplitude.
+    mains_lines: tuple[tuple[float, float], ...] = ((60.0, 1.0), (180.0, 0.4), (300.0, 0.2))
     range: float = 10.0  # V, of the converter
     bits: int = 16  # of the converter
     filter_order: int = 4  # Butterworth conditioning filter
@@ -239,25 +174,30 @@ class Assumed(NamedTuple):
     damping: float = 0.8  # damping ratio of the velocity loop
     dead_time: tuple[float, float] = (0.010, 0.007)  # 5th and 7th harmonic of the current
     cogging_order: int = 36  # least common multiple of 12 poles (Table 4.1) and 18 slots (assumed)
-    voltage_reserve: float = (
-        0.95  # part of the voltage up to which the motion is planned: ripple needs more
-    )
+    voltage_reserve: float = 0.95  # part of the voltage for the planned motion: ripple needs more
     carrier: float = 10_000.0  # Hz: switching frequency of the inverter
+    control_rate: float = 2000.0  # Hz
+    headroom: float = 0.99  # limit of the velocity command relative to the peak speed: ripple adds
+    load_error: float = 3.0  # lbf RMS: control error of the load actuator
+    load_bandwidth: float = 10.0  # Hz, of this error
+    holding_force: float = 10.0  # lbf: friction that holds the nut at its flank
+    crossing_time: float = 0.002  # s, of the nut from flank to flank
 
-    # Housing Modes of the housing: frequency relative to the first, participation: fixture,
-    # housing and end shield, at 420, 1900 and 5200 Hz.
+    # Housing
+    # Modes: frequency relative to the first, participation: fixture, housing and end shield, at
+    # 420, 1900 and 5200 Hz.
     modes: tuple[tuple[float, float], ...] = ((1.0, 0.3), (1900 / 420, 0.4), (5200 / 420, 0.3))
+    highest_mode: float = 0.45  # modal frequency, relative to the sampling rate
     contact: float = 1e-4  # s: duration of an impact
+    impact_scatter: float = 0.2  # standard deviation of the logarithm of the size of an impact
     radial: float = 4.0  # N: force of the motor at rated current, at twice its electrical order
     preload: float = 0.2  # relative to the rated force
-    free_torque: float = (
-        0.3  # part of the varying friction torque without load, relative to rated load
-    )
+    free_torque: float = 0.3  # varying friction torque without load, relative to that at rated load
 
-    # Rolling elements of a healthy unit Lines of waviness and of the passage of balls: part and
-    # harmonic; force relative to `Actuator.waviness`; torque relative to `Actuator.recirculation`.
-    # The balls of the screw enter and leave their return channel at the order at which they pass a
-    # point of the nut.
+    # Rolling elements of a healthy unit
+    # Lines of waviness and of the passage of balls: part and harmonic; force relative to
+    # `Actuator.waviness`; torque relative to `Actuator.recirculation`. The balls of the screw enter
+    # and leave their return channel at the order at which they pass a point of the nut.
     healthy_lines: tuple[tuple[str, int, float, float], ...] = (
         ("FTF", 1, 0.3, 0.2),
         ("BPFO", 1, 1.0, 0.3),
@@ -269,77 +209,22 @@ class Assumed(NamedTuple):
         ("screw", 2, 0.5, 0.3),
     )
     slip: float = 0.005  # standard deviation of the interval between two balls, relative to it
+    # Stribeck's epsilon of `ball_passage`; above 1 the whole ring is loaded, as under thrust.
+    load_zone: float = 1.2
+    line_rate: float = 12_000.0  # Hz, at which the lines of the rolling elements are computed
+    walk_steps: int = 20  # samples at that rate per step of the slip
 
-    # Variation Standard deviations of the logarithm, from unit to unit and from run to run: parts
-    # of the same design agree within per cents, except for friction and the effects of shape
-    # deviations.
-    of_units: Mapping[str, float] = MappingProxyType(
-        {
-            "coulomb": 0.15,
-            "viscous": 0.15,
-            "torque_gain": 0.02,
-            "ripple": 0.4,
-            "cogging": 0.3,
-            "unbalance": 0.4,
-            "rolling_noise": 0.2,
-            "resonance": 0.03,
-            "damping": 0.2,
-            "lvdt_gain": 0.003,
-            "accelerometer_gain": 0.03,
-            "electrical_noise": 0.3,
-        }
-    )
-    of_lines: float = 0.5  # each line of healthy_lines and resolver_errors, from unit to unit
-    of_runs: Mapping[str, float] = MappingProxyType(
-        {
-            "coulomb": 0.03,
-            "viscous": 0.03,
-            "rolling_noise": 0.03,
-            "electrical_noise": 0.05,
-        }
-    )
-    # Change of the logarithm from the cold to the warm unit, about 30 K: grease, magnets (-0.1
-    # %/K), stiffness of the fixture, sensors.
-    warm: Mapping[str, float] = MappingProxyType(
-        {
-            "coulomb": -0.15,
-            "viscous": -0.4,
-            "torque_gain": -0.03,
-            "resonance": -0.01,
-            "lvdt_gain": 0.002,
-            "accelerometer_gain": 0.01,
-        }
-    )
+    # Variation
+    of_lines: float = 0.5  # log of each line of healthy_lines and resolver_errors, over units
     warm_up: float = 8.0  # runs: time constant of the temperature
+    coldest: tuple[float, float] = (0.0, 0.5)  # warmth at the first run of a unit in a condition
     # 1/s: warmth gained while a unit moves, 1.5 K in 10 s at the contacts; it cools between the
     # runs. Friction and the gains of LVDT and accelerometer drift with it; rotor and fixture are
     # too heavy.
     heating: float = 0.005
-    coldest: tuple[float, float] = (
-        0.0,
-        0.5,
-    )  # range of the warmth at the first run of a unit in a condition
-    mounting: float = (
-        0.05  # standard deviation of the logarithm of the gain of a mounted accelerometer
-    )
+    mounting: float = 0.05  # standard deviation of the log of the gain of a mounted accelerometer
     runs_per_mounting: int = 5  # runs after which the accelerometer is mounted again
-    # Stribeck's epsilon of `ball_passage`; above 1 the whole ring is loaded, as under thrust.
-    load_zone: float = 1.2
-    # Standard deviation of the logarithm of the size of an impact.
-    impact_scatter: float = 0.2
-    # Hz.
-    control_rate: float = 2000.0
-    # Limit of the velocity command relative to the peak speed, because ripple adds to it.
-    headroom: float = 0.99
-    # Lbf: friction that holds the nut at its flank.
-    holding_force: float = 10.0
-    # S, of the nut from flank to flank.
-    crossing_time: float = 0.002
-    # Highest modal frequency, relative to the sampling rate.
-    highest_mode: float = 0.45
     before: float = 0.1  # s simulated before the recording, so that filters and resonances settle
-    line_rate: float = 12_000.0  # Hz, at which the lines of the rolling elements are computed
-    walk_steps: int = 20  # samples at that rate per step of the slip
 
 
 ASSUMED = Assumed()
@@ -473,34 +358,15 @@ class Actuator:
         return 2 * np.pi / self.screw_lead
 
 
-def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.0) -> Actuator:
-    """Draw the constants of one unit.
-
-    Parameters
-    ----------
-    nominal : Actuator
-        Nominal constants.
-    rng : Generator
-        Random numbers of the unit.
-    spread : float
-        Unit-to-unit variation relative to the default; 0 gives the nominal actuator.
-
-    Returns
-    -------
-    Actuator
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `spread` is not a number or negative.
+def draw_unit(nominal: Actuator, rng: np.random.Generator, spread: float = 1.0) -> Actuator:
+    """Draw the constants of one unit; `spread` 0 gives the nominal actuator.
 
     Examples
     --------
     >>> draw_unit(Actuator(), np.random.default_rng(0), spread=0) == Actuator()
     True
     """
-    spread = check_number(spread, "unit_spread", at_least=0)
-    unit = _scattered(nominal, rng, ASSUMED.of_units, spread)
+    unit = _scattered(nominal, rng, {name: by.units for name, by in VARIATIONS.items()}, spread)
     offset, mismatch, turn = rng.normal(0, [0.002, 0.003, 2.0])
     return replace(
         unit,
@@ -511,40 +377,16 @@ def draw_unit(nominal: Actuator, rng: np.random.Generator, *, spread: float = 1.
 
 
 def draw_run(
-    unit: Actuator,
-    rng: np.random.Generator,
-    *,
-    spread: float = 1.0,
-    warmth: float = 0.0,
-    mounting: float = 0.0,
+    unit: Actuator, rng: np.random.Generator, spread: float, warmth: float, mounting: float
 ) -> Actuator:
     """Draw the constants of a unit in one run: friction, electrical noise, temperature, mounting.
 
-    Parameters
-    ----------
-    unit : Actuator
-        Constants of the unit.
-    rng : Generator
-        Random numbers of the run.
-    spread : float
-        Run-to-run variation relative to the default; 0 gives the unit itself.
-    warmth : float
-        Temperature between 0 (cold) and 1 (warm): friction, torque constant and resonance fall.
-    mounting : float
-        Standard normal deviate of the mounting of the accelerometer.
-
-    Returns
-    -------
-    Actuator
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `spread` is not a number or negative.
+    `spread` 0 gives the unit itself. With `warmth`, between 0 (cold) and 1 (warm), friction,
+    torque constant and resonance fall; `mounting` is a standard normal deviate.
     """
-    spread = check_number(spread, "run_spread", at_least=0)
-    drawn = _scattered(unit, rng, ASSUMED.of_runs, spread)
-    shifts = {name: warmth * shift for name, shift in ASSUMED.warm.items()}
+    runs = {name: by.runs for name, by in VARIATIONS.items() if by.runs}
+    drawn = _scattered(unit, rng, runs, spread)
+    shifts = {name: warmth * by.warm for name, by in VARIATIONS.items()}
     shifts["accelerometer_gain"] += ASSUMED.mounting * mounting
     return _multiplied(drawn, {name: np.exp(spread * by) for name, by in shifts.items()})
 
@@ -556,7 +398,30 @@ def _scattered(
     return _multiplied(actuator, dict(zip(deviations, factors, strict=True)))
 
 
-def _multiplied(actuator: Actuator, factors: dict[str, float]) -> Actuator:
+def _multiplied(actuator: Actuator, factors: Mapping[str, float]) -> Actuator:
     changed = {name: getattr(actuator, name) * float(by) for name, by in factors.items()}
     changed["damping"] = min(changed.get("damping", actuator.damping), 1.0)
     return replace(actuator, **changed)
+
+
+def warmth(rng: np.random.Generator, run: int) -> float:
+    """Return how warm a unit is in a run, from 1: 0 cold, 1 warm.
+
+    Examples
+    --------
+    >>> [round(warmth(np.random.default_rng(0), run), 2) for run in (1, 10, 100)]
+    [0.32, 0.78, 1.0]
+    """
+    first = rng.uniform(*ASSUMED.coldest)
+    return float(1 - (1 - first) * np.exp(-(run - 1) / ASSUMED.warm_up))
+
+
+def drift(name: str, times: Array, spread: float = 1.0) -> Array:
+    """Return a constant of `VARIATIONS` during a recording, relative to its value at time 0 [s].
+
+    Examples
+    --------
+    >>> drift("viscous", np.array([0.0, 10.0]))
+    array([1.  , 0.98])
+    """
+    return 1 + spread * ASSUMED.heating * VARIATIONS[name].warm * times

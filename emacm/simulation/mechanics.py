@@ -11,86 +11,18 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy.constants import inch, lbf
 
-from emacm.simulation.faults import FAULTS, POLE_PAIRS
-from emacm.simulation.laboratory import (
-    ASSUMED,
-    PEAK_SPEED,
-    SUPPLY_VOLTAGE,
-    Actuator,
-    Condition,
-    load_force,
-    position_command,
-)
-from emacm.simulation.waves import PHASES, OrderWaves, of_phases, sine_wave
+from emacm.simulation.faults import POLE_PAIRS, Fault
+from emacm.simulation.laboratory import ASSUMED, PEAK_SPEED, SUPPLY_VOLTAGE, Actuator, Condition
+from emacm.simulation.waves import Array
 
 Coefficients = tuple[float, float, float]
 
-_JAM = FAULTS["jam"]
-
-
-VOLTAGE_LIMIT = SUPPLY_VOLTAGE * sqrt(2 / 3)  # V peak of a phase, which 220 V between phases allow
-_LINK = SUPPLY_VOLTAGE * sqrt(2)  # V: rectified supply
-
-
-def phase_voltage(
-    torque: NDArray[np.floating], velocity: NDArray[np.floating], actuator: Actuator
-) -> NDArray[np.floating]:
-    """Return the peak voltage of a phase that a torque requires at a speed.
-
-    With the current perpendicular to the rotor flux, ``v_q = k w + R i`` and ``v_d = -p w L i``.
-
-    Parameters
-    ----------
-    torque, velocity : ndarray of shape (n_times,)
-        Motor torque [N m] and shaft speed [rad/s].
-    actuator : Actuator
-        Constants.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
-        Voltage [V].
-
-    Examples
-    --------
-    >>> rated = phase_voltage(np.array([0.0]), np.array([4572 * np.pi / 30]), Actuator())
-    >>> (rated * np.sqrt(3 / 2)).round(1)  # RMS between phases
-    array([206.3])
-    """
-    current = torque / actuator.torque_constant
-    across = actuator.emf_constant * velocity + actuator.winding_resistance * current
-    along = POLE_PAIRS * actuator.winding_inductance * velocity * current
-    return np.sqrt(across**2 + along**2)
-
-
-def voltage_free_speed(actuator: Actuator, current: float) -> float:
-    """Return a speed up to which the voltage allows a current of either sign [rad/s].
-
-    Examples
-    --------
-    >>> round(voltage_free_speed(Actuator(), 10.0))
-    381
-    """
-    left = ASSUMED.voltage_reserve * VOLTAGE_LIMIT - actuator.winding_resistance * current
-    per_speed = actuator.emf_constant + POLE_PAIRS * actuator.winding_inductance * current
-    return max(left, 0.0) / per_speed  # voltages added as if in phase: a lower bound
+# V peak of a phase for the planned motion: 220 V between phases, less a reserve.
+_ALLOWED = ASSUMED.voltage_reserve * (SUPPLY_VOLTAGE * sqrt(2 / 3))
 
 
 def limited_torque(torque: float, velocity: float, actuator: Actuator) -> float:
-    """Return the nearest torque for which the drive's current and voltage are allowed [N m].
-
-    Parameters
-    ----------
-    torque : float
-        Motor torque [N m].
-    velocity : float
-        Shaft speed [rad/s].
-    actuator : Actuator
-        Constants.
-
-    Returns
-    -------
-    float
+    """Return the nearest torque [N m] for which current and voltage of the drive are allowed.
 
     Examples
     --------
@@ -100,71 +32,17 @@ def limited_torque(torque: float, velocity: float, actuator: Actuator) -> float:
     [40.0, 10.9]
     """
     constant, resistance = actuator.torque_constant, actuator.winding_resistance
-    allowed = ASSUMED.voltage_reserve * VOLTAGE_LIMIT
     torque = min(max(torque, -actuator.max_torque), actuator.max_torque)
     emf = actuator.emf_constant * abs(velocity)
     reactance = POLE_PAIRS * actuator.winding_inductance * abs(velocity)
-    if (resistance + reactance) * abs(torque) <= constant * (allowed - emf):
+    if (resistance + reactance) * abs(torque) <= constant * (_ALLOWED - emf):
         return torque  # even if the voltages were in phase
     impedance = resistance * resistance + reactance * reactance
-    inner = emf * resistance * (emf * resistance) + impedance * (allowed * allowed - emf * emf)
+    inner = emf * resistance * (emf * resistance) + impedance * (_ALLOWED * _ALLOWED - emf * emf)
     root = sqrt(max(inner, 0.0))
     side = copysign(constant / impedance, velocity)
     one, other = side * (-emf * resistance + root), side * (-emf * resistance - root)
     return min(max(torque, min(one, other)), max(one, other))
-
-
-def carrier_ripple(
-    voltage: NDArray[np.floating],
-    angle: NDArray[np.floating] | OrderWaves,
-    times: NDArray[np.floating],
-    phase: float,
-    actuator: Actuator,
-    phases: str = PHASES,
-) -> NDArray[np.floating]:
-    """Return the ripple of the phase currents at the switching frequency of the inverter.
-
-    The lines at ``carrier +- 2 x`` the electrical frequency of a sine-triangle modulation have the
-    voltage ``2 V_dc / pi J_2(pi M / 2)`` each [1]_, M being the voltage relative to half the
-    DC link; the line at the carrier itself is equal in all phases and drives no current. They are
-    fixed in time, and sum to zero over the phases. Lines at twice the carrier are above the
-    conditioning filter.
-
-    Parameters
-    ----------
-    voltage : ndarray of shape (n_times,)
-        Peak voltage of a phase [V].
-    angle : ndarray of shape (n_times,) or OrderWaves
-        Shaft angle [rad].
-    times : ndarray of shape (n_times,)
-        Times [s].
-    phase : float
-        Phase of the carrier [rad].
-    actuator : Actuator
-        Constants; without inductance there is no ripple to compute, and 0 is returned.
-    phases : str
-        Phases to compute.
-
-    Returns
-    -------
-    ndarray of shape (n_phases, n_times)
-        Currents [A].
-
-    References
-    ----------
-    .. [1] D. G. Holmes and T. A. Lipo, Pulse Width Modulation for Power Converters, 2003.
-    """
-    if not actuator.winding_inductance:
-        return np.zeros((len(phases), len(times)))
-    x2 = (np.pi * voltage / _LINK) ** 2  # square of pi M / 2
-    bessel = x2 / 8 * (1 - x2 / 12 * (1 - x2 / 32))  # J_2 within 1 % up to M = 1.15
-    reactance = 2 * np.pi * ASSUMED.carrier * actuator.winding_inductance
-    size = bessel * sine_wave(ASSUMED.carrier, times, phase)
-    size *= 2 * (2 * _LINK / np.pi) / reactance
-    waves = OrderWaves.of(angle)
-    a = size * waves.sines((2 * POLE_PAIRS, 1.0, np.pi / 2))
-    across = size * waves.sines((2 * POLE_PAIRS, -np.sqrt(3) / 2, 0.0)) if phases != "a" else a
-    return of_phases(a, across, phases)
 
 
 class Motion(NamedTuple):
@@ -178,20 +56,19 @@ class Motion(NamedTuple):
         Shaft angle [rad], 0 at position 0, and its derivatives [rad/s], [rad/s²].
     """
 
-    times: NDArray[np.floating]
-    angle: NDArray[np.floating]
-    velocity: NDArray[np.floating]
-    acceleration: NDArray[np.floating]
+    times: Array
+    angle: Array
+    velocity: Array
+    acceleration: Array
 
 
 def bench_motion(
     condition: Condition,
     actuator: Actuator,
-    times: NDArray[np.floating],
-    *,
-    phase: float = 0.0,
-    load_share: float = 1.0,
-    jam: float = 0.0,
+    times: Array,
+    phase: float,
+    load_share: float,
+    jam: Fault,
 ) -> Motion:
     """Return the motion with which the actuator follows its command.
 
@@ -213,8 +90,8 @@ def bench_motion(
         Phase of the command at time 0 [rad].
     load_share : float
         Actual load relative to the commanded load.
-    jam : float
-        Severity of a jam in [0, 1].
+    jam : Fault
+        The jam of this unit.
 
     Returns
     -------
@@ -223,7 +100,8 @@ def bench_motion(
     Examples
     --------
     >>> from emacm.simulation.laboratory import CONDITIONS, RPM
-    >>> motion = bench_motion(CONDITIONS[3], Actuator(), np.arange(48_000) / 48_000)
+    >>> times = np.arange(48_000) / 48_000
+    >>> motion = bench_motion(CONDITIONS[3], Actuator(), times, 0.0, 1.0, Fault())
     >>> round(float(motion.velocity.max()) / RPM)
     4526
     """
@@ -232,20 +110,18 @@ def bench_motion(
     n_before = int(np.ceil(before * ASSUMED.control_rate))
     n_after = int(np.ceil(float(times[-1]) * ASSUMED.control_rate)) + 2
     steps = np.arange(-n_before, n_after) / ASSUMED.control_rate
-    targets = position_command(condition, steps, phase) * actuator.angle_per_inch
-    start, velocities = _follow(targets, condition, actuator, load_share, jam)
+    targets = condition.position(steps, phase) * actuator.angle_per_inch
+    velocities = _follow(targets, condition, actuator, load_share, jam)
     angle, velocity, acceleration = _between_steps(
         velocities, (times - steps[0]) * ASSUMED.control_rate
     )
     angle /= ASSUMED.control_rate
-    angle += start
+    angle += targets[0]
     acceleration *= ASSUMED.control_rate
     return Motion(times, angle, velocity, acceleration)
 
 
-def _between_steps(
-    velocities: NDArray[np.floating], places: NDArray[np.floating]
-) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+def _between_steps(velocities: Array, places: Array) -> tuple[Array, Array, Array]:
     """Return angle, velocity and acceleration between the steps of the control loop.
 
     A quadratic spline whose coefficients are the velocities of the steps: its acceleration is their
@@ -267,25 +143,23 @@ def _between_steps(
 
 
 def _follow(
-    targets: NDArray[np.floating],
-    condition: Condition,
-    actuator: Actuator,
-    load_share: float,
-    jam: float,
-) -> tuple[float, NDArray[np.floating]]:
-    """Return the first angle and the velocity at each control step; the shaft starts at rest."""
+    targets: Array, condition: Condition, actuator: Actuator, load_share: float, jam: Fault
+) -> Array:
+    """Return the velocity at each control step; the shaft starts at the first target, at rest."""
     dt, limit = 1 / ASSUMED.control_rate, ASSUMED.headroom * PEAK_SPEED
-    nearer = min(1.0, 2 * np.pi * actuator.velocity_bandwidth * dt)
+    nearer = min(1.0, 2 * np.pi * actuator.velocity_bandwidth / ASSUMED.control_rate)
     inertia, lost = actuator.inertia, 1 / actuator.efficiency - 1
     at_0, at_1 = (
-        float(load_force(condition, np.array(place), load_share)) * lbf * actuator.torque_per_force
-        for place in (0.0, 1.0)
+        load_share * condition.load(place) * lbf * actuator.torque_per_force for place in (0.0, 1.0)
     )
     per_rad = (at_1 - at_0) / actuator.angle_per_inch
-    jammed = jam * _JAM.friction * actuator.max_torque
-    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (_JAM.place, _JAM.width))
-    # Up to these, nothing is limited.
-    part, slow = actuator.max_torque / 4, voltage_free_speed(actuator, actuator.max_current / 4)
+    jammed = jam.friction * actuator.max_torque
+    jam_angle, jam_width = (x * actuator.angle_per_inch for x in (jam.place, jam.width))
+    # Up to a quarter of the torque, and the speed that the voltage then allows, nothing is limited.
+    part, current = actuator.max_torque / 4, actuator.max_current / 4
+    slow = max(_ALLOWED - actuator.winding_resistance * current, 0.0) / (
+        actuator.emf_constant + POLE_PAIRS * actuator.winding_inductance * current
+    )
     angle, velocity, velocities = float(targets[0]), 0.0, []
     for target in targets.tolist():  # nonlinear, so computed step by step: 1 us each
         velocities.append(velocity)
@@ -294,7 +168,8 @@ def _follow(
         needed, speed = at_0 + per_rad * angle, abs(velocity)
         braking = actuator.coulomb + actuator.viscous * speed + lost * abs(needed)
         if jammed:
-            braking += jammed * exp(-(((angle - jam_angle) / jam_width) ** 2))
+            away = (angle - jam_angle) / jam_width
+            braking += jammed * exp(-(away * away))
         torque = inertia * change / dt + needed + copysign(braking, velocity)
         if speed > slow or not -part <= torque <= part:
             limited = limited_torque(torque, velocity, actuator)
@@ -304,45 +179,28 @@ def _follow(
                 change = min(max(left, -limit), limit) - velocity
         angle += dt * (velocity + change / 2)
         velocity += change
-    return float(targets[0]), np.array(velocities)
+    return np.array(velocities)
 
 
-def jam_torque(angle: NDArray[np.floating], actuator: Actuator, jam: float) -> NDArray[np.floating]:
+def jam_torque(angle: Array, actuator: Actuator, jam: Fault) -> Array:
     """Return the friction torque of a jam [N m]: a Gaussian over the position (assumed).
-
-    Parameters
-    ----------
-    angle : ndarray of shape (n_times,)
-        Shaft angle, 0 at position 0 [rad].
-    actuator : Actuator
-        Constants.
-    jam : float
-        Severity in [0, 1]; at 1 the peak is 0.6 of the torque limit.
-
-    Returns
-    -------
-    ndarray of shape (n_times,)
 
     Examples
     --------
+    >>> from emacm.simulation.faults import FAULTS
     >>> actuator = Actuator()
-    >>> at_jam = 1.9 * actuator.angle_per_inch
-    >>> (jam_torque(np.array([0.0, at_jam]), actuator, 0.5) / actuator.max_torque).round(6)
+    >>> angle = np.array([0.0, 1.9]) * actuator.angle_per_inch
+    >>> torque = jam_torque(angle, actuator, FAULTS["jam"].scaled(0.5))
+    >>> (torque / actuator.max_torque).round(6)
     array([0. , 0.3])
     """
-    if not jam:
-        return np.zeros_like(angle)
-    away = (angle / actuator.angle_per_inch - _JAM.place) / _JAM.width
-    return jam * _JAM.friction * actuator.max_torque * np.exp(-(away**2))
+    away = (angle / actuator.angle_per_inch - jam.place) / jam.width
+    return jam.friction * actuator.max_torque * np.exp(-(away**2))
 
 
 def rod_position(
-    angle: NDArray[np.floating],
-    force: NDArray[np.floating],
-    actuator: Actuator,
-    backlash: float,
-    fs: float,
-) -> tuple[NDArray[np.floating], NDArray[np.intp]]:
+    angle: Array, force: Array, actuator: Actuator, backlash: float, fs: float
+) -> tuple[Array, NDArray[np.intp]]:
     """Return the position of the rod, and the impacts of the nut on its opposite flank.
 
     The rod is elastic. With backlash, the load presses the nut against one flank, and the nut
@@ -358,7 +216,7 @@ def rod_position(
     actuator : Actuator
         Constants.
     backlash : float
-        Severity in [0, 1]; 1 is a clearance of 0.01 in.
+        Clearance of the nut [in].
     fs : float
         Sampling rate [Hz].
 
@@ -373,7 +231,7 @@ def rod_position(
     --------
     >>> angle = np.full(9600, 2 * np.pi)
     >>> force = np.where(np.arange(9600) < 4800, 100.0, -100.0)
-    >>> position, knocks = rod_position(angle, force, Actuator(), 1.0, 48_000)
+    >>> position, knocks = rod_position(angle, force, Actuator(), 0.01, 48_000)
     >>> position[[0, -1]].round(3), knocks
     (array([0.152, 0.163]), array([4800]))
     """
@@ -383,11 +241,10 @@ def rod_position(
     side = _side(force)
     decay = np.exp(-1 / (ASSUMED.crossing_time * fs))
     eased, _ = filters.lfilter([1 - decay], [1, -decay], side, zi=[decay * side[0]])
-    position = position - FAULTS["backlash"].backlash / 2 * backlash * eased
-    return position, np.flatnonzero(np.diff(side)) + 1
+    return position - backlash / 2 * eased, np.flatnonzero(np.diff(side)) + 1
 
 
-def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
+def _side(force: Array) -> Array:
     """Return the sign of the force, unchanged while friction can hold the nut."""
     certain = np.flatnonzero(np.abs(force) > ASSUMED.holding_force)
     if not len(certain):
@@ -397,8 +254,8 @@ def _side(force: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def responses(
-    systems: Sequence[tuple[Coefficients, Coefficients]], signal: NDArray[np.floating], fs: float
-) -> NDArray[np.floating]:
+    systems: Sequence[tuple[Coefficients, Coefficients]], signal: Array, fs: float
+) -> list[Array]:
     """Return the responses of linear systems of second order, at rest at the start.
 
     Parameters
@@ -412,20 +269,23 @@ def responses(
 
     Returns
     -------
-    ndarray of shape (n_systems, n_times)
+    list of ndarray of shape (n_times,)
 
     Examples
     --------
     >>> omega = 2 * np.pi * 5
-    >>> step = responses([((0, 0, omega**2), (1, 2 * omega, omega**2))], np.ones(1000), 1000.0)
-    >>> step[:, [0, 20, -1]].round(3)
-    array([[0.   , 0.137, 1.   ]])
+    >>> (step,) = responses([((0, 0, omega**2), (1, 2 * omega, omega**2))], np.ones(1000), 1000.0)
+    >>> step[[0, 20, -1]].round(3)
+    array([0.   , 0.137, 1.   ])
     """
-    double = 2 * fs
-    digital = [
-        [(q * double + p) * double + r, 2 * (r - q * double**2), (q * double - p) * double + r]
-        for system in systems
-        for q, p, r in system
-    ]
-    b, a = np.array(digital[::2]), np.array(digital[1::2])
-    return np.stack([filters.lfilter(*system, signal) for system in zip(b, a, strict=True)])
+    found = []
+    for above, below in systems:
+        b, a = _digital(*above, 2 * fs), _digital(*below, 2 * fs)
+        found.append(filters.lfilter(b / a[0], a / a[0], signal))
+    return found
+
+
+def _digital(q: float, p: float, r: float, double: float) -> Array:
+    """Return the coefficients in z of ``q s² + p s + r`` by the bilinear transform."""
+    first, last = (q * double + p) * double + r, (q * double - p) * double + r
+    return np.array([first, 2 * (r - q * double**2), last])

@@ -10,68 +10,77 @@ from numpy.typing import NDArray
 from scipy import signal as filters
 from scipy.constants import g, lbf
 
-from emacm.simulation.faults import CAGE_ORDER, FAULTS, POLE_PAIRS, Passage, drift
+from emacm.simulation.faults import CAGE_ORDER, POLE_PAIRS, Fault, Passage
 from emacm.simulation.laboratory import (
     ASSUMED,
     PEAK_SPEED,
     RATED_CURRENT,
     RATED_FORCE,
+    SUPPLY_VOLTAGE,
     Actuator,
+    drift,
 )
 from emacm.simulation.mechanics import Motion, jam_torque, responses
-from emacm.simulation.waves import PHASES, OrderWaves, of_phases
+from emacm.simulation.waves import Array, OrderWaves, sine_wave
+
+
+class Unit(NamedTuple):
+    """One unit in one run.
+
+    Attributes
+    ----------
+    actuator : Actuator
+        Its constants.
+    faults : mapping of str to Fault
+        All faults with their sizes in this unit; 0: absent.
+    passages : mapping of str to Passage
+        Passages of rolling elements over each defect that is present.
+    """
+
+    actuator: Actuator
+    faults: Mapping[str, Fault]
+    passages: Mapping[str, Passage]
 
 
 class Torques(NamedTuple):
     """Torques on the shaft, and its motion including torque ripple.
 
-    At every instant ``inertia * acceleration = motor - load - friction + ripple``.
-
     Attributes
     ----------
-    motor, load, friction, ripple : ndarray of shape (n_times,)
-        Torque of the motor, the load and friction, and angle-dependent ripple [N m].
-    angle, velocity, acceleration : ndarray of shape (n_times,)
-        Motion of the shaft including ripple [rad], [rad/s], [rad/s²].
+    motor, load : ndarray of shape (n_times,)
+        Torque of the motor and the load [N m].
+    angle, velocity : ndarray of shape (n_times,)
+        Motion of the shaft including ripple [rad], [rad/s].
     """
 
-    motor: NDArray[np.floating]
-    load: NDArray[np.floating]
-    friction: NDArray[np.floating]
-    ripple: NDArray[np.floating]
-    angle: NDArray[np.floating]
-    velocity: NDArray[np.floating]
-    acceleration: NDArray[np.floating]
+    motor: Array
+    load: Array
+    angle: Array
+    velocity: Array
 
 
 def shaft_torques(
+    unit: Unit,
     motion: Motion,
-    force: NDArray[np.floating],
-    actuator: Actuator,
-    faults: Mapping[str, float],
-    passages: Mapping[str, Passage],
+    force: Array,
+    lines: Array,
     rng: np.random.Generator,
-    lines: NDArray[np.floating] | float = 0.0,
-    run_spread: float = 0.0,
+    run_spread: float,
 ) -> Torques:
     """Return the torques that a motion requires, and the motion including their ripple.
 
     Parameters
     ----------
+    unit : Unit
+        Constants and faults.
     motion : Motion
         Motion without ripple.
     force : ndarray of shape (n_times,)
         Load force [lbf].
-    actuator : Actuator
-        Constants.
-    faults : mapping of str to float
-        Severities in [0, 1].
-    passages : mapping of str to Passage
-        Passages of rolling elements over the defects.
+    lines : ndarray of shape (n_times,)
+        Relative torque of `healthy_lines`.
     rng : Generator
         Random numbers of the friction.
-    lines : ndarray of shape (n_times,) or float
-        `HealthyLines.torque`.
     run_spread : float
         Run-to-run variation relative to the default, with which friction drifts over the times.
 
@@ -86,46 +95,30 @@ def shaft_torques(
     ``d / (J (s² + 2 z w s + w²))``, and the motor compensates the rest: below the bandwidth of the
     loop a defect is visible in the current, above it in the speed.
     """
+    actuator, faults = unit.actuator, unit.faults
     load = force * lbf * actuator.torque_per_force
     direction = np.tanh(motion.velocity / ASSUMED.stiction_speed)
-    dry = faults.get("lubrication", 0.0)
-    dry_friction = actuator.coulomb * (1 + FAULTS["lubrication"].friction * dry)
+    dry_friction = actuator.coulomb * (1 + faults["lubrication"].friction)
     friction = drift("coulomb", motion.times, run_spread) * dry_friction
     friction += (1 / actuator.efficiency - 1) * np.abs(load)
-    if jam := faults.get("jam", 0.0):
-        friction += jam_torque(motion.angle, actuator, jam)
+    if faults["jam"].friction:
+        friction += jam_torque(motion.angle, actuator, faults["jam"])
     viscous = drift("viscous", motion.times, run_spread) * actuator.viscous
     friction = friction * direction + viscous * motion.velocity
     motor = actuator.inertia * motion.acceleration + load + friction
-    if max(motor.max(), -motor.min()) > actuator.max_torque:
-        # Where a jam stops the shaft, friction takes what exceeds the torque limit.
-        limited = np.clip(motor, -actuator.max_torque, actuator.max_torque)
-        friction += limited - motor
-        motor = limited
+    # Where a jam stops the shaft, friction takes what exceeds the torque limit.
+    motor = np.clip(motor, -actuator.max_torque, actuator.max_torque)
     waves = OrderWaves(motion.angle)
-    ripple = _ripple(waves, motor, actuator, faults)
-    braking = _braking(motion.angle, waves, load, actuator, faults, passages, rng)
     loaded = np.abs(load) / (actuator.torque_constant * RATED_CURRENT) + ASSUMED.free_torque
+    braking = _braking(unit, motion.angle, waves, loaded, rng)
+    ripple = _ripple(unit, waves, motor)
     ripple -= (braking + loaded * actuator.recirculation * lines) * direction
     angle, velocity, acceleration = _loop_response(ripple, actuator, motion.times)
-    return Torques(
-        motor + actuator.inertia * acceleration - ripple,
-        load,
-        friction,
-        ripple,
-        angle + motion.angle,
-        velocity + motion.velocity,
-        acceleration + motion.acceleration,
-    )
+    motor = motor + actuator.inertia * acceleration - ripple
+    return Torques(motor, load, angle + motion.angle, velocity + motion.velocity)
 
 
-def phase_currents(
-    torque: NDArray[np.floating],
-    angle: NDArray[np.floating] | OrderWaves,
-    actuator: Actuator,
-    faults: Mapping[str, float],
-    phases: str = PHASES,
-) -> NDArray[np.floating]:
+def phase_currents(unit: Unit, torque: Array, waves: OrderWaves) -> Array:
     """Return the currents of the phases, which sum to zero: the star point is not connected.
 
     Unequal phases add a current that passes the phases in the opposite order (negative sequence).
@@ -135,107 +128,147 @@ def phase_currents(
 
     Parameters
     ----------
+    unit : Unit
+        Constants and faults.
     torque : ndarray of shape (n_times,)
         Motor torque [N m].
-    angle : ndarray of shape (n_times,) or OrderWaves
-        Shaft angle [rad].
-    actuator : Actuator
-        Constants.
-    faults : mapping of str to float
-        Severities in [0, 1].
-    phases : str
-        Phases to compute.
+    waves : OrderWaves
+        Waves over the shaft angle.
 
     Returns
     -------
-    ndarray of shape (n_phases, n_times)
+    ndarray of shape (3, n_times)
         Currents [A]; orders around 6, Eqs. (2.2) to (2.4) of the thesis.
 
     Examples
     --------
-    >>> quarter = np.array([np.pi / 2 / POLE_PAIRS])
-    >>> phase_currents(np.array([5.28]), quarter, Actuator(), {}).round(1).ravel()
+    >>> from emacm.simulation.faults import FAULTS
+    >>> unit = Unit(Actuator(), {name: fault.scaled(0) for name, fault in FAULTS.items()}, {})
+    >>> quarter = OrderWaves(np.array([np.pi / 2 / POLE_PAIRS]))
+    >>> phase_currents(unit, np.array([5.28]), quarter).round(1).ravel()
     array([-10.,   5.,   5.])
     """
-    length = torque / actuator.torque_constant
-    waves, mismatch = OrderWaves.of(angle), _mismatch(actuator, faults)
+    length = torque / unit.actuator.torque_constant
     # Fundamental and 7th harmonic pass the phases in the order a, b, c, the others a, c, b.
     positive = ((1, 1.0), (7, ASSUMED.dead_time[1]))
-    negative = ((1, mismatch), (5, ASSUMED.dead_time[0]))
+    negative = ((1, _mismatch(unit)), (5, ASSUMED.dead_time[0]))
 
-    def waves_of(side: int, phase: float) -> NDArray[np.floating]:
-        sizes = [(n, size) for n, size in positive] + [(n, side * size) for n, size in negative]
+    def waves_of(side: int, phase: float) -> Array:
+        sizes = [*positive, *((n, side * size) for n, size in negative)]
         return waves.sines(*((n * POLE_PAIRS, size, phase) for n, size in sizes))
 
-    a = -length * waves_of(1, 0.0)
-    across = np.sqrt(3) / 2 * length * waves_of(-1, np.pi / 2) if phases != "a" else a
-    return of_phases(a, across, phases)
+    return _of_phases(-length * waves_of(1, 0.0), np.sqrt(3) / 2 * length * waves_of(-1, np.pi / 2))
 
 
-def _mismatch(actuator: Actuator, faults: Mapping[str, float]) -> float:
-    severity = faults.get("phase imbalance", 0.0)
-    return actuator.phase_mismatch - FAULTS["phase imbalance"].imbalance * severity
+def _of_phases(a: Array, across: Array) -> Array:
+    """Return phase currents that sum to zero.
+
+    `a` is the current of phase a, `across` half of the difference of those of the phases b and c.
+    """
+    return np.stack([a, across - a / 2, -across - a / 2])
 
 
-def _ripple(
-    waves: OrderWaves,
-    mean: NDArray[np.floating],
-    actuator: Actuator,
-    faults: Mapping[str, float],
-) -> NDArray[np.floating]:
+def carrier_ripple(
+    torques: Torques, waves: OrderWaves, times: Array, phase: float, actuator: Actuator
+) -> Array:
+    """Return the ripple of the phase currents at the switching frequency of the inverter.
+
+    The lines at ``carrier +- 2 x`` the electrical frequency of a sine-triangle modulation have the
+    voltage ``2 V_dc / pi J_2(pi M / 2)`` each [1]_, M being the voltage of a phase relative to half
+    the DC link; the line at the carrier itself is equal in all phases and drives no current. They
+    are fixed in time, and sum to zero over the phases. Lines at twice the carrier are above the
+    conditioning filter.
+
+    Parameters
+    ----------
+    torques : Torques
+        Torque and motion of the shaft.
+    waves : OrderWaves
+        Waves over the shaft angle.
+    times : ndarray of shape (n_times,)
+        Times [s].
+    phase : float
+        Phase of the carrier [rad].
+    actuator : Actuator
+        Constants.
+
+    Returns
+    -------
+    ndarray of shape (3, n_times)
+        Currents [A].
+
+    References
+    ----------
+    .. [1] D. G. Holmes and T. A. Lipo, Pulse Width Modulation for Power Converters, 2003.
+    """
+    link = SUPPLY_VOLTAGE * np.sqrt(2)  # V: rectified supply
+    # With the current perpendicular to the rotor flux, v_q = k w + R i and v_d = -p w L i.
+    current, velocity = torques.motor / actuator.torque_constant, torques.velocity
+    across = actuator.emf_constant * velocity + actuator.winding_resistance * current
+    along = POLE_PAIRS * actuator.winding_inductance * velocity * current
+    x2 = (np.pi * np.sqrt(across**2 + along**2) / link) ** 2  # square of pi M / 2
+    bessel = x2 / 8 * (1 - x2 / 12 * (1 - x2 / 32))  # J_2 within 1 % up to M = 1.15
+    reactance = 2 * np.pi * ASSUMED.carrier * actuator.winding_inductance
+    size = bessel * sine_wave(ASSUMED.carrier, times, phase)
+    size *= 2 * (2 * link / np.pi) / reactance
+    a = waves.sines((2 * POLE_PAIRS, 1.0, np.pi / 2))
+    across = waves.sines((2 * POLE_PAIRS, -np.sqrt(3) / 2, 0.0))
+    return _of_phases(size * a, size * across)
+
+
+def _mismatch(unit: Unit) -> float:
+    return unit.actuator.phase_mismatch - unit.faults["phase imbalance"].imbalance
+
+
+def _ripple(unit: Unit, waves: OrderWaves, mean: Array) -> Array:
     """Return torque ripple of mean 0: alignment, cogging, eccentricity and phase imbalance."""
-    eccentric = FAULTS["eccentricity"].torque * faults.get("eccentricity", 0.0)
+    actuator = unit.actuator
     ripple = waves.sines(
         (1, actuator.ripple, actuator.mark),
         (ASSUMED.cogging_order, actuator.cogging, actuator.mark),
-        (1, eccentric, 2 * actuator.mark),
+        (1, unit.faults["eccentricity"].torque, 2 * actuator.mark),
     )
     # The torque of the negative sequence pulsates at twice the supply order.
-    share = -_mismatch(actuator, faults)
-    if share:
-        ripple += mean * waves.sines((2 * POLE_PAIRS, share, np.pi / 2))
-    return ripple
+    return ripple + mean * waves.sines((2 * POLE_PAIRS, -_mismatch(unit), np.pi / 2))
 
 
 def _braking(
-    angle: NDArray[np.floating],
-    waves: OrderWaves,
-    load: NDArray[np.floating],
-    actuator: Actuator,
-    faults: Mapping[str, float],
-    passages: Mapping[str, Passage],
-    rng: np.random.Generator,
-) -> NDArray[np.floating]:
+    unit: Unit, angle: Array, waves: OrderWaves, loaded: Array, rng: np.random.Generator
+) -> Array:
     """Return the varying part of the friction torque, which opposes either direction."""
-    braking = np.zeros_like(angle)
-    rated = actuator.torque_constant * RATED_CURRENT
-    for name, passage in passages.items():
-        size = faults[name] * FAULTS[name].torque
-        braking += size * (ASSUMED.free_torque + np.abs(load) / rated) * passage.pulses
-    if cage := faults.get("cage", 0.0):
-        braking += FAULTS["cage"].torque * cage * np.sin(CAGE_ORDER * angle + actuator.mark)
-    if dry := faults.get("lubrication", 0.0):
-        fault = FAULTS["lubrication"]
-        braking += waves.sines((1, dry * fault.torque, 3 * actuator.mark))
-        braking += dry * fault.friction_noise * actuator.coulomb * _noise_over_travel(angle, rng)
+    mark, braking = unit.actuator.mark, np.zeros_like(angle)
+    for name, passage in unit.passages.items():
+        braking += unit.faults[name].torque * loaded * passage.pulses
+    if cage := unit.faults["cage"].torque:
+        braking += cage * np.sin(CAGE_ORDER * angle + mark)
+    dry = unit.faults["lubrication"]
+    if dry.torque:
+        braking += waves.sines((1, dry.torque, 3 * mark))
+        braking += dry.friction_noise * unit.actuator.coulomb * _noise_over_travel(angle, rng)
     return braking
 
 
+def low_passed_noise(
+    n_samples: int, corner: float, rate: float, rng: np.random.Generator, rms: float = 1.0
+) -> Array:
+    """Return stationary noise below a corner, in the unit of `rate`: 1/s or 1/revolution."""
+    decay = np.exp(-2 * np.pi * corner / rate)
+    white = rms * np.sqrt(1 - decay**2) * rng.standard_normal(n_samples)
+    white[0] /= np.sqrt(1 - decay**2)  # stationary from the first sample
+    return filters.lfilter([1.0], [1.0, -decay], white)
+
+
 def _noise_over_travel(
-    angle: NDArray[np.floating], rng: np.random.Generator, order: float = 1.5, per_rev: int = 32
-) -> NDArray[np.floating]:
+    angle: Array, rng: np.random.Generator, order: float = 1.5, per_rev: int = 32
+) -> Array:
     """Return noise of unit variance over the travel, low-passed at an order (assumed: 1.5)."""
     travel = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(angle))))) / (2 * np.pi)
-    decay = np.exp(-2 * np.pi * order / per_rev)
-    grid = np.arange(int(travel[-1] * per_rev) + 2) / per_rev
-    white = rng.standard_normal(len(grid)) * np.sqrt(1 - decay**2)
-    white[0] /= np.sqrt(1 - decay**2)
-    return np.interp(travel, grid, filters.lfilter([1], [1, -decay], white))
+    n_steps = int(travel[-1] * per_rev) + 2
+    noise = low_passed_noise(n_steps, order, per_rev, rng)
+    return np.interp(travel, np.arange(n_steps) / per_rev, noise)
 
 
-def _loop_response(
-    ripple: NDArray[np.floating], actuator: Actuator, times: NDArray[np.floating]
-) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+def _loop_response(ripple: Array, actuator: Actuator, times: Array) -> tuple[Array, Array, Array]:
     """Return the angle, velocity and acceleration that ripple causes under the velocity loop."""
     corner = 2 * np.pi * actuator.velocity_bandwidth
     below = (1.0, 2 * ASSUMED.damping * corner, corner**2)
@@ -247,16 +280,14 @@ def _loop_response(
 
 
 def housing_force(
+    unit: Unit,
     torques: Torques,
-    actuator: Actuator,
-    faults: Mapping[str, float],
-    passages: Mapping[str, Passage],
+    waves: OrderWaves,
     knocks: NDArray[np.intp],
+    lines: Array,
     rng: np.random.Generator,
     fs: float,
-    lines: NDArray[np.floating] | float = 0.0,
-    waves: OrderWaves | None = None,
-) -> NDArray[np.floating]:
+) -> Array:
     """Return the force that excites the housing.
 
     Rolling noise and impacts are proportional to speed and to the square root of the load
@@ -265,63 +296,53 @@ def housing_force(
 
     Parameters
     ----------
+    unit : Unit
+        Constants and faults.
     torques : Torques
         Torques and motion of the shaft.
-    actuator : Actuator
-        Constants.
-    faults : mapping of str to float
-        Severities in [0, 1].
-    passages : mapping of str to Passage
-        Passages of rolling elements over the defects.
+    waves : OrderWaves
+        Waves over the shaft angle.
     knocks : ndarray of shape (n_knocks,), of int
         Samples at which the nut hits its opposite flank.
+    lines : ndarray of shape (n_times,)
+        Relative force of `healthy_lines`.
     rng : Generator
         Random numbers of the rolling noise.
     fs : float
         Sampling rate [Hz].
-    lines : ndarray of shape (n_times,) or float
-        `HealthyLines.force`.
-    waves : OrderWaves, optional
-        Those of the shaft angle, if they exist already.
 
     Returns
     -------
     ndarray of shape (n_times,)
         Force [N].
     """
-    waves = OrderWaves(torques.angle) if waves is None else waves
+    actuator, faults = unit.actuator, unit.faults
     speed = np.abs(torques.velocity) / PEAK_SPEED
     rated_torque = RATED_FORCE * actuator.torque_per_force
     pressed = np.sqrt(np.abs(torques.load) / rated_torque + ASSUMED.preload)
     current = np.abs(torques.motor) / (actuator.torque_constant * RATED_CURRENT)
-    rolling = 1 + FAULTS["lubrication"].rolling_noise * faults.get("lubrication", 0.0)
-    if cage := faults.get("cage", 0.0):
-        rub = FAULTS["cage"].rolling_noise * cage
+    rolling = 1 + faults["lubrication"].rolling_noise
+    if rub := faults["cage"].rolling_noise:
         rolling = rolling * (1 + rub * np.sin(CAGE_ORDER * torques.angle + actuator.mark))
     density = actuator.rolling_noise * np.sqrt(fs / ASSUMED.noise_rate)  # the same at any rate
     force = rng.standard_normal(len(speed)) * density * rolling * speed * pressed
     force += actuator.waviness * pressed * lines
     force += waves.sines((1, actuator.unbalance, 2 * actuator.mark)) * torques.velocity**2
     force += waves.sines((2 * POLE_PAIRS, ASSUMED.radial, actuator.mark)) * current
-    if eccentric := faults.get("eccentricity", 0.0):
+    if eccentric := faults["eccentricity"].force:
         # The narrow side of the air gap turns: lines at order 1, and as sidebands of order 12.
-        strength = FAULTS["eccentricity"].force * eccentric
-        pull = waves.sines((1, strength, 2 * actuator.mark)) * (0.3 + current)
+        pull = waves.sines((1, eccentric, 2 * actuator.mark)) * (0.3 + current)
         force += pull * (1 + waves.sines((2 * POLE_PAIRS, 0.5, np.pi / 2)))
-    if not passages and not len(knocks):
-        return force
     impulses = np.zeros_like(speed)
-    for name, passage in passages.items():
+    for name, passage in unit.passages.items():
         at = passage.impacts
-        size = faults[name] * FAULTS[name].impact * passage.sizes
+        size = faults[name].impact * passage.sizes
         impulses[at] += size * passage.weight[at] * speed[at] * pressed[at]
-    impulses[knocks] += FAULTS["backlash"].impact * faults.get("backlash", 0.0)
+    impulses[knocks] += faults["backlash"].impact
     return force + _contact_force(impulses, fs)
 
 
-def housing_acceleration(
-    force: NDArray[np.floating], actuator: Actuator, fs: float
-) -> NDArray[np.floating]:
+def housing_acceleration(force: Array, actuator: Actuator, fs: float) -> Array:
     """Return the acceleration of the housing under a force.
 
     A sum of three modes, each ``share / mass * s² / (s² + 2 z w s + w²)``. Modes above 0.45 of
@@ -343,19 +364,16 @@ def housing_acceleration(
     """
     modes = []
     for ratio, share in ASSUMED.modes:
-        if actuator.resonance * ratio > ASSUMED.highest_mode * fs:
-            continue
         omega = 2 * np.pi * actuator.resonance * ratio
-        # Prewarping: the bilinear transform shifts frequencies.
-        omega = 2 * fs * np.tan(omega / (2 * fs))
+        if omega > ASSUMED.highest_mode * 2 * np.pi * fs:
+            continue
+        omega = 2 * fs * np.tan(omega / (2 * fs))  # the bilinear transform shifts frequencies
         above = (share / actuator.housing_mass / g, 0.0, 0.0)
         modes.append((above, (1.0, 2 * actuator.damping * omega, omega**2)))
-    if not modes:
-        return np.zeros_like(force)
-    return responses(modes, force, fs).sum(axis=0)
+    return np.sum(responses(modes, force, fs), axis=0) + np.zeros_like(force)
 
 
-def _contact_force(impulses: NDArray[np.floating], fs: float) -> NDArray[np.floating]:
+def _contact_force(impulses: Array, fs: float) -> Array:
     """Convert impulses [N s] to half-sines of force [N] of the duration of the contact."""
     n_contact = max(1, round(ASSUMED.contact * fs))
     shape = np.sin(np.pi * (np.arange(n_contact) + 0.5) / n_contact)

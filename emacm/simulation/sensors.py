@@ -3,67 +3,60 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal as filters
+from scipy.constants import arcminute
 
 from emacm.shaft.angle import angle_from_resolver
-from emacm.simulation.faults import POLE_PAIRS
-from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS
-from emacm.simulation.waves import OrderWaves, sine_wave
-
-PICKUP_ORDERS = (2 * POLE_PAIRS, 6 * POLE_PAIRS)
+from emacm.simulation.faults import POLE_PAIRS, Imperfections
+from emacm.simulation.laboratory import ASSUMED, TRANSDUCERS, Actuator
+from emacm.simulation.waves import Array, OrderWaves, sine_wave
 
 
-def cable_noise(
-    sensor: str,
-    angle: NDArray[np.floating] | OrderWaves,
-    current: NDArray[np.floating],
-    level: float,
-    mark: float,
-) -> NDArray[np.floating] | float:
-    """Return the electrical noise of the motor in the cable of a sensor.
+def interference(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return the waves of mains and inverter in the cables of a run, relative to their sizes.
+
+    They are fixed in time, and the same in all channels. Lines above half the sampling rate, which
+    the conditioning filter removes, are left out.
+    """
+    nyquist = 1 / (times[1] - times[0]) / 2
+    phases = rng.uniform(0, 2 * np.pi, len(ASSUMED.mains_lines) + 1)
+    mains, carrier = np.zeros_like(times), np.zeros_like(times)
+    for (hertz, size), phase in zip(ASSUMED.mains_lines, phases[1:], strict=True):
+        if hertz < nyquist:
+            mains += size * sine_wave(hertz, times, phase)
+    if nyquist > ASSUMED.carrier:
+        carrier = sine_wave(ASSUMED.carrier, times, phases[0])
+    return mains, carrier
+
+
+def motor_noise(
+    sensor: str, waves: OrderWaves, current: Array, level: float, mark: float
+) -> Array | float:
+    """Return the electrical noise of the motor in the cable of a sensor [V].
 
     It has orders 12 and 36, twice and six times the electrical order, caused by unequal phases
     and the dead time of the inverter. It depends on a unit and its cables, not on its health
-    (thesis, section 4.5).
-
-    Parameters
-    ----------
-    sensor : {"lvdt", "velocity", "current", "accelerometer", "load"}
-        Current, accelerometer and load cell are not affected.
-    angle : ndarray of shape (n_times,) or OrderWaves
-        Shaft angle [rad].
-    current : ndarray of shape (n_times,)
-        Length of the current vector, relative to the rated current.
-    level : float
-        Level relative to the default.
-    mark : float
-        Phase [rad].
-
-    Returns
-    -------
-    ndarray of shape (n_times,), or 0.0
-        Noise [V].
+    (thesis, section 4.5). `current` is relative to the rated current, `mark` is a phase [rad].
     """
-    if sensor not in ASSUMED.pickup or not level:
+    sizes = TRANSDUCERS[sensor].pickup
+    if not sizes or not level:
         return 0.0
-    parts = zip(PICKUP_ORDERS, ASSUMED.pickup[sensor], strict=True)
-    waves = OrderWaves.of(angle).sines(*((order, level * size, mark) for order, size in parts))
-    return waves * (ASSUMED.pickup_floor + np.abs(current))
+    orders = (2 * POLE_PAIRS, 6 * POLE_PAIRS)
+    terms = ((order, level * size, mark) for order, size in zip(orders, sizes, strict=True))
+    return waves.sines(*terms) * (ASSUMED.pickup_floor + np.abs(current))
 
 
 def measured(
     sensor: str,
-    values: NDArray[np.floating],
+    values: Array,
     rng: np.random.Generator,
     *,
     fs: float,
     cutoff: float,
-    cable: NDArray[np.floating] | float = 0.0,
-) -> NDArray[np.float32]:
+    cable: Array | float = 0.0,
+) -> Array:
     """Return a quantity as recorded by the data acquisition.
 
     Scales and full scales are those of Table 4.2. LVDT and velocity pass the filter of their
@@ -96,14 +89,11 @@ def measured(
     >>> float(measured("lvdt", far, np.random.default_rng(0), fs=48_000, cutoff=15_000)[-1])
     3.0
     """
-    scale, peak, _ = TRANSDUCERS[sensor]
-    noise = (
-        ASSUMED.noise[sensor] * np.sqrt(fs / ASSUMED.noise_rate) * rng.standard_normal(len(values))
-    )
+    scale, peak, noise, *_ = TRANSDUCERS[sensor]
     volts = values / scale
-    if sensor in ASSUMED.bandwidth and ASSUMED.bandwidth[sensor] < fs / 2:
-        volts = _low_pass(volts, 2, ASSUMED.bandwidth[sensor], fs)
-    volts += noise
+    if (bandwidth := TRANSDUCERS[sensor].bandwidth) < fs / 2:
+        volts = _low_pass(volts, 2, bandwidth, fs)
+    volts += noise * np.sqrt(fs / ASSUMED.noise_rate) * rng.standard_normal(len(values))
     volts += cable
     volts = _low_pass(volts, ASSUMED.filter_order, cutoff, fs)
     step = 2 * ASSUMED.range / 2**ASSUMED.bits
@@ -111,9 +101,7 @@ def measured(
     return (volts * scale).astype(np.float32)
 
 
-def _low_pass(
-    values: NDArray[np.floating], order: int, cutoff: float, fs: float
-) -> NDArray[np.floating]:
+def _low_pass(values: Array, order: int, cutoff: float, fs: float) -> Array:
     """Apply a Butterworth filter that starts at rest."""
     sos, at_rest = _butterworth(order, cutoff, fs)
     passed, _ = filters.sosfilt(sos, values, zi=at_rest * values[0])
@@ -121,81 +109,45 @@ def _low_pass(
 
 
 @cache
-def _butterworth(
-    order: int, cutoff: float, fs: float
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _butterworth(order: int, cutoff: float, fs: float) -> tuple[Array, Array]:
     """Return the sections of a low pass, and their state for a constant input of 1."""
     sos = filters.butter(order, cutoff, fs=fs, output="sos")
     return sos, filters.sosfilt_zi(sos)
 
 
-class Interference(NamedTuple):
-    """Waves that are fixed in time, the same in all channels of a run.
+def resolver_error(
+    waves: OrderWaves, actuator: Actuator, imperfections: Imperfections
+) -> tuple[Array, Array]:
+    """Return the error of the resolver [rad], and its derivative by the angle.
 
-    Attributes
-    ----------
-    mains, carrier : ndarray of shape (n_times,)
-        Mains and switching of the inverter, relative to their sizes in `ASSUMED`.
+    The error has orders 1, 2 and 12; the derivative is the error of the indicated velocity,
+    relative to the velocity.
+
+    Examples
+    --------
+    >>> from emacm.simulation.faults import draw_imperfections
+    >>> unit = draw_imperfections(np.random.default_rng(0), spread=0)
+    >>> waves = OrderWaves(np.array([np.pi / 2]))
+    >>> error, _ = resolver_error(waves, Actuator(), unit)  # 3' at order 1
+    >>> (error * 180 * 60 / np.pi).round(6)
+    array([3.])
     """
+    size = actuator.resolver_error * arcminute
+    parts = [
+        (order, size * relative * share, phase)
+        for (order, relative), share, phase in zip(
+            ASSUMED.resolver_errors, *imperfections[:2], strict=True
+        )
+    ]
+    slopes = [(order, order * size, phase + np.pi / 2) for order, size, phase in parts]
+    return waves.sines(*parts), waves.sines(*slopes)
 
-    mains: NDArray[np.floating]
-    carrier: NDArray[np.floating]
 
-    def volts(self, sensor: str) -> NDArray[np.floating]:
-        """Return the interference in the cable of a sensor [V]."""
-        volts = ASSUMED.mains[sensor] * self.mains
-        if carrier := ASSUMED.carrier_pickup.get(sensor, 0.0):
-            volts += carrier * self.carrier
-        return volts
+def resolver_angle(angle: Array, rng: np.random.Generator) -> Array:
+    """Return the angle that a resolver indicates [rad], with noise, at a tenth of the rate.
 
-
-def interference(times: NDArray[np.floating], rng: np.random.Generator) -> Interference:
-    """Return the waves of mains and inverter in a run.
-
-    Parameters
-    ----------
-    times : ndarray of shape (n_times,)
-        Times [s].
-    rng : Generator
-        Random numbers of the run: phases.
-
-    Returns
-    -------
-    Interference
-        Lines above half the sampling rate, which the conditioning filter removes, are left out.
+    The first is within half a revolution of 0.
     """
-    fs = 1 / (times[1] - times[0])
-    phases = rng.uniform(0, 2 * np.pi, len(ASSUMED.mains_lines) + 1)
-    mains, carrier = np.zeros_like(times), np.zeros_like(times)
-    for (hertz, size), phase in zip(ASSUMED.mains_lines, phases[1:], strict=True):
-        if hertz < fs / 2:
-            mains += size * sine_wave(hertz, times, phase)
-    if fs / 2 > ASSUMED.carrier:
-        carrier = sine_wave(ASSUMED.carrier, times, phases[0])
-    return Interference(mains, carrier)
-
-
-def resolver_angle(
-    angle: NDArray[np.floating],
-    rng: np.random.Generator,
-    error: NDArray[np.floating] | float = 0.0,
-) -> NDArray[np.floating]:
-    """Return the shaft angle measured by the resolver, at a tenth of the rate of the channels.
-
-    Parameters
-    ----------
-    angle : ndarray of shape (n_times,)
-        Shaft angle at the rate of the channels [rad].
-    rng : Generator
-        Random numbers of the noise.
-    error : ndarray of shape (n_times,) or float
-        Error of the resolver [rad], as returned by `resolver_error`.
-
-    Returns
-    -------
-    ndarray of shape (ceil(n_times / 10),)
-        Cumulative angle [rad], the first within half a revolution of 0, with noise and error.
-    """
-    turned = (angle + error)[:: ASSUMED.shaft_decimation]
+    turned = angle[:: ASSUMED.shaft_decimation]
     noise = ASSUMED.resolver_noise * rng.standard_normal((2, len(turned)))
     return angle_from_resolver(np.sin(turned) + noise[0], np.cos(turned) + noise[1])

@@ -7,38 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PHASES = "abc"
+Array = NDArray[np.floating]
 BLOCK = 8192  # samples that are computed together: their arrays stay in the cache
 
 
-def of_phases(
-    a: NDArray[np.floating], across: NDArray[np.floating], phases: str = PHASES
-) -> NDArray[np.floating]:
-    """Return phase currents that sum to zero: the star point is not connected.
-
-    Parameters
-    ----------
-    a : ndarray of shape (n_times,)
-        Current of phase a.
-    across : ndarray of shape (n_times,)
-        Half of the difference of the currents of the phases b and c.
-    phases : str
-        Phases to compute.
-
-    Returns
-    -------
-    ndarray of shape (n_phases, n_times)
-
-    Examples
-    --------
-    >>> of_phases(np.array([2.0]), np.array([0.5])).ravel()
-    array([ 2. , -0.5, -1.5])
-    """
-    made = {"a": lambda: a, "b": lambda: across - a / 2, "c": lambda: -across - a / 2}
-    return np.stack([made[phase]() for phase in phases])
-
-
-def sine_wave(frequency: float, times: NDArray[np.floating], phase: float) -> NDArray[np.floating]:
+def sine_wave(frequency: float, times: Array, phase: float) -> Array:
     """Return a sine of a whole number of hertz over evenly spaced times.
 
     Parameters
@@ -81,7 +54,7 @@ class OrderWaves:
     (array([0., 1.]), array([2., 0.]))
     """
 
-    def __init__(self, angle: NDArray[np.floating]) -> None:
+    def __init__(self, angle: Array) -> None:
         self._turning = np.empty(len(angle), dtype=complex)
         # By the tangent of the half angle, which NumPy computes faster than sine and cosine.
         for start in range(0, len(angle), BLOCK):
@@ -91,12 +64,7 @@ class OrderWaves:
             turning.real = (1 - square) / (1 + square)
             turning.imag = 2 * tangent / (1 + square)
 
-    @classmethod
-    def of(cls, angle: NDArray[np.floating] | OrderWaves) -> OrderWaves:
-        """Return the waves of an angle, or waves that exist already."""
-        return angle if isinstance(angle, OrderWaves) else cls(angle)
-
-    def sines(self, *terms: tuple[int, float, float]) -> NDArray[np.floating]:
+    def sines(self, *terms: tuple[int, float, float]) -> Array:
         """Return the sum of sines ``size * sin(order * angle + phase)``.
 
         Parameters
@@ -121,7 +89,7 @@ class OrderWaves:
         return total
 
 
-def _power(powers: dict[int, NDArray[np.complexfloating]], order: int) -> NDArray[Any]:
+def _power(powers: dict[int, NDArray[Any]], order: int) -> NDArray[Any]:
     """Return a power by multiplication, and keep it for the next ones."""
     if order not in powers:
         if order % 2:

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.simulation.bench import LaboratoryBench
@@ -50,25 +49,17 @@ def same(one, other):
     return all(np.array_equal(one.signals[name], other.signals[name]) for name in one.channels)
 
 
-def test_a_recording_has_the_channels_of_the_thesis_at_48_khz():
-    recording = record()
-    assert recording.channels == ("lvdt", "velocity", "current_a", "accelerometer")
-    assert set(recording.fs.values()) == {48_000}
-    assert recording.reference == "angle"
-    assert recording.duration == pytest.approx(3)
-
-
-def test_all_three_phases_are_there_if_wanted():
-    three = record(phases="abc")
-    assert three.channels[2:5] == ("current_a", "current_b", "current_c")
-    assert np.array_equal(three.signals["current_a"], record().signals["current_a"])
-
-
-def test_commands_are_recorded_only_if_wanted_and_change_nothing_else():
-    plain, more = record(), record(commands=True)
-    assert more.channels == (*plain.channels, "position_command", "load_command", "load_cell")
+def test_a_recording_has_the_channels_of_the_thesis_at_48_khz_and_more_if_wanted():
+    plain, more = record(), record(phases="abc", commands=True)
+    assert plain.channels == ("lvdt", "velocity", "current_a", "accelerometer")
+    assert set(plain.fs.values()) == {48_000}
+    assert (plain.reference, plain.duration) == ("angle", pytest.approx(3))
+    assert more.channels[2:5] == ("current_a", "current_b", "current_c")
+    assert more.channels[6:] == ("position_command", "load_command", "load_cell")
     assert same(plain, more)
-    assert np.array_equal(plain.angle, more.angle)
+    command = more.signals["position_command"]  # Table 4.3
+    assert [command.min(), command.max()] == pytest.approx([-1.8, 2.3], abs=1e-3)
+    assert np.abs(plain.signals["velocity"]).max() < PEAK_SPEED
 
 
 @pytest.mark.parametrize("condition", [1, 2, 5])
@@ -89,17 +80,6 @@ def test_the_load_cell_reads_the_commanded_load_but_for_what_the_loop_leaves():
         asked, read = (signals[name].astype(float) for name in ("load_command", "load_cell"))
         assert np.ptp(asked) == pytest.approx(reach, rel=0.03)
         assert 0 < np.std(read - asked) < 3 + 0.02 * np.abs(asked).max()
-
-
-def test_the_position_command_is_that_of_table_4_3():
-    command = record(3, commands=True).signals["position_command"]
-    assert command.max() == pytest.approx(2.3, abs=1e-3)
-    assert command.min() == pytest.approx(-1.8, abs=1e-3)
-
-
-@pytest.mark.parametrize("condition", CONDITIONS)
-def test_no_measured_speed_passes_4572_rpm(condition):
-    assert np.abs(record(condition).signals["velocity"]).max() < PEAK_SPEED
 
 
 def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
@@ -142,24 +122,6 @@ def test_an_inner_ring_defect_has_sidebands_one_order_away(side):
     line = 9 * FAULT_ORDERS["outer ring"][0]
     assert contrast(round_the_ring, "accelerometer", line) > 4
     assert contrast(round_the_ring, "accelerometer", line + side) < 2.5
-
-
-def test_the_envelope_of_a_resonance_shows_the_inner_ring():
-    # Without a rule for orders: the envelope around 5.2 kHz, resampled by plain interpolation.
-    bad = record(3, faults=(("inner ring", 0.5),))
-    band = filters.butter(4, [3500, 8000], "bandpass", fs=48_000, output="sos")
-    envelope = np.abs(filters.hilbert(filters.sosfilt(band, bad.signals["accelerometer"])))
-    angle = np.interp(np.arange(len(envelope)) / 48_000, np.arange(14_400) / 4800, bad.angle)
-    turning = np.abs(np.gradient(angle)) * 48_000
-    at_speed = np.flatnonzero(turning > 0.9 * turning.max())
-    stretch = max(np.split(at_speed, np.flatnonzero(np.diff(at_speed) > 1) + 1), key=len)
-    travel = np.abs(angle[stretch] - angle[stretch[0]]) / (2 * np.pi)
-    even = np.arange(0, travel[-1], 1 / 64)
-    smooth = np.interp(even, travel, envelope[stretch])
-    lines = np.abs(np.fft.rfft((smooth - smooth.mean()) * np.hanning(len(even)), 1 << 14))
-    orders = np.fft.rfftfreq(1 << 14, 1 / 64)
-    searched = (orders > 2) & (orders < 9)
-    assert orders[searched][lines[searched].argmax()] == pytest.approx(INNER, abs=0.06)
 
 
 ORDER_OF_SIGHT = {
@@ -228,11 +190,6 @@ def test_severity_zero_is_healthy_to_the_last_bit(fault):
     assert zero == record(4, duration=0.2)
 
 
-def test_vibration_grows_with_severity():
-    sizes = [rms(record(4, faults=(("inner ring", s),))) for s in (0.0, 0.3, 0.6, 1.0)]
-    assert np.all(np.diff(sizes) > 0.005)
-
-
 def test_vibration_grows_with_speed():
     # Triangles of 3.6 and 17.5 in/s. Of the load alone it would grow by a sixth.
     slow, fast = (rms(record(c, faults=(("inner ring", 1.0),))) for c in (2, 3))
@@ -258,13 +215,6 @@ def test_the_motors_noise_stands_at_orders_12_and_36_as_the_parameter_says(chann
         25 * level(little, channel, order), rel=0.2
     )
     assert level(none, channel, order) < 0.01 * level(usual, channel, order)
-
-
-def test_the_motors_noise_is_none_of_the_fault():
-    sick, sound = (record(4, faults=f) for f in ((("inner ring", 0.5),), None))
-    for order in (12, 36):
-        ratio = level(sick, "lvdt", order) / level(sound, "lvdt", order)
-        assert ratio == pytest.approx(1, abs=0.1)
 
 
 def test_the_same_bench_and_run_give_the_same_recording_in_any_order():
@@ -295,19 +245,6 @@ def test_a_fault_changes_nothing_but_what_it_does():
     assert np.abs(away).max() < 2e-4
 
 
-def features(unit, run):
-    recording = record(4, run, unit=unit, duration=1.5, electrical_noise=1.0)
-    lines = [level(recording, "velocity", 12), level(recording, "current_a", 7)]
-    return np.log([rms(recording), *lines])
-
-
-def test_units_differ_more_than_runs():
-    table = np.array([[features(unit, run) for run in (1, 2, 3)] for unit in range(5)])
-    within = table.var(axis=1, ddof=1).mean(axis=0)
-    between = table.mean(axis=1).var(axis=0, ddof=1)
-    assert np.all(between > 2 * within)
-
-
 def test_without_spread_units_differ_by_noise_alone():
     one, other = (record(4, unit=unit, unit_spread=0.0, run_spread=0.0) for unit in (0, 1))
     assert not same(one, other)
@@ -332,10 +269,6 @@ def test_meta_holds_the_truth():
     assert isinstance(recording, Recording)
 
 
-def test_a_name_alone_is_the_whole_fault():
-    assert LaboratoryBench(faults="jam") == LaboratoryBench(faults={"jam": 1})
-
-
 def test_the_rate_is_free_above_twice_the_cutoff():
     coarse = record(4, fs=8000.0, cutoff=3000.0, duration=1.0)
     fine = record(4, duration=1.0)
@@ -354,41 +287,32 @@ def test_the_truth_has_what_no_sensor_sees():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
+    ("arguments", "message"),
     [
-        ({"faults": "rust"}, ValueError, "a fault must be one of 'inner ring'"),
-        ({"faults": {"ball": 2}}, ValueError, "severity of 'ball' must be .* at most 1, got 2"),
-        ({"unit": -1}, ValueError, "unit must be a whole number of at least 0, got -1"),
-        ({"unit": "A"}, TypeError, "unit must be a whole number of at least 0, got 'A'"),
-        ({"seed": -1}, ValueError, "seed must be a whole number of at least 0, got -1"),
-        ({"unit_spread": -1}, ValueError, "unit_spread must be a number at least 0, got -1"),
-        ({"run_spread": -1}, ValueError, "run_spread must be a number at least 0, got -1"),
-        ({"electrical_noise": -1}, ValueError, "electrical_noise must be a number at least 0"),
-        ({"phases": "d"}, ValueError, "phases must be one of 'a', 'b', 'c', .*; got 'd'"),
-        ({"commands": 1}, TypeError, "commands must be True or False, got 1"),
-        ({"duration": 0}, ValueError, "duration must be a number of s, at least 0.01, got 0"),
-        ({"fs": 20_000}, ValueError, "fs must be a number of Hz, above 30000, got 20000"),
-        ({"cutoff": 0}, ValueError, "cutoff must be a number of Hz, above 0, got 0"),
-        ({"actuator": None}, TypeError, "actuator must be an Actuator, got None"),
+        ({"faults": "rust"}, "a fault must be one of 'inner ring'"),
+        ({"unit": "A"}, "unit must be a whole number of at least 0, got 'A'"),
+        ({"seed": -1}, "seed must be .*, got -1"),
+        ({"unit_spread": -1}, "unit_spread must be .*, got -1"),
+        ({"phases": "d"}, "phases must be one of 'a', 'b', 'c', .*; got 'd'"),
+        ({"duration": 0}, "duration must be a number of s, .* got 0"),
+        ({"fs": 20_000}, "fs must be a number of Hz, above 30000, got 20000"),
+        ({"actuator": None}, "actuator must be an Actuator, got None"),
     ],
 )
-def test_a_wrong_parameter_is_named(arguments, error, message):
-    with pytest.raises(error, match=message):
+def test_a_wrong_parameter_is_named(arguments, message):
+    with pytest.raises((TypeError, ValueError), match=message):
         LaboratoryBench(**arguments)
 
 
 @pytest.mark.parametrize(
-    ("condition", "run", "error", "message"),
+    ("condition", "run", "message"),
     [
-        (6, 1, ValueError, "condition must be one of 1, 2, 3, 4, 5; got 6"),
-        (0, 1, ValueError, "condition must be a whole number of at least 1, got 0"),
-        ("1", 1, TypeError, "condition must be a whole number of at least 1, got '1'"),
-        (1, 0, ValueError, "run must be a whole number of at least 1, got 0"),
-        (1, 1.5, TypeError, "run must be a whole number of at least 1, got 1.5"),
+        (6, 1, "condition must be one of 1, 2, 3, 4, 5; got 6"),
+        ("1", 1, "condition must be a whole number of at least 1, got '1'"),
+        (1, 0, "run must be a whole number of at least 1, got 0"),
     ],
 )
-def test_a_condition_or_run_that_does_not_exist_is_named(condition, run, error, message):
-    bench = LaboratoryBench()
-    for ask in (bench.record, bench.truth, bench.meta):
-        with pytest.raises(error, match=message):
+def test_a_condition_or_run_that_does_not_exist_is_named(condition, run, message):
+    for ask in (LaboratoryBench().record, LaboratoryBench().truth):
+        with pytest.raises((TypeError, ValueError), match=message):
             ask(condition, run)

@@ -2,9 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy.stats import kstest, weibull_min
 
 from emacm import OrderPSD, OrderResampler
-from emacm.simulation.fleet import STATES, simulate_actuator, simulate_fleet, thesis_benches
+from emacm.simulation import (
+    LaboratoryBench,
+    WearLaw,
+    run_to_failure_fleet,
+    simulate_actuator,
+    simulate_fleet,
+    thesis_benches,
+)
+from emacm.simulation.fleet import STATES
 
 
 def density_at(recording, channel, order):
@@ -26,24 +35,10 @@ def test_a_fault_stands_at_its_order_and_only_in_its_state(state, order):
         assert raised > 2.5 * density_at(simulate_actuator(other, seed=3), "accelerometer", order)
 
 
-def test_the_shaft_reverses_and_its_speed_varies_strongly():
-    velocity = simulate_actuator(seed=0).signals["velocity"]
-    assert velocity.min() < -2 * np.pi * 40
-    assert velocity.max() > 2 * np.pi * 40
-
-
 def test_the_same_seed_gives_the_same_recording_and_another_seed_another():
     one, again = (simulate_actuator("screw", seed=5, duration=0.5) for _ in range(2))
     assert one == again
     assert one != simulate_actuator("screw", seed=6, duration=0.5)
-
-
-def test_severity_nought_is_healthy():
-    assert simulate_actuator("screw", severity=0, duration=0.5) == simulate_actuator(duration=0.5)
-
-
-def test_the_rate_is_that_of_the_option_and_its_noise_is_filtered():
-    assert set(simulate_actuator(fs=3200, duration=0.5).fs.values()) == {3200}
 
 
 def test_a_fleet_has_units_and_runs_of_every_state():
@@ -66,43 +61,96 @@ def test_units_of_other_numbers_are_other_units():
     assert first[0] != later[0]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"state": "worn"}, "state must be one of 'healthy', 'screw', 'inner ring'"),
-        ({"state": "screw", "severity": -1}, "severity of 'screw' must be a number at least 0"),
-        ({"state": "screw", "fs": 0}, "fs must be a number of Hz, above 0, got 0"),
-        ({"fs": 3, "duration": 0.5}, "fs must be a number of Hz, above 4, got 3"),
-    ],
-)
-def test_a_wrong_parameter_is_named(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        simulate_actuator(**arguments)
-
-
-def test_the_range_of_severities_is_a_pair_in_0_to_1():
-    with pytest.raises(ValueError, match="severity must be a number at least 0 and at most 1"):
-        simulate_fleet(1, 1, severity=(0.5, 1.5))
-    with pytest.raises(TypeError, match=r"severity must be a pair such as \(0.3, 0.7\), got 0.5"):
-        simulate_fleet(1, 1, severity=0.5)
-
-
 def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease():
     healthy, degraded = thesis_benches()
     assert healthy.faults == {}
     assert degraded.faults == {"inner ring": 0.5, "lubrication": 0.25}
-    assert degraded.orders["inner ring"][0] == pytest.approx(6.123, abs=5e-4)
     assert degraded.electrical_noise < healthy.electrical_noise
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
+    ("make", "arguments", "message"),
     [
-        ({"grease": 1.2}, ValueError, "grease must be a number at least 0 and at most 1, got 1.2"),
-        ({"severity": 2}, ValueError, "severity of 'inner ring' must be a number"),
-        ({"electrical_noise": 1.0}, TypeError, "electrical_noise must be a pair, .* got 1.0"),
+        (simulate_actuator, {"state": "worn"}, "state must be one of 'healthy', 'screw'"),
+        (simulate_actuator, {"fs": 0}, "fs must be a number of Hz, above 0, got 0"),
+        (simulate_actuator, {"fs": 3, "duration": 0.5}, "fs must be .*, above 4, got 3"),
+        (simulate_fleet, {"severity": (0.5, 1.5)}, "severity must be .* at most 1, got 1.5"),
+        (simulate_fleet, {"severity": 0.5}, "severity must be a pair .*, got 0.5"),
+        (thesis_benches, {"grease": 1.2}, "severity of 'lubrication'"),
+        (run_to_failure_fleet, {"law": 3}, "law must be a WearLaw"),
+        (run_to_failure_fleet, {"fault": "rust"}, "fault must be one of"),
+        (run_to_failure_fleet, {"censored": 1.2}, "censored must be"),
+        (run_to_failure_fleet, {"interval": 0.0}, "interval must be a number of h, above 0"),
+        (WearLaw, {"start": 1.0}, "start must be"),
     ],
 )
-def test_a_wrong_unit_of_the_thesis_is_named(arguments, error, message):
-    with pytest.raises(error, match=message):
-        thesis_benches(**arguments)
+def test_a_wrong_parameter_is_named(make, arguments, message):
+    counts = {simulate_fleet: (1, 1), run_to_failure_fleet: (1,)}.get(make, ())
+    with pytest.raises((TypeError, ValueError), match=message):
+        make(*counts, **arguments)
+
+
+# Units that wear out
+
+
+def test_onset_and_growth_have_the_stated_law():
+    law = WearLaw(onset_shape=1.5, onset_scale=90.0, drift=0.05, drift_spread=0.0, diffusion=0.01)
+    lives = [law.draw(unit, 5.0) for unit in range(800)]
+    onsets = [life.onset for life in lives]
+    assert kstest(onsets, weibull_min(1.5, scale=90.0).cdf).pvalue > 0.01
+    # First passage of a Wiener process with drift: mean distance / drift.
+    durations = np.array([life.life - life.onset for life in lives])
+    mean = -np.log(0.05) / 0.05
+    error = np.sqrt(mean * 0.01 / 0.05**2 / 800)
+    assert durations.mean() == pytest.approx(mean, abs=3 * error)
+
+
+def test_without_scatter_the_severity_grows_exponentially():
+    law = WearLaw(drift=0.02, drift_spread=0.0, diffusion=0.0, start=0.1)
+    life = law.draw(7, 8.0)
+    damaged = life.severity > 0
+    expected = 0.1 * np.exp(0.02 * (life.ages[damaged] - life.onset))
+    np.testing.assert_allclose(life.severity[damaged], expected, rtol=1e-9)
+    assert life.life == pytest.approx(life.onset + np.log(10) / 0.02, abs=8.0 / 64)
+    assert life.ages[-1] < life.life <= life.ages[-1] + 8.0
+
+
+def test_the_same_unit_has_the_same_life_also_if_it_is_observed_for_less():
+    law = WearLaw()
+    whole, part = law.draw(11, 10.0), law.draw(11, 10.0, observed=55.0)
+    assert (whole.life, whole.onset) == (part.life, part.onset)
+    assert part.censored
+    assert part.ages[-1] == 50.0
+    np.testing.assert_array_equal(part.severity, whole.severity[:6])
+    assert law.draw(12, 10.0).life != whole.life
+    assert law.draw(11, 10.0, seed=1).life != whole.life
+
+
+def test_recordings_state_the_true_life_and_the_severity_is_that_of_the_law():
+    fleet = run_to_failure_fleet(3, interval=60.0, duration=0.3, fault="outer ring", first_unit=4)
+    meta = [recording.meta for recording in fleet]
+    assert [m["unit"] for m in meta] == sorted(m["unit"] for m in meta)
+    for m in meta:
+        life = WearLaw().draw(m["unit"], 60.0)
+        assert m["severity"] == life.severity[round(m["age"] / 60)]
+        assert m["remaining_life"] == life.life - m["age"]
+        assert m["label"] == ("outer ring" if m["age"] >= life.onset else "healthy")
+        assert m["censored"] is False
+
+
+def test_a_recording_is_that_of_the_bench_with_this_fault():
+    last = run_to_failure_fleet(1, interval=40.0, duration=0.3, seed=5)[-1]
+    bench = LaboratoryBench(
+        unit=0, faults=last.meta["faults"], duration=0.3, fs=4000.0, cutoff=1500.0, seed=5
+    )
+    same = bench.record(4, last.meta["run"])
+    for channel in same.channels:
+        np.testing.assert_array_equal(last.signals[channel], same.signals[channel])
+
+
+def test_censored_units_end_before_they_fail():
+    fleet = run_to_failure_fleet(4, interval=80.0, duration=0.2, censored=1.0)
+    assert all(recording.meta["censored"] for recording in fleet)
+    for m in (recording.meta for recording in fleet):
+        assert 0.3 * m["life"] <= m["observed_life"] < m["life"]
+        assert m["age"] + m["remaining_life"] == pytest.approx(m["observed_life"])

@@ -19,7 +19,7 @@ from chapter4_study import (
 )
 from emacm.explanations.explain import explain_model
 from emacm.simulation.fleet import thesis_benches
-from emacm.simulation.laboratory import ASSUMED
+from emacm.simulation.laboratory import TRANSDUCERS
 
 pytestmark = pytest.mark.slow
 
@@ -233,7 +233,7 @@ def test_in_condition_1_the_housing_shakes_below_order_100_by_less_than_the_chan
         top = 100 * np.abs(truth.torques.velocity).max() / (2 * np.pi)  # Hz
         hertz, psd = filters.welch(truth.acceleration, bench.fs, nperseg=12_000)
         shaken = trapezoid(psd[hertz <= top], hertz[hertz <= top])
-        noise = ASSUMED.noise["accelerometer"] ** 2 * top / 24_000  # white up to half of 48 kHz
+        noise = TRANSDUCERS["accelerometer"].noise ** 2 * top / 24_000  # white up to half of 48 kHz
         assert shaken < 0.05 * noise  # with the lines of healthy rolling elements
         assert trapezoid(psd, hertz) > 10 * shaken  # the ringing lies above
 
