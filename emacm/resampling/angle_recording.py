@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from types import ModuleType
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -20,19 +19,13 @@ from emacm.shaft.paths import ShaftPath
 
 INTERPOLATIONS = ("linear", "cubic")
 
-_SPLINE_BLOCK = 1 << 15  # samples in work at once; a spline needs ten times their memory
-_SPLINE_MARGIN = 48  # samples; a spline forgets what lies n samples away like 0.27**n
-
-Self = TypeVar("Self", bound="AngleRecording")
-
 
 class KeptSignals:
     """Blocks of resampled signals, stroke by stroke, up to a total size.
 
     Signals that do not fit are resampled whenever they are read. Blocks are kept as they were
-    computed. Every reader therefore receives the same blocks, and its sums are identical bit for
-    bit. There is no lock: two threads that read the same stroke at the same time may both resample
-    it.
+    computed, so that the sums of all readers are identical bit for bit. There is no lock: two
+    threads that read the same stroke at the same time may both resample it.
 
     Parameters
     ----------
@@ -41,52 +34,17 @@ class KeptSignals:
     """
 
     def __init__(self, max_bytes: int) -> None:
-        self._max_bytes = max_bytes
-        self._used = 0
+        self._free = max_bytes
         self._blocks: dict[Any, list[NDArray[np.floating]]] = {}
 
     def blocks(
-        self,
-        path: ShaftPath,
-        rows: Sequence[int],
-        n_angles: int,
-        stream: Iterator[NDArray[np.floating]],
+        self, key: Any, n_bytes: int, stream: Iterator[NDArray[np.floating]]
     ) -> Iterator[NDArray[np.floating]]:
-        """Yield the blocks of a stroke: those that are kept, or those of `stream`.
-
-        Parameters
-        ----------
-        path : ShaftPath
-            Travel of the shaft along the stroke.
-        rows : sequence of int
-            Indices of the channels.
-        n_angles : int
-            Number of samples over the angle.
-        stream : iterator of ndarray of shape (n_rows, n_angles)
-            The resampled blocks; not computed if they are kept already.
-
-        Yields
-        ------
-        ndarray of shape (n_rows, n_angles)
-            Consecutive blocks.
-        """
-        key = (path.start_time, path.start_angle, path.direction, path.n_times, *rows)
-        known = self._blocks.get(key)
-        if known is not None:
-            yield from known
-            return
-        held: list[NDArray[np.floating]] | None = []
-        size, done = 1000, 0  # bytes that an entry takes besides its signals
-        for block in stream:
-            size, done = size + block.nbytes, done + block.shape[1]
-            if self._used + size > self._max_bytes:
-                held = None  # too large: what was held so far is released
-            if held is not None:
-                held.append(block)
-                if done == n_angles and key not in self._blocks:
-                    self._used += size
-                    self._blocks[key] = held
-            yield block
+        """Return the blocks that are kept as `key`, or those of `stream`, kept if they fit."""
+        if key not in self._blocks and n_bytes <= self._free:
+            self._free -= n_bytes
+            self._blocks[key] = list(stream)
+        return iter(self._blocks.get(key, stream))
 
 
 @dataclass(frozen=True)
@@ -116,8 +74,8 @@ class AngleRecording:
         Revolutions of the shaft of interest per revolution of the measured shaft.
     max_rest : float or None
         Longest time at standstill that does not end a stroke [s].
-    timed : list of (Series, float)
-        Each channel over time, and its sampling rate [Hz]; looked up when the recording is made.
+    kept : KeptSignals or None
+        Signals that are kept for the next reader; neither pickled nor compared.
     """
 
     measured: Recording = field(repr=False)  # joblib.Memory asks for the repr of what it keeps
@@ -129,32 +87,21 @@ class AngleRecording:
     min_speed: float = 0.0
     ratio: float = 1.0
     max_rest: float | None = None
-    timed: list[tuple[Series, float]] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """Look the channels up once, not for each stroke."""
-        series, fs = self.measured.series, self.measured.fs
-        self.__dict__["timed"] = [(series[name], fs[name]) for name in self.channels]
+    kept: KeptSignals | None = field(default=None, repr=False, compare=False, kw_only=True)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, for pickle and joblib's hash; nothing that is computed from them."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the fields."""
-        self.__dict__.update(state)
-        self.__post_init__()
+        return {**vars(self), "kept": None}
 
     @property
-    def kept(self) -> KeptSignals | None:
-        """Signals that are kept for the next reader, or None."""
-        return self.__dict__.get("_kept")
+    def timed(self) -> list[tuple[Series, float]]:
+        """Each channel over time, and its sampling rate [Hz]."""
+        series, fs = self.measured.series, self.measured.fs
+        return [(series[name], fs[name]) for name in self.channels]
 
-    def keeping(self: Self, max_bytes: int) -> Self:
+    def keeping(self, max_bytes: int) -> Self:
         """Return the same recording, which keeps resampled signals up to this size."""
-        same = object.__new__(type(self))
-        same.__dict__.update(vars(self), _kept=KeptSignals(max_bytes))
-        return same
+        return replace(self, kept=KeptSignals(max_bytes))
 
     @property
     def meta(self) -> Mapping[Any, Any]:
@@ -168,15 +115,9 @@ class AngleRecording:
 
     @property
     def paths(self) -> list[ShaftPath]:
-        """Travel of the shaft along each stroke; found once, unless a file may change meanwhile."""
-        found: list[ShaftPath] | None = self.__dict__.get("_paths")
-        if found is None:
-            measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
-            found = [path.geared(self.ratio) for path in measured]
-            # Of noise at standstill there may be more strokes, which are not kept.
-            if len(found) <= 1000 and not self.measured.in_files:
-                self.__dict__["_paths"] = found
-        return found
+        """Travel of the shaft along each stroke."""
+        measured = self.measured.paths(self.direction, self.min_speed, self.max_rest)
+        return [path.geared(self.ratio) for path in measured]
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
@@ -213,9 +154,6 @@ class AngleRecording:
             )
             for number, stroke in enumerate(self.strokes)
         }
-        if not tables:
-            index = pd.MultiIndex.from_arrays([[], []], names=["stroke", "angle"])
-            return pd.DataFrame(index=index, columns=list(self.channels), dtype=float)
         return pd.concat(tables, names=["stroke"])
 
 
@@ -294,7 +232,8 @@ class AngleStroke:
     def _of_one_rate(self, rows: Sequence[int]) -> Iterator[NDArray[np.floating]]:
         """Resample channels of one sampling rate block by block."""
         parent = self.parent
-        series, rates = zip(*(parent.timed[row] for row in rows), strict=True)
+        timed = parent.timed
+        series, rates = zip(*(timed[row] for row in rows), strict=True)
         n_times = min(map(len, series))  # equal to within one sample
         signals = [s if len(s) == n_times else s[:n_times] for s in series]
         if parent.antialias:
@@ -305,7 +244,9 @@ class AngleStroke:
             )
         if parent.kept is None:
             return stream
-        return parent.kept.blocks(self.path, rows, self.path.count(parent.theta_s), stream)
+        path = self.path
+        key = (path.start_time, path.start_angle, path.direction, path.n_times, *rows)
+        return parent.kept.blocks(key, 8 * len(rows) * path.count(parent.theta_s), stream)
 
 
 def _align_streams(
@@ -356,8 +297,9 @@ def interpolated(
     first, last = path.sample_range(fs, len(rows[0]))
     n_angles, done, farthest = path.count(theta_s), 0, -np.inf
     loops = _kernels.loops
-    at_once = loops.BLOCKS.interpolated if interpolation == "linear" else _SPLINE_BLOCK
-    # Less at once where the angle grid is dense, so that it takes no more memory than the signals.
+    # Less at once where the angle grid is dense, so that it takes no more memory than the signals;
+    # a spline needs ten times the memory of its samples.
+    at_once = loops.BLOCKS.interpolated // (1 if interpolation == "linear" else 4)
     at_once = max(2, int(at_once / max(1.0, path.fastest / (fs * theta_s))))
     for start, stop in parts(first, last - 1, at_once):
         stop += 1  # the sample that the next part begins with
@@ -367,56 +309,29 @@ def interpolated(
         if path.max_reversal:
             travel = np.maximum(np.maximum.accumulate(travel), farthest)
         farthest = float(travel[-1])
-        end = n_angles if stop == last else min(_passed(farthest, theta_s), n_angles)
+        end = n_angles if stop == last else min(int(np.ceil(farthest / theta_s)), n_angles)
         if end <= done:
             continue
-        read = [
-            _read_off(loops, rows, start, stop, travel, done, end - done, theta_s, interpolation)
-        ]
-        del travel  # what is not needed any more is gone before the next is made
-        yield read.pop()
+        values = np.empty((len(rows), end - done))
+        if interpolation == "linear":
+            near = [row[start:stop] for row in rows]
+            loops.interpolate_linear(travel, done, theta_s, near, values)
+        else:
+            indices = np.interp(theta_s * np.arange(done, end), travel, np.arange(start, stop))
+            for value, row in zip(values, rows, strict=True):
+                value[:] = _spline(row, start, stop, indices)
+        yield values
         done = end
 
 
-def _read_off(
-    loops: ModuleType,
-    rows: Sequence[Series],
-    start: int,
-    stop: int,
-    travel: NDArray[np.floating],
-    first: int,
-    n_angles: int,
-    theta_s: float,
-    interpolation: str,
-) -> NDArray[np.floating]:
-    """Read the rows off at some grid angles that lie between their samples `start` and `stop`."""
-    values = np.empty((len(rows), n_angles))
-    if interpolation == "linear":
-        parts_of_rows = [row[start:stop] for row in rows]
-        loops.interpolate_linear(travel, first, theta_s, parts_of_rows, values)
-        return values
-    angles = theta_s * np.arange(first, first + n_angles)
-    indices = np.interp(angles, travel, np.arange(len(travel)))
-    for value, row in zip(values, rows, strict=True):
-        value[:] = _spline(row, start, stop, indices)
-    return values
-
-
-def _passed(angle: float, theta_s: float) -> int:
-    """Count the grid angles below `angle`."""
-    count = int(np.ceil(angle / theta_s))
-    while count > 0 and theta_s * (count - 1) >= angle:
-        count -= 1
-    while theta_s * count < angle:
-        count += 1
-    return count
-
-
 def _spline(
-    row: Series, start: int, stop: int, indices: NDArray[np.floating]
+    row: Series, start: int, stop: int, indices: NDArray[np.floating], *, margin: int = 48
 ) -> NDArray[np.floating]:
-    """Read a cubic spline off at fractional indices counted from `start`."""
-    low, high = max(0, start - _SPLINE_MARGIN), min(len(row), stop + _SPLINE_MARGIN)
-    near = row[low:high].astype(np.float64)
+    """Return a cubic spline at fractional indices between samples `start` and `stop`.
+
+    It forgets what lies n samples away like 0.27**n, so some more on either side suffice.
+    """
+    low = max(0, start - margin)
+    near = row[low : stop + margin].astype(np.float64)
     spline = make_interp_spline(np.arange(len(near)), near, k=min(3, len(near) - 1))
-    return spline(indices + (start - low))
+    return spline(indices - low)

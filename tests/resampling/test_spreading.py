@@ -18,7 +18,7 @@ from emacm._kernels import using
 from emacm.orders.welch import order_psd
 from emacm.resampling.angle_recording import interpolated
 from emacm.resampling.fine_grid import DESIGN
-from emacm.resampling.spreading import spread_rows, upsampling
+from emacm.resampling.spreading import spread_rows
 from emacm.shaft.paths import ShaftPath
 
 TURN = 2 * np.pi
@@ -154,15 +154,6 @@ def test_channels_and_shaft_may_have_rates_of_their_own(motion, reference, shaft
     np.testing.assert_allclose(power, AMPLITUDE**2 / 2, rtol=0.003)
 
 
-@pytest.mark.parametrize("direction", ["strokes", "forward", "reverse"])
-def test_a_tone_has_its_power_in_either_direction(direction):
-    recording = Recording(
-        {"x": tone("reversing", 27, 10_000)}, 10_000, **shaft("reversing", "angle", 10_000)
-    )
-    (power,) = tone_power(recording, 27, direction=direction)
-    assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)
-
-
 @pytest.mark.parametrize("motion", ["constant", "ramp", "sinusoidal"])
 def test_travel_is_the_stroke_where_the_shaft_never_turns_back(motion):
     recording = Recording({"x": tone(motion, 27, 10_000)}, 10_000, **shaft(motion, "angle", 10_000))
@@ -222,13 +213,6 @@ def test_a_constant_stays_what_it_is_up_to_the_ends(motion):
         np.testing.assert_allclose(stroke.signals, 1, atol=1e-4)
 
 
-@pytest.mark.parametrize("n_times", [2, 3, 5, 20, 100])
-def test_a_constant_stays_what_it_is_in_strokes_of_few_samples(n_times):
-    _, path = steady(5.0, 1000.0, n_times / 1000)
-    _, resampled = spread_to_angle(np.ones(n_times), 1000.0, path, theta_s=THETA_S)
-    np.testing.assert_allclose(resampled, 1, atol=1e-4)
-
-
 @pytest.mark.parametrize(("fs", "share"), [(10_000.0, 0.0005), (500.0, 0.003)])
 def test_a_trend_is_followed_up_to_the_ends(fs, share):
     # The slow channel ends 1.9 ms, or five angles, before the shaft does.
@@ -283,14 +267,6 @@ def test_tones_that_would_fold_into_the_pass_band_are_down_by_60_decibel(fs, spe
     _, resampled = spread_to_angle(signals, fs, path, theta_s=THETA_S)
     folded = power_up_to(LAST_FLAT, resampled, 128) / 0.5
     assert decibel(folded).max() < -60
-
-
-def test_tones_do_not_fold_while_the_speed_varies():
-    orders = [78.2, 100, 130.5, 200, 400]
-    _, _, path = varying(48_000.0, 10, 4, 0.25, 4.0)
-    signals = np.sin(np.outer(orders, path.travel))
-    _, resampled = spread_to_angle(signals, 48_000.0, path, theta_s=THETA_S)
-    assert decibel(power_up_to(LAST_FLAT, resampled, 128) / 0.5).max() < -60
 
 
 @pytest.mark.parametrize("samples_per_rev", [64, 100, 128, 256])
@@ -386,15 +362,6 @@ def test_nothing_steps_between_dense_and_sparse_time_samples():
     assert np.ptp(levels) < 0.001
 
 
-def test_upsampling_sets_in_where_the_sparse_samples_need_it():
-    # Guards the test above: between its rates the method does change.
-    factors = []
-    for samples_per_rev in (60.4, 85.0, 85.4, 144.9, 145.3, 411.9, 412.4):
-        _, path = steady(5.0, 5 * samples_per_rev, 1.0)
-        factors.append(upsampling(5 * samples_per_rev, path.fastest, THETA_S))
-    assert factors == [4, 4, 3, 3, 2, 2, 1]
-
-
 @pytest.mark.parametrize("name", ["numpy", "numba"])
 @pytest.mark.parametrize("turns", [(0, 10, 9, 9.2), (0, -1, 10, 9.2), (0, 3, 1, 10)])
 def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, turns):
@@ -412,33 +379,6 @@ def test_the_seams_do_not_show_where_the_shaft_turns_back(monkeypatch, name, tur
             in_blocks_of(5, monkeypatch)  # of a single part
             _, in_blocks = spread_to_angle(signal, 10_000, path, theta_s=2 * np.pi / 512)
             np.testing.assert_array_equal(in_blocks, joined)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shivers", [0.0, 2.0])
-@pytest.mark.parametrize("n_signals", [1, 5, 11])
-@pytest.mark.parametrize(("length", "fs"), [(300.0, 20_000.0), (30.0, 2000.0), (300.0, 300.0)])
-def test_both_kernels_resample_alike(shivers, n_signals, length, fs):
-    pytest.importorskip("numba")
-    rng, n_times = np.random.default_rng(3), int(5 * fs)
-    travel = np.linspace(0, length, n_times) + shivers * rng.uniform(0, 1, n_times)
-    path = ShaftPath(travel - travel[0], fs, 0.0, 0.0, 1)
-    signals = rng.standard_normal((n_signals, n_times)) + 30
-    found = []
-    for name in ("numpy", "numba"):
-        with using(name):
-            found.append(spread_to_angle(signals, fs, path, theta_s=2 * np.pi / 40)[1])
-    np.testing.assert_allclose(found[1], found[0], atol=1e-10)
-
-
-@pytest.mark.parametrize("fs", [48_000.0, 5000.0, 1000.0])
-def test_the_seams_between_blocks_do_not_show(monkeypatch, fs):
-    _, path = steady(20.0, fs, 1.0)
-    signals = np.random.default_rng(6).standard_normal((2, len(path.travel)))
-    _, whole = spread_to_angle(signals, fs, path, theta_s=THETA_S)
-    in_blocks_of(997, monkeypatch)
-    _, pieces = spread_to_angle(signals, fs, path, theta_s=THETA_S)
-    np.testing.assert_allclose(pieces, whole, atol=1e-12)
 
 
 # Invariances
@@ -470,16 +410,6 @@ def test_signals_resampled_together_are_as_resampled_alone(resample):
     for index in np.ndindex(2, 3):
         _, alone = resample(signals[index], 5000.0, path, theta_s=THETA_S)
         np.testing.assert_allclose(together[index], alone, atol=1e-12)
-
-
-@pytest.mark.parametrize("resample", [spread_to_angle, interpolate_to_angle])
-def test_resampling_leaves_its_input_alone(resample):
-    _, path = steady(20.0, 5000.0, 1.0)
-    signal = np.random.default_rng(9).standard_normal(5000)
-    before = signal.copy(), path.travel.copy()
-    resample(signal, 5000.0, path, theta_s=THETA_S)
-    np.testing.assert_array_equal(signal, before[0])
-    np.testing.assert_array_equal(path.travel, before[1])
 
 
 # Without the filter: the thesis, and its faults
@@ -579,20 +509,3 @@ def test_a_theta_s_that_would_make_too_many_samples_is_refused(resample):
     message = r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"
     with pytest.raises(ValueError, match=message):
         resample(np.zeros(1000), 1000.0, path, theta_s=1e-12)
-
-
-@pytest.mark.parametrize("name", ["numpy", "numba"])
-def test_blocks_whose_mirror_images_hold_no_sample_near_the_end_change_nothing(name, monkeypatch):
-    pytest.importorskip(name)
-    steps = np.full(900, 0.31 * THETA_S)
-    steps[200:204] = -0.02 * THETA_S  # it reverses a little
-    steps *= (np.floor(steps.sum() / THETA_S) + 0.9) * THETA_S / steps.sum()
-    travel = np.concatenate([[0.0], np.cumsum(steps)])
-    path = ShaftPath(travel, 1000.0, 0.0, 0.0, 1)
-    signal = np.random.default_rng(3).standard_normal((3, len(travel)))
-    with using(name):
-        _, whole = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
-        for size in (1, 2, 5):
-            in_blocks_of(size, monkeypatch)
-            _, cut = spread_to_angle(signal, 1000.0, path, theta_s=THETA_S)
-            np.testing.assert_allclose(cut, whole, atol=1e-12)
