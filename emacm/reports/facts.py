@@ -19,7 +19,6 @@ from emacm.resampling.order_resampler import OrderResampler
 
 _CERTAIN = 0.99  # beyond it, no probability of a model is known more exactly
 _WORDS = ((0.99, "very high"), (0.95, "high"), (0.8, "moderate"), (0.0, "low"))
-_RPM = 60 / (2 * np.pi)
 
 
 def percent(probability: float) -> str:
@@ -90,7 +89,7 @@ def speeds(low: float, high: float) -> str:
     >>> speeds(104.72, 157.08)
     '1000 to 1500 rpm'
     """
-    return span(low * _RPM, high * _RPM, "rpm")
+    return span(low * 30 / np.pi, high * 30 / np.pi, "rpm")
 
 
 def when(time: Any, name: str = "") -> str:
@@ -166,65 +165,43 @@ def model_facts(model: Any, about: Mapping[str, Any] | None, path: Path | None) 
     -------
     list of (str, str)
     """
-    here = versions()
     facts = [("Model", type(model).__name__ + ", in memory: not saved to a file")]
+    saved: Mapping[str, str] = {}
     if about is not None and path is not None:
         digest = sha256(path.read_bytes()).hexdigest()[:_DIGITS]
         facts = [("Model", f"{path.name}, saved {about['saved']}"), ("Digest", digest)]
-        if about["note"]:
-            facts.append(("Note", str(about["note"])))
-    facts.append(("States", _shortened([str(label) for label in np.asarray(model.classes_)])))
-    ranges = [
-        part.training_range_
-        for part in parts_of(model)
-        if isinstance(part, OrderResampler) and hasattr(part, "training_range_")
-    ]
-    facts += _training(ranges)
-    facts.append(("Versions", ", ".join(f"{name} {version}" for name, version in here.items())))
-    saved = {} if about is None else {n: v for n, v in about["versions"].items() if n in here}
-    others = [f"{name} {version}" for name, version in saved.items() if version != here[name]]
-    if others:
-        facts.append(("Saved under", ", ".join(others)))
-    return facts
-
-
-def versions() -> dict[str, str]:
-    """Return the versions that compute a report."""
-    return {
+        facts += [("Note", str(about["note"]))] if about["note"] else []
+        saved = about["versions"]
+    facts.append(("States", _shortened([str(label) for label in model.classes_])))
+    facts += _training(model)
+    here = {
         "emacm": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "sklearn": sklearn.__version__,
     }
+    facts.append(("Versions", ", ".join(f"{name} {version}" for name, version in here.items())))
+    others = [f"{n} {saved[n]}" for n in here if saved.get(n, here[n]) != here[n]]
+    return facts + ([("Saved under", ", ".join(others))] if others else [])
 
 
-def _training(ranges: list[dict[str, tuple[float, float]]]) -> Facts:
+def _training(model: Any) -> Facts:
     """Return the ranges of the training recordings of all resamplers together."""
+    known = [p for p in parts_of(model) if isinstance(p, OrderResampler)]
+    ranges = [p.training_range_ for p in known if hasattr(p, "training_range_")]
     if not ranges:
         return []
-    ends = {
-        name: (min(r[name][0] for r in ranges), max(r[name][1] for r in ranges))
-        for name in ranges[0]
-        if all(name in each for each in ranges)
-    }
-    low, high = ends["slowest"][0], ends["fastest"][1]
-    parts = [speeds(low, high), span(*ends["revolutions"], "revolutions")]
-    rates = [span(*ends[name], "Hz") for name in ends if name.startswith("fs of ")]
-    parts += list(dict.fromkeys(rates))
-    levels = [
-        f"{name.removeprefix('level of ')} {span(*ends[name], '').strip()}"
-        for name in ends
-        if name.startswith("level of ")
-    ]
-    levels = [f"levels (root mean square): {_shortened(levels)}"] if levels else []
-    return [("Trained on", "; ".join([*parts, *levels]))]
+    table = pd.DataFrame(ranges).dropna(axis="columns")  # one row per resampler, (low, high)
+    ends = {n: (min(own)[0], max(high for _, high in own)) for n, own in table.items()}
+    texts = [speeds(ends["slowest"][0], ends["fastest"][1])]
+    texts.append(span(*ends["revolutions"], "revolutions"))
+    texts += dict.fromkeys(span(*ends[n], "Hz") for n in ends if n.startswith("fs of "))
+    channels = [n.removeprefix("level of ") for n in ends if n.startswith("level of ")]
+    levels = [f"{name} {span(*ends[f'level of {name}'], '').strip()}" for name in channels]
+    texts += [f"levels (root mean square): {_shortened(levels)}"] if levels else []
+    return [("Trained on", "; ".join(texts))]
 
 
 def _shortened(texts: list[str], between: str = ", ") -> str:
     more = len(texts) - _MOST
     return between.join(texts[:_MOST]) + (f" and {more} more" if more > 0 else "")
-
-
-def known_states(model: Any) -> str:
-    """Return the states that a model was trained on, in words."""
-    return listed(np.asarray(model.classes_).tolist()[:_MOST])

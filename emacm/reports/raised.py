@@ -59,12 +59,13 @@ class Findings(NamedTuple):
 
 
 class _Component(NamedTuple):
-    """The lines of a fault in one channel."""
+    """The lines of a fault in one channel, with a column of the table for each."""
 
-    fault: FaultSeries
+    label: str
+    name: str
     channel: str
     orders: tuple[float, ...]
-    columns: tuple[int, ...]
+    columns: list[int]
     deviations: NDArray[np.float64]
     is_raised: bool
 
@@ -91,37 +92,32 @@ def find_raised(
     Findings
     """
     table, common = _without_gain(table.reset_index(drop=True))
-    raised = is_raised(table)
+    table["raised"] = is_raised(table)
     series = () if parts is None else fault_series(parts, HARMONICS)
-    found = [
-        component
-        for fault in series
-        for channel in dict.fromkeys(table["channel"])
-        if (component := _component(fault, channel, table, raised, spectra)) is not None
-    ]
-    hit = sorted(
-        (component for component in found if component.is_raised),
-        key=lambda component: -component.deviations.mean(),
-    )
-    taken = {column for component in hit for column in component.columns}
-    others = _other_columns(table, np.flatnonzero(raised), taken)
-    rows = [*common, *map(_component_row, hit), *_other_rows(table, others, bool(series))]
-    covered = {component.fault.name for component in found}
-    names = list(dict.fromkeys(component.fault.name for component in hit))
-    normal = [_label(fault) for fault in series if fault.name in covered - set(names)]
-    texts = [f"no series of raised lines of {listed(normal, 'or')}"] if normal else []
+    channels = table["channel"].unique()
+    found = [_component(fault, name, table, spectra) for fault in series for name in channels]
+    known = [component for component in found if component is not None]
+    hit = [component for component in known if component.is_raised]
+    hit.sort(key=lambda component: -component.deviations.mean())
+    rows = [*common, *map(_component_row, hit), *_other_rows(table, hit, bool(series))]
+    names = list(dict.fromkeys(component.name for component in hit))
+    labels = {fault.name: _label(fault) for fault in series}
+    covered = {component.name for component in known}
+    quiet = [label for name, label in labels.items() if name in covered and name not in names]
+    normal = [f"no series of raised lines of {listed(quiet, 'or')}"] if quiet else []
+    normal += _normal_channels(table, reference, {row.channel for row in common})
     notes = _not_separated(hit)
     if common:
         gained = listed([row.channel for row in common])
         notes.append(f"Other deviations in {gained} are relative to that of all its orders.")
-    missing = [_label(fault) for fault in series if fault.name not in covered]
+    missing = [label for name, label in labels.items() if name not in covered]
     if missing:
         notes.append(f"The model has no order bands at the orders of {listed(missing)}.")
-    more = len(rows) - _MOST
-    if more > 0:
-        notes.append(f"{more} more deviations are not listed.")
-    texts += _normal_channels(table, reference, {row.channel for row in common})
-    return Findings(rows[:_MOST], texts, notes, _worst(table), names)
+    if len(rows) > _MOST:
+        notes.append(f"{len(rows) - _MOST} more deviations are not listed.")
+    sigmas = table["sigmas"].abs()[table["channel"] != ""].dropna()
+    worst = "" if sigmas.empty else str(table["channel"][sigmas.idxmax()])
+    return Findings(rows[:_MOST], normal, notes, worst, names)
 
 
 def is_raised(table: pd.DataFrame) -> NDArray[np.bool_]:
@@ -133,19 +129,18 @@ def is_raised(table: pd.DataFrame) -> NDArray[np.bool_]:
 
 def _without_gain(table: pd.DataFrame) -> tuple[pd.DataFrame, list[Row]]:
     """Subtract the deviation that most order bands of a channel have in common, and state it."""
-    rows, raised = [], is_raised(table)
-    bands = ((table["unit"] == "dB") & table["low"].notna() & table["deviation"].notna()).to_numpy()
-    for channel in dict.fromkeys(table["channel"][bands]):
-        own = bands & (table["channel"] == channel).to_numpy()
-        deviations = table["deviation"].to_numpy()[own]
-        gain = float(np.median(deviations))
-        same = raised[own] & (np.sign(deviations) == np.sign(gain))
-        if abs(gain) < LEAST or 2 * same.sum() <= own.sum():
-            continue
-        sigmas = table["sigmas"].to_numpy()[own] * (1 - gain / deviations)
-        table = table.copy()
-        table.loc[own, ["deviation", "sigmas"]] = np.transpose([deviations - gain, sigmas])
-        rows.append(Row("all orders together", channel_name(channel), "all", decibels(gain)))
+    rows, table = [], table.assign(raised=is_raised(table))
+    bands = table[(table["unit"] == "dB") & table[["low", "deviation"]].notna().all(axis=1)]
+    for channel, own in bands.groupby("channel", sort=False):
+        gain = float(own["deviation"].median())
+        same = own["raised"] & (own["deviation"] * gain > 0)
+        if abs(gain) >= LEAST and same.mean() > 0.5:
+            rest = 1 - gain / own["deviation"]
+            table.loc[own.index, "deviation"] -= gain
+            table.loc[own.index, "sigmas"] *= rest
+            rows.append(
+                Row("all orders together", channel_name(str(channel)), "all", decibels(gain))
+            )
     return table, rows
 
 
@@ -155,37 +150,37 @@ def _label(fault: FaultSeries) -> str:
 
 
 def _component(
-    fault: FaultSeries,
-    channel: str,
-    table: pd.DataFrame,
-    raised: NDArray[np.bool_],
-    spectra: pd.DataFrame | None,
+    fault: FaultSeries, channel: str, table: pd.DataFrame, spectra: pd.DataFrame | None
 ) -> _Component | None:
     """Return the lines of a fault among the columns of a channel; None if it has none there."""
     own = table[(table["channel"] == channel) & (table["unit"] == "dB")]
-    lines = [line for order in fault.orders if (line := _columns_at(order, fault, own)) is not None]
-    labels = [str(column).rpartition("@")[2] for column in own["column"]]
-    names = {fault.name, *(f"{k}x{fault.name}" for k in range(2, HARMONICS + 1))}
-    named = [k for k, label in zip(own.index, labels, strict=True) if label in names]
-    if named:  # columns of FaultLines, and bands that have the name of the fault
-        lines = [(np.nan, k) for k in named]
-    if not lines:
+    names = [fault.name, *(f"{k}x{fault.name}" for k in range(2, HARMONICS + 1))]
+    named = own.index[own["column"].astype(str).str.split("@").str[-1].isin(names)]
+    # Columns of FaultLines, and bands that have the name of the fault, need no orders.
+    at = [(0.0, k) for k in named] or [
+        (order, column)
+        for order in fault.orders
+        if (column := _column_at(order, fault.slips, own)) is not None
+    ]
+    if not at:
         return None
-    columns = tuple(int(column) for _, column in lines)
-    orders = tuple(order for order, _ in lines) if not named else fault.orders
-    deviations = table["deviation"].to_numpy()[list(columns)]
-    above = raised[list(columns)] & (deviations > 0)
-    hit = 2 * above.sum() >= len(columns) and _above_background(fault, orders, channel, spectra)
-    return _Component(fault, channel, orders, columns, deviations, bool(hit))
+    orders, columns = fault.orders, [int(column) for _, column in at]
+    if not len(named):
+        orders = tuple(order for order, _ in at)
+    lines = table.loc[columns]
+    above = lines["raised"] & (lines["deviation"] > 0)
+    hit = above.mean() >= 0.5 and _above_background(fault, orders, channel, spectra)
+    deviations = lines["deviation"].to_numpy()
+    return _Component(_label(fault), fault.name, channel, orders, columns, deviations, bool(hit))
 
 
-def _columns_at(order: float, fault: FaultSeries, own: pd.DataFrame) -> tuple[float, int] | None:
-    """Return the order of a line, and the column of the largest deviation where it may be."""
-    reach = SLIP * order if fault.slips else 0.0
+def _column_at(order: float, slips: bool, own: pd.DataFrame) -> Any:
+    """Return the column of the largest deviation where a line may be; None if there is none."""
+    reach = SLIP * order if slips else 0.0
     inside = own[(own["low"] <= order + reach) & (own["high"] >= order - reach)]
     if inside["deviation"].isna().all() or order > own["high"].max():
         return None
-    return order, int(inside["deviation"].idxmax())
+    return inside["deviation"].idxmax()
 
 
 def _above_background(
@@ -195,50 +190,50 @@ def _above_background(
 
     The median over the lines is compared, so that one line of another fault is not enough.
     """
-    blocks = None if spectra is None else parse_order_columns([str(c) for c in spectra.columns])
     name = channel.rpartition("__")[2]  # without the name of a member of a FeatureUnion
-    for block in blocks or ():
-        if spectra is None or block.channel != name:
-            continue
-        inside = tuple(order for order in orders if order < (1 - SLIP) * block.orders[-1])
-        try:
-            lines = LineLevels(
-                block.orders, [replace(fault, orders=inside)], SLIP, _BACKGROUND, without_shaft=True
-            )
-        except (ValueError, IndexError):  # too coarse, or no line inside
-            return True
-        heights = lines.measure(spectra.to_numpy()[:, block.columns])[2]
-        return bool(np.median(heights[0]) >= _HEIGHT)
-    return True
+    axis, power = spectrum_of(spectra, name)
+    try:
+        inside = tuple(order for order in orders if order < (1 - SLIP) * axis[-1])
+        lines = LineLevels(
+            axis, [replace(fault, orders=inside)], SLIP, _BACKGROUND, without_shaft=True
+        )
+    except (ValueError, IndexError):  # no spectrum, too coarse, or no line inside
+        return True
+    return bool(np.median(lines.measure(power[np.newaxis])[2][0]) >= _HEIGHT)
+
+
+def spectrum_of(
+    spectra: pd.DataFrame | None, channel: str
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return orders and power of a channel in a spectrum of one recording; empty if not known."""
+    names = [] if spectra is None else [str(column) for column in spectra.columns]
+    for block in parse_order_columns(names) or ():
+        if spectra is not None and block.channel == channel:
+            return block.orders, spectra.to_numpy()[0, block.columns]
+    return np.empty(0), np.empty(0)
 
 
 def _component_row(component: _Component) -> Row:
     orders = ", ".join(f"{order:.4g}" for order in component.orders)
     sizes = ", ".join(decibels(value).removesuffix(" dB") for value in component.deviations)
-    return Row(_label(component.fault), channel_name(component.channel), orders, f"{sizes} dB")
+    return Row(component.label, channel_name(component.channel), orders, f"{sizes} dB")
 
 
-def _other_columns(table: pd.DataFrame, raised: NDArray[np.intp], taken: set[int]) -> list[int]:
-    """Return raised columns that belong to no component, nor are leakage of one beside them."""
-    found = []
-    for column in raised.tolist():
-        own = table.loc[column]
-        beside = [
-            table.at[k, "deviation"]
-            for k in taken
-            if table.at[k, "channel"] == own["channel"]
-            and (table.at[k, "low"] <= own["high"] and own["low"] <= table.at[k, "high"])
-        ]
-        if column not in taken and own["deviation"] > max(beside, default=-np.inf) - _LEAKAGE:
-            found.append(column)
-    return found
-
-
-def _other_rows(table: pd.DataFrame, columns: list[Any], with_parts: bool) -> list[Row]:
-    """Return a row for each range of adjacent columns that no component predicts."""
-    rows: list[tuple[float, Row]] = []
-    chosen = table.loc[columns].sort_values(["channel", "low"], kind="stable")
-    for part in _adjacent(chosen):
+def _other_rows(table: pd.DataFrame, hit: Sequence[_Component], with_parts: bool) -> list[Row]:
+    """Return a row for each range of adjacent raised columns that no component predicts."""
+    taken = table.loc[list({column for component in hit for column in component.columns})]
+    chosen = table[table["raised"] & ~table.index.isin(taken.index)]
+    leaks = [_is_leakage(column, taken) for _, column in chosen.iterrows()]
+    chosen = chosen[~np.array(leaks, dtype=bool)]
+    chosen = chosen.sort_values(["channel", "low"], kind="stable")
+    before = chosen.shift()
+    joined = (
+        (chosen["channel"] == before["channel"])
+        & (chosen["low"] <= before["high"] + 1e-9)
+        & (chosen["deviation"] * before["deviation"] > 0)
+    )
+    rows = []
+    for _, part in chosen.groupby((~joined).cumsum()):
         peak = part.loc[part["deviation"].abs().idxmax()]
         low, high = part["low"].min(), part["high"].max()
         label = str(peak["column"]).rpartition("@")[2].rpartition("__")[2]
@@ -252,47 +247,35 @@ def _other_rows(table: pd.DataFrame, columns: list[Any], with_parts: bool) -> li
     return [row for _, row in sorted(rows, key=lambda pair: -pair[0])]
 
 
-def _adjacent(chosen: pd.DataFrame) -> list[pd.DataFrame]:
-    """Divide sorted columns into ranges of adjacent bins with deviations of one sign."""
-    if chosen.empty:
-        return []
-    before = chosen.shift()
-    joined = (
-        (chosen["channel"] == before["channel"])
-        & (chosen["low"] <= before["high"] + 1e-9)
-        & (np.sign(chosen["deviation"]) == np.sign(before["deviation"]))
-    )
-    return [part for _, part in chosen.groupby((~joined).cumsum())]
+def _is_leakage(column: pd.Series, taken: pd.DataFrame) -> bool:
+    """Return whether a column beside a line of a component is raised by leakage only."""
+    beside = taken[
+        (taken["channel"] == column["channel"])
+        & (taken["low"] <= column["high"])
+        & (column["low"] <= taken["high"])
+    ]
+    return bool(column["deviation"] <= beside["deviation"].max() - _LEAKAGE)
 
 
 def _not_separated(hit: Sequence[_Component]) -> list[str]:
     """Name components whose raised lines are in the same columns."""
-    by_columns: dict[Any, list[str]] = {}
+    by_columns: dict[Any, dict[str, None]] = {}
     for component in hit:
-        key = frozenset(component.columns)
-        by_columns.setdefault(key, []).append(_label(component.fault))
-    pairs = [list(dict.fromkeys(names)) for names in by_columns.values()]
+        by_columns.setdefault(frozenset(component.columns), {})[component.label] = None
     return [
-        f"The order bins of the model do not separate {listed(names)}."
-        for names in pairs
-        if len(names) > 1
+        f"The order bins of the model do not separate {listed(list(labels))}."
+        for labels in by_columns.values()
+        if len(labels) > 1
     ]
 
 
 def _normal_channels(table: pd.DataFrame, reference: str, others: set[str]) -> list[str]:
     """State how many columns of each channel, but of `others`, are as in the reference."""
     texts = []
-    known = table[table["deviation"].notna()]
-    for channel, own in known.groupby("channel", sort=False):
-        normal = int((~is_raised(own)).sum())
-        if normal and channel and channel_name(str(channel)) not in others:
+    for channel, own in table[table["deviation"].notna()].groupby("channel", sort=False):
+        name, normal = channel_name(str(channel)), int((~own["raised"]).sum())
+        if normal and name and name not in others:
             count = f"all {normal}" if normal == len(own) else f"{normal} of {len(own)}"
             kind = "order bands" if own["low"].notna().all() else "features"
-            texts.append(f"{count} {kind} of {channel_name(str(channel))} as in {reference!r}")
+            texts.append(f"{count} {kind} of {name} as in {reference!r}")
     return texts
-
-
-def _worst(table: pd.DataFrame) -> str:
-    """Return the channel with the largest deviation."""
-    known = table[table["sigmas"].notna() & (table["channel"] != "")]
-    return "" if known.empty else str(known.loc[known["sigmas"].abs().idxmax(), "channel"])
