@@ -3,46 +3,22 @@
 from __future__ import annotations
 
 import os
-from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from emacm.displays import _drawing
 from emacm.machine.fault_lines import fault_series
 from emacm.models.model_files import describe_model, load_model
 from emacm.models.scoring import check_model
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_meta
 from emacm.reports.history import as_times, check_history, since
-from emacm.reports.pages import HEALTHY, Page, Settings, heading_of_warnings, page_of
-from emacm.reports.pictures import HEIGHT, description, draw, n_panels
-
-
-def html_of(pages: Sequence[Page]) -> str:
-    """Return an HTML document with one section for each page; it refers to no other file."""
-    shown = [
-        {
-            "page": page,
-            "heading": heading_of_warnings(page),
-            "picture": _picture(page),
-            "description": description(page),
-        }
-        for page in pages
-    ]
-    template = templates().get_template("maintenance.html.jinja2")
-    return template.render(title="Maintenance report", sections=shown)
-
-
-def index_of(entries: Sequence[tuple[Page, str]]) -> str:
-    """Return an HTML document that lists pages, each with its file."""
-    template = templates().get_template("index.html.jinja2")
-    return template.render(title="Maintenance reports", entries=entries)
+from emacm.reports.pages import HEALTHY, Page, Settings, page_of
+from emacm.reports.pictures import Picture
 
 
 def templates() -> Any:
@@ -67,18 +43,6 @@ def templates() -> Any:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-
-
-def _picture(page: Page) -> str:
-    """Return the picture of a page as SVG in base64; empty if nothing is drawn."""
-    panels = n_panels(page)
-    if not panels:
-        return ""
-    figure, axes = _drawing.offscreen_panels(panels, height=HEIGHT if panels > 1 else 2.8)
-    draw(page, list(axes[:, 0]))
-    buffer = BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return b64encode(buffer.getvalue()).decode()
 
 
 def maintenance_report(
@@ -229,17 +193,26 @@ class Reports:
             Pages in the folder that are only listed in the index.
         """
         if self._is_file:
-            _write(pages, self._target)
-            return [self._target]
+            return [_write(self._target, "maintenance", pages=_with_pictures(pages))]
         listed = [*before, *pages]
-        stems = file_stems([page.name for page in listed])
-        files = []
-        for page, stem in zip(pages, stems[len(before) :], strict=True):
-            files.append(self._target / f"{stem}.html")
-            _write([page], files[-1])
-        index, links = self._target / "index.html", [f"{stem}.html" for stem in stems]
-        index.write_text(index_of(list(zip(listed, links, strict=True))), encoding="utf-8")
-        return [*files, index]
+        names = [f"{stem}.html" for stem in file_stems([page.name for page in listed])]
+        files = [
+            _write(self._target / name, "maintenance", pages=_with_pictures([page]))
+            for page, name in zip(pages, names[len(before) :], strict=True)
+        ]
+        entries = list(zip(listed, names, strict=True))
+        return [*files, _write(self._target / "index.html", "index", entries=entries)]
+
+
+def _with_pictures(pages: Sequence[Page]) -> list[tuple[Page, Picture]]:
+    return [(page, Picture(page)) for page in pages]
+
+
+def _write(file: Path, template: str, **content: Any) -> Path:
+    """Write an HTML document that refers to no other file."""
+    html = templates().get_template(f"{template}.html.jinja2").render(**content)
+    file.write_text(html, encoding="utf-8")
+    return file
 
 
 def read_settings(
@@ -316,13 +289,6 @@ def add_since(
         if page.kind != "error":
             own = known if units is None else known[known["unit"].astype(str) == str(units[number])]
             page.since = since(page.decision, times and times[number], own, counter)
-
-
-def _write(pages: Sequence[Page], file: Path) -> None:
-    """Write pages so that an interruption leaves no incomplete file."""
-    unfinished = file.with_name(f".{file.stem}.{os.getpid()}.part{file.suffix}")
-    unfinished.write_text(html_of(pages), encoding="utf-8")
-    os.replace(unfinished, file)
 
 
 def _target(path: str | os.PathLike[str]) -> tuple[Path, bool]:

@@ -162,6 +162,15 @@ class Page:
     envelopes: Mapping[str, str] = field(default_factory=dict)
     parts: Any = None
 
+    @property
+    def heading(self) -> str:
+        """What precedes the warnings about the recording."""
+        if self.kind == "error":
+            return "The recording could not be decided on"
+        if self.doubtful:
+            return "Check the measurement first: the decision may be wrong"
+        return "Outside the range of the training"
+
 
 def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
     """Return the page of a recording that a function opens; an error is its content.
@@ -261,12 +270,3 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         f"Deviations are from the mean of the training recordings of {str(reference)!r}; those of "
         f"at least {LEAST:g} dB and {SIGMAS:g} standard deviations are listed."
     )
-
-
-def heading_of_warnings(page: Page) -> str:
-    """Return what precedes the warnings about a recording."""
-    if page.kind == "error":
-        return "The recording could not be decided on"
-    if page.doubtful:
-        return "Check the measurement first: the decision may be wrong"
-    return "Outside the range of the training"

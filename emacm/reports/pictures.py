@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
+from collections.abc import Sequence
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -15,72 +18,68 @@ from emacm.reports.facts import channel_name
 from emacm.reports.pages import Page
 from emacm.reports.raised import HARMONICS, LEAST, SLIP, is_raised
 
-HEIGHT = 5.0  # inches, of two panels
-_NORMAL, _RAISED = "0.6", _drawing.COLOURS[1]
 _MOST = 12  # bars with names
 _MARKED = 12  # predicted lines
 
 
-def n_panels(page: Page) -> int:
-    """Return the number of Axes that the picture of a page needs: 0, 1 or 2."""
-    return (_spectrum_block(page) is not None) + (_bars(page) is not None)
-
-
-def draw(page: Page, axes: list[Any]) -> None:
-    """Draw the order spectrum and the deviations of the channel that deviates most.
+class Picture:
+    """Order spectrum and deviations of the channel of a page that deviates most.
 
     Parameters
     ----------
     page : Page
         What is drawn.
-    axes : list of Axes
-        `n_panels` of them.
+
+    Attributes
+    ----------
+    n_panels : int
+        Number of Axes needed: 0, 1 or 2.
+    description : str
+        The picture in words.
     """
-    block, bars = _spectrum_block(page), _bars(page)
-    panels = list(axes)
-    if block is not None:
-        _draw_spectrum(panels.pop(0), page, block)
-    if bars is not None:
-        unit = str(bars["unit"].iloc[0])
-        if bars["low"].notna().all():
-            _draw_bins(panels[0], bars)
-            panels[0].set_ylabel(f"deviation [{unit}]")
-        else:
-            _draw_names(panels[0], page, bars)
-            panels[0].set_xlabel(f"deviation from {page.reference} [{unit}]")
-    for ax in axes:
-        ax.tick_params(labelsize=_drawing.SMALL)
-        for axis in (ax.xaxis, ax.yaxis):
-            axis.label.set_size(_drawing.SMALL)
 
+    def __init__(self, page: Page) -> None:
+        self._page, self._block, self._bars = page, _spectrum_block(page), _bars(page)
+        self.n_panels = (self._block is not None) + (self._bars is not None)
+        parts = []
+        if self._block is not None:
+            lines = "" if page.parts is None else " with predicted lines"
+            parts.append(f"order spectrum of {channel_name(self._block.channel)}{lines}")
+        if self._bars is not None:
+            parts.append(f"deviations from {page.reference}")
+        self.description = " and ".join(parts)
 
-def description(page: Page) -> str:
-    """Return the picture in words."""
-    block, parts = _spectrum_block(page), []
-    if block is not None:
-        lines = "" if page.parts is None else " with predicted lines"
-        parts.append(f"order spectrum of {channel_name(block.channel)}{lines}")
-    if _bars(page) is not None:
-        parts.append(f"deviations from {page.reference}")
-    return " and ".join(parts)
+    def draw(self, axes: Sequence[Any]) -> None:
+        """Draw on `n_panels` Axes."""
+        if self._block is not None:
+            _draw_spectrum(axes[0], self._page, self._block)
+        if self._bars is not None:
+            _draw_bars(axes[-1], self._page.reference, self._bars)
+        for ax in axes:
+            ax.tick_params(labelsize=_drawing.SMALL)
+            for axis in (ax.xaxis, ax.yaxis):
+                axis.label.set_size(_drawing.SMALL)
 
-
-def bar_labels(page: Page) -> list[str]:
-    """Return the names of the features that are drawn; none where bars are over the order."""
-    bars = _bars(page)
-    if bars is None or bars["low"].notna().all():
-        return []
-    return [str(column).rpartition("__")[2] for column in bars["column"]]
+    def svg(self) -> str:
+        """Return the picture as SVG in base64; empty if nothing is drawn."""
+        if not self.n_panels:
+            return ""
+        height = 5.0 if self.n_panels > 1 else 2.8  # inches
+        figure, axes = _drawing.offscreen_panels(self.n_panels, height=height)
+        self.draw(axes[:, 0])
+        buffer = BytesIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        return b64encode(buffer.getvalue()).decode()
 
 
 def _channel(page: Page) -> str:
-    return page.findings.channel if page.findings is not None else ""
+    return "" if page.findings is None else page.findings.channel
 
 
 def _spectrum_block(page: Page) -> OrderBlock | None:
     """Return the columns of the spectrum that is drawn; None if there is none."""
-    names = None if page.spectra is None else [str(name) for name in page.spectra.columns]
-    blocks = parse_order_columns(names or ()) or ()
+    names = [] if page.spectra is None else [str(name) for name in page.spectra.columns]
+    blocks = parse_order_columns(names) or ()
     wanted = _channel(page).rpartition("__")[2]
     chosen = [block for block in blocks if block.channel == wanted]
     return next(iter([*chosen, *blocks]), None)
@@ -88,16 +87,17 @@ def _spectrum_block(page: Page) -> OrderBlock | None:
 
 def _bars(page: Page) -> pd.DataFrame | None:
     """Return the deviations that are drawn: those of a channel in dB, or the largest ones."""
-    table = page.deviations
-    if table is None:
+    if page.deviations is None:
         return None
-    table = table[table["deviation"].notna()].assign(raised=lambda t: is_raised(t))
-    own = table[(table["channel"] == _channel(page)) & (table["unit"] == "dB")]
-    if own.empty:
-        own = table[table["unit"] == "dB"]
-        own = own[own["channel"] == own["channel"].iloc[0]] if len(own) else own
+    table = page.deviations[page.deviations["deviation"].notna()]
+    table = table.assign(raised=is_raised(table))
+    own = table[table["unit"] == "dB"]
     if own.empty:
         own = table.assign(deviation=table["sigmas"], unit="standard deviations")
+    else:
+        channels = own["channel"].tolist()
+        worst = _channel(page)
+        own = own[own["channel"] == (worst if worst in channels else channels[0])]
     if own.empty:
         return None
     if own["low"].notna().all():
@@ -142,43 +142,41 @@ def _draw_reference(ax: Any, page: Page, block: OrderBlock) -> None:
 
 def _predicted(page: Page, top: float) -> pd.DataFrame:
     """Return the predicted lines that are marked: those of raised components, or first ones."""
-    if page.parts is None:
-        return pd.DataFrame(columns=["order", "low", "high"])
-    series = fault_series(page.parts, HARMONICS)
+    series = () if page.parts is None else fault_series(page.parts, HARMONICS)
     raised = page.findings.components if page.findings is not None else []
-    prefixes = {fault.name.rpartition(" ")[0] for fault in series}
+    one_part = len({fault.name.rpartition(" ")[0] for fault in series}) == 1
     rows = {}
     for fault in series:
+        name = fault.name.rpartition(" ")[2] if one_part else fault.name
+        chosen = fault.orders if fault.name in raised else fault.orders[: not raised]
         reach = SLIP if fault.slips else 0.0
-        for k, order in enumerate(fault.orders, 1):
-            if order <= top and (fault.name in raised or (k == 1 and not raised)):
-                short = fault.name.rpartition(" ")[2] if len(prefixes) == 1 else fault.name
-                name = short if k == 1 else f"{k}x{short}"
-                rows[name] = (order, order * (1 - reach), order * (1 + reach))
+        for k, order in enumerate(chosen, 1):
+            if order <= top:
+                limits = (order * (1 - reach), order * (1 + reach))
+                rows[name if k == 1 else f"{k}x{name}"] = (order, *limits)
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["order", "low", "high"])
     return table.astype(float).head(_MARKED)
 
 
-def _draw_bins(ax: Any, bars: pd.DataFrame) -> None:
-    """Draw a bar for each order band."""
+def _draw_bars(ax: Any, reference: str, bars: pd.DataFrame) -> None:
+    """Draw a bar for each order band, or a horizontal one for each named feature."""
+    unit = bars["unit"].iloc[0]
+    colours = [_drawing.COLOURS[1] if raised else "0.6" for raised in bars["raised"]]
+    if bars["low"].isna().any():  # the largest on top
+        labels = [str(column).rpartition("__")[2] for column in bars["column"][::-1]]
+        ax.barh(range(len(bars)), bars["deviation"][::-1], color=colours[::-1], height=0.7)
+        ax.set_yticks(range(len(bars)), labels, fontsize=_drawing.SMALL)
+        ax.axvline(0, color="black", linewidth=0.6)
+        ax.set_xlabel(f"deviation from {reference} [{unit}]")
+        return
     width = (bars["high"] - bars["low"]).to_numpy()
     step = np.median(np.diff(bars["low"])) if len(bars) > 1 else 1.0
     width = np.where(width > 0, width, step)  # spectral lines have no width
     centre = (bars["low"] + bars["high"]).to_numpy() / 2
-    colours = [_RAISED if raised else _NORMAL for raised in bars["raised"]]
     look = {"color": colours, "edgecolor": "white", "linewidth": 0.3}
     ax.bar(centre, bars["deviation"], width, **look)
     ax.axhline(0, color="black", linewidth=0.6)
     for limit in (-LEAST, LEAST):
         ax.axhline(limit, color="0.4", linewidth=0.7, linestyle=":")
     ax.set_xlim(0, float((centre + width / 2).max()))
-    ax.set_xlabel(_drawing.ORDER_LABEL)
-
-
-def _draw_names(ax: Any, page: Page, bars: pd.DataFrame) -> None:
-    """Draw a horizontal bar for each named feature, the largest on top."""
-    labels = bar_labels(page)[::-1]
-    colours = [_RAISED if raised else _NORMAL for raised in bars["raised"]][::-1]
-    ax.barh(range(len(bars)), bars["deviation"][::-1], color=colours, height=0.7)
-    ax.set_yticks(range(len(bars)), labels, fontsize=_drawing.SMALL)
-    ax.axvline(0, color="black", linewidth=0.6)
+    ax.set(xlabel=_drawing.ORDER_LABEL, ylabel=f"deviation [{unit}]")

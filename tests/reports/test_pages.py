@@ -35,7 +35,7 @@ from emacm import (
 from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import page_of
-from emacm.reports.pictures import draw, n_panels
+from emacm.reports.pictures import Picture
 from emacm.resampling.signal_cache import SignalCache
 
 
@@ -260,8 +260,9 @@ def test_an_envelope_is_named_as_such():
     recipe = bearing_recipe({"line": 3.6}, revolutions=16, harmonics=1, classifier=bayes)
     model = recipe.set_params(envelopedetector__squared=True).fit(runs(), STATES)
     found = page(model, recording("outer race", 99), parts=None)
-    figure, axes = offscreen_panels(n_panels(found))
-    draw(found, list(axes[:, 0]))
+    picture = Picture(found)
+    figure, axes = offscreen_panels(picture.n_panels)
+    picture.draw(axes[:, 0])
     label = axes[0, 0].get_ylabel()
     assert label.startswith("squared envelope order spectrum\nof ")
     assert figure.axes[1].get_yticklabels()[-1].get_text().endswith("@line")
