@@ -213,9 +213,8 @@ def _add_report_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--actions",
         type=Path,
-        metavar="FILE",
-        help="recommended action for each decision: TOML (decision = 'text') or CSV with the "
-        "columns decision and action",
+        metavar="TOML",
+        help="recommended action for each decision: TOML, decision = 'text'",
     )
     parser.add_argument(
         "--parts",

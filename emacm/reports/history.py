@@ -9,15 +9,15 @@ import pandas as pd
 from emacm.reports.facts import when
 
 
-def check_history(history: Any, unit: Any, time: Any) -> pd.DataFrame:
+def check_history(history: Any, has_unit: bool, has_time: bool) -> pd.DataFrame:
     """Return earlier results with the columns "decision", "unit" and "time".
 
     Parameters
     ----------
-    history : DataFrame
+    history : DataFrame, optional
         As `score` returns it, with "unit" and "time" added.
-    unit, time : any
-        Whether the units and times of the new recordings are known (not None).
+    has_unit, has_time : bool
+        Whether the units and times of the new recordings are known.
 
     Returns
     -------
@@ -26,24 +26,21 @@ def check_history(history: Any, unit: Any, time: Any) -> pd.DataFrame:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         If it is not a table, or a column is missing.
     """
-    if not isinstance(history, pd.DataFrame):
-        raise TypeError(
-            f"history must be a table of earlier results as from score, got "
-            f"{type(history).__name__}."
-        )
-    needed = {"decision": True, "unit": unit is not None, "time": time is not None}
-    for name, wanted in needed.items():
-        if wanted and name not in history.columns:
+    columns = ["decision", *["unit"] * has_unit, *["time"] * has_time]
+    if history is None:
+        history = pd.DataFrame(columns=columns)
+    found = list(getattr(history, "columns", ()))
+    for name in columns:
+        if name not in found:
             raise ValueError(
-                f"history must have the column {name!r}, as the new recordings have a {name}; its "
-                f"columns are {list(history.columns)}."
+                f"history must be a table of earlier results, as from score, with the columns "
+                f"{columns} as far as the new recordings have them; it has no {name!r} in {found}."
             )
-    kept = history[history["decision"].notna() & (history["decision"].astype(str) != "")]
-    columns = {name: kept[name] if wanted else None for name, wanted in needed.items()}
-    return pd.DataFrame(columns, index=kept.index)
+    kept = history.loc[history["decision"].fillna("").astype(str) != "", columns]
+    return kept.reindex(columns=["decision", "unit", "time"]).astype(object)
 
 
 def as_times(values: list[Any]) -> list[Any]:
@@ -54,18 +51,17 @@ def as_times(values: list[Any]) -> list[Any]:
     ValueError
         If a text is not a date, or numbers and dates are mixed.
     """
-    if all(isinstance(value, int | float) for value in values):
+    numbers = [isinstance(value, int | float) for value in values]
+    if all(numbers):
         return values
-    if any(isinstance(value, int | float) for value in values):
-        raise ValueError(
-            "times must all be numbers, or all be dates; got both in the recordings and history."
-        )
     try:
+        if any(numbers):
+            raise ValueError("some are numbers")
         return [pd.Timestamp(value).tz_localize(None) for value in values]
     except (ValueError, TypeError) as error:
         raise ValueError(
-            f"times must be numbers, or dates such as '2024-05-01 22:10'; got {values[0]!r} "
-            f"({error})."
+            f"times of recordings and history must all be numbers, or all be dates such as "
+            f"'2024-05-01 22:10'; got {values[0]!r} ({error})."
         ) from error
 
 
@@ -99,21 +95,23 @@ def since(decision: Any, time: Any, earlier: pd.DataFrame, name: str = "") -> st
     """
     if time is not None:
         earlier = earlier[earlier["time"] < time].sort_values("time", kind="stable")
-    decided = [str(value) for value in earlier["decision"]]
-    times = [None if time is None else value for value in earlier["time"]]
-    if not decided:
+    if earlier.empty:
         return "No earlier result of this unit is known."
-    others = [place for place, value in enumerate(decided) if value != str(decision)]
-    first = others[-1] + 1 if others else 0
-    count = len(decided) - first + 1  # with this one
-
-    def at(place: int) -> str:
-        return "" if times[place] is None else f" ({when(times[place], name)})"
-
-    if count == 1:
-        return f"New: the recording before, of this unit, was {decided[-1]!r}{at(-1)}."
-    start = "" if times[first] is None else f"Since {when(times[first], name)}, in "
-    text = f"{start}{count} recordings in a row" if start else f"In {count} recordings in a row"
-    if not others:
-        return f"{text}: in all that are known of this unit."
-    return f"{text}; before that, {decided[others[-1]]!r}{at(others[-1])}."
+    rows = [
+        (str(decided), "" if time is None else when(at, name))
+        for decided, at in zip(earlier["decision"], earlier["time"], strict=True)
+    ]
+    first = len(rows)  # of the uninterrupted decisions
+    while first and rows[first - 1][0] == str(decision):
+        first -= 1
+    before = ""
+    if first:
+        other, at = rows[first - 1]
+        before = f"{other!r}{f' ({at})' if at else ''}."
+    if first == len(rows):
+        return f"New: the recording before, of this unit, was {before}"
+    start = f"Since {rows[first][1]}, in" if rows[first][1] else "In"
+    text = f"{start} {len(rows) - first + 1} recordings in a row"
+    if before:
+        return f"{text}; before that, {before}"
+    return f"{text}: in all that are known of this unit."

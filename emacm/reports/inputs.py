@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from emacm._checks import located
@@ -18,17 +19,15 @@ from emacm.machine.parts import Part
 from emacm.machine.rolling import BallScrew, Bearing
 
 _PARTS = (Bearing, BallScrew, Gear, PlanetaryGear, Motor, InductionMotor)
-_ORDERS = "orders"  # table of names with orders
 
 
-def read_actions(path: Path) -> dict[str, str]:
-    """Read recommended actions from a TOML file or a CSV table.
+def read_actions(path: Path) -> dict[str, Any]:
+    """Read recommended actions from a TOML file.
 
     Parameters
     ----------
     path : Path
-        TOML: ``decision = "text"``, at the top or in a table ``[actions]``; CSV: columns
-        "decision" and "action".
+        With lines ``decision = "text"``, at the top or in a table ``[actions]``.
 
     Returns
     -------
@@ -39,21 +38,14 @@ def read_actions(path: Path) -> dict[str, str]:
     OSError
         If it cannot be read.
     ValueError
-        If it is neither, or has no actions.
+        If it has no actions.
     """
     with located(str(path)):
-        if path.suffix == ".csv":
-            table = pd.read_csv(path, dtype=str, keep_default_na=False)
-            if not {"decision", "action"} <= set(table.columns):
-                raise ValueError(
-                    f"it must have the columns 'decision' and 'action', got {list(table.columns)}."
-                )
-            return dict(zip(table["decision"], table["action"], strict=True))
         content = _toml(path)
         found = content.get("actions", content)
-        if not isinstance(found, Mapping) or not found:
+        if not isinstance(found, dict) or not found:
             raise ValueError('it must hold actions, as in: worn = "Replace the bearing."')
-        return {str(label): text for label, text in found.items()}
+        return found
 
 
 def read_parts(path: Path) -> list[Any]:
@@ -77,22 +69,22 @@ def read_parts(path: Path) -> list[Any]:
         If it has another content; the message names the table.
     """
     kinds: dict[str, type[Part]] = {kind.__name__: kind for kind in _PARTS}
+    found: list[Any] = []
     with located(str(path)):
-        content, found = _toml(path), []
-        for name, tables in content.items():
-            if name == _ORDERS:
+        for name, tables in _toml(path).items():
+            if name == "orders":
                 found.append(tables)
                 continue
             if name not in kinds:
                 raise ValueError(
-                    f"it has a table {name!r}; possible are {[*kinds, _ORDERS]}, as in [[Bearing]]."
+                    f"it has a table {name!r}; possible are 'orders' and {list(kinds)}, as in "
+                    f"[[Bearing]]."
                 )
-            for table in tables if isinstance(tables, list) else [tables]:
-                with located(name):
-                    found.append(kinds[name](**table))
+            with located(name):
+                found += [kinds[name](**one) for one in np.ravel(tables)]
         if not found:
             raise ValueError("it holds no part; write a table such as [[Bearing]].")
-        return found
+    return found
 
 
 def read_results(path: Path) -> pd.DataFrame:
@@ -114,21 +106,21 @@ def read_results(path: Path) -> pd.DataFrame:
     ValueError
         If it is of another type, or has no columns "recording" and "decision".
     """
+    readers: dict[str, Callable[[Path], pd.DataFrame]] = {
+        ".csv": partial(pd.read_csv, keep_default_na=False, dtype={"decision": str}),
+        ".jsonl": partial(pd.read_json, lines=True, dtype=False),
+        ".parquet": pd.read_parquet,
+    }
     with located(str(path)):
-        if path.suffix == ".parquet":
-            table = pd.read_parquet(path)
-        elif path.suffix == ".jsonl":
-            table = pd.read_json(path, lines=True, dtype=False)
-        elif path.suffix == ".csv":
-            table = pd.read_csv(path, keep_default_na=False, dtype={"decision": str})
-        else:
+        if path.suffix not in readers:
             raise ValueError("a table of results must end with .csv, .jsonl or .parquet.")
+        table = readers[path.suffix](path)
         if not {"recording", "decision"} <= set(table.columns):
             raise ValueError(
                 f"it is not a table of emacm score, whose columns are 'recording', 'decision' and "
                 f"others; got {list(table.columns)}."
             )
-        return table
+    return table
 
 
 def with_units_and_times(
@@ -157,12 +149,12 @@ def with_units_and_times(
     ValueError
         If a meta has no such key; the message names the file.
     """
-    names = table["recording"].astype(str).tolist()
-    kept = [time is not None or os.path.exists(name) for name in names]
-    paths = [Path(name) for name, keep in zip(names, kept, strict=True) if keep]
-    columns = {} if unit is None else {"unit": [value_of(path, layout, unit) for path in paths]}
-    times = [time_of(path, layout, time) for path in paths]
-    return table.loc[kept].assign(**columns, time=times)
+    paths = table["recording"].astype(str).map(Path)
+    kept = paths[[time is not None or path.exists() for path in paths]]
+    columns = {"time": known_times(kept, layout, time)}
+    if unit is not None:
+        columns["unit"] = [value_of(path, layout, unit) for path in kept]
+    return table.loc[kept.index].assign(**columns)
 
 
 def value_of(path: Path, layout: Layout, key: str) -> Any:
@@ -176,11 +168,14 @@ def value_of(path: Path, layout: Layout, key: str) -> Any:
         return meta[key]
 
 
-def time_of(path: Path, layout: Layout, key: str | None) -> Any:
-    """Return the time of a recording: of its meta, or when its file was written (local time)."""
+def known_times(paths: Iterable[Path], layout: Layout, key: str | None) -> list[Any]:
+    """Return the time of each file: of its meta, or when it was written; now if it is not there."""
     if key is not None:
-        return value_of(path, layout, key)
-    return pd.Timestamp.fromtimestamp(os.stat(path).st_mtime)
+        return [value_of(path, layout, key) for path in paths]
+    return [
+        pd.Timestamp.fromtimestamp(path.stat().st_mtime) if path.exists() else pd.Timestamp.now()
+        for path in paths
+    ]
 
 
 def _toml(path: Path) -> dict[str, Any]:
@@ -189,11 +184,3 @@ def _toml(path: Path) -> dict[str, Any]:
             return tomllib.load(file)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"it is not valid TOML: {error}.") from error
-
-
-def known_times(paths: Sequence[Path], layout: Layout, key: str | None) -> list[Any]:
-    """Return the time of each file; that of a file that is not there is now."""
-    return [
-        pd.Timestamp.now() if key is None and not path.exists() else time_of(path, layout, key)
-        for path in paths
-    ]

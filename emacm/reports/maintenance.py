@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -243,13 +244,11 @@ def _actions(actions: Any, model: Any) -> dict[str, str] | None:
     known = getattr(model, "decisions_", getattr(final, "decisions_", model.classes_))
     decisions = [str(label) for label in np.asarray(known).tolist()]
     for label, text in actions.items():
-        if str(label) not in decisions:
+        if str(label) not in decisions or not isinstance(text, str):
             raise ValueError(
-                f"actions has {label!r}, which is not a decision of the model; these are "
-                f"{decisions}."
+                f"the action for {label!r}, {text!r}, must be a text for a decision of the model; "
+                f"these are {decisions}."
             )
-        if not isinstance(text, str):
-            raise TypeError(f"the action for {label!r} must be a text, got {text!r}.")
     return {str(label): text for label, text in actions.items()}
 
 
@@ -275,20 +274,19 @@ def add_since(
     """
     if history is None and (units is None or times is None):
         return
-    known = pd.DataFrame(columns=["decision", "unit", "time"])
-    if history is not None:
-        known = check_history(history, units, times)
-    if times is not None:
-        both = as_times([*known["time"].tolist(), *times])
-        known, times = known.assign(time=both[: len(known)]), both[len(known) :]
-        decided = [page.decision for page in pages]
-        here = pd.DataFrame({"decision": decided, "unit": units, "time": times}, dtype=object)
-        here = here[[page.kind != "error" for page in pages]]
-        known = pd.concat([known.astype(object), here], ignore_index=True)
-    for number, page in enumerate(pages):
+    has_time = times is not None
+    known = check_history(history, units is not None, has_time)
+    decided = pd.DataFrame({"decision": [page.decision for page in pages]}, dtype=object)
+    decided["unit"], decided["time"] = units, times
+    if has_time:
+        both = as_times([*known["time"], *decided["time"]])
+        known["time"], decided["time"] = both[: len(known)], both[len(known) :]
+        is_decided = [page.kind != "error" for page in pages]
+        known = pd.concat([known, decided[is_decided]], ignore_index=True)
+    for page, (_, unit, time) in zip(pages, decided.itertuples(index=False), strict=True):
         if page.kind != "error":
-            own = known if units is None else known[known["unit"].astype(str) == str(units[number])]
-            page.since = since(page.decision, times and times[number], own, counter)
+            own = known if units is None else known[known["unit"].astype(str) == str(unit)]
+            page.since = since(page.decision, time if has_time else None, own, counter)
 
 
 def _target(path: str | os.PathLike[str]) -> tuple[Path, bool]:
@@ -313,15 +311,14 @@ def file_stems(names: Sequence[str]) -> list[str]:
     >>> file_stems(["a/run.npz", "b/run.npz", "b/new.npz", "recording 3"])
     ['a_run', 'b_run', 'new', 'recording_3']
     """
-    stems = [Path(name).stem for name in names]
-    longer = [
-        f"{Path(name).parent.name}_{stem}" if stems.count(stem) > 1 else stem
-        for name, stem in zip(names, stems, strict=True)
-    ]
-    unique = [
-        f"{stem}_{longer[:n].count(stem) + 1}" if longer.count(stem) > 1 else stem
-        for n, stem in enumerate(longer)
-    ]
+    paths = [Path(name) for name in names]
+    counts: Counter[str] = Counter()
+    unique = []
+    for path in paths:
+        folders = {other.parent for other in paths if other.stem == path.stem}
+        stem = f"{path.parent.name}_{path.stem}" if len(folders) > 1 else path.stem
+        counts[stem] += 1
+        unique.append(stem if counts[stem] == 1 else f"{stem}_{counts[stem]}")
     return [stem.replace(" ", "_") for stem in unique]
 
 

@@ -206,41 +206,36 @@ def page_of(settings: Settings, source: Callable[[], Any], name: str) -> Page:
         page.units = recording.units
         steps = [(str(k), part) for k, part in enumerate(parts_of(settings.model))]
         page.envelopes = envelopes_of(Pipeline(steps)) if steps else {}
-        page.action = _action(settings, str(verdict.decision))
+        if settings.actions is not None:
+            page.action = settings.actions.get(page.decision, "none is given for this decision")
         _add_warnings(page, settings.model, recording, new_lines)
         page.normal += verdict.normal
         _add_findings(page, settings, recording, verdict)
     return page
 
 
-def _action(settings: Settings, decision: str) -> str:
-    if settings.actions is None:
-        return ""
-    return settings.actions.get(decision, "none is given for this decision")
-
-
 def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Sequence[str]) -> None:
     """State what is wrong with a recording, or that nothing is."""
-    found = training_statements(model, [recording])
-    statements = [] if found is None else found[0]
     own = search_estimator(model)
     if isinstance(own, ConditionRouter):
         own = own.models_of([recording])[0]
     measured = measured_quality(own, recording)
-    defects: list[str] = []
-    for finding in () if measured is None else measured[1].findings:
-        if measured is not None and finding.kind in measured[0].training_findings_:
-            page.notes.append(f"As in the training: {finding.text}.")
-        else:
-            defects.append(finding.text)
-    # Another speed, gain or rate changes all lines.
-    outside = [statement.text for statement in statements] or new_lines
-    page.first = [*defects, *outside]
-    page.doubtful = bool(defects) or any(statement.severe for statement in statements)
-    if measured is not None and not measured[1].findings:
-        page.normal.append("channels without clipping, interruption or constant values")
-    if found is not None and not statements:
+    if measured is not None:
+        resampler, quality = measured
+        usual = resampler.training_findings_
+        page.first = [found.text for found in quality.findings if found.kind not in usual]
+        known = [found.text for found in quality.findings if found.kind in usual]
+        page.notes += [f"As in the training: {text}." for text in known]
+        if not quality.findings:
+            page.normal.append("channels without clipping, interruption or constant values")
+    page.doubtful = bool(page.first)
+    found = training_statements(model, [recording])
+    if found is not None and not found[0]:
         page.normal.append("speed, sampling rates, levels and length within those of the training")
+    statements = found[0] if found else []
+    page.doubtful |= any(statement.severe for statement in statements)
+    # Another speed, gain or rate changes all lines.
+    page.first += [statement.text for statement in statements] or new_lines
 
 
 def _add_findings(page: Page, settings: Settings, recording: Recording, verdict: Verdict) -> None:

@@ -199,7 +199,7 @@ def _above_background(
         )
     except (ValueError, IndexError):  # no spectrum, too coarse, or no line inside
         return True
-    return bool(np.median(lines.measure(power[np.newaxis])[2][0]) >= _HEIGHT)
+    return bool(np.median(lines.measure(power[np.newaxis].astype(np.float64))[2][0]) >= _HEIGHT)
 
 
 def spectrum_of(

@@ -163,12 +163,7 @@ def test_parts_are_read_by_the_names_of_their_classes(tmp_path):
         read_parts(file)
 
 
-def test_actions_are_read_from_tables_too(tmp_path):
-    (tmp_path / "a.csv").write_text("decision,action\nworn,Replace it.\nNone,Look.\n")
-    assert read_actions(tmp_path / "a.csv") == {"worn": "Replace it.", "None": "Look."}
-    (tmp_path / "b.csv").write_text("state,action\nworn,Replace it.\n")
-    with pytest.raises(ValueError, match="columns 'decision' and 'action', got"):
-        read_actions(tmp_path / "b.csv")
+def test_actions_stand_in_a_table_or_at_the_top(tmp_path):
     (tmp_path / "c.toml").write_text("[actions]\n3 = 'Look.'\n")
     assert read_actions(tmp_path / "c.toml") == {"3": "Look."}
     (tmp_path / "d.toml").write_text("actions = 3\n")

@@ -71,16 +71,14 @@ def test_without_history_units_and_times_nothing_is_stated():
 def test_times_are_numbers_or_dates():
     assert as_times([3, np.float64(4.5)]) == [3, 4.5]
     assert as_times(["2024-05-01T10:00:00Z"]) == [pd.Timestamp("2024-05-01 10:00")]
-    with pytest.raises(ValueError, match="got both"):
+    with pytest.raises(ValueError, match="all be numbers"):
         as_times([3, "2024-05-01"])
-    with pytest.raises(ValueError, match="such as '2024-05-01 22:10'; got 'soon'"):
+    with pytest.raises(ValueError, match="got 'soon'"):
         as_times(["soon"])
 
 
 def test_an_invalid_history_is_refused():
-    with pytest.raises(TypeError, match="table of earlier results as from score, got list"):
-        check_history([], None, None)
-    with pytest.raises(ValueError, match="must have the column 'unit'"):
-        check_history(pd.DataFrame({"decision": []}), ["A"], None)
-    with pytest.raises(ValueError, match="must have the column 'decision'"):
-        check_history(pd.DataFrame({"state": []}), None, None)
+    with pytest.raises(ValueError, match="history must be a table"):
+        check_history([], False, False)
+    with pytest.raises(ValueError, match="it has no 'unit'"):
+        check_history(pd.DataFrame({"decision": []}), True, False)
