@@ -16,7 +16,7 @@ import numpy as np
 
 from emacm._checks import located
 from emacm.files.csv_files import TextTable, text_table
-from emacm.files.file_columns import recording_arguments
+from emacm.files.file_columns import FileColumns, recording_arguments
 from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.streams.order_monitor import OrderMonitor
@@ -155,7 +155,9 @@ class _Stream:
 
     def _arguments(self, rows: Iterable[bytes]) -> dict[str, Any]:
         text = b"".join(rows).decode()
-        return recording_arguments(self._table.columns(StringIO(text)), self._layout)
+        content = FileColumns()
+        self._table.add_columns(content, StringIO(text))
+        return recording_arguments(content.without_units_in_names(), self._layout)
 
     def _process(self, rows: list[bytes]) -> None:
         """Print the readings that are complete with these rows, or why the rows are skipped."""

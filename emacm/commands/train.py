@@ -17,7 +17,7 @@ from emacm.commands.score import set_costs
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.pipelines import groups_options
 from emacm.evaluation.evaluate import evaluate
-from emacm.files.folder import RecordingFolder, kept_for_passes
+from emacm.files.folder import RecordingFolder
 from emacm.files.layout import Layout
 from emacm.models.model_files import save_model
 from emacm.models.recipes import actuator_recipe
@@ -39,8 +39,7 @@ def run(options: argparse.Namespace) -> int:
     int
         0.
     """
-    with kept_for_passes():
-        _train(options)
+    _train(options)
     return 0
 
 

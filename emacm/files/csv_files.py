@@ -21,9 +21,7 @@ _SEPARATORS = (";", "\t", ",", "|")
 _EXACT: dict[str, Any] = (  # from pandas 3 on, numbers are read exactly by default
     {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
 )
-_BESIDE = "\0"  # begins the names of blank columns at the right, which no header can have
-_TOO_MANY = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # of pandas
-_UNCLOSED = re.compile(r"EOF inside string starting at row (\d+)")
+_BLANK = "\0"  # begins the names of blank columns at the right, which no header can have
 _QUOTED = re.compile(r'"\s*[+-]?\d+,\d+\s*"')  # a number with a decimal comma
 _STATED = re.compile(  # as "Sampling rate: 2000 Hz", or "fs;2000;Hz"
     r"[#%\s]*([^\W\d][^:=;,\t]*?)\s*[:=;,\t]\s*([+-]?\d+(?:\.\d+)?)[;,\s]*"
@@ -39,19 +37,17 @@ class _Row(NamedTuple):
     is_comment: bool
 
 
-def read_csv(path: Path, *, n_head: int = 200) -> FileColumns:
-    """Return the columns of a text file, and the numbers that its preamble states.
+def read_csv(path: Path, content: FileColumns, *, n_head: int = 200) -> None:
+    """Add the columns of a text file, and the numbers that its preamble states.
 
     Parameters
     ----------
     path : Path
         The file. Lines above the header, and rows of units below it, may be of any kind.
+    content : FileColumns
+        What is added to.
     n_head : int
         Lines in which separator and header are looked for.
-
-    Returns
-    -------
-    FileColumns
 
     Raises
     ------
@@ -62,7 +58,7 @@ def read_csv(path: Path, *, n_head: int = 200) -> FileColumns:
     with open(path, encoding=encoding, newline=None) as file:
         head = [line.rstrip("\n") for line in itertools.islice(file, n_head)]
     table = text_table(head)
-    return table.columns(path, skiprows=table.start, encoding=encoding)
+    table.add_columns(content, path, skiprows=table.start, encoding=encoding)
 
 
 class TextTable(NamedTuple):
@@ -80,8 +76,6 @@ class TextTable(NamedTuple):
         Number of lines above the rows of numbers.
     preamble : list of str
         These lines.
-    n_blank : int
-        Number of columns without names and values at the right, of which there are several.
     """
 
     names: list[str]
@@ -90,77 +84,49 @@ class TextTable(NamedTuple):
     decimal: str
     start: int
     preamble: list[str]
-    n_blank: int = 0
 
-    def columns(self, source: Any, **options: Any) -> FileColumns:
-        """Return the columns of rows of numbers, and the numbers that the preamble states.
+    def add_columns(self, content: FileColumns, source: Any, **options: Any) -> None:
+        """Add the columns of rows of numbers, and the numbers that the preamble states.
 
         Parameters
         ----------
+        content : FileColumns
+            What is added to.
         source : path or file
             As for `pandas.read_csv`.
         **options
             Further options of `pandas.read_csv`.
-
-        Returns
-        -------
-        FileColumns
 
         Raises
         ------
         RefusedFileError
             If a row has more values than there are names, or an open quotation mark.
         """
-        beside = [f"{_BESIDE}{number}" for number in range(self.n_blank)]
+        names = [name or f"{_BLANK}{number}" for number, name in enumerate(self.names)]
+        options |= _EXACT | {"sep": self.separator or r"\s+", "decimal": self.decimal}
         try:
             table = pd.read_csv(
-                source,
-                sep=self.separator or r"\s+",
-                decimal=self.decimal,
-                header=None,
-                names=[*self.names, *beside],
-                index_col=False,
-                low_memory=False,
-                **_EXACT,
-                **options,
+                source, header=None, names=names, index_col=False, low_memory=False, **options
             )
         except pd.errors.ParserError as error:
-            raise _refused_row(str(error), is_file=bool(options)) from error
+            text = str(error).strip().rpartition(": ")[2]
+            text = text if "skiprows" in options else re.sub(r" in line \d+", "", text)
+            raise RefusedFileError(
+                f"a row does not fit the {len(names)} columns: {text}. Correct the line, or leave "
+                f"the file out."
+            ) from error
         blank = table.isna().all(axis=1).to_numpy()[::-1]
         table = table.iloc[: len(table) - (int(blank.argmin()) if not blank.all() else 0)]
-        _check_nothing_beside(table)
-        unnamed = [name for name in self.names if not name and table[name].isna().all()]
-        columns = {name: _numbers(table[name]) for name in self.names if name not in unnamed}
-        content = FileColumns(columns, units=dict(zip(self.names, self.units, strict=False)))
+        for name in table.columns[table.columns.str.startswith(_BLANK)]:
+            values = pd.to_numeric(table.pop(name), errors="coerce").dropna()
+            if len(values):
+                raise RefusedFileError(
+                    f"sample {values.index[0]} has the number {values.iloc[0]} in a column without "
+                    f"a name. Correct its row, or name the column."
+                )
+        content.columns |= {name: _numbers(table[name]) for name in table}
+        content.units |= {n: u for n, u in zip(self.names, self.units, strict=False) if u}
         _add_stated_numbers(content, self.preamble)
-        return content
-
-
-def _refused_row(error: str, *, is_file: bool) -> ValueError:
-    """Return what is wrong with a row that pandas refuses; rows of a stream have no line."""
-    too_many, unclosed = _TOO_MANY.search(error), _UNCLOSED.search(error)
-    if too_many:
-        n_names, line, n_values = too_many.groups()
-        what = f"has {n_values} values, but there are {n_names} columns"
-    elif unclosed:
-        line, what = int(unclosed[1]) + 1, "has a quotation mark that is not closed"
-    else:
-        return ValueError(error)
-    where = f"line {line}" if is_file else "a row"
-    return RefusedFileError(f"{where} {what}. Correct the line, or leave the file out.")
-
-
-def _check_nothing_beside(table: pd.DataFrame) -> None:
-    """Refuse numbers to the right of the named columns: their row was shifted, or cut wrongly."""
-    for name in table:
-        if name and not name.startswith(_BESIDE):
-            continue
-        places = np.flatnonzero(pd.to_numeric(table[name], errors="coerce").notna())
-        if 0 < len(places) < len(table):
-            raise RefusedFileError(
-                f"sample {places[0]} has the number {table[name].iloc[places[0]]} in a column "
-                f"without a name. Correct its row, or name the column."
-            )
 
 
 def text_table(head: Sequence[str]) -> TextTable:
@@ -184,7 +150,7 @@ def text_table(head: Sequence[str]) -> TextTable:
     separator = next((s for s in _SEPARATORS if filled and s in filled[-1][1]), None)
     if filled and re.fullmatch(r'"?sep=.?"?', filled[0][1].strip(), re.IGNORECASE):
         del filled[0]  # of spreadsheets
-    rows, n_blank = _without_blank_columns([_row(n, line, separator) for n, line in filled])
+    rows = [_row(number, line, separator) for number, line in filled]
     comma = separator in (";", "\t", "|") or any(map(_QUOTED.search, head))
     names, units, start = _header(rows, comma=comma)
     first = next(row for row in rows if row.number >= start)
@@ -193,9 +159,8 @@ def text_table(head: Sequence[str]) -> TextTable:
             f"line {first.number + 1} has {len(first.fields)} values, but there are {len(names)} "
             f"columns. Correct the line, or leave the file out."
         )
-    data = [line for line in head[start:] if comma]
-    decimal = "," if any(re.search(r"\d,\d", line) for line in data) else "."
-    return TextTable(names, units, separator, decimal, start, list(head[:start]), n_blank)
+    decimal = "," if comma and re.search(r"\d,\d", "\n".join(head[start:])) else "."
+    return TextTable(names, units, separator, decimal, start, list(head[:start]))
 
 
 def _encoding(path: Path, n_head: int) -> str:
@@ -225,17 +190,6 @@ def _row(number: int, line: str, separator: str | None) -> _Row:
     return _Row(number, [text.strip().strip('"').strip() for text in fields], is_comment)
 
 
-def _without_blank_columns(rows: Sequence[_Row]) -> tuple[list[_Row], int]:
-    """Leave one of several blank columns at the right, as spreadsheets write them; count others."""
-    width = max((len(row.fields) for row in rows), default=0)
-    wide = [row.fields[::-1] for row in rows if len(row.fields) == width]
-    used = [next((k for k, text in enumerate(fields) if text), width) for fields in wide]
-    n_blank = max(0, min(used, default=0) - 1)
-    if not n_blank:
-        return list(rows), 0
-    return [row._replace(fields=row.fields[: width - n_blank]) for row in rows], n_blank
-
-
 def _is_number(text: str, *, comma: bool) -> bool:
     try:
         float(text.replace(",", ".") if comma else text)
@@ -251,9 +205,14 @@ def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str],
     width = mode(widths[-3:]) if widths else 0  # of the last rows, of which one may be incomplete
     first = _first_of_data(rows, numeric, width)
     above = [n for n in range(first) if len(rows[n].fields) == width and not any(numeric[n])]
-    named = [n for n in above if all(rows[n].fields[:-1]) and any(rows[n].fields)]
+    named = [n for n in above if all(_filled(rows[n])) and any(_filled(rows[n]))]
     if not named:
-        _check_no_other_header(rows[:first], width)
+        texts = [row.fields for row in rows[:first] if not row.is_comment]
+        if texts:
+            raise RefusedFileError(
+                f"its header {texts[-1]} does not name the {width} columns of its rows. Name each "
+                f"column in the line above the numbers, or start all lines above them with #."
+            )
         return [f"x{i}" for i in range(width)], [], rows[first].number
     header = named[-1]
     if header - 1 in named and _is_row_of_units(rows[header].fields, rows[header - 1].fields):
@@ -261,41 +220,32 @@ def _header(rows: Sequence[_Row], *, comma: bool) -> tuple[list[str], list[str],
     names, units = rows[header].fields, []
     if header + 1 in above:
         units = [re.sub(r"^[\[(](.*)[\])]$", r"\1", text) for text in rows[header + 1].fields]
-    if len(set(names)) < width:
+    if len(set(filter(None, names))) < len(_filled(rows[header])):
         raise RefusedFileError(f"its columns must have different names, got {names}.")
     return names, units, rows[header + (2 if units else 1)].number
+
+
+def _filled(row: _Row) -> list[str]:
+    """Return the fields of a row without blank ones at the right, as spreadsheets write them."""
+    used = [number for number, text in enumerate(row.fields) if text]
+    return row.fields[: used[-1] + 1] if used else []
 
 
 def _first_of_data(rows: Sequence[_Row], numeric: Sequence[list[bool]], width: int) -> int:
     """Return the first row of numbers; if all rows have texts, the first that is not all text."""
     wide = [n for n, row in enumerate(rows) if len(row.fields) == width and not row.is_comment]
-    for n in wide:
-        texts = [text for text, known in zip(rows[n].fields, numeric[n], strict=True) if not known]
-        if not any(texts):  # each field is a number or blank
+    filled = [n for n in wide if any(rows[n].fields)]
+    for n in filled:  # each field is a number or blank
+        if all(known or not text for text, known in zip(rows[n].fields, numeric[n], strict=True)):
             return n
-    for n in wide:
-        if numeric[n][0] or numeric[n][-1]:
+    for n in filled:
+        if numeric[n][0] or numeric[n][len(_filled(rows[n])) - 1]:
             return n
     begin = " ".join(rows[0].fields)[:40] if rows else ""
     raise RefusedFileError(
         f"it has no rows of numbers; it begins with {begin!r}. Save a row for each time, with "
         f"numbers such as 1.5e-3 separated by commas, semicolons, tabs, | or spaces."
     )
-
-
-def _check_no_other_header(above: Sequence[_Row], width: int) -> None:
-    """Refuse a header that has more or fewer names than the rows have values."""
-    texts = [row.fields for row in above if not row.is_comment]
-    if texts and len(texts[-1]) == width:
-        raise RefusedFileError(
-            f"its header {texts[-1]} has no name for a column. Name each column in the line above "
-            f"the numbers."
-        )
-    if texts:
-        raise RefusedFileError(
-            f"its header has {len(texts[-1])} names {texts[-1]}, but its rows have {width} values. "
-            "Correct the line above the numbers, or start all lines above them with #."
-        )
 
 
 def _is_row_of_units(fields: Sequence[str], above: Sequence[str]) -> bool:

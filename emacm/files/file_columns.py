@@ -43,24 +43,25 @@ class FileColumns:
         What is in the file but no column, with the reason.
     """
 
-    columns: dict[str, NDArray[Any]]
+    columns: dict[str, NDArray[Any]] = field(default_factory=dict)
     rates: dict[str, float] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     ignored: dict[str, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Take units out of the names of columns, as in "speed [rpm]"."""
-        plain = {name: split_unit(name)[0] for name in (*self.columns, *self.numbers)}
+    def without_units_in_names(self) -> FileColumns:
+        """Return it with the units taken out of the names of columns, as in "speed [rpm]"."""
+        parts = {name: split_unit(name) for name in (*self.columns, *self.numbers)}
+        plain = {name: short for name, (short, _) in parts.items()}
         if len(set(plain.values())) < len(plain):
-            return
-        units = {plain[name]: split_unit(name)[1] for name in plain}
-        self.units = {k: v for k, v in units.items() if v} | {
-            plain.get(name, name): unit for name, unit in self.units.items() if unit
-        }
-        self.columns = {plain[name]: values for name, values in self.columns.items()}
-        self.rates = {plain.get(name, name): rate for name, rate in self.rates.items()}
-        self.numbers = {plain[name]: number for name, number in self.numbers.items()}
+            return self
+
+        def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
+            return {plain.get(name, name): value for name, value in values.items()}
+
+        units = {short: unit for short, unit in parts.values() if unit} | renamed(self.units)
+        rates, numbers = renamed(self.rates), renamed(self.numbers)
+        return FileColumns(renamed(self.columns), rates, units, numbers, self.ignored)
 
     def like_shaft(self) -> list[str]:
         """Return the columns and numbers with name or unit of the motion of a shaft."""
@@ -134,8 +135,8 @@ def recording_arguments(content: FileColumns, layout: Layout) -> dict[str, Any]:
     times = _time_column(content, layout)
     shaft = _shaft_column(content, layout)
     channels = _channel_columns(content, layout, times, shaft)
-    rates = _Rates(content, layout, times)
-    fs = {name: rates.of(column, name) for name, column in channels.items()}
+    rates = _rates_of_columns(content, layout, times)
+    fs = {name: _rate(content, layout, rates, column, name) for name, column in channels.items()}
     signals = {name: _signal(content, column, name) for name, column in channels.items()}
     units = {name: _channel_unit(content, layout, name, c) for name, c in channels.items()}
     arguments = {
@@ -273,100 +274,92 @@ def stated_rates(content: FileColumns) -> dict[str, float]:
     return rates | content.rates
 
 
-class _Rates:
-    """Sampling rates by column, from the layout, the file, or the column of times."""
-
-    def __init__(self, content: FileColumns, layout: Layout, times: str | None) -> None:
-        self._content, self._layout = content, layout
-        self._stated = stated_rates(content)
-        self._n_times, self._of_times = 0, 0.0
-        if times is not None:
-            values = content.columns[times]
-            unit = layout.unit_of(times) or content.units.get(times, "")
-            fs = layout.fs if isinstance(layout.fs, float | int) else self._stated.get(times)
-            seconds = seconds_of(values, unit, times)
-            self._n_times, self._of_times = len(values), rate_of_times(seconds, times, fs)
-
-    def of(self, column: str, name: str, default: float | None = None) -> float:
-        """Return the rate of a column [Hz]."""
-        stated, known = self._stated_by_layout(column, name), self._stated_by_file(column)
-        if stated is None:
-            rate = known or default
-            if rate:
-                return rate
-            raise ValueError(
-                f"the sampling rate of {name!r} is not known: neither the file nor the layout "
-                f"states it. Set fs, or time to a column of times."
-            )
-        if known and abs(known / stated - 1) > 1e-6:
-            raise ValueError(
-                f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
-                f"Correct fs, or leave it out."
-            )
+def _rates_of_columns(content: FileColumns, layout: Layout, times: str | None) -> dict[str, float]:
+    """Return sampling rates by column [Hz], from the file and its column of times."""
+    stated = stated_rates(content)
+    if times is None:
         return stated
+    values = content.columns[times]
+    unit = layout.unit_of(times) or content.units.get(times, "")
+    fs = layout.fs if isinstance(layout.fs, float | int) else stated.get(times)
+    rate = rate_of_times(seconds_of(values, unit, times), times, fs)
+    same = [name for name, other in content.columns.items() if len(other) == len(values)]
+    return dict.fromkeys(same, rate) | stated
 
-    def _stated_by_layout(self, column: str, name: str) -> float | None:
-        fs = self._layout.fs
-        if isinstance(fs, str):
-            number = self._content.find(fs, numbers=True)
-            if number not in self._content.numbers:
-                raise ValueError(f"fs = {fs!r} is not a single number of the file.")
-            return self._content.numbers[number]
-        if isinstance(fs, Mapping):
-            rates = {split_unit(key)[0]: rate for key, rate in fs.items()}
-            return rates.get(name, rates.get(column))
-        return fs
 
-    def _stated_by_file(self, column: str) -> float | None:
-        if column in self._stated:
-            return self._stated[column]
-        if self._of_times and len(self._content.columns[column]) == self._n_times:
-            return self._of_times
-        return None
+def _rate(
+    content: FileColumns,
+    layout: Layout,
+    rates: Mapping[str, float],
+    column: str,
+    name: str,
+    default: float | None = None,
+) -> float:
+    """Return the rate of a column [Hz], which layout and file may both state."""
+    known, stated = rates.get(column), layout.fs
+    if isinstance(stated, str):
+        number = content.find(stated, numbers=True)
+        if number not in content.numbers:
+            raise ValueError(f"fs = {stated!r} is not a single number of the file.")
+        stated = content.numbers[number]
+    elif isinstance(stated, Mapping):
+        by_name = {split_unit(key)[0]: rate for key, rate in stated.items()}
+        stated = by_name.get(name, by_name.get(column))
+    if stated and known and abs(known / stated - 1) > 1e-6:
+        raise ValueError(
+            f"the layout states fs = {stated:g} Hz for {name!r}, but the file {known:.9g} Hz. "
+            f"Correct fs, or leave it out."
+        )
+    rate = stated or known or default
+    if rate is None:
+        raise ValueError(
+            f"the sampling rate of {name!r} is not known: neither the file nor the layout "
+            f"states it. Set fs, or time to a column of times."
+        )
+    return float(rate)
 
 
 def _channel_unit(content: FileColumns, layout: Layout, name: str, column: str) -> str:
     stated, known = layout.unit_of(name, column), content.units.get(column, "")
     if stated and known and not same_unit(stated, known):
-        raise ValueError(
-            f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
-            f"units; nothing is converted."
-        )
+        raise ValueError(_other_unit(stated, name, known))
     return stated or known
 
 
+def _other_unit(stated: str, name: str, known: str) -> str:
+    return (
+        f"the layout states the unit {stated!r} for {name!r}, but the file {known!r}. Correct "
+        f"units; nothing is converted."
+    )
+
+
 def _shaft(
-    content: FileColumns, layout: Layout, column: str | None, rates: _Rates, fs: float
+    content: FileColumns,
+    layout: Layout,
+    column: str | None,
+    rates: Mapping[str, float],
+    fs: float,
 ) -> dict[str, Any]:
     """Return the shaft reference in rad or rad/s, and its rate [Hz]."""
-    if column is None or column in content.numbers:
-        return {"velocity": _constant_speed(content, layout, column), "shaft_fs": fs}
+    if column is None:
+        speed, unit = layout.velocity, layout.unit_of("velocity", "speed") or "rad/s"
+        if isinstance(speed, str):
+            speed, unit = constant_speed(speed) or (0.0, "")
+        return {"velocity": float(speed) * unit_factor(unit, "velocity"), "shaft_fs": fs}
+    kind = "angle" if layout.angle is not None else "velocity"
+    if column in content.numbers:
+        factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
+        return {"velocity": content.numbers[column] * factor, "shaft_fs": fs}
     values = check_signal(content.columns[column], f"the shaft column {column!r}")
-    rate = rates.of(column, column, default=fs if _alike(content, column) else None)
+    lengths = [len(other) for name, other in content.columns.items() if name != column]
+    default = fs if len(values) in lengths else None
+    rate = _rate(content, layout, rates, column, column, default)
     if layout.tacho is not None:
         options = dict(layout.tacho) if isinstance(layout.tacho, Mapping) else {}
         options.pop("column", None)
         return {"angle": angle_from_tacho(values, rate, **options).angle, "shaft_fs": rate}
-    kind = "angle" if layout.angle is not None else "velocity"
     factor = unit_factor(_shaft_unit(content, layout, column, kind), kind)
     return {kind: values if factor == 1 else values * factor, "shaft_fs": rate}
-
-
-def _alike(content: FileColumns, column: str) -> bool:
-    """Return whether another column is as long as this one."""
-    lengths = [len(values) for name, values in content.columns.items() if name != column]
-    return len(content.columns[column]) in lengths
-
-
-def _constant_speed(content: FileColumns, layout: Layout, column: str | None) -> float:
-    if column is not None:
-        unit = _shaft_unit(content, layout, column, "velocity")
-        return content.numbers[column] * unit_factor(unit, "velocity")
-    if isinstance(layout.velocity, str):
-        number, unit = constant_speed(layout.velocity) or (0.0, "")
-        return number * unit_factor(unit, "velocity")
-    unit = layout.unit_of("velocity", "speed") or "rad/s"
-    return float(layout.velocity) * unit_factor(unit, "velocity")
 
 
 def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) -> str:
@@ -375,17 +368,11 @@ def _shaft_unit(content: FileColumns, layout: Layout, column: str, kind: str) ->
     stated = layout.unit_of(column, kind) or split_unit(str(wanted))[1]
     known = content.units.get(column, "")
     if stated and known and unit_factor(stated, kind) != unit_factor(known, kind):
-        raise ValueError(
-            f"the layout states the unit {stated!r} for {column!r}, but the file {known!r}. "
-            f"Correct units, or leave it out."
-        )
-    if stated or known:
-        return stated or known
-    suspect = re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower())
-    if suspect:
+        raise ValueError(_other_unit(stated, column, known))
+    default = "rad/s" if kind == "velocity" else "rad"
+    if not (stated or known) and re.search(r"rpm|hz|deg|rev|turn|rps|count|min", column.lower()):
         raise ValueError(
             f"the unit of {column!r} is not stated, and its name suggests another one than "
-            f"{'rad/s' if kind == 'velocity' else 'rad'}. Set units={{{column!r}: 'rpm'}}, or what "
-            f"it is in."
+            f"{default}. Set units={{{column!r}: 'rpm'}}, or what it is in."
         )
-    return "rad/s" if kind == "velocity" else "rad"
+    return stated or known or default

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path, PurePath
 from types import MappingProxyType
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,36 +17,22 @@ from emacm._checks import located
 from emacm.files.file_columns import recording_arguments
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
-from emacm.recordings.digests import Recent, digest_of_file
+from emacm.recordings.digests import Recent
 from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
-_recent: Recent[Recording] = Recent(16 << 20)  # bytes, in addition to the last of each thread
+_recent: Recent[Recording] = Recent(1 << 28)  # bytes, in addition to the last of each thread
 _last = threading.local()  # the content that this thread reads, of any size
 
 Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
 
 
-class FileState:
-    """Path, size and time of a file when it was opened, to notice that it was changed.
+class FileState(NamedTuple):
+    """Path, size [bytes] and time of writing [ns] of a file, to notice that it was changed."""
 
-    Parameters
-    ----------
-    path : str
-        The file.
-    size : int
-        Its size [bytes].
-    written : int
-        Time of its last change [ns].
-    digest : bytes
-        First half of the SHA-256 of its content; empty if it is not known. It is computed when a
-        recording in the file is pickled, and checked where it is unpickled.
-    """
-
-    __slots__ = ("_digest", "path", "size", "written")
-
-    def __init__(self, path: str, size: int, written: int, digest: bytes = b"") -> None:
-        self.path, self.size, self.written, self._digest = path, size, written, digest
+    path: str
+    size: int
+    written: int
 
     @classmethod
     def of(cls, path: str) -> FileState:
@@ -62,46 +47,23 @@ class FileState:
             status = os.stat(path)
         except FileNotFoundError as error:
             raise FileNotFoundError(f"there is no file {path!r}.") from error
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise OSError(
-                f"{path!r} cannot be opened: {reason}. Correct the path or the link."
-            ) from error
         return cls(path, status.st_size, status.st_mtime_ns)
 
     def check(self) -> None:
         """Raise a ValueError if the file has changed since it was opened."""
         found = FileState.of(self.path)
-        same = (found.size, found.written) == (self.size, self.written)
-        if not same or (self._digest and self._digest != _short_digest(self.path)):
+        if found != self:
             raise ValueError(
                 f"{self.path}: the file was replaced or changed since it was opened: it had "
                 f"{self.size} bytes, written at {self.written} ns, and has {found.size} bytes, "
                 f"written at {found.written} ns. Open it again."
             )
 
-    def __reduce__(self) -> tuple[type[FileState], tuple[str, int, int, bytes]]:
-        """Return path, size, time and digest."""
-        digest = self._digest
-        if not digest:
-            try:
-                self.check()
-                digest = self._digest = _short_digest(self.path)
-            except (OSError, ValueError):  # found again, and reported, where samples are needed
-                digest = b""
-        return FileState, (self.path, self.size, self.written, digest)
-
-
-def _short_digest(path: str) -> bytes:
-    """Return half of the digest of a file: 16 bytes."""
-    return bytes.fromhex(digest_of_file(path))[:16]
-
 
 class FileRecording(Recording):
     """A recording in a file: its samples are read when they are needed, and not kept for long.
 
-    It is pickled as path, layout, size, time and digest of the file, and meta. See
-    `open_recording`.
+    It is pickled as path, layout, size and time of the file, and meta. See `open_recording`.
 
     Attributes
     ----------
@@ -121,7 +83,8 @@ class FileRecording(Recording):
     @property
     def series(self) -> Mapping[str, Series]:
         """The channels by name, to be read slice by slice."""
-        return MappingProxyType({name: FileSeries(self, name) for name in self.channels})
+        held = self.content().series
+        return MappingProxyType({name: FileSeries(self, name, held[name]) for name in held})
 
     @property
     def digest(self) -> str:
@@ -169,9 +132,8 @@ class FileRecording(Recording):
 
     def _read(self) -> Recording:
         if self._steps:
-            before = self._with_steps(self._steps[:-1])
             change, arguments = self._steps[-1]
-            content = before.content()
+            content = _opened(self.layout, self._state, self._meta, self._steps[:-1]).content()
             with located(self.path):
                 return content._derived(change, *arguments)
         self._state.check()
@@ -183,14 +145,12 @@ class FileRecording(Recording):
 
     def _derived(self, change: Callable[..., dict[str, Any]], *arguments: Any) -> Recording:
         """Return a recording that reads the same file, and then changes its content."""
-        return self._with_steps((*self._steps, (change, arguments)))
-
-    def _with_steps(self, steps: tuple[Step, ...]) -> FileRecording:
+        steps = (*self._steps, (change, arguments))
         return _opened(self.layout, self._state, self._meta, steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return path, layout, size, time and digest of the file, and meta; no samples."""
-        layout = self.layout.without_meta()
+        """Return path, layout, size and time of the file, and meta; no samples."""
+        layout = replace(self.layout, meta=None)
         return _opened, (layout, self._state, self._meta, self._steps)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -207,53 +167,41 @@ class FileSeries(LazySeries):
         The recording.
     name : str
         Name of the channel.
+    series : Series
+        The channel as it was read now.
+
+    Attributes
+    ----------
+    bandwidth : float
+        Frequency above which a computed channel has no content [Hz]; see `ComputedSeries`.
     """
 
-    def __init__(self, recording: FileRecording, name: str) -> None:
+    def __init__(self, recording: FileRecording, name: str, series: Series) -> None:
+        super().__init__(len(series), series.dtype)
+        self.bandwidth = float(getattr(series, "bandwidth", np.inf))
         self._recording, self._name = recording, name
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the samples."""
-        return self._values().dtype
-
-    @property
-    def bandwidth(self) -> float:
-        """Frequency above which a computed channel has no content [Hz]; see `ComputedSeries`."""
-        return float(getattr(self._values(), "bandwidth", np.inf))
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-        return len(self._values())
 
     def __getitem__(self, key: Any) -> Any:
         """Return samples."""
-        return self._values()[key]
-
-    def __array__(self, dtype: Any = None, copy: Any = None) -> NDArray[Any]:
-        """Return the whole channel."""
-        return np.asarray(self._values(), dtype)
+        return self._recording.content().series[self._name][key]
 
     def read(self, start: int, stop: int) -> NDArray[np.floating]:
         """Return the samples `start` to `stop` (exclusive)."""
-        return self._values()[start:stop]
+        return self[start:stop]
 
     @property
     def sources(self) -> list[NDArray[Any]]:
         """The whole channel."""
         return [np.asarray(self)]
 
-    def _values(self) -> Any:
-        return self._recording.content().series[self._name]
-
 
 def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
-    absolute path, layout, size, time and digest of the file, and meta (less than 1 kB), so that
-    worker processes read the file themselves; on other computers it must have the same path, size,
-    time and content (a shared folder, or ``cp -p``). A few recordings are kept in memory (16 MiB);
+    absolute path, layout, size and time of the file, and meta (less than 1 kB), so that worker
+    processes read the file themselves; on other computers it must have the same path, size and
+    time (a shared folder, or ``cp -p``). The last recordings are kept in memory (256 MiB);
     a file is read as a whole, and must not be changed as long as the recording is used: if its
     size or time has changed when it is read again, this is an error.
 
@@ -298,31 +246,15 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
 
 
 def _opened(
-    layout: Layout,
-    state: FileState,
-    meta: dict[Any, Any],
-    steps: tuple[Step, ...] = (),
+    layout: Layout, state: FileState, meta: dict[Any, Any], steps: tuple[Step, ...] = ()
 ) -> FileRecording:
     """Return a recording in a file that was opened before."""
     recording = FileRecording.__new__(FileRecording)
-    key = (state.path, state.size, state.written, layout.key, repr(meta), repr(steps))
+    key = (state, layout.key, repr(meta), repr(steps))
     content = {"path": state.path, "layout": layout, "_state": state, "_steps": steps, "_key": key}
     for name, value in (content | {"_meta": meta}).items():
         object.__setattr__(recording, name, value)
     return recording
-
-
-@contextmanager
-def kept_for_passes(n_bytes: int = 256 << 20) -> Iterator[None]:
-    """Keep up to this size of the contents of files inside a with statement.
-
-    For several passes over the same files, which are slow to read, as text is.
-    """
-    before = _recent.set_limit(n_bytes)
-    try:
-        yield
-    finally:
-        _recent.set_limit(before)
 
 
 class RecordingFolder(Sequence[Recording]):
@@ -393,13 +325,6 @@ class RecordingFolder(Sequence[Recording]):
     def __getitem__(self, index: Any) -> Any:
         """Return one recording, or a list of them."""
         return self._recordings[index]
-
-    def __sizeof__(self) -> int:
-        """Return the size with the recordings [bytes].
-
-        Dask sends what is larger than 1 kB to a worker once, and the rest with every task.
-        """
-        return super().__sizeof__() + sum(map(sys.getsizeof, self._recordings))
 
     def __repr__(self) -> str:
         """Folder and number of recordings."""

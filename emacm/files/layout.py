@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
+from math import isfinite
+from numbers import Real
 from pathlib import Path, PurePath
 from string import Formatter
 from typing import Any
@@ -19,7 +21,7 @@ from emacm.recordings.names import chosen_channels, split_unit
 
 _TACHO = ("column", "pulses_per_rev", "threshold", "hysteresis", "edge", "repair")
 _FIELDS: dict[str, tuple[str, Callable[[str], Any]]] = {
-    "": (r".+", str),
+    "": (r"[^/]+", str),
     "d": (r"[+-]?\d+", int),
     "g": (r"[+-]?\d+(?:\.\d+)?", float),
 }
@@ -91,18 +93,15 @@ class Layout:
         given = [name for name in ("velocity", "angle", "tacho") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"a layout has one shaft reference, got {' and '.join(given)}.")
-        _check_rates(self.fs)
-        if self.time not in (None, False) and not _is_name(self.time):
-            raise TypeError(f"time must be the name of a column, or False; got {self.time!r}.")
+        for name, (form, is_valid) in _FORMS.items():
+            value = getattr(self, name)
+            if value is not None and not is_valid(value):
+                raise TypeError(f"{name} must be {form}, got {value!r}.")
+        rates = self.fs if isinstance(self.fs, Mapping) else {"": self.fs}
+        for name, rate in {} if isinstance(self.fs, str | None) else rates.items():
+            check_number(rate, f"fs of {name!r}" if name else "fs", above=0, unit="Hz")
         if not isinstance(self.channels, Mapping):
             chosen_channels(self.channels, ())
-        elif not self.channels or not all(map(_is_name, (*self.channels, *self.channels.values()))):
-            raise TypeError(f"channels must map names to names of columns, got {self.channels!r}.")
-        if not _is_name(self.velocity) and self.velocity is not None:
-            check_number(self.velocity, "velocity (a number, or the name of a column)")
-        if self.angle is not None and not _is_name(self.angle):
-            raise TypeError(f"angle must be the name of a column, got {self.angle!r}.")
-        _check_tacho(self.tacho)
         object.__setattr__(self, "units", _checked_units(self.units))
         object.__setattr__(self, "meta", _checked_meta(self.meta))
 
@@ -143,34 +142,16 @@ class Layout:
                 options["meta"] = str(file.parent / meta)
             return cls(**options)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the options that were given."""
-        options = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {name: value for name, value in options.items() if value not in (None, {})}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore checked options."""
-        self.__dict__.update({item.name: None for item in fields(self)} | {"units": {}} | state)
-
-    @cached_property
+    @property
     def key(self) -> str:
         """All options but `meta` as text: layouts with the same key read a file alike."""
         return repr([getattr(self, item.name) for item in fields(self) if item.name != "meta"])
 
-    def without_meta(self) -> Layout:
-        """Return the same layout without `meta`."""
-        return Layout(**self.__getstate__() | {"meta": None})
-
     def unit_of(self, *names: str) -> str:
         """Return the unit that the layout states for the first of these names, or ""."""
-        for name in names:
-            if name in self.units:
-                return self.units[name]
         stated = [self.time, self.velocity, self.angle, self.tacho_column]
-        for text in (text for text in stated if isinstance(text, str)):
-            if split_unit(text)[0] in names and split_unit(text)[1]:
-                return split_unit(text)[1]
-        return ""
+        known = dict(split_unit(text) for text in stated if isinstance(text, str)) | self.units
+        return next((known[name] for name in names if known.get(name)), "")
 
     @property
     def tacho_column(self) -> str | None:
@@ -204,12 +185,11 @@ class Layout:
             names = [name.strip() for name in value.split("|")]
             return next((name for name in names if has(name) or constant_speed(name)), value)
 
-        changes = {name: one(getattr(self, name)) for name in ("fs", "time", "velocity", "angle")}
-        channels = self.channels
+        single = ("fs", "time", "velocity", "angle", "tacho")
+        changes = {name: one(getattr(self, name)) for name in single}
         if isinstance(self.tacho, Mapping):
             changes["tacho"] = {**self.tacho, "column": one(self.tacho["column"])}
-        else:
-            changes["tacho"] = one(self.tacho)
+        channels = self.channels
         if channels is not None and not isinstance(channels, Mapping):
             channels = {split_unit(name.partition("|")[0])[0]: name for name in channels}
         if channels is not None:
@@ -229,11 +209,10 @@ class Layout:
             return {}
         if isinstance(self.meta, str):
             return meta_from_name(file, self.meta)
-        for n_parts in range(len(file.parts), 0, -1):
-            name = "/".join(file.parts[-n_parts:])
-            for key in (name, name.removesuffix(file.suffix)):
-                if key in self.meta:
-                    return dict(self.meta[key])
+        names = ["/".join(file.parts[first:]) for first in range(len(file.parts))]
+        for key in (key for name in names for key in (name, name.removesuffix(file.suffix))):
+            if key in self.meta:
+                return dict(self.meta[key])
         raise ValueError(
             f"the table of meta has no row for the file {file.name!r}. Add one, or leave the file "
             f"out."
@@ -244,38 +223,40 @@ def _is_name(value: Any) -> bool:
     return isinstance(value, str) and bool(value)
 
 
-def _check_rates(fs: Any) -> None:
-    if isinstance(fs, Mapping):
-        for name, rate in fs.items():
-            check_number(rate, f"fs of {name!r}", above=0, unit="Hz")
-    elif fs is not None and not _is_name(fs):
-        check_number(fs, "fs", above=0, unit="Hz")
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
 
 
-def _check_tacho(tacho: Any) -> None:
-    if isinstance(tacho, Mapping):
-        unknown = [name for name in tacho if name not in _TACHO]
-        if unknown or not _is_name(tacho.get("column")):
-            raise ValueError(
-                f"tacho must have a 'column' and may have {list(_TACHO[1:])}, got {dict(tacho)!r}."
-            )
-    elif tacho is not None and not _is_name(tacho):
-        raise TypeError(f"tacho must be the name of a column or a mapping, got {tacho!r}.")
+def _is_tacho(value: Any) -> bool:
+    column = value.get("column") if isinstance(value, Mapping) else value
+    return _is_name(column) and (column is value or not set(value) - set(_TACHO))
+
+
+def _are_names(value: Any) -> bool:
+    """Tell whether a mapping has names, and is of names; other forms are checked elsewhere."""
+    return not isinstance(value, Mapping) or (
+        bool(value) and all(map(_is_name, (*value, *value.values())))
+    )
+
+
+_FORMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "time": ("the name of a column, or False", lambda value: value is False or _is_name(value)),
+    "channels": ("names, or map names to names of columns", _are_names),
+    "velocity": ("a number, or the name of a column", lambda v: _is_name(v) or _is_number(v)),
+    "angle": ("the name of a column", _is_name),
+    "tacho": (f"the name of a column, or a mapping with 'column' of {list(_TACHO)}", _is_tacho),
+}
 
 
 def _checked_units(units: Any) -> dict[str, str]:
-    if units is None:
-        return {}
-    if isinstance(units, Sequence) and not isinstance(units, str):
-        pairs = [split_unit(text) if isinstance(text, str) else (text, "") for text in units]
-        if not all(unit for _, unit in pairs):
-            raise ValueError(f"units must be texts such as 'speed [rpm]', got {list(units)!r}.")
-        return dict(pairs)
-    if not isinstance(units, Mapping) or not all(
-        _is_name(name) and _is_name(unit) for name, unit in units.items()
-    ):
-        raise TypeError(f"units must map names to units, as {{'speed': 'rpm'}}, got {units!r}.")
-    return {split_unit(name)[0]: unit for name, unit in units.items()}
+    pairs = units.items() if isinstance(units, Mapping) else map(split_unit, map(str, units or ()))
+    found = {split_unit(str(name))[0]: unit for name, unit in pairs}
+    if isinstance(units, str) or not all(map(_is_name, found.values())):
+        raise TypeError(
+            f"units must map names to units, as {{'speed': 'rpm'}}, or be texts such as "
+            f"'speed [rpm]', got {units!r}."
+        )
+    return found
 
 
 def _checked_meta(meta: Any) -> Any:
@@ -365,24 +346,19 @@ def _compiled_pattern(
 ) -> tuple[re.Pattern[str], re.Pattern[str], dict[str, Callable[[str], Any]]]:
     greedy = lazy = ""
     kinds: dict[str, Callable[[str], Any]] = {}
-    example = "such as '{unit}_{state}_{run:d}.mat'"
     try:
-        parts = list(Formatter().parse(pattern))
-    except ValueError as error:
-        raise ValueError(f"meta must be a pattern {example}, got {pattern!r}: {error}.") from error
-    for text, field, kind, _ in parts:
-        greedy, lazy = greedy + re.escape(text), lazy + re.escape(text)
-        if field is None:
-            continue
-        if not field.isidentifier() or field in kinds or kind not in _FIELDS:
-            raise ValueError(
-                f"meta must be a pattern {example}, with each field once and ':d' or ':g' for "
-                f"numbers; got {field!r} in {pattern!r}."
-            )
-        expression, kinds[field] = _FIELDS[kind or ""]
-        expression = expression.replace(".+", "[^/]+") if not kind else expression
-        greedy += f"(?P<{field}>{expression})"
-        lazy += f"(?P<{field}>{expression if kind else expression + '?'})"
+        for text, field, kind, _ in Formatter().parse(pattern):
+            greedy, lazy = greedy + re.escape(text), lazy + re.escape(text)
+            if field is not None:
+                expression, kinds[field] = _FIELDS[kind or ""]
+                greedy += f"(?P<{field}>{expression})"
+                lazy += f"(?P<{field}>{expression}{'' if kind else '?'})"
+        compiled = re.compile(greedy), re.compile(lazy)
+    except (ValueError, KeyError, re.error):
+        kinds = {}
     if not kinds:
-        raise ValueError(f"meta must be a pattern {example}, got {pattern!r} without a field.")
-    return re.compile(greedy), re.compile(lazy), kinds
+        raise ValueError(
+            f"meta must be a pattern such as '{{unit}}_{{state}}_{{run:d}}.mat', with each field "
+            f"once and ':d' or ':g' for numbers; got {pattern!r}."
+        )
+    return *compiled, kinds

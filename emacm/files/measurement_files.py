@@ -72,41 +72,18 @@ def add_array(content: FileColumns, name: str, values: Any) -> None:
         content.columns.update(array_columns(name, array))
 
 
-def settled(content: FileColumns) -> FileColumns:
-    """Return content with units taken out of the names."""
-    parts = content.columns, content.rates, content.units, content.numbers, content.ignored
-    return FileColumns(*parts)
-
-
-def read_npz(path: Path) -> FileColumns:
-    """Return the numeric arrays of an npz file."""
-    content = FileColumns({})
+def read_npz(path: Path, content: FileColumns) -> None:
+    """Add the numeric arrays of an npz file."""
     with open(path, "rb") as file:  # which NumPy would leave open if it is damaged
-        if file.read(2) != b"PK":
-            raise RefusedFileError(
-                "it is not an .npz file (no ZIP archive). Save it by numpy.savez."
-            )
-        file.seek(0)
         archive = np.load(file, allow_pickle=False)
         for name in archive.files:
-            try:
-                add_array(content, name, archive[name])
-            except ValueError as error:
-                if "allow_pickle" not in str(error):
-                    raise
-                raise RefusedFileError(
-                    f"array {name!r} holds Python objects (a pickle), which are not opened. Save "
-                    f"numbers."
-                ) from error
-    return settled(content)
+            add_array(content, name, archive[name])
 
 
-def read_wav(path: Path) -> FileColumns:
-    """Return the channels of a WAV file as x0, x1, ...; full scale is 1."""
+def read_wav(path: Path, content: FileColumns) -> None:
+    """Add the channels of a WAV file as x0, x1, ...; full scale is 1."""
     with open(path, "rb") as file:
         header = file.read(12)
-    if header[:4] not in (b"RIFF", b"RF64") or header[8:] != b"WAVE":
-        raise RefusedFileError("it is not a WAV file (no RIFF header).")
     stated, size = int.from_bytes(header[4:8], "little") + 8, os.stat(path).st_size
     if header[:4] == b"RIFF" and stated > size + 1:  # a padding byte may be missing
         raise RefusedFileError(
@@ -118,12 +95,12 @@ def read_wav(path: Path) -> FileColumns:
         middle = 128 if samples.dtype == np.uint8 else 0
         samples = (samples.astype(np.float64) - middle) / 2.0 ** (bits - 1)
     table = samples.reshape(len(samples), -1)
-    columns = {f"x{i}": np.ascontiguousarray(row) for i, row in enumerate(table.T)}
-    return FileColumns(columns, dict.fromkeys(columns, float(fs)))
+    content.columns.update((f"x{i}", np.ascontiguousarray(row)) for i, row in enumerate(table.T))
+    content.rates.update(dict.fromkeys(content.columns, float(fs)))
 
 
-def read_mat(path: Path) -> FileColumns:
-    """Return the numeric arrays of a MAT file; fields of structures as "structure.field".
+def read_mat(path: Path, content: FileColumns) -> None:
+    """Add the numeric arrays of a MAT file; fields of structures as "structure.field".
 
     Elements of cells and of arrays of structures are numbered from 0, as "cell.0".
 
@@ -131,28 +108,24 @@ def read_mat(path: Path) -> FileColumns:
     ----------
     path : Path
         The file.
-
-    Returns
-    -------
-    FileColumns
+    content : FileColumns
+        What is added to.
     """
     with open(path, "rb") as file:
         start = file.read(520)
-    content = FileColumns({})
     if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:]):
         _add_groups(content, path)
     else:
         for name, value in scipy.io.loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
                 _add_variable(content, name, value)
-    return settled(content)
 
 
 def _add_variable(content: FileColumns, name: str, value: Any) -> None:
     if isinstance(value, Mapping):
         for field, inner in value.items():
             _add_variable(content, f"{name}.{field}", inner)
-    elif isinstance(value, list | tuple) or _holds_objects(value):
+    elif isinstance(value, list) or getattr(value, "dtype", None) == "O":
         for number, inner in enumerate(value):  # cells, and arrays of structures
             _add_variable(content, f"{name}.{number}", inner)
     elif isinstance(value, np.ndarray | np.number | int | float):
@@ -162,10 +135,6 @@ def _add_variable(content: FileColumns, name: str, value: Any) -> None:
     else:
         kind = "is sparse" if scipy.sparse.issparse(value) else "is a text"
         content.ignored[name] = f"{kind}, no array of numbers"
-
-
-def _holds_objects(value: Any) -> bool:
-    return isinstance(value, np.ndarray) and value.dtype.kind == "O" and value.ndim > 0
 
 
 def _add_groups(content: FileColumns, path: Path) -> None:
@@ -180,8 +149,8 @@ def _add_groups(content: FileColumns, path: Path) -> None:
         file.visititems(add)
 
 
-def read_parquet(path: Path) -> FileColumns:
-    """Return the columns of a Parquet file.
+def read_parquet(path: Path, content: FileColumns) -> None:
+    """Add the columns of a Parquet file.
 
     Units are taken from the metadata "unit" of the fields; rates and units also from the
     metadata of the file and from ``DataFrame.attrs`` ("fs", "units").
@@ -190,13 +159,9 @@ def read_parquet(path: Path) -> FileColumns:
     table = parquet.ParquetFile(path).read()
     if len(set(table.column_names)) < len(table.column_names):
         raise RefusedFileError(f"its columns must have different names, got {table.column_names}.")
-    content = FileColumns({})
     for field, column in zip(table.schema, table.columns, strict=True):
         if str(field.type).startswith("decimal"):
             column = column.cast("float64")
-        if str(field.type) == "null":
-            content.ignored[field.name] = "is empty"
-            continue
         values = column.to_numpy()
         if values.dtype == object and len(values) and not isinstance(values[0], str):
             content.ignored[field.name] = f"holds values of the type {field.type}"
@@ -205,24 +170,17 @@ def read_parquet(path: Path) -> FileColumns:
         for key, value in (field.metadata or {}).items():
             if key.decode() in _UNIT_KEYS:
                 content.units[field.name] = value.decode()
-    if content.ignored and not any(v.dtype.kind in "iuf" for v in content.columns.values()):
-        name, reason = next(iter(content.ignored.items()))
-        raise RefusedFileError(
-            f"column {name!r} {reason}. Store a column of numbers for each channel."
-        )
     stored = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
     _add_attributes(content, "", stored | json.loads(stored.get("PANDAS_ATTRS", "{}")))
-    return settled(content)
 
 
-def read_hdf5(path: Path) -> FileColumns:
-    """Return the numeric data sets of an HDF5 file as "group/name".
+def read_hdf5(path: Path, content: FileColumns) -> None:
+    """Add the numeric data sets of an HDF5 file as "group/name".
 
     Attributes "fs" (or sampling_rate) and "unit" of a data set hold for it, those of a group for
     all of its data sets.
     """
     h5py = optional_library("h5py", "HDF5")
-    content = FileColumns({})
 
     def add(name: str, node: Any) -> None:
         if isinstance(node, h5py.Dataset):
@@ -236,13 +194,11 @@ def read_hdf5(path: Path) -> FileColumns:
     with h5py.File(path, "r") as file:
         _add_attributes(content, "", file.attrs)
         file.visititems(add)
-    return settled(content)
 
 
-def read_tdms(path: Path) -> FileColumns:
-    """Return the channels of a TDMS file; as "group/channel" if a name occurs twice."""
+def read_tdms(path: Path, content: FileColumns) -> None:
+    """Add the channels of a TDMS file; as "group/channel" if a name occurs twice."""
     nptdms = optional_library("nptdms", "TDMS")
-    content = FileColumns({})
     with nptdms.TdmsFile.open(path) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
         names = [channel.name for channel in channels]
@@ -256,13 +212,11 @@ def read_tdms(path: Path) -> FileColumns:
             unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
             if unit:
                 content.units[name] = str(unit)
-    return settled(content)
 
 
-def read_uff(path: Path) -> FileColumns:
-    """Return the data sets of type 58 with evenly spaced times; named by their first line."""
+def read_uff(path: Path, content: FileColumns) -> None:
+    """Add the data sets of type 58 with evenly spaced times; named by their first line."""
     pyuff = optional_library("pyuff", "UFF 58")
-    content = FileColumns({})
     sets = pyuff.UFF(str(path)).read_sets()
     for number, one in enumerate(sets if isinstance(sets, list) else [sets]):
         if one.get("type") != 58:  # function at nodal degrees of freedom
@@ -280,13 +234,11 @@ def read_uff(path: Path) -> FileColumns:
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
         if unit and unit.upper() != "NONE":
             content.units[name] = unit
-    return settled(content)
 
 
-def read_mdf(path: Path) -> FileColumns:
-    """Return the channels of an MDF 4 file, with rates from their time stamps."""
+def read_mdf(path: Path, content: FileColumns) -> None:
+    """Add the channels of an MDF 4 file, with rates from their time stamps."""
     asammdf = optional_library("asammdf", "MDF", extra="mdf")
-    content = FileColumns({})
     with asammdf.MDF(str(path)) as file:
         for signal in file.iter_channels():
             values = np.asarray(signal.samples)
@@ -298,7 +250,6 @@ def read_mdf(path: Path) -> FileColumns:
             content.rates[name] = rate_of_times(times - times[0], f"time stamps of {name}")
             if signal.unit:
                 content.units[name] = str(signal.unit)
-    return settled(content)
 
 
 def _rate(step: float, *, digits: int) -> float:
@@ -320,36 +271,25 @@ def _add_attributes(
     content: FileColumns, place: str, attributes: Mapping[str, Any], *, own: bool = False
 ) -> None:
     """Add what attributes state on rates and units of a column, or of a group of columns."""
-    only_rate = [key for key in _RATE_KEYS if key in attributes] == ["rate"]
-    for key in attributes:
-        value = attributes[key]
-        value = value.decode() if isinstance(value, bytes) else value
-        if key in _RATE_KEYS:
-            number = _number(key, value, place)
-            if not own:
-                for name in (key, "fs") if only_rate else (key,):
-                    content.numbers[f"{place}{name}"] = number
-            elif key != "rate" or only_rate:  # beside another one, it may be of something else
-                content.rates[place] = number
-        elif key in _UNIT_KEYS:
-            content.units |= dict(_units(place, value))
+    for key in [key for key in _RATE_KEYS if key in attributes][:1]:
+        try:
+            rate = float(np.asarray(_text(attributes[key]), np.float64).item())
+        except (TypeError, ValueError) as error:
+            raise RefusedFileError(
+                f"the attribute {key!r}{f' of {place!r}' if place else ''} is {attributes[key]!r}; "
+                f"expected was one number, the sampling rate in Hz. Correct the file."
+            ) from error
+        if own:
+            content.rates[place] = rate
+        else:
+            content.numbers[f"{place}{'fs' if key == 'rate' else key}"] = rate
+    for key in [key for key in _UNIT_KEYS if key in attributes]:
+        units = _text(attributes[key])
+        if isinstance(units, str) and units.startswith("{"):
+            units = json.loads(units)
+        pairs = units.items() if isinstance(units, Mapping) else [("", units)]
+        content.units |= {f"{place}{name}": str(unit) for name, unit in pairs}
 
 
-def _number(key: str, value: Any, place: str) -> float:
-    """Return the rate that an attribute states."""
-    try:
-        return float(np.asarray(value, np.float64).item())
-    except (TypeError, ValueError) as error:
-        raise RefusedFileError(
-            f"the attribute {key!r}{f' of {place!r}' if place else ''} is {value!r}; expected was "
-            f"one number, the sampling rate in Hz. Correct the file."
-        ) from error
-
-
-def _units(place: str, value: Any) -> Iterator[tuple[str, str]]:
-    if isinstance(value, str) and value.startswith("{"):
-        value = json.loads(value)
-    if isinstance(value, Mapping):
-        yield from ((f"{place}{name}", str(unit)) for name, unit in value.items())
-    elif isinstance(value, str):
-        yield place, value
+def _text(value: Any) -> Any:
+    return value.decode() if isinstance(value, bytes) else value

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from emacm.files import measurement_files as of_arrays
 from emacm.files.csv_files import read_csv
 from emacm.files.file_columns import FileColumns, RefusedFileError
 
-READERS: dict[str, Callable[[Path], FileColumns]] = {
+READERS: dict[str, Callable[[Path, FileColumns], None]] = {
     ".npz": of_arrays.read_npz,
     ".csv": read_csv,
     ".txt": read_csv,
@@ -29,7 +27,6 @@ READERS: dict[str, Callable[[Path], FileColumns]] = {
 _KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what it is, suffixes
     (b"\x1f\x8b", "compressed by gzip: unpack it", ()),
     (b"PK\x03\x04", "a ZIP archive, such as an Excel workbook: save it as CSV", (".npz",)),
-    (b"\xd0\xcf\x11\xe0", "an Excel workbook: save it as CSV", ()),
     (b"\x89HDF\r\n\x1a\n", "an HDF5 file: name it .h5, or .mat", (".mat", ".h5", ".hdf5")),
     (b"RIFF", "a WAV file: name it .wav", (".wav",)),
     (b"MATLAB 5.0", "a MAT file: name it .mat", (".mat",)),
@@ -38,7 +35,6 @@ _KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what 
     (b"MDF ", "an MDF file: name it .mf4", (".mf4",)),
     (b"<!DOCTYPE", "a web page: download the file again", ()),
     (b"<html", "a web page: download the file again", ()),
-    (b"%PDF", "a PDF document", ()),
 )
 
 
@@ -69,54 +65,36 @@ def read_columns(path: Path) -> FileColumns:
         raise ValueError(
             f"files {kind} are not read; known are {sorted(READERS)}. Convert it, or leave it out."
         )
-    check_file(path)
-    if reader is read_csv and other_kind(path):
-        raise RefusedFileError(f"it is no text with rows of numbers.{other_kind(path)}")
+    _check_file(path)
+    if reader is read_csv and _other_kind(path):
+        raise RefusedFileError(f"it is no text with rows of numbers.{_other_kind(path)}")
+    content = FileColumns()
     try:
-        return reader(path)
-    except PermissionError as error:
-        raise PermissionError(
-            f"{str(path)!r}: there is no permission to read it. Ask for it, or leave the file out."
-        ) from error
+        reader(path, content)
+        return content.without_units_in_names()
     except RefusedFileError as error:
-        raise RefusedFileError(f"{error}{other_kind(path)}") from error
-    except (ImportError, MemoryError, FileNotFoundError):
+        raise RefusedFileError(f"{error}{_other_kind(path)}") from error
+    except (ImportError, MemoryError, FileNotFoundError, PermissionError):
         raise
     except Exception as error:
         damaged = " It is damaged, incomplete or of another type. Copy it again, or leave it out."
         raise ValueError(
             f"it cannot be read as a {path.suffix.lower()} file ({type(error).__name__}: {error})."
-            f"{other_kind(path) or damaged}"
+            f"{_other_kind(path) or damaged}"
         ) from error
 
 
-def check_file(path: Path) -> None:
-    """Raise a ValueError if there is nothing in a file that could be read.
-
-    Parameters
-    ----------
-    path : Path
-        A folder, a pipe, an empty file and a pointer of Git LFS are refused.
-
-    Raises
-    ------
-    OSError
-        If it cannot be opened.
-    ValueError
-        The message states what it is.
-    """
-    status = os.stat(path)
-    if stat.S_ISDIR(status.st_mode):
-        raise ValueError("it is a folder, not a file. Name a file of measurements.")
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError("it is a pipe or a device. Name a file of measurements.")
-    if not status.st_size:
+def _check_file(path: Path) -> None:
+    """Raise a ValueError if there is nothing in a file that could be read."""
+    if not path.is_file():
+        raise ValueError("it is not a file, but a folder or a device. Name a file.")
+    if not path.stat().st_size:
         raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
     if _start(path).startswith(b"version https://git-lfs"):
         raise ValueError("it is a pointer of Git LFS, without the content. Run git lfs pull.")
 
 
-def other_kind(path: Path) -> str:
+def _other_kind(path: Path) -> str:
     """Return a sentence on what a file is that cannot be read as its suffix says; "" if unknown."""
     start = _start(path).removeprefix(b"\xef\xbb\xbf").lstrip()
     for first, what, suffixes in _KINDS:

@@ -35,7 +35,8 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
     if values.dtype.kind in "iuf":
         seconds = values.astype(np.float64) * unit_factor(unit or "s", "time")
     else:
-        dates = pd.to_datetime(_without_numbers(values), errors="coerce", format="ISO8601")
+        texts = values if values.dtype.kind == "M" else values.astype(str)
+        dates = pd.to_datetime(pd.Series(texts), errors="coerce", format="ISO8601")
         if dates.isna().any():
             place = int(np.argmax(dates.isna()))
             raise ValueError(
@@ -50,13 +51,6 @@ def seconds_of(values: NDArray[Any], unit: str, name: str) -> NDArray[np.float64
             f"recording before it, or repair it."
         )
     return seconds - seconds[0]
-
-
-def _without_numbers(values: NDArray[Any]) -> pd.Series:
-    """Return dates; of a column with texts and numbers, the numbers, as if the texts were bad."""
-    if values.dtype.kind == "O" and any(isinstance(value, float) for value in values):
-        return pd.Series([None if isinstance(v, str) else "2000-01-01" for v in values])
-    return pd.Series(values.ravel())
 
 
 def rate_of_times(

@@ -153,7 +153,7 @@ def test_rows_with_too_many_values_are_skipped(here, capsys):
     (here / "bad.csv").write_text("vib,speed\n" + "".join(rows))
     assert run("--idle", "0", source="bad.csv") == 3
     (error,) = [line["error"] for line in printed(capsys) if "error" in line]
-    assert error.startswith("a row has 3 values, but there are 2 columns. Correct the line")
+    assert error.startswith("a row does not fit the 2 columns: Expected 2 fields, saw 3. Correct")
     assert error.endswith("The samples from 2.3 s to 2.4 s are skipped.")
 
 

@@ -117,13 +117,6 @@ def test_parts_of_a_file_equal_parts_in_memory_and_stay_in_the_file(npz, change)
     assert pickle.loads(pickle.dumps(part)) == part
 
 
-def test_channels_are_also_read_slice_by_slice(npz):
-    series = open_recording(npz, LAYOUT).series["current"]
-    np.testing.assert_array_equal(series[17:230], SIGNALS["current"][17:230])
-    assert (len(series), series.dtype) == (3000, np.float64)
-    np.testing.assert_array_equal(np.asarray(series), SIGNALS["current"])
-
-
 # Read when needed, and checked then
 
 
@@ -192,15 +185,6 @@ def test_memory_holds_the_last_files_only(tmp_path, monkeypatch):
     assert files._recent._bytes <= 500_000
 
 
-def test_a_value_that_is_not_finite_is_found_when_the_file_is_read(tmp_path):
-    signal = SIGNALS["current"].copy()
-    signal[1234] = np.nan
-    np.savez(tmp_path / "bad.npz", current=signal)
-    opened = open_recording(tmp_path / "bad.npz", Layout(fs=FS, velocity=3))
-    with pytest.raises(ValueError, match=r"bad\.npz: channel 'current'.*nan at sample 1234"):
-        opened.signals["current"]
-
-
 @pytest.mark.parametrize("later", [SIGNALS["current"] * 2, SIGNALS["current"][:100]])
 def test_a_replaced_file_is_an_error(npz, later):
     opened = open_recording(npz, LAYOUT)
@@ -211,13 +195,6 @@ def test_a_replaced_file_is_an_error(npz, later):
     with pytest.raises(ValueError, match="Open it again"):
         assert opened.digest
     assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
-
-
-def test_a_recording_whose_file_is_gone_can_be_pickled(npz):
-    opened = open_recording(npz, LAYOUT)
-    npz.unlink()
-    with pytest.raises(FileNotFoundError, match="there is no file"):
-        pickle.loads(pickle.dumps(opened)).duration  # noqa: B018
 
 
 def test_a_file_that_is_gone_is_an_error(npz):
@@ -372,12 +349,6 @@ def test_numbers_of_a_text_are_read_exactly(tmp_path):
     np.testing.assert_array_equal(opened.signals["b"], values)
 
 
-def test_a_text_without_a_header_has_numbered_columns(tmp_path):
-    np.savetxt(tmp_path / "a.txt", np.arange(8.0).reshape(4, 2))
-    opened = open_recording(tmp_path / "a.txt", Layout(fs=10, velocity=1))
-    assert opened.channels == ("x0", "x1")
-
-
 @pytest.mark.parametrize(
     ("numbers", "units", "rates"),
     [
@@ -395,20 +366,6 @@ def test_a_rate_in_a_file_holds_for_the_columns_of_its_group(numbers, units, rat
     found = stated_rates(content)
     assert found.pop("own") == 7
     assert {name: found[name] for name in found} == rates
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.npz", b"no archive", r"it is not an \.npz file \(no ZIP archive\)"),
-        ("a.wav", b"RIFF\x04\x00\x00\x00AVI ", r"it is not a WAV file \(no RIFF header\)"),
-        ("a.wav", b"RIFX\x04\x00\x00\x00WAVE", r"it is not a WAV file \(no RIFF header\)"),
-    ],
-)
-def test_a_file_of_another_format_is_refused(tmp_path, name, content, message):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(ValueError, match=message):
-        assert open_recording(tmp_path / name, Layout(fs=3, velocity=3)).duration
 
 
 @pytest.mark.parametrize(
@@ -434,6 +391,8 @@ def test_columns_that_are_ambiguous_or_missing_are_refused(tmp_path, columns, op
         ("a.npz", b"", r"the file is empty \(0 bytes\)"),
         ("a.xyz", b"1", r"files of type .xyz are not read; known are \['.csv', "),
         ("a", b"1", "files without a suffix are not read"),
+        ("a.npz", b"no archive", r"cannot be read as a .npz file"),
+        ("a.wav", b"RIFF\x04\x00\x00\x00AVI ", r"cannot be read as a .wav file"),
     ],
 )
 def test_a_file_without_content_or_of_no_known_type_is_refused(tmp_path, name, content, message):
@@ -444,7 +403,7 @@ def test_a_file_without_content_or_of_no_known_type_is_refused(tmp_path, name, c
 
 def test_python_objects_in_a_file_are_not_opened(tmp_path):
     np.savez(tmp_path / "a.npz", b=np.ones(3), note=np.array([{"a": 1}], object))
-    with pytest.raises(ValueError, match=r"array 'note' holds Python objects \(a pickle\)"):
+    with pytest.raises(ValueError, match=r"Object arrays cannot be loaded"):
         assert open_recording(tmp_path / "a.npz", Layout(fs=3, velocity=3)).duration
 
 
@@ -457,15 +416,3 @@ def test_times_have_the_unit_that_the_file_or_the_layout_states(tmp_path, name, 
     np.savez(tmp_path / "a.npz", **{name: times, "b": np.arange(6.0)})
     opened = open_recording(tmp_path / "a.npz", Layout(velocity=3, **options))
     assert opened.fs["b"] == pytest.approx(50)
-
-
-def test_a_shaft_column_of_another_length_has_no_rate_of_the_channels(tmp_path):
-    channels = {"vib": np.arange(100.0), "load": np.arange(100.0)}
-    layout = Layout(fs=dict.fromkeys(channels, 10), velocity="speed", channels=[*channels])
-    np.savez(tmp_path / "a.npz", **channels, speed=np.full(50, 9.0))
-    run = open_recording(tmp_path / "a.npz", layout)
-    with pytest.raises(ValueError, match="the sampling rate of 'speed' is not known"):
-        assert run.duration
-    np.savez(tmp_path / "b.npz", **channels, speed=np.full(100, 9.0))
-    run = open_recording(tmp_path / "b.npz", layout)
-    assert (run.shaft_fs, len(run.velocity)) == (10, 100)

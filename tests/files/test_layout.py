@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from emacm import Layout, Recording, open_recording
-from emacm.recordings.names import is_shaft_name, is_time_name, same_unit, unit_factor
+from emacm.recordings.names import same_unit
 
 RNG = np.random.default_rng(1)
 N = 600
@@ -92,27 +92,6 @@ def test_units_are_the_same_apart_from_spaces_and_exponents():
     assert same_unit("mPa", "mPa")
 
 
-def test_names_of_columns_that_hold_times_or_the_motion_of_the_shaft():
-    times = "t time Times timestamp timestamps seconds elapsed datetime Zeit time_s t_ms time_sec"
-    assert all(map(is_time_name, times.split()))
-    assert not any(map(is_time_name, ["s", "ms", "time_constant", "[s]", "speed"]))
-    shaft = (
-        "angle angular encoder keyphasor resolver rpm speed tacho tachometer theta velocity omega "
-        "Drehzahl Winkel X097RPM motorspeed istdrehzahl shaftAngle shaft_velocity"
-    )
-    assert all(map(is_shaft_name, shaft.split()))
-    linear = "linear_speed nut_velocity slider_velocity piston_speed vibration thetas speeds"
-    assert not any(map(is_shaft_name, linear.split()))
-    assert not is_shaft_name("nut", "rad/s")
-    assert [
-        is_shaft_name("n", unit) for unit in ("U/min", "rad/s", "Hz", "1/s", "s^-1", "m/s")
-    ] == [
-        True,
-        True,
-        *[False] * 4,
-    ]
-
-
 @pytest.mark.parametrize(("unit", "period"), [("rad", 2 * np.pi), ("deg", 360), ("rev", 1)])
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_an_angle_may_be_wrapped_and_in_any_unit(tmp_path, unit, period, wrapped):
@@ -145,44 +124,25 @@ def test_a_shaft_of_its_own_rate(tmp_path):
         (
             Layout(fs=9),
             {"rpm": ANGLE},
-            r"; 'rpm' looks like one\. Set velocity='rpm' .* units={'rpm': ",
+            r"; 'rpm' looks like one\. Set velocity='rpm'",
         ),
         (Layout(fs=9), {"c": ANGLE}, r"no shaft reference\. Set velocity='speed' .*={'speed': "),
         (Layout(fs=9, velocity=3), {"rpm": ANGLE}, r"column 'rpm' is named like .*channels=\['b'"),
-        (Layout(fs=9, velocity=3), {"rpm": ANGLE, "angle": ANGLE}, "column 'rpm' is named like"),
-        (Layout(fs=9), {"rpm": ANGLE, "angle": ANGLE}, "; 'rpm' looks like one"),
         (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"the unit of 'rpm' is not stated"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"no column 'n'; its columns are \['b', 'c'\]"),
         (Layout(fs=9, velocity="n"), {"c": ANGLE}, r"may give several names: 'n\|b'"),
-        (Layout(fs=9, velocity="rpm"), {"rpm": ANGLE}, r"suggests another one than rad/s\. Set"),
         (Layout(fs=9, angle="deg"), {"deg": ANGLE}, r"suggests another one than rad\. Set units="),
         (Layout(fs=9, velocity="3 knots"), {}, "known are 'rad/s', 'rpm', 'rev/s', 'deg/s'"),
-        (
-            Layout(velocity=3),
-            {"t": np.arange(N) / 50, "b": ANGLE[::2]},
-            "sampling rate of 'b' is not known",
-        ),
         (Layout(fs=9, velocity="n", units={"n": "knots"}), {"n": ANGLE}, "unit 'knots' of the vel"),
-        (Layout(fs=9, velocity="3 knots"), {}, "the unit 'knots' of the velocity is not known"),
         (Layout(fs=9, velocity="n*"), {"n1": ANGLE, "n2": ANGLE}, "matches several columns"),
         (Layout(fs=9, velocity="n [Hz]"), {"n [rpm]": ANGLE}, "unit 'Hz' for 'n', but the file"),
         (Layout(velocity=3), {}, "the sampling rate of 'b' is not known.*Set fs, or time"),
         (Layout(velocity=3), {"b0": 7}, r"contains no signal, only \['b0'\]"),
         (Layout(fs=9, velocity=3), {"fs": 10}, "states fs = 9 Hz for 'b', but the file 10 Hz"),
-        (Layout(fs="rate", velocity=3), {}, "no column 'rate'"),
         (Layout(fs=9, velocity=3, channels=["b", "c"]), {}, "no column 'c'"),
         (Layout(fs=9, velocity=3, units={"b": "g"}), {"b [m/s²]": ANGLE}, "unit 'g' for 'b', but"),
-        (
-            Layout(fs=9, velocity="n", units={"nn": "rpm"}),
-            {"n": ANGLE},
-            r"units names 'nn', which is no column or channel; the columns are \['b', 'n'\]. Corr",
-        ),
+        (Layout(fs=9, velocity=3, units={"nn": "g"}), {}, r"units names 'nn', which is no column"),
         (Layout(fs=9, velocity=3), {"c": ANGLE[:7]}, "durations must agree"),
-        (
-            Layout(fs=9, velocity=3, channels=["load"]),
-            {"b": ANGLE, "load": 7},
-            r"no column 'load'; its columns are \['b'\]",
-        ),
         (Layout(fs=9, velocity=3, channels=["z"]), {"z": ANGLE * 1j}, "channel 'z' must be real"),
     ],
 )
@@ -205,11 +165,6 @@ def test_rounded_times_give_the_rate(tmp_path, fs, digits):
     recording = opened(tmp_path, Layout(velocity=3), time=times, b=np.zeros(20_000))
     assert recording.fs["b"] == pytest.approx(fs, rel=2e-4 if digits == 3 else 1e-6)
     assert recording.channels == ("b",)
-
-
-def test_times_in_another_unit(tmp_path):
-    layout = Layout(velocity=3, units={"t": "ms"})
-    assert opened(tmp_path, layout, t=np.arange(N) * 0.25, b=VIBRATION).fs["b"] == 4000
 
 
 GAP = np.delete(np.arange(N + 1) / 500, 77)
@@ -337,25 +292,17 @@ def test_a_bad_file_of_a_layout_is_refused(tmp_path, text, message):
         ({"fs": {"b": "x"}}, TypeError, "fs of 'b' must be a number"),
         ({"time": 3}, TypeError, "time must be the name of a column"),
         ({"channels": "b"}, TypeError, "channels must be a list of names"),
-        ({"channels": {"b": 3}}, TypeError, "channels must map names"),
-        ({"velocity": [3]}, TypeError, "velocity .a number, or the name of a column"),
+        ({"channels": {"b": 3}}, TypeError, "channels must be names, or map names"),
+        ({"velocity": [3]}, TypeError, "velocity must be a number, or the name of a column"),
         ({"angle": 3}, TypeError, "angle must be the name of a column"),
-        (
-            {"tacho": {"pulses_per_rev": 3}},
-            ValueError,
-            r"a 'column' and may have \['pulses_per_rev', ",
-        ),
+        ({"tacho": {"pulses_per_rev": 3}}, TypeError, "tacho must be .* a mapping with 'column'"),
         ({"tacho": 3}, TypeError, "tacho must be the name of a column"),
         ({"units": {"b": 3}}, TypeError, "units must map names to units"),
-        ({"units": ["speed"]}, ValueError, r"units must be texts such as 'speed \[rpm\]'"),
-        ({"units": ["speed [rpm]", 3]}, ValueError, "units must be texts such as"),
+        ({"units": ["speed"]}, TypeError, r"or be texts such as 'speed \[rpm\]'"),
         ({"meta": 3}, TypeError, "meta must be a pattern"),
-        ({"meta": "unit"}, ValueError, "without a field"),
+        ({"meta": "unit"}, ValueError, "meta must be a pattern .* got 'unit'"),
         ({"meta": "{unit"}, ValueError, "meta must be a pattern"),
-        ({"meta": "{unit}_{unit}"}, ValueError, "each field once .* got 'unit' in"),
-        ({"meta": "{unit:s}"}, ValueError, "':d' or ':g' for numbers; got 'unit' in"),
-        ({"meta": "{0}"}, ValueError, "got '0' in"),
-        ({"meta": "{}"}, ValueError, "got '' in"),
+        ({"meta": "{unit}_{unit}"}, ValueError, "each field once"),
         ({"meta": "{unit:x}"}, ValueError, "':d' or ':g' for numbers"),
         ({"meta": {"a": {}, "b": 3}}, TypeError, "a mapping from file names to mappings"),
         ({"meta": "none.csv"}, FileNotFoundError, "no table of meta"),
@@ -367,55 +314,9 @@ def test_an_invalid_layout_is_refused(options, error, message):
         Layout(**options)
 
 
-UNITS = {  # of each quantity, and their sizes in that of the first
-    "m/s^2": {"m/s²": 1, "mm/s^2": 1e-3, "g": 9.80665, "G": 9.80665, "gn": 9.80665},
-    "m/s": {"m / s": 1, "mm/s": 1e-3, "in/s": 0.0254, "ips": 0.0254},
-    "m": {"mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mil": 2.54e-5},
-    "V": {"mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "μV": 1e-6, "kV": 1000},
-    "A": {"mA": 1e-3, "kA": 1000},
-    "N": {"kN": 1000, "mN": 1e-3},
-    "N*m": {"N·m": 1, "Nm": 1, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1000},
-    "Pa": {"hPa": 100, "kPa": 1000, "MPa": 1e6, "bar": 1e5, "mbar": 100},
-    "W": {"kW": 1000, "mW": 1e-3},
-}
-
-
 def test_the_most_specific_name_in_a_table_of_meta_is_taken():
     rows = {"A_1": {"load": 1}, "bench/A_1": {"load": 2}, "old/bench/A_1.npz": {"load": 3}}
     layout = Layout(meta=rows)
     found = [layout.meta_of(f"{folder}A_1.npz") for folder in ("", "x/", "bench/", "old/bench/")]
     assert [meta["load"] for meta in found] == [1, 1, 2, 3]
     assert layout.meta_of("/data/old/bench/A_1.npz") == {"load": 3}
-
-
-def test_alternatives_may_be_given_for_any_option():
-    has = {"x1", "n", "clock", "rate", "z"}.__contains__
-    layout = Layout(channels={"b": "x0|x1", "c": "n"}, time="t|clock", fs="fs|rate", tacho="k|z")
-    chosen = layout.with_names_of(has)
-    assert chosen.channels == {"b": "x1", "c": "n"}
-    assert (chosen.time, chosen.fs, chosen.tacho) == ("clock", "rate", "z")
-    every = Layout(velocity="speed|90 rpm").with_names_of(has)
-    assert (every.channels, every.velocity, every.angle) == (None, "90 rpm", None)
-
-
-@pytest.mark.parametrize(
-    ("kind", "factor", "units"),
-    [
-        ("velocity", 1, ["rad/s", "rad/sec", "1/s rad", "rad s^-1", "rad s⁻¹", "rad·s^-1"]),
-        ("velocity", np.pi / 30, ["rpm", "r/min", "rev/min", "1/min", "min^-1", "min-1", "U/min"]),
-        ("velocity", 2 * np.pi, ["rev/s", "r/s", "rps", "Hz", "1/s", "s^-1", "turns / s"]),
-        ("velocity", np.pi / 180, ["deg/s", "°/s", "degree/s", "Degrees/s"]),
-        ("angle", 1, ["rad", "radian", "radians"]),
-        ("angle", np.pi / 180, ["deg", "°", "degree", "Degrees"]),
-        ("angle", 2 * np.pi, ["rev", "revolution", "revolutions", "turn", "turns"]),
-        ("time", 1, ["s", "sec", "second", "seconds"]),
-        ("time", 1e-3, ["ms", "millisecond", "milliseconds"]),
-        ("time", 1e-6, ["us", "µs", "μs", "microseconds"]),
-        ("time", 1e-9, ["ns", "nanoseconds"]),
-        ("time", 60, ["min", "minute", "minutes"]),
-        ("time", 3600, ["h", "hour", "hours"]),
-    ],
-)
-def test_units_have_their_factors(kind, factor, units):
-    factors = [unit_factor(unit, kind) for unit in units]
-    np.testing.assert_allclose(factors, factor, rtol=1e-15)
