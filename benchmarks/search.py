@@ -35,7 +35,6 @@ from emacm import (
     Recording,
 )
 from emacm.orders.segment_plan import SegmentPlan
-from emacm.orders.store import clear_memory
 
 FS = 48_000.0
 TOP = 20.0  # highest order of a bin
@@ -170,8 +169,6 @@ def measured(X: list[Recording], y: Any, grid: dict[str, Any]) -> list[dict[str,
         found = add("search, OrderPSD(memory=folder)", lambda: searched(steps, grid, X, y))
         assert found.best_score_ == best
         add("the same in this process again", lambda: searched(steps, grid, X, y))
-        clear_memory()
-        add("the same, from the files", lambda: searched(steps, grid, X, y))
         kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
         rows[-1]["MB kept"] = kept / 1e6
     with tempfile.TemporaryDirectory() as folder:

@@ -21,7 +21,6 @@ def run(
     names: Sequence[Callable[[], str]] | None = None,
     n_jobs: int | None = None,
     verbose: bool | int = False,
-    done: int = 0,
     unit: str = "recording",
     prefer: str = "threads",
 ) -> list[Any]:
@@ -40,8 +39,6 @@ def run(
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib.
-    done : int
-        Recordings done before; reported with the others.
     unit : str
         Name of one call in the report, if it is not a recording.
     prefer : {"threads", "processes"}
@@ -89,7 +86,7 @@ def run(
             return Parallel(n_jobs=n_jobs, verbose=int(verbose))(tasks)
     if bar is None:
         return list(results)
-    return list(bar(results, total=done + total, initial=done, unit=unit))
+    return list(bar(results, total=total, unit=unit))
 
 
 def n_parallel(n_jobs: int | None) -> int:

@@ -21,7 +21,7 @@ from emacm._checks import (
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
 from emacm.orders.segment_plan import SegmentPlan
-from emacm.orders.store import open_store, recalled
+from emacm.orders.store import recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, described, refuse_single
 from emacm.recordings.recording import Recording
@@ -67,11 +67,11 @@ class OrderPSD(WelchEstimator):
         Highest order of interest: columns above the first one at or above it are omitted.
     theta_s : float, optional
         Angle between samples [rad] of plain rows. Recordings contain theirs.
-    memory : None, str, path, joblib.Memory or SpectrumStore
-        Folder in which spectra are kept between calls, folds, candidates of a search and processes,
-        up to 1 GiB (`emacm.orders.store.SpectrumStore` sets another limit). The key of a
-        spectrum is the content of its recording and all settings, including those of resampling.
-        Resampled signals are not kept.
+    memory : None, str, path or joblib.Memory
+        Folder in which spectra are kept between calls, folds, candidates of a search and processes.
+        The key of a spectrum is the content of its recording and all settings, including those of
+        resampling. Resampled signals are not kept. ``joblib.Memory(folder).reduce_size`` deletes
+        the oldest spectra.
     verbose : bool or int
         Report to stderr how many recordings are done, the rate and the time left: by tqdm, if it is
         installed, otherwise by joblib (the higher, the more often).
@@ -224,13 +224,10 @@ class OrderPSD(WelchEstimator):
         estimate = self._plan.spectra_of
         options: dict[str, Any] = {"n_jobs": self.n_jobs, "verbose": self.verbose}
         options["names"] = [partial(_named, row, index) for index, row in enumerate(rows)]
-        store = None if self.memory is None else open_store(self.memory)
-        if store is None:
+        if self.memory is None:
             spectra = run(estimate, rows, **options)
         else:
-            directions = (2,) if self.by_direction_ else ()
-            shape = (len(self.channels_), *directions, len(self.orders_))
-            spectra = recalled(estimate, rows, store, self._plan, shape, **options)
+            spectra = recalled(estimate, rows, self.memory, self._plan, **options)
         return self.table_of(spectra)
 
     @property

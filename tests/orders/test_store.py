@@ -1,15 +1,11 @@
 """Facts about spectra that are kept: found again, never wrong, bounded, shared."""
 
-import time
-from functools import partial, wraps
+from functools import wraps
 from pathlib import Path
 
 import joblib
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from joblib import parallel_config
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
@@ -17,9 +13,7 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, CostSensitiveGaussianBayes, OrderPSD, OrderResampler, Recording
 from emacm.orders.segment_plan import SegmentPlan
-from emacm.orders.store import SpectrumStore, clear_memory, open_store
 
-A, B, C = ("a" * 64, "b" * 64, "c" * 64)
 THETA_S = 2 * np.pi / 32
 FS = 500
 
@@ -34,19 +28,6 @@ def run(seed=0, seconds=4, **options):
 
 def over_angle(*recordings, theta_s=THETA_S):
     return OrderResampler(theta_s).fit_transform(list(recordings))
-
-
-def files(folder):
-    return [path for path in Path(folder).rglob("*") if path.is_file()]
-
-
-def size(folder):
-    return sum(path.stat().st_size for path in files(folder))
-
-
-@pytest.fixture
-def store(tmp_path):
-    return SpectrumStore(tmp_path)
 
 
 @pytest.fixture
@@ -64,115 +45,34 @@ def calls(monkeypatch):
     return rows
 
 
-# One spectrum
+@pytest.mark.parametrize("kind", [str, Path, lambda folder: joblib.Memory(folder, verbose=0)])
+def test_a_folder_is_a_folder_however_it_is_named(calls, tmp_path, kind):
+    for _ in range(2):
+        OrderPSD(4, memory=kind(tmp_path)).fit_transform(over_angle(run()))
+    assert len(calls) == 1
 
 
-@given(
-    spectrum=hnp.arrays(
-        st.sampled_from([np.float32, np.float64]),
-        hnp.array_shapes(min_dims=1, max_dims=3),
-        elements=st.floats(0, 1e6, width=32),
-    )
-)
-@pytest.mark.parametrize("layer", ["memory", "files"])
-def test_what_is_kept_is_found_to_the_last_bit(tmp_path_factory, layer, spectrum):
-    store = SpectrumStore(tmp_path_factory.mktemp("store"))
-    store.keep(A, spectrum)
-    if layer == "files":
-        clear_memory()
-    found = store.find(A, spectrum.shape)
-    assert found.dtype == np.float64
-    np.testing.assert_array_equal(found, spectrum)
-
-
-def test_what_was_not_kept_is_not_found(store):
-    assert store.find(A, (3,)) is None
-
-
-@pytest.mark.parametrize("layer", ["memory", "files"])
-def test_nobody_can_write_to_what_is_found(store, layer):
-    store.keep(A, np.ones(3))
-    if layer == "files":
-        clear_memory()
-    with pytest.raises(ValueError, match="read-only"):
-        store.find(A, (3,))[0] = 7
-
-
-def test_later_changes_of_what_was_kept_do_not_show(store):
-    spectrum = np.ones(3)
-    store.keep(A, spectrum)
-    spectrum[:] = 7
-    np.testing.assert_array_equal(store.find(A, (3,)), 1.0)
-
-
-# Damage
-
-
-@given(place=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
-def test_a_file_with_a_single_bit_turned_gives_no_other_numbers(tmp_path_factory, place, bit):
-    store = SpectrumStore(tmp_path_factory.mktemp("store"))
-    store.keep(A, np.arange(20.0))
-    (file,) = files(store.folder)
-    content = bytearray(file.read_bytes())
-    content[int(place * len(content))] ^= 1 << bit
-    file.write_bytes(content)
-    clear_memory()
-    found = store.find(A, (20,))  # the bit may be in a date, which does not matter
-    assert found is None or np.array_equal(found, np.arange(20.0))
-
-
-def test_a_damaged_file_is_replaced(store):
-    store.keep(A, np.ones(3))
-    (file,) = files(store.folder)
-    file.write_bytes(b"nonsense")
-    clear_memory()
-    store.keep(A, np.ones(3))
-    clear_memory()
-    np.testing.assert_array_equal(store.find(A, (3,)), 1.0)
-
-
-# Size
-
-
-def test_the_oldest_file_is_deleted_first(tmp_path):
-    store = SpectrumStore(tmp_path, bytes_limit=20_000)
-    for key in (B, A, C):
-        store.keep(key, np.ones(1000))
-        time.sleep(0.02)
-    assert {file.stem for file in files(tmp_path)} == {A, C}
-
-
-# What memory may be
-
-
-@pytest.mark.parametrize("kind", [str, Path, partial(joblib.Memory, verbose=0), SpectrumStore])
-def test_a_folder_is_a_folder_however_it_is_named(tmp_path, kind):
-    open_store(tmp_path).keep(A, np.ones(3))
-    clear_memory()
-    assert open_store(kind(tmp_path)).find(A, (3,)) is not None
-
-
-@pytest.mark.parametrize("memory", [None, joblib.Memory(None)])
-def test_no_folder_is_no_memory(memory):
-    assert open_store(memory) is None
-
-
-def test_a_memory_that_is_no_folder_is_refused():
-    class Elsewhere:
-        def cache(self, function):
-            return function
-
-    with pytest.raises(TypeError, match=r"memory must be None, a folder.*got .*Elsewhere"):
-        open_store(Elsewhere())
+@pytest.mark.parametrize("memory", [3, ["folder"]])
+def test_a_memory_that_is_no_folder_is_refused(memory):
+    with pytest.raises(ValueError, match="memory"):
+        OrderPSD(4, memory=memory).fit_transform(over_angle(run()))
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_that_names_it(tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    with pytest.raises(ValueError, match=r"memory = .*file.* cannot be used.*Choose a folder"):
-        open_store(tmp_path / "file")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="file' cannot be used as a folder"):
+        OrderPSD(4, memory=tmp_path / "file").fit_transform(over_angle(run()))
 
 
-# The estimator
+@pytest.mark.parametrize("damage", [lambda raw: raw[:100], lambda raw: raw[:-9] + bytes(9)])
+def test_a_damaged_spectrum_is_estimated_again(calls, tmp_path, damage):
+    psd, X = OrderPSD(4, memory=tmp_path), over_angle(run())
+    expected = psd.fit_transform(X)
+    (file,) = tmp_path.rglob("output.pkl")
+    file.write_bytes(damage(file.read_bytes()))
+    np.testing.assert_array_equal(psd.transform(X), expected)
+    psd.transform(X)
+    assert len(calls) == 2
 
 
 def test_a_recording_that_comes_twice_is_estimated_once(calls, tmp_path):
@@ -194,14 +94,6 @@ def test_a_clone_finds_what_was_kept(calls, tmp_path):
     X = over_angle(run())
     psd.fit_transform(X)
     clone(psd).fit_transform(X)
-    assert len(calls) == 1
-
-
-def test_a_store_with_a_limit_of_its_own_serves_as_memory(calls, tmp_path):
-    X = over_angle(run())
-    for _ in range(2):
-        psd = clone(OrderPSD(4, memory=SpectrumStore(tmp_path, bytes_limit=10**6)))
-        psd.fit_transform(X)
     assert len(calls) == 1
 
 
@@ -273,10 +165,9 @@ def test_a_refused_recording_is_refused_each_time_and_the_others_are_kept(calls,
 
 
 def test_no_resampled_signal_is_kept(tmp_path):
-    X = over_angle(run(seconds=100))
-    psd = OrderPSD(4, memory=tmp_path)
-    table = psd.fit_transform(X)
-    assert size(tmp_path) < table.nbytes + 500
+    table = OrderPSD(4, memory=tmp_path).fit_transform(over_angle(run(seconds=100)))
+    (file,) = tmp_path.rglob("output.pkl")
+    assert file.stat().st_size < table.nbytes + 500
 
 
 # Searches
