@@ -13,10 +13,11 @@ V, T = ValueError, TypeError
 
 
 class Case:
-    """One kind of bad input and what its error must say."""
+    """One kind of bad input and what its error must say, such as "recording 0|finite"."""
 
     def __init__(self, what, call, error, *words):
-        self.what, self.call, self.error, self.words = what, call, error, words
+        self.what, self.call, self.error = what, call, error
+        self.words = [part for word in words for part in word.split("|")]
 
 
 def run(seed=0, n_times=600, *, signals=None, velocity=None, meta=None, **options):

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from emacm.orders.segment_plan import SegmentPlan, WeightedLines
-from emacm.orders.welch import check_holds_segment, segment_plan
 
 Pair = tuple[int, int]
 Complex = NDArray[np.complexfloating]
@@ -154,7 +153,7 @@ def cross_averages(
     pairs: Sequence[Pair],
     channels: Sequence[str],
 ) -> CrossAverages:
-    """Average products of channels over segments.
+    """Average products of channels over segments [1]_.
 
     Parameters
     ----------
@@ -176,6 +175,10 @@ def cross_averages(
     ------
     ValueError
         If there is no segment.
+
+    References
+    ----------
+    .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., Wiley, 2010, ch. 6 and 11.
     """
     power: Any = 0.0
     cross: Any = 0.0
@@ -191,157 +194,3 @@ def cross_averages(
         raise ValueError(f"no signal holds a segment of {plan.n_per_segment} samples.")
     scale = plan.sides / total
     return CrossAverages(power * scale, cross * scale, tuple(pairs), n_segments, channels)
-
-
-def cross_spectrum(
-    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
-) -> tuple[NDArray[np.floating], Complex]:
-    """Estimate the cross-spectral density of two signals over orders [1]_.
-
-    Parameters
-    ----------
-    x, y : array-like of shape (..., n_angles)
-        Signals at the same uniform shaft angles, in any units U_x and U_y.
-    samples_per_rev : float
-        Samples per shaft revolution, 2π/theta_s.
-    **options
-        `revolutions`, `n_per_segment`, `window`, `overlap`, `detrend`, `scaling` and
-        `max_order`, as for `emacm.orders.welch.segment_plan`.
-
-    Returns
-    -------
-    orders : ndarray of shape (n_orders,)
-        Orders, in cycles per revolution.
-    csd : ndarray of shape (..., n_orders)
-        Mean of conj(X) Y, complex [U_x U_y/order]; where y lags behind x, its angle is negative.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an option is invalid, the shapes differ, or there is no segment.
-
-    References
-    ----------
-    .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., Wiley, 2010, ch. 11.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> angle = 2 * np.pi / 64 * np.arange(64 * 100)
-    >>> orders, csd = cross_spectrum(np.sin(7 * angle), np.sin(7 * angle - 0.5), 64)
-    >>> k = np.abs(csd).argmax()
-    >>> print(orders[k], round(float(np.angle(csd[k])), 6))
-    7.0 -0.5
-    """
-    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
-    return orders, averages.cross.reshape(shape)
-
-
-def coherence(
-    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Estimate the magnitude-squared coherence of two signals over orders [1]_.
-
-    It is the fraction of the power of either signal that a linear relation to the other explains.
-    For n independent segments of uncorrelated noise it is 1/n on average, not 0; for a single
-    segment it is 1 for any signals, which is refused.
-
-    Parameters
-    ----------
-    x, y : array-like of shape (..., n_angles)
-        Signals at the same uniform shaft angles.
-    samples_per_rev : float
-        Samples per shaft revolution, 2π/theta_s.
-    **options
-        As for `cross_spectrum`.
-
-    Returns
-    -------
-    orders : ndarray of shape (n_orders,)
-        Orders, in cycles per revolution.
-    coherence : ndarray of shape (..., n_orders)
-        From 0 to 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `cross_spectrum`, and if there is only one segment, or no power at all in a signal.
-
-    References
-    ----------
-    .. [1] G. C. Carter, C. H. Knapp and A. H. Nuttall, IEEE Trans. Audio Electroacoust.
-       21(4), 337-344, 1973, also for its bias.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> x, z = np.random.default_rng(0).standard_normal((2, 64_000))
-    >>> orders, shared = coherence(x, 2 * x + z, 64)
-    >>> print(round(float(shared.mean()), 2))
-    0.8
-    """
-    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
-    return orders, averages.coherence().reshape(shape)
-
-
-def frequency_response(
-    x: ArrayLike, y: ArrayLike, samples_per_rev: float, **options: Any
-) -> tuple[NDArray[np.floating], Complex]:
-    """Estimate the frequency response from `x` to `y` over orders, H1 [1]_.
-
-    Noise in `y` causes no bias; noise in `x` biases the magnitude towards 0, by the fraction of the
-    power of `x` that is noise.
-
-    Parameters
-    ----------
-    x, y : array-like of shape (..., n_angles)
-        Input and output at the same uniform shaft angles, in any units U_x and U_y.
-    samples_per_rev : float
-        Samples per shaft revolution, 2π/theta_s.
-    **options
-        As for `cross_spectrum`.
-
-    Returns
-    -------
-    orders : ndarray of shape (n_orders,)
-        Orders, in cycles per revolution.
-    response : ndarray of shape (..., n_orders)
-        Complex [U_y/U_x].
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for `cross_spectrum`, and if `x` has no power at all.
-
-    References
-    ----------
-    .. [1] J. S. Bendat and A. G. Piersol, Random Data, 4th ed., Wiley, 2010, ch. 6.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> x = np.random.default_rng(0).standard_normal(64_000)
-    >>> orders, response = frequency_response(x, -3 * x, 64)
-    >>> bool(np.allclose(response, -3))
-    True
-    """
-    orders, averages, shape = _averages_of_two(x, y, samples_per_rev, options)
-    return orders, averages.response().reshape(shape)
-
-
-def _averages_of_two(
-    x: ArrayLike, y: ArrayLike, samples_per_rev: float, options: dict[str, Any]
-) -> tuple[NDArray[np.floating], CrossAverages, tuple[int, ...]]:
-    """Return orders, averages of each pair of rows, and the shape of the results."""
-    plan = segment_plan(samples_per_rev, **options)
-    if plan.average != "mean":
-        raise ValueError(f"average must be 'mean' for two signals, got {plan.average!r}.")
-    if np.shape(x) != np.shape(y):
-        raise ValueError(f"x and y must have the same shape, got {np.shape(x)} and {np.shape(y)}.")
-    both = [check_holds_segment(values, name, plan) for values, name in ((x, "x"), (y, "y"))]
-    shape = both[0].shape
-    rows = np.concatenate([values.reshape(-1, shape[-1]) for values in both])
-    n_pairs = len(rows) // 2
-    pairs = [(k, k + n_pairs) for k in range(n_pairs)]
-    averages = cross_averages(plan, plan.lines_of([rows]), pairs, ["x"] * n_pairs + ["y"] * n_pairs)
-    return plan.orders, averages, (*shape[:-1], plan.n_orders)

@@ -130,9 +130,7 @@ def samples_per_revolution(theta_s: float) -> float:
     return float(whole if abs(samples - whole) <= 1e-14 * samples else samples)
 
 
-def segment_length(
-    samples_per_rev: float, revolutions: Any, n_per_segment: Any, *, most: int = 1 << 31
-) -> int:
+def segment_length(samples_per_rev: float, revolutions: Any, n_per_segment: Any) -> int:
     """Return the samples of a segment.
 
     Parameters
@@ -143,8 +141,6 @@ def segment_length(
         Length of a segment [revolutions], used where `n_per_segment` is None.
     n_per_segment : int or None
         Length of a segment [samples].
-    most : int
-        Samples that a segment may have.
 
     Returns
     -------
@@ -157,25 +153,14 @@ def segment_length(
         If either is not a positive number, or the segment would be too short or too long.
     """
     if n_per_segment is not None:
-        count = check_count(n_per_segment, "n_per_segment", at_least=2)
-        if count > most:
-            raise ValueError(
-                f"n_per_segment = {count} is more than the {most} samples that a segment "
-                f"may have. Lower it."
-            )
-        return count
-    revolutions = check_number(revolutions, "revolutions", above=0)
-    samples = revolutions * samples_per_rev
-    if samples > most:
+        length = check_count(n_per_segment, "n_per_segment", at_least=2)
+    else:
+        length = round(check_number(revolutions, "revolutions", above=0) * samples_per_rev)
+    if not 2 <= length <= 1 << 31:
         raise ValueError(
-            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
-            f"segments of {samples:.3g} samples. Lower revolutions, or raise theta_s."
-        )
-    length = round(samples)
-    if length < 2:
-        raise ValueError(
-            f"revolutions = {revolutions:g} at {samples_per_rev:g} samples per revolution make "
-            f"segments of {length} samples; at least 2 are needed. Raise revolutions."
+            f"a segment must have 2 to 2**31 samples, got {length:.4g} from n_per_segment = "
+            f"{n_per_segment}, revolutions = {revolutions} and {samples_per_rev:g} samples per "
+            f"revolution. Change one of them, or theta_s."
         )
     return length
 
@@ -219,21 +204,15 @@ def order_psd(
     7.0 4.5
     """
     plan = segment_plan(samples_per_rev, **options)
-    signal = check_holds_segment(signal, "signal", plan)
-    psd = plan.average_of([signal.reshape(-1, signal.shape[-1])])
-    return plan.orders, psd.reshape(*signal.shape[:-1], plan.n_orders)
-
-
-def check_holds_segment(values: ArrayLike, name: str, plan: SegmentPlan) -> NDArray[np.floating]:
-    """Return a finite array of shape (..., n_angles) that is at least as long as a segment."""
-    signal = check_real_array(values, name)
-    check_finite(signal.reshape(-1), name)
+    signal = check_real_array(signal, "signal")
+    check_finite(signal.reshape(-1), "signal")
     if signal.ndim == 0 or signal.size == 0 or signal.shape[-1] < plan.n_per_segment:
         raise ValueError(
-            f"{name} of shape {signal.shape} holds no segment of {plan.n_per_segment} samples "
+            f"signal of shape {signal.shape} holds no segment of {plan.n_per_segment} samples "
             f"({plan.revolutions:g} revolutions). Lower revolutions or n_per_segment."
         )
-    return signal
+    psd = plan.average_of([signal.reshape(-1, signal.shape[-1])])
+    return plan.orders, psd.reshape(*signal.shape[:-1], plan.n_orders)
 
 
 class WelchEstimator(TransformerMixin, SavedEstimator):

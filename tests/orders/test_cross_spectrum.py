@@ -8,12 +8,7 @@ from scipy import signal as filters
 from scipy.integrate import trapezoid
 
 from emacm.orders.bins import bin_operator
-from emacm.orders.cross_spectrum import (
-    coherence,
-    cross_averages,
-    cross_spectrum,
-    frequency_response,
-)
+from emacm.orders.cross_spectrum import cross_averages
 from emacm.orders.welch import order_psd, segment_plan
 
 TURN = 2 * np.pi
@@ -21,6 +16,26 @@ TURN = 2 * np.pi
 
 def noise(*shape, seed=0):
     return np.random.default_rng(seed).standard_normal(shape)
+
+
+def averages_of(x, y, samples_per_rev, **options):
+    plan = segment_plan(samples_per_rev, **options)
+    return plan, cross_averages(plan, plan.lines_of([np.stack([x, y])]), [(0, 1)], "xy")
+
+
+def cross_spectrum(x, y, samples_per_rev, **options):
+    plan, averages = averages_of(x, y, samples_per_rev, **options)
+    return plan.orders, averages.cross[0]
+
+
+def coherence(x, y, samples_per_rev, **options):
+    plan, averages = averages_of(x, y, samples_per_rev, **options)
+    return plan.orders, averages.coherence()[0]
+
+
+def frequency_response(x, y, samples_per_rev, **options):
+    plan, averages = averages_of(x, y, samples_per_rev, **options)
+    return plan.orders, averages.response()[0]
 
 
 def assert_same(ours, theirs):
@@ -36,8 +51,8 @@ def assert_same(ours, theirs):
 @pytest.mark.parametrize("detrend", ["constant", "linear", False])
 @pytest.mark.parametrize("scaling", ["density", "spectrum"])
 def test_the_cross_spectrum_is_that_of_scipy(length, detrend, scaling):
-    x, y = noise(2, 3, 5000)
-    y[:, 4:] += 2 * x[:, :-4]
+    x, y = noise(2, 5000)
+    y[4:] += 2 * x[:-4]
     options = {"detrend": detrend, "scaling": scaling}
     ours = cross_spectrum(x, y, 60, n_per_segment=length, **options)
     assert_same(ours, filters.csd(x, y, 60, nperseg=length, **options))
@@ -163,8 +178,7 @@ def test_the_shaft_angle_at_which_both_begin_does_not_matter():
 def test_a_bin_is_the_ratio_of_integrals_and_so_never_more_than_coherent():
     x, y = noise(2, 2000)
     y += x
-    plan = segment_plan(50, revolutions=4)
-    lines = cross_averages(plan, plan.lines_of([np.stack([x, y])]), [(0, 1)], "xy")
+    plan, lines = averages_of(x, y, 50, revolutions=4)
     bins = lines.gathered(bin_operator(plan.orders, [(1, 2), (2, 25)]))
     line = plan.orders.searchsorted([1, 2])
     inside = slice(line[0], line[1] + 1)
@@ -179,16 +193,14 @@ def test_a_bin_is_the_ratio_of_integrals_and_so_never_more_than_coherent():
 
 def test_a_single_segment_has_no_coherence():
     x, y = noise(2, 250)
-    with pytest.raises(ValueError, match=r"single segment is 1.*Lower rev"):
+    with pytest.raises(ValueError, match="single segment"):
         coherence(x, y, 50, revolutions=5)
 
 
 @pytest.mark.parametrize("estimate", [frequency_response, coherence])
 def test_a_dead_channel_is_named(estimate):
     x = noise(500)
-    with pytest.raises(
-        ValueError, match=r"channel 'x' has no power at any order.*Check its sensor"
-    ):
+    with pytest.raises(ValueError, match="channel 'x' has no power"):
         estimate(0 * x, x, 50, revolutions=4)
 
 
@@ -199,32 +211,6 @@ def test_where_the_mean_is_taken_out_nothing_is_coherent():
     assert frequency_response(x, x + y, 50, **options)[1][0] == 0
 
 
-def test_unequal_shapes_are_refused():
-    with pytest.raises(ValueError, match=r"same shape, got \(500,\) and \(499,\)"):
-        cross_spectrum(noise(500), noise(499), 50)
-
-
 def test_too_short_signals_are_refused():
-    with pytest.raises(
-        ValueError, match=r"x of shape .* holds no segment of 800 samples \(16 revolutions\)"
-    ):
+    with pytest.raises(ValueError, match="no signal holds a segment of 800 samples"):
         cross_spectrum(noise(500), noise(500), 50)
-
-
-@pytest.mark.parametrize("x", [1.0, []])
-def test_what_holds_no_sample_is_refused(x):
-    with pytest.raises(ValueError, match=r"x of shape .* holds no segment"):
-        cross_spectrum(x, x, 50)
-
-
-def test_a_median_of_cross_spectra_is_refused():
-    with pytest.raises(ValueError, match="average must be 'mean' for two signals, got 'median'"):
-        cross_spectrum(noise(500), noise(500), 50, average="median")
-
-
-def test_a_gap_is_named():
-    x = noise(1000)
-    broken = x.copy()
-    broken[7] = np.nan
-    with pytest.raises(ValueError, match="y must be finite, got nan at sample 7"):
-        cross_spectrum(x, broken, 50)

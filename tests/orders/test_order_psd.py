@@ -9,7 +9,7 @@ from scipy import signal as filters
 from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderCrossSpectrum, OrderPSD, OrderResampler, Recording
-from emacm.orders.segment_plan import padded, padded_lines
+from emacm.orders.segment_plan import padded_lines
 from emacm.orders.welch import order_psd, samples_per_revolution, segment_plan
 
 TURN = 2 * np.pi
@@ -164,20 +164,9 @@ def scaled(factor, channels=("z", "a")):
     )
 
 
-@pytest.mark.parametrize("factor", [1e-170, 1e-160, 1e160, 1e300])
-def test_powers_outside_the_range_of_float64_are_refused_with_channel_and_remedy(factor):
-    with pytest.raises(
-        ValueError, match=r"recording 0: .*channel 'a'|the power of channel 'a'"
-    ) as e:
-        OrderPSD(8).fit_transform(scaled(factor))
-    assert "float64. State it in other units" in str(e.value)
-
-
-@pytest.mark.parametrize("factor", [1e-170, 1e160])
-def test_powers_of_plain_rows_outside_the_range_of_float64_are_refused(factor):
-    rows = [RNG.standard_normal(400), factor * RNG.standard_normal(400)]
-    with pytest.raises(ValueError, match=r"^row 1: .*float64. State it in other units"):
-        OrderPSD(8, theta_s=TURN / 16).fit_transform(rows)
+def test_powers_that_overflow_are_refused_with_the_recording():
+    with pytest.raises(ValueError, match=r"recording 0: .*float64"):
+        OrderPSD(8).fit_transform(scaled(1e160))
 
 
 @pytest.mark.parametrize("factor", [1e-138, 1e-60, 1e60, 1e140])
@@ -208,12 +197,6 @@ def test_bins_that_overflow_are_refused_with_recording_and_column():
     bins = BinTransformer(20, max_order=20).fit(psd.clip(upper=2.0))
     with pytest.raises(ValueError, match=r"recording 1, bin 'a@0-20'.*float32.*other units"):
         bins.transform(psd.clip(upper=1e38).astype(np.float32))
-
-
-def test_a_power_that_overflows_at_one_order_is_refused():
-    tone = 1e155 * np.sin(2 * np.pi * 5 / 32 * np.arange(320))
-    with pytest.raises(ValueError, match=r"row 0: the power of the signal exceeds .* float64"):
-        OrderPSD(8, theta_s=2 * np.pi / 32, window="boxcar").fit_transform([tone])
 
 
 # Short recordings
@@ -355,8 +338,6 @@ def test_the_plan_is_that_of_fit_and_strokes_of_one_sample_are_no_padded_segment
     assert len(both) == 1
     window = np.sin(np.pi * np.arange(5) / 5) ** 2
     np.testing.assert_allclose(both[0][0][:, 0], np.fft.rfft(short * window, 8))
-    with pytest.raises(ValueError, match="no stroke has two samples"):
-        padded(plan, [short[:, :1]])
 
 
 @pytest.mark.parametrize(("factor", "same"), [(1 + 9e-13, True), (1 + 1.4e-12, False)])

@@ -426,7 +426,7 @@ def test_a_mains_hum_smears_in_orders_and_not_in_hertz():
     ("options", "error", "message"),
     [
         ({"revolutions": 0}, ValueError, "revolutions must be a number above 0, got 0"),
-        ({"revolutions": 0.01}, ValueError, "segments of 0 samples; at least 2.*Raise revolutions"),
+        ({"revolutions": 0.01}, ValueError, "2 to 2.*samples, got 0"),
         ({"n_per_segment": 1}, ValueError, "n_per_segment must be a whole.* at least 2, got 1"),
         ({"n_per_segment": 12.5}, TypeError, "n_per_segment must be a whole number"),
         ({"overlap": 1}, ValueError, "overlap must be.*at least 0 and below 1, got 1"),
