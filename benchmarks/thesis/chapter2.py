@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pandas as pd
 
 from chapter2_classes import compare_components, compare_decisions, separation
-from chapter2_spectra import (
-    compare_equations,
-    compare_resampling,
-    compare_sine,
-    compare_smearing,
-)
-from findings import Chapter
+from chapter2_spectra import compare_equations, compare_resampling, compare_sine, compare_smearing
+from findings import Chapter, Report, silent
 
 _N_DRAWS = 200
 
 
 def reproduce_chapter2(
-    *,
-    quick: bool = False,
-    n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
+    *, quick: bool = False, n_jobs: int | None = None, report: Report = silent
 ) -> Chapter:
     """Reproduce chapter 2 of the thesis [1]_.
 
@@ -44,16 +34,15 @@ def reproduce_chapter2(
     ----------
     .. [1] Chirico, chapter 2.
     """
-    progress = report or (lambda line: None)
     n_errors = 20 if quick else _N_DRAWS
     chapter = Chapter(2, "Feature extraction and classification, by example", inputs=_inputs())
-    progress("chapter 2: speed ramp over time, angle, frequency and order")
+    report("chapter 2: speed ramp over time, angle, frequency and order")
     compare_resampling(chapter)
     compare_sine(chapter)
     compare_smearing(chapter)
-    progress(f"chapter 2: {_N_DRAWS} draws of Table 2.1")
+    report(f"chapter 2: {_N_DRAWS} draws of Table 2.1")
     compare_components(chapter, _N_DRAWS)
-    progress(f"chapter 2: {n_errors} draws of two classes, three cost matrices")
+    report(f"chapter 2: {n_errors} draws of two classes, three cost matrices")
     compare_decisions(chapter, n_errors)
     compare_equations(chapter)
     chapter.opening = _result(chapter)

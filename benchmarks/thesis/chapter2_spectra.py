@@ -121,37 +121,28 @@ def compare_smearing(chapter: Chapter) -> None:
     _draw_smearing(chapter, (hertz, density), (orders, spectrum))
     below = hertz[np.searchsorted(density.cumsum() / density.sum(), 0.99)]
     end = 6 * ramp.velocity[-1] / TURN
-    chapter.compare(
-        "Fig. 2.6, highest frequency of the smeared spectrum [Hz]",
-        100,
-        round(below, 3),
+    smeared = (
         'frequency below which 99 % of the power lies. The published value is read from "about '
-        f'100 Hz"; by Eq. (2.11) the frequency of the ramp ends at {end:.1f} Hz.',
-        kind="arithmetic",
+        f'100 Hz"; by Eq. (2.11) the frequency of the ramp ends at {end:.1f} Hz.'
     )
-    chapter.compare(
-        "Fig. 2.7, highest order",
-        30,
-        round(orders[-1], 12),
-        "half of 60 samples per revolution",
-        kind="arithmetic",
-    )
-    chapter.compare(
-        "Fig. 2.7, order of the peak",
-        6,
-        orders[spectrum.argmax()],
-        "highest line of 256 samples; the range is half a step on either side",
-        kind="arithmetic",
-        slack=step / 2,
-    )
-    chapter.compare(
-        "Fig. 2.7, order step",
-        0.1172,
-        round(step, 4),
+    divided = (
         "The thesis divides the highest order, 30, by L = 256; by its Eqs. (2.14) and (2.22) and "
-        "Fig. 2.5 the step is 60 samples per revolution divided by L.",
-        kind="arithmetic",
+        "Fig. 2.5 the step is 60 samples per revolution divided by L."
     )
+    peak = "highest line of 256 samples; the range is half a step on either side"
+    for where, published, ours, note, slack in (
+        (
+            "Fig. 2.6, highest frequency of the smeared spectrum [Hz]",
+            100,
+            round(below, 3),
+            smeared,
+            0.0,
+        ),
+        ("Fig. 2.7, highest order", 30, orders[-1], "half of 60 samples per revolution", 0.0),
+        ("Fig. 2.7, order of the peak", 6, orders[spectrum.argmax()], peak, step / 2),
+        ("Fig. 2.7, order step", 0.1172, round(step, 4), divided, 0.0),
+    ):
+        chapter.compare(where, published, round(ours, 9), note, kind="arithmetic", slack=slack)
     half, narrow = _half_width(hertz, density), _half_width(orders, spectrum)
     chapter.remarks.append(
         f"Smearing: the fewest lines that contain half of the power cover {half:.0f} Hz in Fig. "

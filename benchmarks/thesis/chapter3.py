@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ from chapter3_readings import (
 )
 from emacm.orders.order_psd import OrderPSD
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recordings
-from findings import Chapter
+from findings import Chapter, Report, silent
 
 _CORRECT = {"healthy": 40, "defect 1": 39, "defect 2": 40}  # published, of 40 each
 _MISSED = 1  # run of defect 1 classified as healthy
@@ -43,10 +43,7 @@ _PRINTED = {
 
 
 def reproduce_chapter3(
-    *,
-    quick: bool = False,
-    n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
+    *, quick: bool = False, n_jobs: int | None = None, report: Report = silent
 ) -> Chapter:
     """Reproduce chapter 3 of the thesis [1]_.
 
@@ -68,7 +65,6 @@ def reproduce_chapter3(
     ----------
     .. [1] Chirico, chapter 3.
     """
-    progress = report or (lambda line: None)
     seeds = range(3 if quick else 20)
     chapter = Chapter(3, "Simulation: a motor current at varying speed", inputs=_inputs())
     # Processes: most of the work holds the interpreter lock, so threads would not help.
@@ -77,11 +73,11 @@ def reproduce_chapter3(
     # A quick run takes less time than starting processes.
     for found in Parallel(n_jobs=None if quick else n_jobs, return_as="generator")(tasks):
         draws.append(found)
-        progress(f"chapter 3: draw {len(draws)} of {len(seeds)}")
+        report(f"chapter 3: draw {len(draws)} of {len(seeds)}")
     index = pd.Index(seeds, name="seed")
     tables = {r.name: pd.DataFrame([d[r.name] for d in draws], index=index) for r in READINGS}
     ablation = pd.DataFrame([d["hertz"] for d in draws], index=index)
-    progress("chapter 3: pictures")
+    report("chapter 3: pictures")
     chapter.opening = _result(tables[TAKEN.name], ablation)
     _compare_steps(chapter)
     _compare_lines(chapter, seeds)
@@ -144,28 +140,17 @@ def _result(ours: pd.DataFrame, ablation: pd.DataFrame) -> str:
 
 def _compare_steps(chapter: Chapter) -> None:
     (recording,) = chapter3_recordings(1, sigma=0)[0][:1]
-    chapter.compare(
-        "§3, highest speed [rpm]",
-        1200,
-        round(60 / TURN * recording.velocity.max(), 6),
-        "of Eq. (3.1)",
-        kind="input",
-    )
-    chapter.compare(
-        "§3.1, step in frequency [Hz]",
-        0.49,
-        round(FS / N_TIMES, 2),
-        "2000 Hz over 4096 samples, rounded as printed",
-        kind="arithmetic",
-    )
     psd = OrderPSD(n_per_segment=N_ANGLES, theta_s=THETA_S).fit(np.zeros((1, N_ANGLES)))
-    chapter.compare(
-        "§3.1, step in order",
-        0.06,
-        round(psd.order_step_, 2),
-        f"1000 samples per revolution over 2^14: {psd.order_step_:.4f}, rounded as printed",
-        kind="arithmetic",
-    )
+    fastest, hertz = round(60 / TURN * recording.velocity.max(), 6), round(FS / N_TIMES, 2)
+    step = psd.order_step_
+    of_order = f"1000 samples per revolution over 2^14: {step:.4f}, rounded as printed"
+    of_hertz = "2000 Hz over 4096 samples, rounded as printed"
+    for where, published, ours, note, kind in (
+        ("§3, highest speed [rpm]", 1200, fastest, "of Eq. (3.1)", "input"),
+        ("§3.1, step in frequency [Hz]", 0.49, hertz, of_hertz, "arithmetic"),
+        ("§3.1, step in order", 0.06, round(step, 2), of_order, "arithmetic"),
+    ):
+        chapter.compare(where, published, ours, note, kind=kind)
 
 
 def _compare_lines(chapter: Chapter, seeds: Sequence[int]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import pandas as pd
@@ -29,7 +28,7 @@ from chapter4_tables import (
 )
 from emacm.simulation.fleet import thesis_benches
 from emacm.simulation.laboratory import CONDITIONS, PEAK_SPEED, RPM
-from findings import Chapter
+from findings import Chapter, Report, silent
 
 # Tables 4.5 and 4.6: correct, false positive (false alarm), false negative (missed detection) [%].
 PUBLISHED = {
@@ -91,10 +90,7 @@ QUICK = Extent((0,), 8, 3.0, ("thesis", "50 orders"), (3,))
 
 
 def reproduce_chapter4(
-    *,
-    quick: bool = False,
-    n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
+    *, quick: bool = False, n_jobs: int | None = None, report: Report = silent
 ) -> Chapter:
     """Apply the procedure of chapter 4 [1]_ to the laboratory bench, and explain its decisions.
 
@@ -122,8 +118,7 @@ def reproduce_chapter4(
     studies: list[Study] = []  # of each pair of units
     for seed in extent.seeds:
         first = seed == extent.seeds[0]
-        if report is not None:
-            report(f"chapter 4: pair of units {len(studies) + 1} of {len(extent.seeds)}")
+        report(f"chapter 4: pair of units {len(studies) + 1} of {len(extent.seeds)}")
         campaign = run_campaign(
             thesis_benches(seed=seed, commands=first, duration=extent.duration),
             n_runs=extent.n_runs,
@@ -141,8 +136,7 @@ def reproduce_chapter4(
             chapter.tables["lines that determine the decisions"] = lines_table(studies[0])
             for condition in extent.drawn:
                 draw_condition(chapter, campaign, studies[0], condition)
-                if report is not None:
-                    report(f"chapter 4: pictures of condition {condition}")
+                report(f"chapter 4: pictures of condition {condition}")
     pairs = zip(extent.seeds, studies, strict=True)
     decisions = pd.concat([s.decisions.assign(seed=seed) for seed, s in pairs], ignore_index=True)
     draw_summary(chapter, studies[0], decisions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import POLE_PAIRS
 from emacm.simulation.laboratory import CONDITIONS
+from findings import Report, silent
 
 SIGNALS = {  # channel: name in the thesis
     "lvdt": "LVDT",
@@ -169,7 +170,7 @@ def run_campaign(
     readings: Sequence[str] = ("thesis",),
     keep: bool = False,
     n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
+    report: Report = silent,
 ) -> Campaign:
     """Simulate the units in all conditions, each recording once, and estimate order spectra.
 
@@ -226,7 +227,7 @@ def run_campaign(
         if recording is not None:
             kept[len(rows)] = recording
         rows.append(spectra)
-        if report is not None and (len(rows) % 10 == 0 or len(rows) == len(frame)):
+        if len(rows) % 10 == 0 or len(rows) == len(frame):
             report(f"chapter 4: {len(rows)} of {len(frame)} recordings")
     tables = {
         reading: {

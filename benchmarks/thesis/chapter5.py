@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pandas as pd
 
@@ -17,14 +15,7 @@ from chapter5_classes import (
     unknown_remark,
     unknown_table,
 )
-from chapter5_data import (
-    CONDITION,
-    FULL,
-    MAX_ORDER,
-    QUICK,
-    Extent5,
-    compute_features,
-)
+from chapter5_data import CONDITION, FULL, MAX_ORDER, QUICK, Extent5, compute_features
 from chapter5_detection import (
     ALL,
     as_text_table,
@@ -36,9 +27,8 @@ from chapter5_detection import (
     severity_of_detection,
     threshold_table,
 )
-from chapter5_life import CONSECUTIVE, ONSET, OPTIONS, life_table
 from chapter5_trend import trend_table
-from findings import Chapter
+from findings import Chapter, Report, silent
 
 _OPENING = (
     "The thesis proposes fusion of signals, cross spectra, more units, more faults, and "
@@ -56,10 +46,7 @@ _UNKNOWN = "a fault left out of training: the unknown state"
 
 
 def reproduce_chapter5(
-    *,
-    quick: bool = False,
-    n_jobs: int | None = None,
-    report: Callable[[str], None] | None = None,
+    *, quick: bool = False, n_jobs: int | None = None, report: Report = silent
 ) -> Chapter:
     """Carry out the future work of chapter 5 [1]_ on the laboratory bench.
 
@@ -104,15 +91,10 @@ def reproduce_chapter5(
     rows = labelled_rows(features)
     for name, function in steps.items():
         chapter.tables[name] = function(rows)
-        if report is not None:
-            report(f"chapter 5: {name}")
+        report(f"chapter 5: {name}")
     chapter.tables["early detection of a growing fault"] = trend_table(
         features, found, extent.trend_runs[0]
     )
-    if extent.life_units is not None:
-        chapter.tables["remaining life of units that wear out"] = life_table(
-            extent.life_units, n_jobs=n_jobs, report=report
-        )
     chapter.remarks += [*_remarks(extent), unknown_remark(chapter.tables[_UNKNOWN])]
     return chapter
 
@@ -148,20 +130,6 @@ def _inputs(extent: Extent5) -> pd.DataFrame:
             "assumed",
         ),
     ]
-    if extent.life_units is not None:
-        rows += [
-            (
-                "health index of the remaining life",
-                "largest rise of the accelerometer over bins of one order up to 24, without those "
-                "below 2.5, relative to the first three readings of the unit",
-                "assumed",
-            ),
-            (
-                "onset of damage",
-                f"{CONSECUTIVE} consecutive readings with a health index above {ONSET:g} dB",
-                "assumed",
-            ),
-        ]
     return pd.DataFrame(rows, columns=["input", "value", "source"]).set_index("input")
 
 
@@ -193,7 +161,7 @@ def _compare_rank(chapter: Chapter, by_unit: pd.DataFrame) -> None:
 
 
 def _remarks(extent: Extent5) -> list[str]:
-    remarks = [
+    return [
         f"Isolation: balanced accuracy of eleven classes (healthy and ten faults) on units that "
         f"were not in training, {extent.n_tested} units. Intervals are from a bootstrap over "
         "units. With as few units, differences within the intervals are not established. Equal "
@@ -209,12 +177,3 @@ def _remarks(extent: Extent5) -> list[str]:
         "stated; its rows without a fault count them. The number of runs left is known from the "
         "simulation.",
     ]
-    if extent.life_units is not None:
-        n_training, n_tested = extent.life_units
-        remarks.append(
-            f"Remaining life: {n_training} training and {n_tested} tested units with a growing "
-            f"spall of the {OPTIONS['fault']}, a reading of {OPTIONS['duration']:g} s each "
-            f"{OPTIONS['interval']:g} h. The law by which damage begins and grows is assumed, and "
-            "the same in training and test: errors on a machine may be much larger."
-        )
-    return remarks

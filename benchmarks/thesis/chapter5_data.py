@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.signal_cache import SignalCache
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
+from findings import Report, silent
 
 CONDITION = 4  # strokes past the jam, under a load that changes its sign: every fault has an effect
 MAX_ORDER = 48
@@ -52,8 +53,6 @@ class Extent5(NamedTuple):
         Faults that grow.
     trend_runs : (int, int)
         Healthy runs of the baseline, and runs during which the fault grows.
-    life_units : (int, int), optional
-        Units from new to failed, for training and for test of the remaining life.
     """
 
     n_training: int
@@ -64,12 +63,9 @@ class Extent5(NamedTuple):
     trend_units: int
     trend_faults: tuple[str, ...]
     trend_runs: tuple[int, int]
-    life_units: tuple[int, int] | None = None
 
 
-FULL = Extent5(
-    30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20), (15, 10)
-)
+FULL = Extent5(30, 50, 8, 3, (0.05, 0.1, 0.2, 0.4, 0.7, 1.0), 3, ("inner ring", "screw"), (20, 20))
 QUICK = Extent5(8, 12, 3, 2, (0.1, 0.4, 1.0), 1, ("inner ring",), (8, 10))
 
 
@@ -150,7 +146,7 @@ def planned_runs(extent: Extent5) -> list[tuple[str, LaboratoryBench, int]]:
 
 
 def compute_features(
-    extent: Extent5, *, n_jobs: int | None = None, report: Callable[[str], None] | None = None
+    extent: Extent5, *, n_jobs: int | None = None, report: Report = silent
 ) -> Features:
     """Simulate all recordings, twenty at a time, and return their features.
 
@@ -177,7 +173,7 @@ def compute_features(
     ):
         tables.append(made)
         n_done += len(piece)
-        if report is not None and (n_done % 100 == 0 or n_done == len(runs)):
+        if n_done % 100 == 0 or n_done == len(runs):
             report(f"chapter 5: {n_done} of {len(runs)} recordings")
     auto, cross = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     spectra = {name: auto.filter(regex=f"^{name}@") for name in SIGNALS}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib import pyplot
 from numpy.typing import ArrayLike
 
+Report = Callable[[str], None]  # receives lines of progress
 KINDS = ("arithmetic", "input", "random")
 
 
@@ -133,21 +134,12 @@ class Chapter:
         """
         ours = np.atleast_1d(np.asarray(values, dtype=float))
         low, first, median, third, high = np.quantile(ours, (0, 0.25, 0.5, 0.75, 1)).tolist()
-        finding = Finding(
-            where,
-            kind,
-            float(published),
-            median,
-            low - slack,
-            high + slack,
-            len(ours),
-            2 / (len(ours) + 1) if kind == "random" else 0.0,
-            low - slack <= published <= high + slack,
-            first - slack <= published <= third + slack,
-            note,
-        )
-        self.findings.append(finding)
-        return finding
+        missed = 2 / (len(ours) + 1) if kind == "random" else 0.0
+        within = low - slack <= published <= high + slack
+        middle = first - slack <= published <= third + slack
+        numbers = (float(published), median, low - slack, high + slack, len(ours))
+        self.findings.append(Finding(where, kind, *numbers, missed, within, middle, note))
+        return self.findings[-1]
 
     def compare_leader(self, where: str, published: int, leaders: ArrayLike, note: str) -> Finding:
         """Compare a published leading bin with the bin that leads in each of our draws.
@@ -173,22 +165,18 @@ class Chapter:
         bins = np.asarray(leaders, dtype=int)
         numbers, counts = np.unique(bins, return_counts=True)
         most, share = int(numbers[counts.argmax()]), float(np.mean(bins == published))
-        finding = Finding(
-            where,
-            "random",
-            float(published),
-            float(most),
-            float(bins.min()),
-            float(bins.max()),
-            len(bins),
-            1 - share,
-            share > 0,
-            share >= 0.5,
+        note = (
             f"most often bin {most}, in {counts.max()} of {len(bins)} draws; the published bin "
-            f"leads in {np.sum(bins == published)}{note}",
+            f"leads in {np.sum(bins == published)}{note}"
         )
-        self.findings.append(finding)
-        return finding
+        drawn = (float(most), float(bins.min()), float(bins.max()), len(bins))
+        agrees = (1 - share, share > 0, share >= 0.5)
+        self.findings.append(Finding(where, "random", float(published), *drawn, *agrees, note))
+        return self.findings[-1]
+
+
+def silent(line: str) -> None:
+    """Report no progress."""
 
 
 def agreement_frame(findings: Sequence[Finding]) -> pd.DataFrame:

@@ -74,14 +74,6 @@ def test_the_rod_follows_its_command_by_a_lag_of_the_position_loop(condition):
     assert np.abs(error).max() == pytest.approx(fastest / 40, rel=0.25)
 
 
-def test_the_load_cell_reads_the_commanded_load_but_for_what_the_loop_leaves():
-    for condition, reach in ((1, 0), (4, 1210 * 4.4)):
-        signals = record(condition, commands=True).signals
-        asked, read = (signals[name].astype(float) for name in ("load_command", "load_cell"))
-        assert np.ptp(asked) == pytest.approx(reach, rel=0.03)
-        assert 0 < np.std(read - asked) < 3 + 0.02 * np.abs(asked).max()
-
-
 def test_the_resolver_and_the_velocity_channel_show_the_same_motion():
     recording = record(4)
     velocity = recording.signals["velocity"].astype(float)
@@ -184,12 +176,6 @@ def test_a_jam_takes_current_at_its_place():
     assert np.abs(more[place < 1.0].mean()) < 0.1
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_severity_zero_is_healthy_to_the_last_bit(fault):
-    zero = record(4, faults=((fault, 0.0),), duration=0.2)
-    assert zero == record(4, duration=0.2)
-
-
 def test_vibration_grows_with_speed():
     # Triangles of 3.6 and 17.5 in/s. Of the load alone it would grow by a sixth.
     slow, fast = (rms(record(c, faults=(("inner ring", 1.0),))) for c in (2, 3))
@@ -224,25 +210,10 @@ def test_the_same_bench_and_run_give_the_same_recording_in_any_order():
     back = {key: bench.record(*key) for key in reversed(order)}
     assert forth == back
     assert pickle.loads(pickle.dumps(bench)).record(4, 2) == forth[4, 2]
-
-
-def test_another_seed_unit_condition_or_run_is_another_recording():
-    usual = record(4, duration=0.2)
-    others = [
-        record(4, 2, duration=0.2),
-        record(5, duration=0.2),
-        record(4, duration=0.2, seed=1),
-        record(4, duration=0.2, unit=1),
-    ]
-    assert not any(same(usual, other) for other in others)
-
-
-def test_a_fault_changes_nothing_but_what_it_does():
-    # Before and after: the noise is the same, and what the fault does not touch.
-    sick, sound = record(3, faults=(("outer ring", 1.0),)), record(3)
-    assert not np.array_equal(sick.signals["accelerometer"], sound.signals["accelerometer"])
-    away = sick.signals["lvdt"].astype(float) - sound.signals["lvdt"]
-    assert np.abs(away).max() < 2e-4
+    assert len({recording.digest for recording in forth.values()}) == 3
+    healthy = LaboratoryBench(unit=2, duration=0.2).record(4, 1)
+    none = LaboratoryBench(unit=2, faults=dict.fromkeys(FAULTS, 0.0), duration=0.2)
+    assert none.record(4, 1) == healthy != forth[4, 1]
 
 
 def test_without_spread_units_differ_by_noise_alone():
@@ -267,15 +238,6 @@ def test_meta_holds_the_truth():
     assert record(2, duration=0.1).meta["label"] == "healthy"
     assert pickle.loads(pickle.dumps(recording)) == recording
     assert isinstance(recording, Recording)
-
-
-def test_the_rate_is_free_above_twice_the_cutoff():
-    coarse = record(4, fs=8000.0, cutoff=3000.0, duration=1.0)
-    fine = record(4, duration=1.0)
-    assert coarse.fs["lvdt"] == 8000
-    assert np.abs(coarse.signals["lvdt"] - fine.signals["lvdt"][::6]).max() < 0.01
-    # The mode at 5.2 kHz is out of reach.
-    assert 0.1 * rms(fine) < rms(coarse) < rms(fine)
 
 
 def test_the_truth_has_what_no_sensor_sees():

@@ -54,13 +54,6 @@ def test_a_fleet_has_units_and_runs_of_every_state():
     assert len(set(severities)) == 5
 
 
-def test_units_of_other_numbers_are_other_units():
-    first, *_ = simulate_fleet(2, 1, seed=1)
-    later, *_ = simulate_fleet(1, 1, seed=1, first_unit=1)
-    assert first[1] == later[0]
-    assert first[0] != later[0]
-
-
 def test_the_degraded_unit_has_a_bad_inner_ring_and_three_quarters_of_its_grease():
     healthy, degraded = thesis_benches()
     assert healthy.faults == {}

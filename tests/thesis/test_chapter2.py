@@ -1,7 +1,5 @@
 """What chapter 2 of the thesis says comes out again, but for the order step of Fig. 2.7."""
 
-from collections import Counter
-
 import numpy as np
 import pytest
 
@@ -22,6 +20,7 @@ def findings(chapter):
 
 
 def test_all_agrees_but_the_order_step_and_the_width_of_the_smeared_spectrum(findings):
+    assert len(findings) == 31
     assert [where for where, f in findings.items() if not f.agrees_by_range] == [
         "Fig. 2.6, highest frequency of the smeared spectrum [Hz]",
         "Fig. 2.7, order step",
@@ -29,28 +28,6 @@ def test_all_agrees_but_the_order_step_and_the_width_of_the_smeared_spectrum(fin
     # The frequency of the ramp ends at 6 x 50 rad/s = 47.7 Hz.
     assert 47.7 < findings["Fig. 2.6, highest frequency of the smeared spectrum [Hz]"].ours < 55
     assert findings["Fig. 2.7, order step"].ours == pytest.approx(60 / 256, abs=5e-5)
-
-
-def test_ranges_hold_the_medians_and_findings_are_named_once(chapter, findings):
-    assert len(findings) == len(chapter.findings) == 31
-    for finding in findings.values():
-        assert finding.low <= finding.ours <= finding.high
-        assert finding.agrees_by_range == (finding.low <= finding.published <= finding.high)
-        assert finding.note
-
-
-def test_kinds_are_counted_by_what_they_rest_on(findings):
-    kinds = Counter(f.kind for f in findings.values())
-    assert kinds == {"arithmetic": 9, "input": 10, "random": 12}
-    assert {f.draws for f in findings.values() if f.kind == "arithmetic"} == {1}
-    for finding in findings.values():
-        expected = 2 / (finding.draws + 1) if finding.kind == "random" else 0
-        assert finding.probability_of_a_miss == expected
-
-
-def test_figure_2_5_reads_as_printed(findings):
-    ours = [f.ours for where, f in findings.items() if where.startswith("Fig. 2.5")]
-    assert ours == [0.5, 0.0625, 0.025, 40]
 
 
 def test_table_2_1_has_every_cell_that_is_not_left_to_chance(findings):
@@ -87,8 +64,3 @@ def test_equations_as_printed_err_and_as_read_do_not(chapter):
     assert error["Eq. (2.13)"] < 0.02 < 0.2 < printed["Eq. (2.13)"]
     assert error["Eq. (2.20)"] < 1e-12 < 0.9 < printed["Eq. (2.20)"]
     assert table.loc["Fig. 2.7", "as printed"] == pytest.approx(0.1172, abs=5e-5)
-
-
-def test_every_figure_but_the_diagrams_is_drawn(chapter):
-    numbers = {int(name.removeprefix("Fig. 2.")) for name in chapter.figures}
-    assert numbers == {3, 4, 5, 6, 7, 10, 11, 12, 13, 14}

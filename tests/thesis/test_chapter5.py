@@ -14,15 +14,11 @@ from chapter5_classes import (
 from chapter5_data import FULL, QUICK, Features, planned_runs, severity_of_run
 from chapter5_detection import (
     ALL,
-    as_text,
     detection_table,
     detectors,
-    false_alarms,
     flagged_recordings,
     severity_of_detection,
-    threshold_table,
 )
-from chapter5_life import life_table
 from chapter5_trend import trend_table
 from emacm.simulation.faults import FAULTS
 
@@ -74,27 +70,6 @@ def test_a_shift_is_detected_from_the_severity_that_exceeds_the_threshold():
     assert np.isinf(table.loc[("screw", "LVDT")]).all()
 
 
-def test_healthy_recordings_of_further_units_raise_about_as_many_false_alarms():
-    rates = []
-    for seed in range(4):
-        features = made(n_calibration=400, n_training=400, n_tested=400, seed=seed)
-        table = false_alarms(flagged_recordings(features, detectors(features)))
-        assert (table["recordings"] == 1200).all()
-        rates += table["false alarms [%]"].tolist()
-    # A rate has a standard deviation of 0.45: of its threshold (800) and of 1200 recordings.
-    assert np.mean(rates) == pytest.approx(1.0, abs=0.4)
-
-
-def test_thresholds_of_normal_bins_are_those_of_independent_normal_bins():
-    features = made(n_training=2000, n_calibration=4000)
-    table = threshold_table(detectors(features))
-    assert table["bins"].tolist() == [12, 12, 12, 12, 48]
-    normal = table["of independent normal bins"]
-    assert normal["LVDT"] == pytest.approx(3.34, abs=0.01)  # 1 - 0.99^(1/12) on both sides
-    assert normal[ALL] > normal["LVDT"]
-    assert table["threshold"].to_numpy() == pytest.approx(normal.to_numpy(), abs=0.15)
-
-
 def test_fewer_false_alarms_are_paid_for_by_inspections():
     table = inspection_table(labelled_rows(made(severities=(0.1, 0.4, 0.7, 1.0))))
     assert table.index.tolist() == ["0.5", "0.2", "0.1"]
@@ -109,16 +84,6 @@ def test_a_gap_in_the_detections_counts_from_its_end():
     rows = [("cage", 3, s, d) for s, d in ((0.1, True), (0.2, False), (0.7, True), (1.0, True))]
     tested = pd.DataFrame(rows, columns=["label", "unit", "severity", "lvdt"])
     assert severity_of_detection(tested).loc[("cage", 3), "lvdt"] == 0.7
-
-
-def test_the_median_is_a_severity_at_which_at_least_half_of_the_units_are_detected():
-    index = pd.MultiIndex.from_product([["jam"], range(4)], names=["fault", "unit"])
-    by_unit = pd.DataFrame({"lvdt": [0.1, 0.2, 0.7, np.inf]}, index=index)
-    row = detection_table(by_unit).loc[("jam", "LVDT")]
-    assert row["severity"] == 0.7
-    assert row["low"] <= 0.2
-    assert np.isinf(row["high"])
-    assert as_text(row).endswith("to –)")
 
 
 def test_one_unit_is_tested_by_the_others_only():
@@ -174,19 +139,3 @@ def test_a_quick_run_has_every_fault_signal_and_question(tmp_path):
     (finding,) = chapter.findings
     assert (finding.kind, finding.published, finding.draws) == ("random", 1.0, QUICK.n_tested)
     assert any("recordings" in line for line in lines)
-
-
-@pytest.mark.slow
-def test_the_remaining_life_is_estimated_at_fractions_of_the_life():
-    lines = []
-    table = life_table((15, 3), report=lines.append)
-    assert table.index.tolist() == [
-        *(f"{share}% of the life" for share in (25, 50, 75, 90)),
-        "all readings",
-    ]
-    errors = table.filter(like="median error").to_numpy()
-    assert np.isfinite(errors).all()
-    assert 0 < errors.min() < errors.max() < 300  # h; lives are some hundred hours
-    # Intervals of 90 %: that two of three units are missed at most readings is improbable.
-    assert table.loc["all readings", "covered [%]"] > 50
-    assert lines[0].endswith("readings of 18 units that wear out")
