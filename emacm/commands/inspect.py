@@ -18,7 +18,6 @@ from emacm.files.readers import read_columns
 from emacm.files.sample_times import rate_of_times, seconds_of
 from emacm.recordings.names import is_time_name, unit_factor, unit_in_name
 
-_MOST_PANELS = 12
 _ANGLES = ("angle", "theta", "encoder", "winkel")
 
 
@@ -248,15 +247,17 @@ def _text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def plot(contents: Contents, path: Path) -> None:
+def plot(contents: Contents, path: Path, most_panels: int = 12) -> None:
     """Draw the columns over time, or over the number of the sample, into a picture.
 
     Parameters
     ----------
     contents : Contents
-        What was found in a file; at most 12 columns are drawn.
+        What was found in a file.
     path : Path
         The picture.
+    most_panels : int
+        Most columns that are drawn.
 
     Raises
     ------
@@ -270,7 +271,7 @@ def plot(contents: Contents, path: Path) -> None:
         (name, values)
         for name, values in contents.columns.columns.items()
         if name != contents.times and values.dtype.kind in "biuf"
-    ][:_MOST_PANELS]
+    ][:most_panels]
     axes = _drawing.panel_axes(None, len(drawn), height=1.3)
     timed = all(name in contents.rates for name, _ in drawn)
     for panel, (name, values) in zip(axes, drawn, strict=True):

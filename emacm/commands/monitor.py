@@ -9,13 +9,14 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from io import StringIO
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from emacm._checks import located
-from emacm.files.csv_files import TextTable, text_table
+from emacm.files.csv_files import text_table
 from emacm.files.file_columns import FileColumns, recording_arguments
 from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
@@ -24,14 +25,6 @@ from emacm.streams.stream_settings import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped
-_HEAD = 20  # lines from which header and separator are known
-_BLOCK = 0.1  # s of samples that are processed together
-_POLL = 0.1  # s between two looks at a file that does not grow
-_REPLACED = (
-    "was cut, removed or replaced by another file. Start the command again, with another file for "
-    "--state, to follow the new one."
-)
-_SAVE = 1.0  # s between two writings of the state, unless a reading was printed
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,111 +40,91 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError("a layout with tacho needs whole recordings; give velocity or angle.")
     if options.source == "-" and options.state is not None:
         raise ValueError("--state needs a file, as the standard input cannot be read again.")
-    lines = _Lines(options.source, options.idle)
-    return _Stream(model, layout, options).follow(lines)
+    if options.source == "-":
+        return _Stream(model, layout, options, sys.stdin.buffer).follow()
+    with open(options.source, "rb") as file:
+        return _Stream(model, layout, options, file).follow()
 
 
-class _Lines:
-    """Lines of the standard input, or of a file that may grow, each as it is complete."""
+def _growing_lines(file: BinaryIO, idle: float, poll: float = 0.1) -> Iterator[bytes]:
+    """Yield the lines of a file that may grow, each as it is complete.
 
-    def __init__(self, source: str, idle: float) -> None:
-        self._source, self._idle = source, idle
-        self.skip_to: int | None = None  # byte at which to go on
-        self.replaced = False  # whether the file was cut or another one took its place
-
-    def __iter__(self) -> Iterator[bytes]:
-        if self._source == "-":
-            yield from sys.stdin.buffer
-            return
-        with open(self._source, "rb") as file:
-            part, since, same = b"", time.monotonic(), os.fstat(file.fileno()).st_ino
-            while True:
-                text = file.readline()
-                part += text
-                if text:
-                    since = time.monotonic()
-                if part.endswith(b"\n"):
-                    yield part
-                    part = b""
-                    if self.skip_to is not None:
-                        file.seek(self.skip_to)
-                        self.skip_to = None
-                    continue
-                if not text and self._replaced(file.tell(), same):
-                    self.replaced = True
-                    break
-                if not text and time.monotonic() - since >= self._idle:
-                    break
-                if not text:
-                    time.sleep(min(_POLL, self._idle))
-            if part and not self.replaced:
-                yield part
-
-    def _replaced(self, place: int, inode: int) -> bool:
-        try:
-            status = os.stat(self._source)
-        except FileNotFoundError:
-            return True
-        return status.st_ino != inode or status.st_size < place
+    The last line may be incomplete, where the file has not grown for `idle` seconds.
+    """
+    part, since = b"", time.monotonic()
+    while True:
+        text = file.readline()
+        part += text
+        if text:
+            since = time.monotonic()
+        elif time.monotonic() - since >= idle:
+            break
+        else:
+            time.sleep(min(poll, idle))
+        if part.endswith(b"\n"):
+            yield part
+            part = b""
+    if part:
+        yield part
 
 
 class _Stream:
-    """The rows of a stream, and the monitor that they are given to."""
+    """The rows of a stream, and the monitor that they are given to.
 
-    def __init__(self, model: Any, layout: Layout, options: argparse.Namespace) -> None:
-        self._model, self._layout, self._options = model, layout, options
+    Rows of `block` seconds are processed together; header and separator are found in the first
+    `n_head` lines.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        layout: Layout,
+        options: argparse.Namespace,
+        file: BinaryIO,
+        *,
+        n_head: int = 20,
+        block: float = 0.1,
+    ) -> None:
+        self._layout, self._options, self._n_failed = layout, options, 0
         self._last = b""  # row before, so that gaps between blocks are noticed
         self._resumed: float | None = None  # time at which the stream goes on after an error [s]
-        self._n_failed = 0
-        self._n_printed = 0
-        self._saved = -np.inf  # when the state was written last [s]
-
-    def follow(self, lines: _Lines) -> int:
-        """Process all lines, and return the exit status."""
-        source = iter(lines)
-        head = [line for _, line in zip(range(_HEAD), source, strict=False)]
-        name = "the standard input" if self._options.source == "-" else self._options.source
-        with located(name):
-            rows = self._begin(head)
+        is_file = options.source != "-"
+        self._lines = _growing_lines(file, options.idle if is_file else 0.0)
+        head = list(islice(self._lines, n_head))
+        with located(options.source if is_file else "the standard input"):
+            self._table = text_table([line.decode().rstrip("\r\n") for line in head])
+            self._rows = head[self._table.start :]
+            arguments = self._arguments(self._rows)
+            self._rates = arguments["fs"]
+            self._monitor = OrderMonitor(
+                model,
+                fs=self._rates,
+                shaft_fs=arguments["shaft_fs"],
+                channels=list(self._rates),
+                max_speed=options.max_speed,
+                every=options.every,
+                unit=options.unit,
+                wrapped=options.wrapped,
+            )
+        self._at_once = max(2, round(block * max(self._rates.values())))
         self._head = b"".join(head)
-        place = self._restored()
-        if place is not None:
-            rows, self._offset = [], place
-            lines.skip_to = place
-        for row in source:
+        self._offset = sum(map(len, head[: self._table.start]))
+        if options.state is not None and options.state.exists():
+            with located(f"--state {options.state}"):
+                self._restore(options.state.read_bytes(), file)
+
+    def follow(self) -> int:
+        """Process all lines, and return the exit status."""
+        rows = self._rows
+        for row in self._lines:
             rows.append(row)
             if len(rows) >= self._at_once:
                 self._process(rows)
                 rows = []
-        if rows:
-            self._process(rows)
-        self._save(at_once=True)
-        time_of_end = self._monitor.time
+        self._process(rows)
+        self._save()
         self._print(self._monitor.flush())
-        if lines.replaced:
-            self._n_failed += 1
-            _write({"time": time_of_end, "error": f"{self._options.source} {_REPLACED}"})
         return FAILED if self._n_failed else 0
-
-    def _begin(self, head: list[bytes]) -> list[bytes]:
-        """Find the header, make the monitor, and return the rows below the header."""
-        self._table: TextTable = text_table([line.decode().rstrip("\r\n") for line in head])
-        rows = head[self._table.start :]
-        arguments = self._arguments(rows)
-        self._rates = arguments["fs"]
-        self._monitor = OrderMonitor(
-            self._model,
-            fs=self._rates,
-            shaft_fs=arguments["shaft_fs"],
-            channels=list(self._rates),
-            max_speed=self._options.max_speed,
-            every=self._options.every,
-            unit=self._options.unit,
-            wrapped=self._options.wrapped,
-        )
-        self._at_once = max(2, round(_BLOCK * max(self._rates.values())))
-        self._offset = sum(map(len, head[: self._table.start]))
-        return rows
 
     def _arguments(self, rows: Iterable[bytes]) -> dict[str, Any]:
         text = b"".join(rows).decode()
@@ -161,7 +134,7 @@ class _Stream:
 
     def _process(self, rows: list[bytes]) -> None:
         """Print the readings that are complete with these rows, or why the rows are skipped."""
-        n_before, n_printed = 1 if self._last else 0, self._n_printed
+        n_before = 1 if self._last else 0
         self._offset += sum(map(len, rows))
         rows = [row for row in rows if row.strip()]
         if not rows:
@@ -174,16 +147,18 @@ class _Stream:
             kind = "angle" if "angle" in arguments else "velocity"
             shaft = np.broadcast_to(arguments[kind], len(rows) + n_before)[n_before:]
             options: dict[str, Any] = {kind: shaft, "time": self._resumed}
-            self._print(self._monitor.push(signals, **options))
+            readings = self._monitor.push(signals, **options)
+            self._print(readings)
             self._last, self._resumed = rows[-1], None
+            if readings:
+                self._save()
         except (TypeError, ValueError) as error:
             self._fail(str(error), len(rows) / max(self._rates.values()))
-        self._save(at_once=self._n_printed > n_printed)
+            self._save()
 
     def _fail(self, error: str, duration: float) -> None:
         """State why rows are skipped; the reading up to them ends, and another one begins."""
         self._n_failed += 1
-        self._n_printed += 1
         self._last, time_of_error = b"", self._resumed
         if time_of_error is None:
             time_of_error = self._monitor.time
@@ -197,7 +172,6 @@ class _Stream:
 
     def _print(self, readings: list[Reading]) -> None:
         for reading in readings:
-            self._n_printed += 1
             _write(
                 {
                     "start": reading.start,
@@ -211,39 +185,35 @@ class _Stream:
                 }
             )
 
-    def _restored(self) -> int | None:
-        """Restore the state, if there is one, and return the place of the next row."""
-        file: Path | None = self._options.state
-        if file is None or not file.exists():
-            return None
+    def _restore(self, content: bytes, file: BinaryIO) -> None:
+        """Restore a state, and go on in the file where it was written."""
+        remedy = "Remove it or give another one to read the file from its beginning."
         try:
-            state = unpacked(file.read_bytes())
+            state = unpacked(content)
             if "head" not in state:
                 raise ValueError("it is no state of this command.")
             if state["head"].tobytes() != self._head[: len(state["head"])]:
                 raise ValueError(f"it was written for another file than {self._options.source}.")
-            if int(state["offset"]) > os.path.getsize(self._options.source):
+            self._offset = int(state["offset"])
+            if self._offset > os.path.getsize(self._options.source):
                 raise ValueError(f"{self._options.source} is shorter than it was.")
             self._monitor.restore(state["monitor"].tobytes())
-            self._last = state["last"].tobytes()
-            self._resumed = float(state["resumed"]) if "resumed" in state else None
-            return int(state["offset"])
         except ValueError as error:
-            raise ValueError(
-                f"--state {file}: {error} Remove it or give another one to read the file from its "
-                f"beginning."
-            ) from error
+            raise ValueError(f"{error} {remedy}") from error
+        self._last = state["last"].tobytes()
+        self._resumed = float(state["resumed"]) if "resumed" in state else None
+        self._rows = []
+        file.seek(self._offset)
 
-    def _save(self, *, at_once: bool) -> None:
+    def _save(self) -> None:
         """Write the state, so that the file is complete at any time.
 
-        After readings it is written at once: if the process is killed at any point, none is lost,
-        and only readings of the last block may be printed twice.
+        It is written after readings: if the process is killed at any point, none is lost, and only
+        readings of the last block may be printed twice.
         """
         file: Path | None = self._options.state
-        if file is None or not (at_once or time.monotonic() - self._saved >= _SAVE):
+        if file is None:
             return
-        self._saved = time.monotonic()
         parts = {"monitor": self._monitor.state(), "last": self._last, "head": self._head}
         state = {name: np.frombuffer(text, np.uint8) for name, text in parts.items()}
         part = file.with_name(f"{file.name}.part")

@@ -7,20 +7,17 @@ import csv
 import io
 import json
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
 import numpy as np
 import pandas as pd
 
-from emacm._kernels import needs_compiler
 from emacm.commands.parsers import check_paths, expanded
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import final_estimator
@@ -65,13 +62,9 @@ class ResultTable:
 
     def read(self) -> list[Row]:
         """Return the rows that were written before; an incomplete last row is left out."""
-        if self._parquet and not self._written.is_file():
-            if not self.path.is_file():
-                return []
+        if self._parquet and not self._written.is_file() and self.path.is_file():
             return _rows_of(pd.read_parquet(self.path), self.columns, self.path)
-        if not self._written.is_file():
-            return []
-        text = self._written.read_text(encoding="utf-8")
+        text = self._written.read_text(encoding="utf-8") if self._written.is_file() else ""
         complete = text[: text.rfind("\n") + 1]
         if not complete:
             return []
@@ -141,21 +134,13 @@ def _rows_of(frame: pd.DataFrame, columns: list[str], path: Path) -> list[Row]:
             f"{columns}. Choose another file for --out, or delete it."
         )
     numbers = [n for n in columns if n in ("expected_cost", "typicality") or n.startswith("P(")]
-    for name in numbers:
-        # float() and not pd.to_numeric, which may change the last digit of a text.
-        frame[name] = [
-            float(value) if pd.notna(value) and value != "" else float("nan")
-            for value in frame[name]
-        ]
+    frame[numbers] = frame[numbers].where(frame[numbers] != "").astype(object).astype(float)
     texts = [name for name in columns if name not in numbers]
     frame[texts] = frame[texts].astype(object).where(frame[texts].notna(), "")
     return frame.to_dict("records")
 
 
 ALARM, FAILED = 1, 3  # exit status: a decision of --fail-on; files without a decision
-_AT_ONCE = 32  # files between two writes
-_SETTLED = 2.0  # s; with --watch, a file changed more recently may be incomplete
-_REPORTED = 5.0  # s between two lines of progress
 
 
 def run(options: argparse.Namespace) -> int:
@@ -172,11 +157,7 @@ def run(options: argparse.Namespace) -> int:
     check_model(model)
     set_costs(model, options.cost, options.priors)
     alarms = _alarms(model, options.fail_on)
-    settings = (digest_of_file(options.model), layout.key, repr(layout.meta))
-    costs = options.cost.read_text(encoding="utf-8") if options.cost else None
-    settings_digest = sha256(repr((*settings, costs, options.priors)).encode()).hexdigest()
-    columns = [*score_columns(model), "digest"]
-    work = _Work(model, layout, columns, settings_digest, options)
+    work = _Work(model, layout, options)
     if options.watch is None:
         check_paths(options.paths)
     while True:
@@ -194,16 +175,12 @@ def run(options: argparse.Namespace) -> int:
 class _Work:
     """The files to decide on, and the table of results."""
 
-    def __init__(
-        self,
-        model: Any,
-        layout: Layout,
-        columns: Sequence[str],
-        settings_digest: str,
-        options: argparse.Namespace,
-    ) -> None:
-        self._model, self._layout, self._columns = model, layout, columns
-        self._settings_digest, self._options = settings_digest, options
+    def __init__(self, model: Any, layout: Layout, options: argparse.Namespace) -> None:
+        self._model, self._layout, self._options = model, layout, options
+        costs = options.cost.read_text(encoding="utf-8") if options.cost else None
+        settings = (digest_of_file(options.model), layout.key, repr(layout.meta), costs)
+        self._settings_digest = sha256(repr((*settings, options.priors)).encode()).hexdigest()
+        self._columns = columns = [*score_columns(model), "digest"]
         self._reported = time.monotonic()
         self._table = None if options.out is None else ResultTable(options.out, columns)
         self._done: dict[tuple[str, str], Row] = {}
@@ -219,19 +196,16 @@ class _Work:
         elif not options.again:
             self._done = _without_errors(self._table.read())
 
-    def once(self) -> list[Row]:
-        """Decide on the files that are new, write their rows, and return all rows."""
+    def once(self, at_once: int = 32) -> list[Row]:
+        """Decide on the files that are new, `at_once` between two writes, and return all rows."""
         paths, rows = list(self._paths()), []
         if self._table is not None:
             self._table.start(self._done.values())
-        if len(paths) > _AT_ONCE and needs_compiler():
-            compile_loops(self._options, paths[0])
-        for first in range(0, len(paths), _AT_ONCE):
-            rows += self._rows(paths[first : first + _AT_ONCE])
+        for first in range(0, len(paths), at_once):
+            rows += self._rows(paths[first : first + at_once])
             self._report(len(rows), len(paths))
-        here = {(row["recording"], row["digest"]) for row in rows}
         names = {row["recording"] for row in rows}
-        others = [row for key, row in self._done.items() if key not in here and key[0] not in names]
+        others = [row for row in self._done.values() if row["recording"] not in names]
         is_new = [(row["recording"], row["digest"]) not in self._done for row in rows]
         self._done = {(row["recording"], row["digest"]): row for row in [*rows, *others]}
         if self._table is not None:
@@ -240,11 +214,12 @@ class _Work:
             self._reports.update(pd.DataFrame(rows), is_new)
         return rows
 
-    def _paths(self) -> Iterator[Path]:
+    def _paths(self, settled: float = 2.0) -> Iterator[Path]:
+        """Yield the files; with --watch, one changed in the last seconds may be incomplete."""
         now = time.time()
         for path in expanded(self._options.paths):
             written = path.stat().st_mtime if path.is_file() else 0.0
-            if self._options.watch is None or now - written > _SETTLED:
+            if self._options.watch is None or now - written > settled:
                 yield path
 
     def _digest(self, path: Path) -> str:
@@ -273,21 +248,11 @@ class _Work:
                 sys.stdout.flush()
         return [row for row in known if row is not None]
 
-    def _report(self, done: int, total: int) -> None:
-        if time.monotonic() - self._reported > _REPORTED:
+    def _report(self, done: int, total: int, every: float = 5.0) -> None:
+        """Report the progress, at most once in some seconds."""
+        if time.monotonic() - self._reported > every:
             self._reported = time.monotonic()
             print(f"{done} of {total} files", file=sys.stderr)
-
-
-def compile_loops(options: argparse.Namespace, path: Path) -> None:
-    """Decide on one file in a process of its own, which leaves its compiled loops on the disk.
-
-    The compiler takes 40 MB, which would not be released before this process ends.
-    """
-    with TemporaryDirectory() as folder:
-        paths = [str(options.model), str(path), "--layout", str(options.layout)]
-        command = [sys.executable, "-m", "emacm", "score", *paths, "--out", f"{folder}/row.csv"]
-        subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
 
 
 def _without_errors(rows: Sequence[Row]) -> dict[tuple[str, str], Row]:

@@ -26,10 +26,6 @@ from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.meta import read_meta
 from emacm.resampling.order_resampler import OrderResampler
 
-_OVERSAMPLED = 2.6  # samples per cycle of the highest order: there the filter is still flat
-_MOST_ORDERS, _MOST_REVOLUTIONS = 20.0, 16.0  # where the recordings allow more
-_RATES = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
-
 
 def run(options: argparse.Namespace) -> int:
     """Fit, evaluate and save a model, and print its rates.
@@ -39,11 +35,6 @@ def run(options: argparse.Namespace) -> int:
     int
         0.
     """
-    _train(options)
-    return 0
-
-
-def _train(options: argparse.Namespace) -> None:
     layout = Layout.from_toml(options.layout)
     recordings = RecordingFolder(options.folder, layout)
     if layout.meta is None:
@@ -71,6 +62,7 @@ def _train(options: argparse.Namespace) -> None:
     model.fit(recordings, labels, **groups_options(model, groups))
     save_model(model, options.out, note=options.note)
     print(f"Model: {options.out}")
+    return 0
 
 
 def _healthy(name: str | None, labels: list[Any]) -> Any:
@@ -84,15 +76,21 @@ def _healthy(name: str | None, labels: list[Any]) -> Any:
     )
 
 
-def extent(recordings: RecordingFolder, options: argparse.Namespace) -> tuple[float, float]:
+def extent(
+    recordings: RecordingFolder,
+    options: argparse.Namespace,
+    *,
+    most_orders: float = 20.0,
+    most_revolutions: float = 16.0,
+) -> tuple[float, float]:
     """Return the highest order and the length of a segment [revolutions] that all support."""
     quality = OrderResampler(min_speed=options.min_speed).quality(recordings)
     orders, length = options.max_order, options.revolutions
     if orders is None:
-        orders = min(_MOST_ORDERS, floor(8 * quality["max_order"].min()) / 10)
+        orders = min(most_orders, floor(8 * quality["max_order"].min()) / 10)
     if length is None:
         longest = float(quality["longest_stroke"].min())
-        length = min(_MOST_REVOLUTIONS, floor(longest / 2) or floor(8 * longest) / 10)
+        length = min(most_revolutions, floor(longest / 2) or floor(8 * longest) / 10)
     check_number(orders, "the highest order (--max-order)", above=0)
     return orders, check_number(length, "the length of a segment (--revolutions)", above=0)
 
@@ -107,10 +105,15 @@ def _model(recipe: str, max_order: float, revolutions: float, min_speed: float) 
     return make_pipeline(*order_levels(max_order, revolutions, min_speed), bayes)
 
 
-def order_levels(max_order: float, revolutions: float, min_speed: float) -> list[Any]:
-    """Return the steps from recordings to logarithms of the powers in order bins."""
+def order_levels(
+    max_order: float, revolutions: float, min_speed: float, *, oversampled: float = 2.6
+) -> list[Any]:
+    """Return the steps from recordings to logarithms of the powers in order bins.
+
+    With 2.6 samples per cycle of the highest order, the filter of the resampling is still flat.
+    """
     return [
-        OrderResampler(2 * np.pi / (_OVERSAMPLED * max_order), min_speed=min_speed),
+        OrderResampler(2 * np.pi / (oversampled * max_order), min_speed=min_speed),
         OrderPSD(revolutions, max_order=max_order),
         BinTransformer(max(1.0, 2 / revolutions), max_order=max_order),
         FunctionTransformer(np.log10, feature_names_out="one-to-one"),
@@ -123,6 +126,7 @@ def rates_table(table: pd.DataFrame) -> pd.DataFrame:
     def text(row: pd.Series, name: str) -> str:
         return f"{row[name]:.3f} ({row[f'{name}_low']:.3f} to {row[f'{name}_high']:.3f})"
 
-    rates = [name for name in _RATES if name in table.columns]
+    kinds = ("false_alarm_rate", "inspection_rate", "missed_detection_rate")
+    rates = [name for name in kinds if name in table.columns]
     columns = {name: [text(row, name) for _, row in table.iterrows()] for name in rates}
     return pd.DataFrame(columns, index=table.index)

@@ -281,22 +281,6 @@ def test_watching_tries_a_failed_file_again_only_when_it_changes(here, monkeypat
     assert table["recording"][table["error"].notna()].tolist() == ["later.npz"]
 
 
-def test_loops_are_compiled_in_another_process_before_many_files(here, monkeypatch):
-    for number in range(33):
-        shutil.copy(here / "files" / "ok_00.npz", here / "files" / f"ok_2{number}.npz")
-    started = []
-    monkeypatch.setattr(command.subprocess, "run", lambda words, **_: started.append(words))
-    monkeypatch.setattr(command, "needs_compiler", lambda: True)
-    assert run("--out", "few.csv", paths=["files/ok_00.npz"]) == 0
-    assert not started
-    assert run("--out", "many.csv") == 0
-    (words,) = started
-    assert words[1:6] == ["-m", "emacm", "score", "model.emacm", "files/ok_00.npz"]
-    monkeypatch.setattr(command, "needs_compiler", lambda: False)
-    assert run("--out", "many.csv") == 0
-    assert len(started) == 1
-
-
 def test_the_help_states_the_exit_statuses(capsys):
     with pytest.raises(SystemExit):
         main(["score", "--help"])

@@ -73,7 +73,7 @@ def test_a_picture_is_drawn(here):
     [
         (["--false-alarm", "0.01"], "needs at least 99"),
         (["--groups", "run"], "has no meta key 'run'"),
-        (["--groups", "unit"], "needs units that were measured in several groups, with 5 record"),
+        (["--groups", "unit"], "no group can be left out for the limit of the unit"),
         (["--time", "hour"], "its meta has no 'hour'"),
     ],
 )
