@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -418,7 +418,7 @@ def _nodes(
     return low + half * (nodes + 1), half * weights
 
 
-def _lengths(kernel: Array) -> Array:
+def _lengths(kernel: Array) -> NDArray[Any]:
     try:
         return np.linalg.solve(np.eye(len(kernel)) - kernel, np.ones(len(kernel)))
     except np.linalg.LinAlgError:  # no alarm within double precision
