@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.decisions.costs import cost_of_some, narrow_costs
+from emacm.decisions.costs import cost_of_some, cost_table, narrow_costs
 from emacm.decisions.pipelines import final_estimator
-from emacm.decisions.truths import truth_cost_table
 
 
 def narrowed(model: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:
@@ -87,7 +86,7 @@ def present_cost_table(
     Returns
     -------
     decisions, cost : ndarray of shape (n_decisions,) and (n_decisions, n_truths)
-        As of `emacm.decisions.truths.truth_cost_table`.
+        As of `emacm.decisions.costs.cost_table`.
 
     Raises
     ------
@@ -100,7 +99,7 @@ def present_cost_table(
         final = with_present_costs(final_estimator(whole[0]), whole[0], template, classes)
     if not hasattr(final, "cost"):
         raise AttributeError(f"{type(final).__name__} has no costs.")
-    return truth_cost_table(final.cost, classes, getattr(final, "unknown", None))
+    return cost_table(final.cost, classes, getattr(final, "unknown", None))
 
 
 def priors_of_some(priors: Any, known: NDArray[Any], classes: NDArray[Any]) -> Any:

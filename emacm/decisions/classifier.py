@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from emacm._checks import check_table, group_codes
 from emacm._saved import SavedEstimator
 from emacm.calibration.left_out import single_recordings
+from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import (
     agreed_classes,
     as_counts,
@@ -33,9 +34,9 @@ from emacm.decisions.left_out_calibration import (
     calibrate_gaussians,
 )
 from emacm.decisions.metrics import check_weights, positive_weights
-from emacm.decisions.moments import ClassMoments, check_range, moments_for
+from emacm.decisions.moments import ClassMoments, class_moments
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.decisions.truths import truth_priors
 
 Array = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         Label of one more true state, without recordings, such as "unknown": "Unhealthy - Unknown"
         in Eq. (2.35). Its probability follows from `typicality`. It has a column in the cost and
         a prior, 0.01 unless `priors` name it (an array: with one more element); see
-        `emacm.decisions.truths` for costs that `cost` does not state. None: there is none.
+        `emacm.decisions.costs.cost_table` for costs that `cost` does not state. None: there is none.
     temperature : None, float or "groups", default=None
         Densities are raised to the power of 1 / temperature before they are multiplied by the
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
@@ -205,7 +206,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
                 f"Every class needs a recording of positive weight; sample_weight is zero for "
                 f"all recordings of class {classes[empty].tolist()}."
             )
-        moments = moments_for(self.covariance, self.shrinkage, X, codes, len(classes), weight)
+        moments = class_moments(X, codes, len(classes), weight, self.covariance, self.shrinkage)
         gaussians = class_gaussians(moments, self.covariance, self.shrinkage, (X, codes))
         self._set_fitted(classes, moments, gaussians)
         self._check_fitted(stacklevel=3)
@@ -267,7 +268,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         labels = agreed_classes(classes, known)
         weight = check_weights(sample_weight, len(X))
         codes = np.array(label_positions(y.tolist(), labels.tolist(), "y", "class"), np.intp)
-        moments = moments_for(self.covariance, self.shrinkage, X, codes, len(labels), weight)
+        moments = class_moments(X, codes, len(labels), weight, self.covariance, self.shrinkage)
         if known is not None:
             moments = self._merged(moments)
         if not moments.counts.sum() > 0:
@@ -368,7 +369,6 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         check_is_fitted(self)
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        check_range(X)
         if not self._checked:
             self._check_fitted(stacklevel=5)
         return X
@@ -386,7 +386,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self, classes: NDArray[Any], moments: ClassMoments, gaussians: GaussianClasses
     ) -> None:
         """Set the fitted attributes; none, if the cost or the priors are invalid."""
-        truth_cost_table(self.cost, classes, self.unknown)
+        cost_table(self.cost, classes, self.unknown)
         truth_priors(self.priors, classes, moments.counts, self.unknown)
         self.classes_, self.class_count_, self.means_ = classes, moments.counts, moments.means
         self.covariances_ = gaussians.covariances[0] if moments.pooled else gaussians.covariances

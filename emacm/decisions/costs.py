@@ -11,19 +11,23 @@ References
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 import joblib
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_unmasked
+from emacm._checks import check_number
 from emacm.decisions.labels import check_distinct, label_array, numbered_hint, plain_labels
+from emacm.decisions.truths import truth_labels
 
 
-def cost_table(cost: Any, classes: ArrayLike) -> tuple[NDArray[Any], NDArray[np.float64]]:
+def cost_table(
+    cost: Any, classes: ArrayLike, unknown: Any = None
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Convert any form of stating costs to decisions and a matrix.
 
     Parameters
@@ -31,7 +35,7 @@ def cost_table(cost: Any, classes: ArrayLike) -> tuple[NDArray[Any], NDArray[np.
     cost : None, array-like, DataFrame or mapping
         - None: 0 for the correct decision, 1 for any other, Eq. (2.47).
         - Square array: rows are decisions, columns are true classes, both in the order of
-          `classes`.
+          `classes` (followed by the unknown state, or without it).
         - DataFrame: index = decisions, columns = classes, in any order. The index need
           not contain the classes: "fly" and "ground" may be the only decisions.
         - Mapping {(decision, true class): cost}: all other entries are 0 or 1.
@@ -40,14 +44,20 @@ def cost_table(cost: Any, classes: ArrayLike) -> tuple[NDArray[Any], NDArray[np.
         negative (a gain); their unit is arbitrary.
     classes : array-like of shape (n_classes,)
         The possible true classes, each once.
+    unknown : label, default=None
+        Label of the unknown state, one more decision and true state; None: there is none. What
+        `cost` does not state of it: deciding "unknown" costs 0 if that is true and 1 otherwise; if
+        the true state is unknown, deciding a class, or any decision that is the cheapest for
+        some class, costs 1, and any other ("inspect") its largest cost for a class.
 
     Returns
     -------
     decisions : ndarray of shape (n_decisions,)
-        Labels of the rows. Mapping: the classes, then other decisions as they appear;
-        DataFrame: its index. The dtype is that of `classes` if all decisions are classes.
-    matrix : ndarray of shape (n_decisions, n_classes)
-        Cost of each decision under each true class, columns in the order of `classes`.
+        Labels of the rows. Mapping: the classes, `unknown`, then other decisions as they appear;
+        DataFrame: its index, then `unknown`. The dtype is that of `classes` if all decisions are
+        classes.
+    matrix : ndarray of shape (n_decisions, n_truths)
+        Cost of each decision under each true state: `classes`, then `unknown`.
 
     Raises
     ------
@@ -60,28 +70,35 @@ def cost_table(cost: Any, classes: ArrayLike) -> tuple[NDArray[Any], NDArray[np.
     Examples
     --------
     >>> decisions, matrix = cost_table(
-    ...     {("healthy", "worn"): 10, ("inspect", "healthy"): 0.5, ("inspect", "worn"): 0.5},
+    ...     {("healthy", "worn"): 10, ("inspect", "healthy"): 0.5, ("inspect", "worn"): 0.4},
     ...     ["healthy", "worn"],
+    ...     unknown="new",
     ... )
     >>> decisions.tolist()
-    ['healthy', 'worn', 'inspect']
+    ['healthy', 'worn', 'new', 'inspect']
     >>> matrix
-    array([[ 0. , 10. ],
-           [ 1. ,  0. ],
-           [ 0.5,  0.5]])
+    array([[ 0. , 10. ,  1. ],
+           [ 1. ,  0. ,  1. ],
+           [ 1. ,  1. ,  0. ],
+           [ 0.5,  0.4,  0.5]])
     """
     labels = np.asarray(classes)
     known = plain_labels(labels.tolist())
     check_distinct(known, "classes")
-    if cost is None:
-        return labels, 1.0 - np.eye(len(known))
-    if isinstance(cost, pd.DataFrame):
-        rows, matrix = _from_frame(cost, known)
-    elif isinstance(cost, Mapping):
-        rows, matrix = _from_mapping(cost, known)
-    else:
-        rows, matrix = known, _from_array(cost, known)
-    return label_array(rows, labels), matrix
+    every = truth_labels(labels, unknown)
+    truths = plain_labels(every.tolist())
+    rows, stated = _stated_pairs(cost, known, truths)
+    _check_labels(rows, stated, known, truths)
+    table = np.array([[stated.get((d, k), float(d != k)) for k in truths] for d in rows], object)
+    matrix = _numbers(table, rows, truths)
+    if unknown is not None:
+        others = [row for row, decision in enumerate(rows) if decision not in truths]
+        of_classes = matrix[np.array(rows, object) != unknown, :-1]
+        for row in others:
+            if (rows[row], unknown) not in stated:
+                cheapest = (matrix[row, :-1] == of_classes.min(axis=0)).any()
+                matrix[row, -1] = 1.0 if cheapest else matrix[row, :-1].max()
+    return label_array(rows, every), matrix
 
 
 def cost_parameters(estimator: Any) -> dict[str, Any]:
@@ -242,90 +259,76 @@ def check_pairs(cost: Mapping[Any, Any]) -> None:
             )
 
 
-def _from_array(cost: Any, known: list[Any]) -> NDArray[np.float64]:
-    if hasattr(cost, "columns"):
-        raise TypeError(
-            f"cost is a {type(cost).__module__.split('.')[0]} {type(cost).__name__}, which has no "
-            f"index that names its decisions. Pass a pandas DataFrame or a mapping."
-        )
-    check_unmasked(cost, "cost")
+def _stated_pairs(
+    cost: Any, known: list[Any], truths: list[Any]
+) -> tuple[list[Any], dict[tuple[Any, Any], Any]]:
+    """Return the decisions, and the costs that are stated, {(decision, true state): cost}."""
+    if cost is None:
+        return truths, {}
+    if isinstance(cost, Mapping):
+        check_pairs(cost)
+        pairs = {tuple(plain_labels(pair)): value for pair, value in cost.items()}
+        return list(dict.fromkeys([*truths, *(decision for decision, _ in pairs)])), pairs
+    if isinstance(cost, pd.DataFrame):
+        rows, columns = plain_labels(cost.index), plain_labels(cost.columns)
+        check_distinct(rows, "decisions in the index of cost")
+        check_distinct(columns, "classes in the columns of cost")
+        missing = [label for label in known if label not in columns]
+        if missing or not rows:
+            raise ValueError(
+                f"cost must have at least one decision (row), and one column for every class "
+                f"(columns are the truth); missing: {missing}. Its columns are {columns}."
+            )
+        values = cost.to_numpy()
+    else:
+        values = _square(cost, known, truths)
+        rows = columns = truths[: len(values)]
+    own = truths[len(known) :]  # the unknown state comes last
+    pairs = dict(zip(itertools.product(rows, columns), values.ravel(), strict=True))
+    return [*(row for row in rows if row not in own), *own], pairs
+
+
+def _square(cost: Any, known: list[Any], truths: list[Any]) -> NDArray[Any]:
+    """Return costs that are given as an array, in the order of the classes."""
     try:
         array = np.asarray(cost)
     except ValueError as error:
         raise ValueError(f"cost must be a rectangular array of numbers: {error}.") from error
-    expected = (len(known), len(known))
-    if array.shape != expected:
+    if array.shape not in {(len(known),) * 2, (len(truths),) * 2}:
         raise ValueError(
-            f"cost must be a square array of shape {expected}, rows = decisions and columns = "
-            f"true classes in the order of the classes {known}; got shape {array.shape}. Decisions "
-            f"that are not classes need names: pass a pandas DataFrame with "
+            f"cost must be a square array of shape {(len(known),) * 2}, rows = decisions and "
+            f"columns = true classes in the order of the classes {known}; got shape {array.shape}. "
+            f"Decisions that are not classes need names: pass a pandas DataFrame with "
             f"index = decisions and columns = classes."
         )
-    return _numbers(array, known, known)
+    return array
 
 
-def _from_frame(cost: pd.DataFrame, known: list[Any]) -> tuple[list[Any], NDArray[np.float64]]:
-    rows, columns = plain_labels(cost.index), plain_labels(cost.columns)
-    _check_named(rows)
-    check_distinct(rows, "decisions in the index of cost")
-    check_distinct(columns, "classes in the columns of cost")
-    if not rows:
-        raise ValueError("cost must have at least one decision (row), got none.")
-    for column in columns:
-        if column not in known:
-            _refuse_class(column, known)
-    missing = [label for label in known if label not in columns]
-    if missing:
-        raise ValueError(
-            f"cost must have one column for every class (columns are the truth); missing: "
-            f"{missing}. Its columns are {columns}."
-        )
-    order = [columns.index(label) for label in known]
-    return rows, _numbers(cost.to_numpy()[:, order], rows, known)
-
-
-def _from_mapping(
-    cost: Mapping[Any, Any], known: list[Any]
-) -> tuple[list[Any], NDArray[np.float64]]:
-    check_pairs(cost)
-    named = dict.fromkeys(plain_labels(decision for decision, _ in cost))
-    _check_named(list(named))
-    rows = known + [decision for decision in named if decision not in known]
-    table = np.full((len(rows), len(known)), None)
-    table[: len(known)] = 1.0 - np.eye(len(known))
-    for (decision, truth), value in cost.items():
-        if truth not in known:
-            _refuse_class(truth, known)
-        table[rows.index(decision), known.index(truth)] = value
-    for decision, values in zip(rows[len(known) :], table[len(known) :], strict=True):
-        missing = [k for k, value in zip(known, values, strict=True) if value is None]
-        if missing:
+def _check_labels(
+    rows: list[Any], stated: dict[tuple[Any, Any], Any], known: list[Any], truths: list[Any]
+) -> None:
+    """Raise a ValueError if a label of a cost is missing or unknown, or a cost is not stated."""
+    for _, truth in stated:
+        if truth not in truths:
+            raise ValueError(
+                f"cost names the class {truth!r} as a truth, which is unknown. Known classes: "
+                f"{truths}.{numbered_hint(known, [truth])}"
+            )
+    for decision in rows:
+        if pd.api.types.is_scalar(decision) and pd.isna(decision):
+            raise ValueError(f"cost must name every decision (row), got {decision!r}. Name it.")
+        missing = [truth for truth in known if (decision, truth) not in stated]
+        if decision not in truths and missing:
             raise ValueError(
                 f"cost contains the decision {decision!r}, which is none of the classes {known}: "
                 f"it then needs a cost for every class; missing: {missing}."
             )
-    return rows, _numbers(table, rows, known)
 
 
 def _numbers(table: NDArray[Any], rows: list[Any], columns: list[Any]) -> NDArray[np.float64]:
     """Return the table as floats, or state which cost is not a finite number."""
-    if table.dtype.kind in "iuf" and np.isfinite(table).all():
-        return table.astype(np.float64)
     matrix = np.empty(table.shape)
     for i, k in np.ndindex(table.shape):
-        name = f"cost[{i}, {k}] (deciding {rows[i]!r} when {columns[k]!r} is true)"
+        name = f"the cost of deciding {rows[i]!r} when {columns[k]!r} is true"
         matrix[i, k] = check_number(table[i, k], name)
     return matrix
-
-
-def _check_named(decisions: list[Any]) -> None:
-    for label in decisions:
-        if pd.api.types.is_scalar(label) and pd.isna(label):
-            raise ValueError(f"cost must name every decision (row), got {label!r}. Name it.")
-
-
-def _refuse_class(label: Any, known: list[Any]) -> NoReturn:
-    raise ValueError(
-        f"cost names the class {label!r} as a truth, which is unknown. Known classes: {known}."
-        f"{numbered_hint(known, [label])}"
-    )

@@ -118,6 +118,7 @@ def class_gaussians(
     shrinkage: Any = None,
     recordings: tuple[Array, NDArray[np.intp]] | None = None,
     *,
+    floored: bool | None = None,
     floor: float = 1e-9,
 ) -> GaussianClasses:
     """Compute the densities of `CostSensitiveGaussianBayes` from moments.
@@ -125,13 +126,15 @@ def class_gaussians(
     Parameters
     ----------
     moments : ClassMoments
-        Of `emacm.decisions.moments.moments_for` with the same `covariance` and `shrinkage`.
+        Of `emacm.decisions.moments.class_moments` with the same `covariance` and `shrinkage`.
     covariance, shrinkage : str and None, float or str
         As for `CostSensitiveGaussianBayes`.
     recordings : tuple of (X, codes)
         Features, and the number of the class of each recording; needed for "auto" only.
+    floored : bool, default=None
+        Whether the eigenvalues of a singular covariance are raised. None: without shrinkage.
     floor : float, default=1e-9
-        Least eigenvalue of a singular covariance, per largest feature variance; without shrinkage.
+        Least eigenvalue of a singular covariance, per largest feature variance.
 
     Returns
     -------
@@ -139,128 +142,70 @@ def class_gaussians(
 
     Examples
     --------
-    >>> from emacm.decisions.moments import moments_for
+    >>> from emacm.decisions.moments import class_moments
     >>> X, codes = np.array([[0.0], [2.0], [5.0], [7.0]]), np.array([0, 0, 1, 1])
-    >>> gaussians = class_gaussians(moments_for("full", None, X, codes, 2))
+    >>> gaussians = class_gaussians(class_moments(X, codes, 2))
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
     array([[-1.266, -7.516]])
     """
+    scatter = diagonals(moments.scatter) if covariance == "diag" else moments.scatter
+    free = np.maximum(moments.divisors, 0.0)
+    inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
     coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
-    lifted = floor * moments.feature_variances.max() if shrinkage is None else None
-    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=lifted)
-
-
-def floored_gaussians(
-    moments: ClassMoments,
-    covariance: str,
-    shrinkage: Any,
-    recordings: tuple[Array, NDArray[np.intp]],
-    *,
-    floor: float = 1e-9,
-) -> GaussianClasses:
-    """As `class_gaussians`, with the floor for singular covariances whatever the shrinkage."""
-    coefficients = shrinkage_coefficients(moments, shrinkage, recordings)
-    lifted = floor * moments.feature_variances.max()
-    return fit_gaussians(moments, *coefficients, diagonal=covariance == "diag", floor=lifted)
+    covariances = shrink(scatter, *coefficients, factors=inverse)
+    floored = shrinkage is None if floored is None else floored
+    least = floor * moments.feature_variances.max() if floored else 0.0
+    factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
+    singular = np.zeros(len(covariances), dtype=bool)
+    for group, found in enumerate(covariances):
+        factor = inverse_factor(found)
+        singular[group] = factor is None
+        if factor is None and least:
+            covariances[group], factor = _raised(found, least)
+        if factor is not None:
+            factors[group], log_determinants[group] = factor
+    return GaussianClasses(moments.means, covariances, factors, log_determinants, singular)
 
 
 def shrinkage_coefficients(
     moments: ClassMoments, shrinkage: Any, recordings: tuple[Array, NDArray[np.intp]] | None
-) -> tuple[ArrayLike, ...]:
-    """Return the arguments of `shrink` for the covariances of moments, as `class_gaussians`.
-
-    Parameters
-    ----------
-    moments, shrinkage, recordings
-        As for `class_gaussians`.
-
-    Returns
-    -------
-    tuple of (coefficients,) or (coefficients, squared_scales)
-    """
+) -> tuple[ArrayLike, ArrayLike]:
+    """Return the arguments `coefficients` and `squared_scales` of `shrink`."""
     if shrinkage == "auto":
         if recordings is None:
             raise ValueError('shrinkage="auto" needs the recordings.')
         return ledoit_wolf_coefficients(*recordings, moments.means, pooled=moments.pooled)
     if shrinkage == "oas":
         pairs = zip(moments.scatter, moments.group_counts, strict=True)
-        return ([oas_coefficient(scatter, count) for scatter, count in pairs],)
-    return (0.0 if shrinkage is None else float(shrinkage),)
+        return [oas_coefficient(scatter, count) for scatter, count in pairs], 1.0
+    return 0.0 if shrinkage is None else float(shrinkage), 1.0
 
 
-def fit_gaussians(
-    moments: ClassMoments,
-    coefficients: ArrayLike = 0.0,
-    squared_scales: ArrayLike = 1.0,
-    *,
-    diagonal: bool = False,
-    floor: float | None = None,
-) -> GaussianClasses:
-    """Compute covariances, Eq. (2.46), shrink and factorise them.
+def inverse_factor(covariance: Array) -> tuple[Array, float] | None:
+    """Return P with P P' = inverse of a covariance, and the logarithm of its determinant.
 
     Parameters
     ----------
-    moments : ClassMoments
-        Counts, means and scatter.
-    coefficients, squared_scales : array-like
-        As for `shrink`.
-    diagonal : bool, default=False
-        Keep the variances only (of the shrunk covariance).
-    floor : float, default=None
-        Least eigenvalue of a covariance that is singular, in squared units of the
-        features; None leaves it singular.
+    covariance : ndarray of shape (n_features, n_features) or (n_features,)
+        In the second shape, the variances of uncorrelated features.
 
     Returns
     -------
-    gaussians : GaussianClasses
-        Densities of all classes.
+    tuple of (factor, log_determinant) or None
+        None if it is singular. The correlation matrix decides, so that features in very different
+        units do not make a covariance singular.
 
     Examples
     --------
-    >>> from emacm.decisions.moments import class_moments
-    >>> X = np.array([[0.0], [2.0], [5.0], [7.0]])
-    >>> gaussians = fit_gaussians(class_moments(X, np.array([0, 0, 1, 1]), 2))
-    >>> gaussians.log_densities(np.array([[1.0]])).round(3)
-    array([[-1.266, -7.516]])
+    >>> inverse_factor(np.array([4.0, 1.0]))
+    (array([0.5, 1. ]), 1.3862943611198906)
+    >>> inverse_factor(np.ones((2, 2)))
     """
-    scatter = diagonals(moments.scatter) if diagonal else moments.scatter
-    free = np.maximum(moments.divisors, 0.0)
-    inverse = np.divide(1.0, free, out=np.zeros_like(free), where=free > 0)
-    covariances = shrink(scatter, coefficients, squared_scales, inverse)
-    if covariances.ndim == 2:
-        return _fit_variances(moments.means, covariances, floor)
-    factors, log_determinants = np.zeros_like(covariances), np.zeros(len(covariances))
-    singular = np.zeros(len(covariances), dtype=bool)
-    for group, covariance in enumerate(covariances):
-        root = cholesky_root(covariance)
-        singular[group] = root is None
-        if root is not None:
-            factors[group], log_determinants[group] = _inverse_of_root(root)
-        elif floor:
-            covariances[group], factors[group], log_determinants[group] = _lift(covariance, floor)
-    return GaussianClasses(moments.means, covariances, factors, log_determinants, singular)
-
-
-def is_singular(covariance: Array) -> bool:
-    """Return whether a covariance has no inverse, in any units of the features.
-
-    Examples
-    --------
-    >>> is_singular(np.diag([1e-12, 1e12])), is_singular(np.ones((2, 2)))
-    (False, True)
-    """
-    return cholesky_root(covariance) is None
-
-
-def cholesky_root(covariance: Array) -> Array | None:
-    """Return the lower triangular L with L L' = a covariance, or None if it is singular.
-
-    The correlation matrix decides, so that features in very different units do not make a
-    covariance singular.
-    """
-    variances = np.diagonal(covariance)
+    variances = covariance if covariance.ndim == 1 else np.diagonal(covariance)
     if not (variances > 0).all():
         return None
+    if covariance.ndim == 1:
+        return 1 / np.sqrt(variances), float(np.log(variances).sum())
     deviations = np.sqrt(variances)[:, np.newaxis]
     correlation = covariance / deviations / deviations[:, 0]
     try:
@@ -272,36 +217,18 @@ def cholesky_root(covariance: Array) -> Array | None:
         rounding = 10 * len(covariance) * np.finfo(np.float64).eps
         if eigenvalues[0] <= rounding * eigenvalues[-1]:
             return None
-    return root * deviations
-
-
-def factorise(covariance: Array) -> tuple[Array, float]:
-    """Return P with P P' = inverse of a covariance, and the logarithm of its determinant."""
-    root: Any = np.linalg.cholesky(covariance)
-    return _inverse_of_root(root)
-
-
-def _inverse_of_root(root: Array) -> tuple[Array, float]:
-    """Return the inverse of the transpose of L, and the logarithm of the determinant of L L'."""
+    root = root * deviations
     inverse = solve_triangular(root, np.eye(len(root)), lower=True).T
     return inverse, float(2 * np.log(np.diagonal(root)).sum())
 
 
-def _fit_variances(means: Array, variances: Array, floor: float | None) -> GaussianClasses:
-    """Return densities of uncorrelated features."""
-    singular: NDArray[np.bool_] = ~np.all(variances > 0, axis=1)
-    if floor:
-        variances[singular] = np.maximum(variances[singular], floor)
-    usable = ~singular if not floor else np.ones_like(singular)
-    factors, log_determinants = np.zeros_like(variances), np.zeros(len(variances))
-    factors[usable] = 1 / np.sqrt(variances[usable])
-    log_determinants[usable] = np.log(variances[usable]).sum(axis=1)
-    return GaussianClasses(means, variances, factors, log_determinants, singular)
-
-
-def _lift(covariance: Array, floor: float) -> tuple[Array, Array, float]:
-    """Raise the eigenvalues to the floor; return covariance, inverse factor, log determinant."""
+def _raised(covariance: Array, least: float) -> tuple[Array, tuple[Array, float]]:
+    """Raise eigenvalues; return the covariance, and its inverse factor and log determinant."""
+    if covariance.ndim == 1:
+        variances = np.maximum(covariance, least)
+        return variances, (1 / np.sqrt(variances), float(np.log(variances).sum()))
     eigenvalues, vectors = np.linalg.eigh(covariance)
-    eigenvalues = np.maximum(eigenvalues, floor)
+    eigenvalues = np.maximum(eigenvalues, least)
     root = vectors * np.sqrt(eigenvalues)
-    return root @ root.T, vectors / np.sqrt(eigenvalues), float(np.log(eigenvalues).sum())
+    factor = vectors / np.sqrt(eigenvalues), float(np.log(eigenvalues).sum())
+    return root @ root.T, factor

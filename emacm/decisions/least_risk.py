@@ -17,6 +17,7 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 from emacm._checks import group_codes
 from emacm._saved import SavedEstimator
 from emacm.calibration.left_out import single_recordings
+from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import check_temperature, check_unknown_rate, warn_without_groups
 from emacm.decisions.labels import check_classes
 from emacm.decisions.left_out_calibration import (
@@ -35,7 +36,7 @@ from emacm.decisions.pipelines import (
     weight_parameter,
 )
 from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_possible, truth_cost_table, truth_priors
+from emacm.decisions.truths import check_possible, truth_priors
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
@@ -175,7 +176,7 @@ class LeastRiskClassifier(
         y = column_or_1d(y, warn=True)
         check_consistent_length(X, y)
         classes, codes = np.unique(y, return_inverse=True)
-        truth_cost_table(self.cost, classes, self.unknown)
+        cost_table(self.cost, classes, self.unknown)
         self._check_calibration_parameters()
         by_groups = isinstance(self.temperature, str)
         calibrated = by_groups or self.detector is not None

@@ -18,8 +18,8 @@ from emacm.calibration.left_out import check_judged, left_out
 from emacm.calibration.tails import StudentTail, student_tail
 from emacm.calibration.temperature import fit_temperature
 from emacm.decisions.fit_checks import check_temperature, has_unknown
-from emacm.decisions.gaussians import floored_gaussians
-from emacm.decisions.moments import moments_for
+from emacm.decisions.gaussians import class_gaussians
+from emacm.decisions.moments import class_moments
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import fit_typicality, positive, unknown_probability
 from emacm.recordings.meta import chosen_rows
@@ -263,10 +263,10 @@ def left_out_gaussians(
     found = np.full((len(X), n_classes), -np.inf)
     for others, rows in left_out(codes, groups):
         some = X[others], codes[others]
-        moments = moments_for(covariance, shrinkage, *some, n_classes, weight[others])
+        moments = class_moments(*some, n_classes, weight[others], covariance, shrinkage)
         seen = (moments.counts > 0) & (moments.divisors > 0)
         if seen.any():
-            gaussians = floored_gaussians(moments, covariance, shrinkage, some)
+            gaussians = class_gaussians(moments, covariance, shrinkage, some, floored=True)
             found[np.ix_(rows, seen)] = gaussians.log_densities(X[rows])[:, seen]
     return found
 

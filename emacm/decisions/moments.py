@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Limits of features, and of their deviations from the mean, between which squares neither overflow
-# nor underflow.
-_LARGEST, _SMALLEST = 1e150, 1e-140
-
 
 @dataclass(frozen=True)
 class ClassMoments:
@@ -83,12 +79,11 @@ def class_moments(
     X: Array,
     codes: NDArray[np.intp],
     n_classes: int,
-    *,
-    sample_weight: Array | None = None,
-    pooled: bool = False,
-    variances_only: bool = False,
+    weight: Array | None = None,
+    covariance: str = "full",
+    shrinkage: Any = None,
 ) -> ClassMoments:
-    """Return counts, means and scatter of the recordings of each class.
+    """Return the moments that a kind of covariance and of shrinkage needs.
 
     Parameters
     ----------
@@ -98,33 +93,28 @@ def class_moments(
         Number of the class of each recording, 0..n_classes-1.
     n_classes : int
         Number of classes, including those without recordings.
-    sample_weight : ndarray of shape (n_recordings,), default=None
+    weight : ndarray of shape (n_recordings,), default=None
         How often each recording counts; None: once.
-    pooled : bool, default=False
-        Sum the scatter over the classes.
-    variances_only : bool, default=False
-        Omit the products of different features.
+    covariance, shrinkage : str and None, float or str
+        As for `CostSensitiveGaussianBayes`. "tied": the scatter is summed over the classes. "diag":
+        without products of different features, unless "oas" needs them.
 
     Returns
     -------
-    moments : ClassMoments
-        Counts, means and scatter.
-
-    Raises
-    ------
-    ValueError
-        If a feature is so large, or varies so little, that its variance may overflow or underflow.
+    ClassMoments
 
     Examples
     --------
-    >>> X = np.array([[0.0], [2.0], [5.0]])
-    >>> moments = class_moments(X, np.array([0, 0, 1]), 2)
+    >>> X, codes = np.array([[0.0], [2.0], [5.0], [9.0]]), np.array([0, 0, 1, 1])
+    >>> moments = class_moments(X, codes, 2)
     >>> moments.counts, moments.means.ravel(), moments.scatter.ravel()
-    (array([2., 1.]), array([1., 5.]), array([2., 0.]))
+    (array([2., 2.]), array([1., 7.]), array([2., 8.]))
+    >>> class_moments(X, codes, 2, covariance="tied").scatter
+    array([[[10.]]])
     """
-    check_range(X)
-    weight = np.ones(len(X)) if sample_weight is None else sample_weight
-    n_features = X.shape[1]
+    weight = np.ones(len(X)) if weight is None else weight
+    n_features, pooled = X.shape[1], covariance == "tied"
+    variances_only = covariance == "diag" and shrinkage != "oas"
     counts, means = np.zeros(n_classes), np.zeros((n_classes, n_features))
     shape = (n_features,) if variances_only else (n_features, n_features)
     scatter = np.zeros((1 if pooled else n_classes, *shape))
@@ -138,49 +128,10 @@ def class_moments(
         means[k] += w @ (rows - means[k]) / counts[k]
         constant = (rows == rows[0]).all(axis=0)
         means[k, constant] = rows[0, constant]  # without rounding, so that it has no spread
-        deviations = rows - means[k]
-        _check_deviations(deviations, k)
-        scaled = deviations * np.sqrt(w)[:, np.newaxis]
+        scaled = (rows - means[k]) * np.sqrt(w)[:, np.newaxis]
         spread = np.sum(scaled**2, axis=0) if variances_only else scaled.T @ scaled
         scatter[0 if pooled else k] += spread
     return ClassMoments(counts, means, scatter, pooled)
-
-
-def moments_for(
-    covariance: str,
-    shrinkage: Any,
-    X: Array,
-    codes: NDArray[np.intp],
-    n_classes: int,
-    sample_weight: Array | None = None,
-) -> ClassMoments:
-    """Return the moments that a kind of covariance and of shrinkage needs.
-
-    Parameters
-    ----------
-    covariance, shrinkage : str and None, float or str
-        As for `CostSensitiveGaussianBayes`.
-    X, codes, n_classes, sample_weight
-        As for `class_moments`.
-
-    Returns
-    -------
-    ClassMoments
-
-    Examples
-    --------
-    >>> X, codes = np.array([[0.0], [2.0], [5.0], [9.0]]), np.array([0, 0, 1, 1])
-    >>> moments_for("tied", None, X, codes, 2).scatter
-    array([[[10.]]])
-    """
-    return class_moments(
-        X,
-        codes,
-        n_classes,
-        sample_weight=sample_weight,
-        pooled=covariance == "tied",
-        variances_only=covariance == "diag" and shrinkage != "oas",
-    )
 
 
 def diagonals(matrices: Array) -> Array:
@@ -192,31 +143,6 @@ def diagonals(matrices: Array) -> Array:
     array([[1., 4.]])
     """
     return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
-
-
-def check_range(X: Array) -> None:
-    """Raise a ValueError if the variance of a feature may overflow."""
-    if X.max(initial=0.0) > _LARGEST or X.min(initial=0.0) < -_LARGEST:
-        bad = np.abs(X) > _LARGEST
-        recording, feature = np.unravel_index(int(np.argmax(bad)), bad.shape)
-        raise ValueError(
-            f"Features must be at most {_LARGEST:g} in size, so that their variances are finite; "
-            f"got {X[recording, feature]:g} at recording {recording}, feature {feature}. "
-            f"Use other units."
-        )
-
-
-def _check_deviations(deviations: Array, k: int) -> None:
-    """Raise a ValueError if the variance of a feature underflows."""
-    spread = np.abs(deviations).max(axis=0)
-    bad = (spread > 0) & (spread < _SMALLEST)
-    if bad.any():
-        feature = int(np.argmax(bad))
-        raise ValueError(
-            f"Features must be constant within a class or differ from its mean by at least "
-            f"{_SMALLEST:g}, so that variances do not underflow; the largest deviation of feature "
-            f"{feature} in class number {k} is {spread[feature]:g}. Use other units."
-        )
 
 
 def _scatter_of_rows(rows: Array, weight: Array, ndim: int) -> Array:

@@ -15,10 +15,10 @@ from emacm._checks import check_number, group_codes
 from emacm.calibration.left_out import left_out
 from emacm.calibration.quantiles import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.gaussians import fit_gaussians, shrinkage_coefficients
+from emacm.decisions.gaussians import class_gaussians, shrinkage_coefficients
 from emacm.decisions.labels import label_list, label_positions
 from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutDensities
-from emacm.decisions.moments import moments_for
+from emacm.decisions.moments import class_moments
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
 Array = NDArray[np.float64]
@@ -281,9 +281,9 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     def _estimated(self, X: Array, codes: Indices, units: Indices) -> UnitLevels:
         """Estimate the covariances from recordings of classes and units numbered from 0."""
-        moments = moments_for("tied", self.shrinkage, X, codes, int(codes.max()) + 1)
+        moments = class_moments(X, codes, int(codes.max()) + 1, covariance="tied")
+        plain = class_gaussians(moments, "tied", self.shrinkage, (X, codes)).covariances[0]
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
-        plain = fit_gaussians(moments, *shrinkage).covariances[0]
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
     def _leave_out(self, X: Array, codes: Indices, units: Indices) -> Array:

@@ -37,24 +37,12 @@ def oas_coefficient(scatter: ArrayLike, count: float) -> float:
     0.636364
     """
     S = np.asarray(scatter, dtype=np.float64)
-    largest = np.abs(S).max()
-    if largest == 0:
+    n_features = len(S)
+    mean_square, squared_mean = np.mean(S**2), (np.trace(S) / n_features) ** 2
+    excess = (count + 1) * (mean_square - squared_mean / n_features)
+    if n_features == 1 or mean_square == 0:
         return 0.0
-    S = S / largest  # squares neither overflow nor underflow
-    return float(oas_of_moments(np.trace(S), np.sum(S**2), count, len(S)))
-
-
-def oas_of_moments(trace: ArrayLike, square: ArrayLike, count: ArrayLike, n_features: int) -> Array:
-    """As `oas_coefficient`, of several covariances, from traces and sums of squared elements."""
-    if n_features == 1:
-        return np.zeros(np.shape(trace))
-    mean_square = np.asarray(square) / n_features**2
-    squared_mean = np.square(np.asarray(trace) / n_features)
-    excess = (np.asarray(count) + 1) * (mean_square - squared_mean / n_features)
-    ratio = np.divide(
-        mean_square + squared_mean, excess, out=np.ones_like(excess), where=excess > 0
-    )
-    return np.minimum(ratio, 1.0)
+    return float(min(1.0, (mean_square + squared_mean) / excess)) if excess > 0 else 1.0
 
 
 def ledoit_wolf_coefficients(
@@ -100,42 +88,6 @@ def ledoit_wolf_coefficients(
             coefficients[group] = ledoit_wolf_shrinkage(scaler.transform(rows))
             squared_scales[group] = scaler.scale_**2
     return coefficients, squared_scales
-
-
-def ledoit_wolf_coefficient(scatter: Array, count: float, fourth: float) -> float:
-    """Coefficient of Ledoit and Wolf from moments [1]_, as in `sklearn.covariance`.
-
-    Parameters
-    ----------
-    scatter : ndarray of shape (n_features, n_features)
-        Sum of the outer products of the recordings, whose mean is 0.
-    count : float
-        Number of recordings.
-    fourth : float
-        Sum of the fourth powers of the Euclidean norms of the recordings.
-
-    Returns
-    -------
-    coefficient : float
-        Fraction of the spherical target, 0 to 1.
-
-    References
-    ----------
-    .. [1] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
-       matrices, Journal of Multivariate Analysis 88 (2004).
-
-    Examples
-    --------
-    >>> X = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 2.0], [0.0, -2.0]])
-    >>> round(ledoit_wolf_coefficient(X.T @ X, 4, np.sum(np.sum(X**2, axis=1) ** 2)), 6)
-    0.944444
-    """
-    n_features, trace = len(scatter), np.trace(scatter) / count
-    square = np.vdot(scatter, scatter) / count**2
-    distance = (square - trace**2 / n_features) / n_features
-    error = (fourth / count - square) / (n_features * count)
-    error = min(error, distance)
-    return float(error / distance) if error > 0 else 0.0
 
 
 def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm.calibration.left_out import check_judged, left_out
 from emacm.calibration.tails import Peaks, StudentTail, peaks_over_threshold, student_tail
-from emacm.decisions.gaussians import floored_gaussians
-from emacm.decisions.moments import moments_for
+from emacm.decisions.gaussians import class_gaussians
+from emacm.decisions.moments import class_moments
 
 Array = NDArray[np.float64]
 
@@ -316,8 +316,8 @@ def _fit_distances(
 ) -> ClassDistances:
     """Fit one covariance of all classes, shrunk by Ledoit and Wolf's coefficient."""
     n_classes = int(codes.max()) + 1
-    moments = moments_for("tied", "auto", X, codes, n_classes, weight)
-    gaussians = floored_gaussians(moments, "tied", "auto", (X, codes))
+    moments = class_moments(X, codes, n_classes, weight, "tied")
+    gaussians = class_gaussians(moments, "tied", "auto", (X, codes), floored=True)
     factor, means = gaussians.factors[0], gaussians.means
     centred = means - means.mean(axis=0)
     degrees = len(np.unique(np.column_stack([codes, units]), axis=0)) - n_classes

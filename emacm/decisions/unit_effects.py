@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from emacm.decisions.gaussians import GaussianClasses, factorise, is_singular
+from emacm.decisions.gaussians import GaussianClasses, inverse_factor
 from emacm.decisions.shrinkage import population_eigenvalues, shrink
 
 Array = NDArray[np.float64]
@@ -212,18 +212,18 @@ def fit_unit_levels(
     """
     parts = unit_scatter(X, codes, units)
     within, between = (shrink(part[np.newaxis], *shrinkage)[0] for part in parts[:2])
-    if is_singular(within):
+    white, of_plain = inverse_factor(within), inverse_factor(plain)
+    if white is None or of_plain is None:
         raise ValueError(
             f"the covariance within units is singular, for {X.shape[1]} features and "
             f'{len(X)} recordings. Use shrinkage="auto", more recordings of each unit or fewer '
             f"features."
         )
-    white = factorise(within)[0]
-    mean_square = white.T @ between @ white
+    mean_square = white[0].T @ between @ white[0]
     values, vectors = np.linalg.eigh(mean_square)
     values = population_eigenvalues(values, parts.between_divisor)
     ratios = np.maximum(values - 1, 0) / parts.multiplicity
-    directions = within @ white @ vectors if ratios.any() else plain @ factorise(plain)[0]
+    directions = within @ white[0] @ vectors if ratios.any() else plain @ of_plain[0]
     return UnitLevels(directions, *_class_levels(directions, ratios, X, codes, units))
 
 

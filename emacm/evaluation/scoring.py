@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.multiclass import check_classification_targets
 
 from emacm.conditions.router import check_labels
+from emacm.decisions.costs import cost_table
 from emacm.decisions.families import family_mapping
 from emacm.decisions.labels import label_array
 from emacm.decisions.metrics import (
@@ -21,7 +22,7 @@ from emacm.decisions.metrics import (
     correct_families,
     label_of,
 )
-from emacm.decisions.truths import truth_cost_table, truth_priors
+from emacm.decisions.truths import truth_priors
 from emacm.recordings.meta import listed_recordings
 
 
@@ -250,7 +251,7 @@ def _cost_frame(cost: Any, family_of: Mapping[Any, Any], unknown: Any) -> pd.Dat
     names, labels = list(family_of), list(dict.fromkeys(family_of.values()))
     truths = _truths(cost) - {unknown}
     columns = labels if truths <= {*labels} and not truths <= {*names} else names
-    decisions, matrix = truth_cost_table(cost, label_array(columns), unknown)
+    decisions, matrix = cost_table(cost, label_array(columns), unknown)
     further = [] if unknown is None else [unknown]
     table = pd.DataFrame(matrix, decisions.tolist(), [*columns, *further])
     chosen = names if columns is names else [family_of[name] for name in names]

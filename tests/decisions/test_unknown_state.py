@@ -13,11 +13,12 @@ from sklearn.preprocessing import StandardScaler
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
+from emacm.decisions.costs import cost_table
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
 from emacm.decisions.posterior_product import PosteriorProduct
-from emacm.decisions.truths import truth_cost_table, truth_labels, truth_priors
+from emacm.decisions.truths import truth_labels, truth_priors
 from emacm.decisions.typicality import unknown_probability
 
 NAMES = np.array(["worn", "healthy", "dry"])
@@ -175,7 +176,7 @@ def test_costs_that_are_not_stated_have_defaults():
         index=["ok", "bad", "look"],
         columns=["healthy", "dry", "worn"],
     )
-    decisions, table = truth_cost_table(families, CLASSES, "new")
+    decisions, table = cost_table(families, CLASSES, "new")
     assert decisions.tolist() == ["ok", "bad", "look", "new"]
     np.testing.assert_array_equal(table[:, -1], [1, 1, 0.4, 0])
     np.testing.assert_array_equal(table[-1, :-1], 1)
@@ -187,7 +188,7 @@ def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
     frame = pd.DataFrame(matrix, rows, rows)
     mapping = {(d, t): matrix[i, k] for i, d in enumerate(rows) for k, t in enumerate(rows)}
     for cost in (matrix, frame.sample(frac=1, axis=1, random_state=0), mapping):
-        decisions, table = truth_cost_table(cost, CLASSES, "new")
+        decisions, table = cost_table(cost, CLASSES, "new")
         assert decisions.tolist() == rows
         np.testing.assert_array_equal(table, matrix)
 
@@ -195,7 +196,7 @@ def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
 @pytest.mark.parametrize("key", ["ab", ("a",), ("a", "b", "c")])
 def test_a_key_that_is_no_pair_is_refused_with_an_unknown_state(key):
     with pytest.raises(TypeError, match="keys of a cost mapping must be tuples"):
-        truth_cost_table({key: 1}, CLASSES, "new")
+        cost_table({key: 1}, CLASSES, "new")
 
 
 @pytest.mark.parametrize("form", ["frame", "mapping"])
@@ -209,7 +210,7 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
         columns = {"dry": [0.3, 1, 1, 0, 4], "new": [0.2, 1, 9, 1, -1]}
         columns |= {"worn": [0.3, 0, 1, 1, 1], "healthy": [0.3, 1, 0, 1, 1]}
         cost = pd.DataFrame(columns, order)
-    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    decisions, table = cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == order
     found = dict(zip(order, table.tolist(), strict=True))
     assert found == {
@@ -223,7 +224,7 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
 
 def test_a_square_frame_without_the_unknown_decision_is_given_it():
     cost = pd.DataFrame(np.arange(16.0).reshape(4, 4), list("abcd"), [*CLASSES, "new"])
-    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    decisions, table = cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == [*"abcd", "new"]
     np.testing.assert_array_equal(table[:4], cost)
     assert table[4].tolist() == [1, 1, 1, 0]
@@ -233,11 +234,11 @@ def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state(
     cost = pd.DataFrame(
         [[0, 2, 3], [5, 0.5, 0.2], [1.5, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
     )
-    decisions, table = truth_cost_table(cost, CLASSES, "new")
+    decisions, table = cost_table(cost, CLASSES, "new")
     assert decisions.tolist() == [*"abcd", "new"]
     assert table[:, -1].tolist() == [1, 1, 1, 4, 0]
     square = np.arange(9.0).reshape(3, 3)
-    decisions, table = truth_cost_table(square, CLASSES, "new")
+    decisions, table = cost_table(square, CLASSES, "new")
     assert decisions.tolist() == [*CLASSES, "new"]
     np.testing.assert_array_equal(table[:3, :3], square)
     np.testing.assert_array_equal(table[3], [1, 1, 1, 0])
@@ -258,14 +259,14 @@ def test_labels_of_truths_are_the_classes_and_then_the_unknown_state():
 
 
 def test_without_an_unknown_state_the_cost_is_that_of_the_classes():
-    decisions, table = truth_cost_table(None, CLASSES, None)
+    decisions, table = cost_table(None, CLASSES, None)
     assert decisions is CLASSES
     np.testing.assert_array_equal(table, 1 - np.eye(3))
 
 
 def test_a_decision_with_a_cost_for_the_unknown_state_only_is_an_error():
     with pytest.raises(ValueError, match=r"'inspect', .* classes \['dry', 'healthy', 'worn'\]: it"):
-        truth_cost_table({("inspect", "new"): 0.1}, CLASSES, "new")
+        cost_table({("inspect", "new"): 0.1}, CLASSES, "new")
 
 
 def test_the_unknown_state_must_not_be_a_class():
@@ -276,7 +277,7 @@ def test_the_unknown_state_must_not_be_a_class():
 @pytest.mark.parametrize("value", [np.nan, "7", True])
 def test_costs_of_the_unknown_state_are_numbers(value):
     with pytest.raises((TypeError, ValueError), match="'dry' when 'new'"):
-        truth_cost_table({("dry", "new"): value}, CLASSES, "new")
+        cost_table({("dry", "new"): value}, CLASSES, "new")
 
 
 def test_priors_may_contain_the_unknown_state():
