@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from emacm._checks import check_table, group_codes
+from emacm._checks import check_table
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import single_recordings
+from emacm.calibration.left_out import units_left_out
 from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import (
     agreed_classes,
@@ -28,17 +29,15 @@ from emacm.decisions.fit_checks import (
 )
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
 from emacm.decisions.labels import check_classes, label_positions
-from emacm.decisions.left_out_calibration import (
-    LeftOutCalibration,
-    LeftOutMixin,
-    calibrate_gaussians,
-)
+from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
 from emacm.decisions.metrics import check_weights, positive_weights
 from emacm.decisions.moments import ClassMoments, class_moments
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.decisions.truths import truth_priors
+from emacm.decisions.typicality import fit_typicality
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, SavedEstimator):
@@ -72,8 +71,8 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
     unknown : label, default=None
         Label of one more true state, without recordings, such as "unknown": "Unhealthy - Unknown"
         in Eq. (2.35). Its probability follows from `typicality`. It has a column in the cost and
-        a prior, 0.01 unless `priors` name it (an array: with one more element); see
-        `emacm.decisions.costs.cost_table` for costs that `cost` does not state. None: there is none.
+        a prior, 0.01 unless `priors` name it (an array: with one more element). Costs that `cost`
+        does not state: see `emacm.decisions.costs.cost_table`. None: there is none.
     temperature : None, float or "groups", default=None
         Densities are raised to the power of 1 / temperature before they are multiplied by the
         priors. "groups": the value of least log loss for groups that are left out. None: 1.
@@ -211,24 +210,34 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self._set_fitted(classes, moments, gaussians)
         self._check_fitted(stacklevel=3)
         self._checked = True
-        by_groups = isinstance(self.temperature, str)
-        if groups is not None or self.unknown is not None or by_groups:
+        if groups is not None or self.unknown is not None or isinstance(self.temperature, str):
             warn_without_groups(groups, stacklevel=2)
             rows = np.flatnonzero(weight > 0)
-            if groups is None:
-                numbers = single_recordings(codes[rows], X[rows])
-            else:
-                numbers = group_codes(groups, len(X))[rows]
-            self._calibration = calibrate_gaussians(
-                X[rows],
-                codes[rows],
-                numbers,
-                weight[rows],
-                (self.covariance, self.shrinkage),
-                temperature=by_groups,
-                rate=self.unknown_rate is not None,
-            )
+            X, codes, weight = X[rows], codes[rows], weight[rows]
+            units = units_left_out(groups, rows, len(y), codes, X)
+            judge = partial(self._judge, X, codes, units, weight) if self._needs_densities else None
+            typicality = fit_typicality(X, codes, units, weight)
+            self._calibrate(codes, units, weight, typicality, judge)
         return self
+
+    def _judge(
+        self,
+        X: Array,
+        codes: Indices,
+        units: Indices,
+        weight: Array,
+        others: Indices,
+        rows: Indices,
+    ) -> Array:
+        """Return the log densities of some recordings under classes fitted to others.
+
+        Singular covariances are raised to the floor. -inf for classes of which too few remain.
+        """
+        kind, some = (self.covariance, self.shrinkage), (X[others], codes[others])
+        moments = class_moments(*some, len(self.classes_), weight[others], *kind)
+        seen = (moments.counts > 0) & (moments.divisors > 0)
+        logs = class_gaussians(moments, *kind, some, floored=True).log_densities(X[rows])
+        return np.where(seen, logs, -np.inf)
 
     @available_if(can_add_recordings)
     def partial_fit(self, X, y, classes=None, sample_weight=None):
@@ -298,10 +307,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
             after `partial_fit`, if a class with a prior has no
             recordings or a covariance is singular and `shrinkage` is not None.
         """
-        return self._joint_log_proba(self._checked_features(X))
-
-    def _joint_log_proba(self, X: Array) -> Array:
-        """As `predict_joint_log_proba`, of checked features."""
+        X = self._checked_features(X)
         priors = self.priors_
         check_seen(priors, self.class_count_, self.classes_)
         with np.errstate(divide="ignore"):
@@ -333,11 +339,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         log_posterior : ndarray of shape (n_recordings, n_classes)
             -inf where the prior is 0.
         """
-        return self._log_posterior(self._checked_features(X))
-
-    def _log_posterior(self, X: Array) -> Array:
-        """As `predict_log_proba`, of checked features."""
-        joint = self._joint_log_proba(X)
+        joint = self.predict_joint_log_proba(X)
         joint -= joint.max(axis=1, keepdims=True)
         joint -= np.log(np.exp(joint).sum(axis=1, keepdims=True))
         return joint
@@ -358,19 +360,12 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         X = self._checked_features(X)
         return self._gaussians.log_density_gradients(X) / self.temperature_
 
-    def _truth_proba(self, X: Any) -> Array:
-        X = self._checked_features(X)
-        posterior = np.exp(self._log_posterior(X))
-        if self.unknown is None:
-            return posterior
-        return self.truth_proba(X, posterior, self._typicality(X))
-
     def _checked_features(self, X) -> Array:
         check_is_fitted(self)
         check_table(X)
         X = validate_data(self, X, dtype=np.float64, reset=False)
         if not self._checked:
-            self._check_fitted(stacklevel=5)
+            self._check_fitted(stacklevel=6)
         return X
 
     def _merged(self, moments: ClassMoments) -> ClassMoments:

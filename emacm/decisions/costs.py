@@ -274,7 +274,7 @@ def _stated_pairs(
         check_distinct(rows, "decisions in the index of cost")
         check_distinct(columns, "classes in the columns of cost")
         missing = [label for label in known if label not in columns]
-        if missing or not rows:
+        if (missing and set(columns) <= set(truths)) or not rows:
             raise ValueError(
                 f"cost must have at least one decision (row), and one column for every class "
                 f"(columns are the truth); missing: {missing}. Its columns are {columns}."
@@ -284,7 +284,7 @@ def _stated_pairs(
         values = _square(cost, known, truths)
         rows = columns = truths[: len(values)]
     own = truths[len(known) :]  # the unknown state comes last
-    pairs = dict(zip(itertools.product(rows, columns), values.ravel(), strict=True))
+    pairs = dict(zip(itertools.product(rows, columns), values.ravel().tolist(), strict=True))
     return [*(row for row in rows if row not in own), *own], pairs
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,15 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, proces
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from emacm._checks import group_codes
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import single_recordings
+from emacm.calibration.left_out import units_left_out
 from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import check_temperature, check_unknown_rate, warn_without_groups
 from emacm.decisions.labels import check_classes
 from emacm.decisions.left_out_calibration import (
     LeftOutCalibration,
     LeftOutMixin,
-    calibrate_refits,
+    fit_detector,
 )
 from emacm.decisions.metrics import positive_weights
 from emacm.decisions.pipelines import (
@@ -40,6 +40,7 @@ from emacm.decisions.truths import check_possible, truth_priors
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class LeastRiskClassifier(
@@ -178,8 +179,7 @@ class LeastRiskClassifier(
         classes, codes = np.unique(y, return_inverse=True)
         cost_table(self.cost, classes, self.unknown)
         self._check_calibration_parameters()
-        by_groups = isinstance(self.temperature, str)
-        calibrated = by_groups or self.detector is not None
+        calibrated = isinstance(self.temperature, str) or self.detector is not None
         if groups is not None and (self.needs_groups or not calibrated):
             fit_params = self._groups_of_estimator(groups) | fit_params
         fit_params = self._fit_params(sample_weight, fit_params)
@@ -205,30 +205,32 @@ class LeastRiskClassifier(
         check_possible(self.priors_, self.estimator_priors_, classes)
         if calibrated:
             warn_without_groups(groups, stacklevel=2)
-            table = as_rows(X)
-            if groups is None:
-                numbers = single_recordings(codes, table)
-            else:
-                numbers = group_codes(groups, len(y))
-
-            def refit(others: Any, rows: Any) -> Array:
-                some = parameters_of_rows(fit_params, others, len(y))
-                other = LeastRiskClassifier(self.estimator)
-                other.fit(chosen_rows(table, others), y[others], **some)
-                logs = other.estimator_log_posterior(chosen_rows(table, rows))
-                return log_likelihoods(logs, other.estimator_priors_)
-
-            needed = by_groups or self.unknown_rate is not None
-            self._calibration = calibrate_refits(
-                table,
-                codes,
-                numbers,
-                weight,
-                refit if needed else None,
-                self.detector,
-                temperature=by_groups,
-            )
+            rows = np.flatnonzero(weight > 0)
+            some, codes, weight = chosen_rows(as_rows(X), rows), codes[rows], weight[rows]
+            units = units_left_out(groups, rows, len(y), codes, some)
+            fit_params = parameters_of_rows(fit_params, rows, len(y))
+            judge = partial(self._judge, some, codes, fit_params) if self._needs_densities else None
+            typicality = None
+            if self.detector is not None:
+                typicality = fit_detector(self.detector, some, codes, units, weight)
+            self._calibrate(codes, units, weight, typicality, judge)
         return self
+
+    def _judge(
+        self, X: Any, codes: Indices, fit_params: Any, others: Indices, rows: Indices
+    ) -> Array:
+        """Return logarithms of posterior over prior of some recordings, by a fit to others.
+
+        -inf for classes of which none remain.
+        """
+        logs, seen = np.full((len(rows), len(self.classes_)), -np.inf), np.unique(codes[others])
+        if len(seen) >= min(2, len(self.classes_)):
+            options = parameters_of_rows(fit_params, others, len(codes))
+            other = LeastRiskClassifier(self.estimator)
+            other.fit(chosen_rows(X, others), self.classes_[codes[others]], **options)
+            found = other.estimator_log_posterior(chosen_rows(X, rows))
+            logs[:, seen] = log_likelihoods(found, other.estimator_priors_)
+        return logs
 
     @property
     def needs_groups(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import log_softmax
 from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
@@ -18,14 +18,84 @@ from emacm.calibration.left_out import check_judged, left_out
 from emacm.calibration.tails import StudentTail, student_tail
 from emacm.calibration.temperature import fit_temperature
 from emacm.decisions.fit_checks import check_temperature, has_unknown
-from emacm.decisions.gaussians import class_gaussians
-from emacm.decisions.moments import class_moments
 from emacm.decisions.truths import states_unknown, truth_priors
-from emacm.decisions.typicality import fit_typicality, positive, unknown_probability
+from emacm.decisions.typicality import Typicality, positive, unknown_probability
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class DetectorTypicality:
+    """Typicality from the scores of an outlier detector.
+
+    Attributes
+    ----------
+    detector : estimator
+        Fitted, with `score_samples`: the larger, the more like the training.
+    tail : StudentTail
+        Distribution of the negative scores of left-out recordings.
+    left_out : ndarray of shape (n_recordings,)
+        Typicality of each training recording, judged without its group; NaN if it was not.
+    """
+
+    detector: Any
+    tail: StudentTail
+    left_out: Array
+
+    def __call__(self, X: Any) -> Array:
+        """Return the typicality of recordings, in (0, 1], shape (n_recordings,)."""
+        return positive(self.tail.survival(_distances(self.detector, X)))
+
+
+def fit_detector(
+    detector: Any, X: Any, codes: Indices, units: Indices, weight: Array
+) -> DetectorTypicality:
+    """Calibrate an outlier detector on left-out groups, by fitting it again without each of them.
+
+    Parameters
+    ----------
+    detector : estimator
+        Not fitted yet.
+    X : list of Recording, or table
+        Recordings.
+    codes, units : ndarray of int, shape (n_recordings,)
+        As for `emacm.calibration.left_out.left_out`.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted, positive.
+
+    Returns
+    -------
+    DetectorTypicality
+
+    Raises
+    ------
+    ValueError
+        If no class has recordings in two groups.
+    """
+
+    def fitted(rows: Indices) -> Any:
+        """Fit the detector to some recordings, with their weights if it accepts weights."""
+        weighted = has_fit_parameter(detector, "sample_weight") and (weight != 1).any()
+        options = {"sample_weight": weight[rows]} if weighted else {}
+        with located("detector (its input is that of the estimator: recordings need a pipeline)"):
+            return clone(detector).fit(chosen_rows(X, rows), **options)
+
+    distances, found = np.full(len(codes), np.nan), np.full(len(codes), np.nan)
+    judged = np.zeros(len(codes), dtype=bool)
+    for others, rows in left_out(codes, units):
+        distances[rows] = _distances(fitted(others), chosen_rows(X, rows))
+        judged[rows] = np.isin(codes[rows], codes[others])
+    check_judged(judged)
+    tail = student_tail(distances[judged], weight[judged])
+    found[judged] = positive(tail.survival(distances[judged]))
+    return DetectorTypicality(fitted(np.arange(len(codes))), tail, found)
+
+
+def _distances(detector: Any, X: Any) -> Array:
+    """Return the negative scores of an outlier detector."""
+    return -np.asarray(detector.score_samples(X), dtype=np.float64)
 
 
 class LeftOutDensities(NamedTuple):
@@ -37,8 +107,8 @@ class LeftOutDensities(NamedTuple):
         NaN if there is none.
     log_densities : ndarray of shape (n_recordings, n_classes)
         -inf for classes of which no other recordings remain.
-    codes : ndarray of int, shape (n_recordings,)
-        Number of the true class.
+    codes, units : ndarray of int, shape (n_recordings,)
+        Number of the true class, and of the group.
     weight : ndarray of shape (n_recordings,)
         Number of times each recording is counted.
     """
@@ -46,13 +116,19 @@ class LeftOutDensities(NamedTuple):
     typicality: Array
     log_densities: Array
     codes: Indices
+    units: Indices
     weight: Array
 
-    def fit_temperature(self, n_classes: int) -> float:
+    @property
+    def judged(self) -> NDArray[np.bool_]:
+        """Whether other recordings of the true class remained, shape (n_recordings,)."""
+        return np.isfinite(self.log_densities[np.arange(len(self.codes)), self.codes])
+
+    def fit_temperature(self) -> float:
         """Return the temperature of least log loss, with the frequencies of the classes."""
-        judged = np.isfinite(self.log_densities[np.arange(len(self.codes)), self.codes])
+        judged = self.judged
         check_judged(judged)
-        counts = np.bincount(self.codes, self.weight, n_classes)
+        counts = np.bincount(self.codes, self.weight, self.log_densities.shape[1])
         some = self.log_densities[judged], self.codes[judged], self.weight[judged]
         return fit_temperature(*some, counts / counts.sum())
 
@@ -70,7 +146,7 @@ class LeftOutCalibration(NamedTuple):
         The recordings of the training; None if they are not needed.
     """
 
-    typicality: Callable[[Any], Array] | None = None
+    typicality: Typicality | DetectorTypicality | None = None
     temperature: float | None = None
     left_out: LeftOutDensities | None = None
 
@@ -144,6 +220,35 @@ class LeftOutMixin:
         """Smallest and largest training value of each feature, shape (2, n_features)."""
         return self._calibrated("typicality").feature_range
 
+    @property
+    def _needs_densities(self) -> bool:
+        """Whether a temperature or a rate is to be found by leaving groups out."""
+        return isinstance(self.temperature, str) or self.unknown_rate is not None
+
+    def _calibrate(
+        self,
+        codes: Indices,
+        units: Indices,
+        weight: Array,
+        typicality: Typicality | DetectorTypicality | None,
+        judge: Callable[[Indices, Indices], Array] | None,
+    ) -> None:
+        """Set what is found by leaving each group out.
+
+        ``judge(others, rows)`` fits the classifier to some recordings and returns the log
+        densities of others, or the logarithms of their posterior over prior; None: not needed.
+        """
+        self._calibration = LeftOutCalibration(typicality)
+        if judge is None:
+            return
+        logs = np.full((len(codes), len(self.classes_)), -np.inf)
+        for others, rows in left_out(codes, units):
+            logs[rows] = judge(others, rows)
+        unlike = np.full(len(codes), np.nan) if typicality is None else typicality.left_out
+        left = LeftOutDensities(unlike, logs, codes, units, weight)
+        best = left.fit_temperature() if isinstance(self.temperature, str) else None
+        self._calibration = LeftOutCalibration(typicality, best, left)
+
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.
 
@@ -168,7 +273,7 @@ class LeftOutMixin:
         ValueError
             If an input is invalid, or `fit` had neither `groups` nor an unknown state.
         """
-        return self._typicality(self._checked_features(X))
+        return self._calibrated("typicality")(self._checked_features(X))
 
     @available_if(has_unknown)
     def unknown_proba(self, X, typicality=None):
@@ -193,11 +298,6 @@ class LeftOutMixin:
     def _checked_features(self, X: Any) -> Array:
         raise NotImplementedError
 
-    def _typicality(self, X: Any) -> Array:
-        """Return the typicality of checked features."""
-        found: Array = self._calibrated("typicality")(X)
-        return found
-
     def _truth_priors(self) -> tuple[Array, float]:
         return truth_priors(self.priors, self.classes_, self.class_count_, self.unknown)
 
@@ -211,175 +311,3 @@ class LeftOutMixin:
                 f"Call fit with groups=, the labels of recordings that were measured together."
             )
         return found
-
-
-@dataclass(frozen=True)
-class DetectorTypicality:
-    """Typicality from the scores of an outlier detector.
-
-    Attributes
-    ----------
-    detector : estimator
-        Fitted, with `score_samples`: the larger, the more like the training.
-    tail : StudentTail
-        Distribution of the negative scores of left-out recordings.
-    """
-
-    detector: Any
-    tail: StudentTail
-
-    def __call__(self, X: Any) -> Array:
-        """Return the typicality of recordings, in (0, 1], shape (n_recordings,)."""
-        return positive(self.tail.survival(_distances(self.detector, X)))
-
-
-def left_out_gaussians(
-    X: Array,
-    codes: Indices,
-    groups: ArrayLike,
-    weight: Array,
-    covariance: str,
-    shrinkage: Any,
-) -> Array:
-    """Return the log densities of each recording under classes fitted without its group.
-
-    Parameters
-    ----------
-    X : ndarray of shape (n_recordings, n_features)
-        Features.
-    codes, groups : ndarray of int, array-like of shape (n_recordings,)
-        As for `emacm.calibration.left_out.left_out`.
-    weight : ndarray of shape (n_recordings,)
-        Number of times each recording is counted, positive.
-    covariance, shrinkage : str and None, float or str
-        As for `CostSensitiveGaussianBayes`. Singular covariances are raised to the floor.
-
-    Returns
-    -------
-    ndarray of shape (n_recordings, n_classes)
-        -inf for classes of which too few other recordings remain.
-    """
-    n_classes = int(codes.max()) + 1
-    found = np.full((len(X), n_classes), -np.inf)
-    for others, rows in left_out(codes, groups):
-        some = X[others], codes[others]
-        moments = class_moments(*some, n_classes, weight[others], covariance, shrinkage)
-        seen = (moments.counts > 0) & (moments.divisors > 0)
-        if seen.any():
-            gaussians = class_gaussians(moments, covariance, shrinkage, some, floored=True)
-            found[np.ix_(rows, seen)] = gaussians.log_densities(X[rows])[:, seen]
-    return found
-
-
-def calibrate_gaussians(
-    X: Array,
-    codes: Indices,
-    groups: ArrayLike,
-    weight: Array,
-    kind: tuple[str, Any],
-    *,
-    temperature: bool,
-    rate: bool,
-) -> LeftOutCalibration:
-    """Calibrate a classifier with Gaussian classes on left-out groups.
-
-    Parameters
-    ----------
-    X, codes, groups, weight
-        As for `left_out_gaussians`.
-    kind : tuple of (covariance, shrinkage)
-        Of the classifier.
-    temperature, rate : bool
-        Whether to determine the temperature, and whether `unknown_rate` is given.
-
-    Returns
-    -------
-    LeftOutCalibration
-
-    Raises
-    ------
-    ValueError
-        If no class has recordings in two groups.
-    """
-    typicality = fit_typicality(X, codes, groups, weight)
-    if not (temperature or rate):
-        return LeftOutCalibration(typicality)
-    logs = left_out_gaussians(X, codes, groups, weight, *kind)
-    left = LeftOutDensities(typicality.left_out, logs, codes, weight)
-    best = left.fit_temperature(int(codes.max()) + 1) if temperature else None
-    return LeftOutCalibration(typicality, best, left if rate else None)
-
-
-def calibrate_refits(
-    X: Any,
-    codes: Indices,
-    groups: ArrayLike,
-    weight: Array,
-    log_likelihoods: Callable[[Indices, Indices], Array] | None,
-    detector: Any,
-    *,
-    temperature: bool,
-) -> LeftOutCalibration:
-    """Calibrate any classifier on left-out groups, by fitting it again without each of them.
-
-    Parameters
-    ----------
-    X : list of Recording, or table
-        Recordings.
-    codes, groups : ndarray of int, array-like of shape (n_recordings,)
-        As for `emacm.calibration.left_out.left_out`.
-    weight : ndarray of shape (n_recordings,)
-        Number of times each recording is counted.
-    log_likelihoods : callable or None
-        ``log_likelihoods(others, rows)`` fits the classifier to some recordings and returns the
-        logarithms of posterior over prior of others. None: they are not needed.
-    detector : estimator or None
-        Outlier detector that is not fitted yet.
-    temperature : bool
-        Whether to determine the temperature.
-
-    Returns
-    -------
-    LeftOutCalibration
-
-    Raises
-    ------
-    ValueError
-        If no class has recordings in two groups.
-    """
-
-    def fitted(rows: Indices) -> Any:
-        """Fit the detector to some recordings, with their weights if it accepts weights."""
-        weighted = has_fit_parameter(detector, "sample_weight") and (weight != 1).any()
-        options = {"sample_weight": weight[rows]} if weighted else {}
-        with located("detector (its input is that of the estimator: recordings need a pipeline)"):
-            return clone(detector).fit(chosen_rows(X, rows), **options)
-
-    n_classes, counted = int(codes.max()) + 1, np.flatnonzero(weight > 0)
-    logs = np.full((len(codes), n_classes), -np.inf)
-    distances, judged = np.full(len(codes), np.nan), np.zeros(len(codes), dtype=bool)
-    some = np.asarray(groups)[counted]
-    for others, rows in left_out(codes[counted], some):
-        others, rows = counted[others], counted[rows]
-        seen = np.bincount(codes[others], minlength=n_classes) > 0
-        if np.count_nonzero(seen) < min(2, n_classes):
-            continue
-        judged[rows] = seen[codes[rows]]
-        if log_likelihoods is not None:
-            logs[np.ix_(rows, seen)] = log_likelihoods(others, rows)
-        if detector is not None:
-            distances[rows] = _distances(fitted(others), chosen_rows(X, rows))
-    check_judged(judged)
-    typicality, found = None, np.full(len(codes), np.nan)
-    if detector is not None:
-        tail = student_tail(distances[judged], weight[judged])
-        typicality = DetectorTypicality(fitted(counted), tail)
-        found[judged] = positive(tail.survival(distances[judged]))
-    left = LeftOutDensities(found, logs, codes, weight)
-    best = left.fit_temperature(n_classes) if temperature else None
-    return LeftOutCalibration(typicality, best, left if log_likelihoods is not None else None)
-
-
-def _distances(detector: Any, X: Any) -> Array:
-    """Return the negative scores of an outlier detector."""
-    return -np.asarray(detector.score_samples(X), dtype=np.float64)

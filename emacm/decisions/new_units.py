@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
+from contextlib import suppress
 from typing import Any, Self
 
 import numpy as np
@@ -12,12 +13,10 @@ from scipy.special import softmax
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
-from emacm.calibration.left_out import left_out
 from emacm.calibration.quantiles import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, shrinkage_coefficients
 from emacm.decisions.labels import label_list, label_positions
-from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutDensities
 from emacm.decisions.moments import class_moments
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
@@ -96,6 +95,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     needs_groups = True
     groups_are_units = True
     _levels: UnitLevels | None = None
+    _without_units = True
 
     def __init__(
         self,
@@ -142,7 +142,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         UserWarning
             If there are no `groups`.
         """
-        self._levels = None
+        self._levels, self._without_units = None, groups is None
         super().fit(X, y, groups=groups)
         if groups is None:
             warnings.warn(
@@ -157,13 +157,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         codes = np.searchsorted(self.classes_, np.asarray(y))
         units = group_codes(groups, len(table))
         self._set_levels(self._estimated(table, codes, units))
-        logs = self._leave_out(table, codes, units)
-        judged = np.isfinite(logs[np.arange(len(table)), codes])
-        self._left_out = logs[judged], codes[judged], units[judged]
-        if isinstance(self.temperature, str):
-            left = LeftOutDensities(np.full(len(codes), np.nan), logs, codes, np.ones(len(codes)))
-            best = left.fit_temperature(len(self.classes_))
-            self._calibration = LeftOutCalibration(self._calibration.typicality, best)
         return self
 
     @property
@@ -255,14 +248,23 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
+        left = self._calibration.left_out
+        judged, found = left.judged, (left.log_densities, left.codes, left.units)
         threshold = probability_threshold(
-            *self._left_out, self.priors_, self.temperature_, coverage
+            *(each[judged] for each in found), self.priors_, self.temperature_, coverage
         )
         return classes_above(posterior, threshold)
 
-    def _typicality(self, X: Array) -> Array:
+    def typicality(self, X):
         """As of `CostSensitiveGaussianBayes`, without the expected offset of the unit."""
-        return super()._typicality(X if self._levels is None else X - self._levels.offset)
+        X = self._checked_features(X)
+        offset = 0.0 if self._levels is None else self._levels.offset
+        return self._calibrated("typicality")(X - offset)
+
+    @property
+    def _needs_densities(self) -> bool:
+        """Also for prediction sets."""
+        return not self._without_units or super()._needs_densities
 
     def _unit(self) -> UnitLevels:
         if self._levels is None:
@@ -286,18 +288,17 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _leave_out(self, X: Array, codes: Indices, units: Indices) -> Array:
-        """Return log densities of classes estimated without the unit of each recording."""
-        densities = np.full((len(X), len(self.classes_)), -np.inf)
-        for others, rows in left_out(codes, units):
-            known, numbers = np.unique(codes[others], return_inverse=True)
-            remaining = np.unique(units[others], return_inverse=True)[1]
-            try:
-                levels = self._estimated(X[others], numbers, remaining)
-            except ValueError:  # too few units remain
-                continue
-            densities[np.ix_(rows, known)] = levels.gaussians().log_densities(X[rows])
-        return densities
+    def _judge(self, X, codes, units, weight, others, rows):
+        """Return log densities of classes estimated without the units of some recordings."""
+        if self._without_units:
+            return super()._judge(X, codes, units, weight, others, rows)
+        logs = np.full((len(rows), len(self.classes_)), -np.inf)
+        known, numbers = np.unique(codes[others], return_inverse=True)
+        remaining = np.unique(units[others], return_inverse=True)[1]
+        with suppress(ValueError):  # too few units remain
+            levels = self._estimated(X[others], numbers, remaining)
+            logs[:, known] = levels.gaussians().log_densities(X[rows])
+        return logs
 
 
 def classes_above(posterior: Array, threshold: float) -> NDArray[np.bool_]:

@@ -34,7 +34,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.metrics import expected_cost, neg_expected_cost
-from emacm.decisions.risks import least_risk
+from emacm.decisions.risks import decide
 
 NAMES = np.array(["ball", "healthy", "screw"])
 COST = np.array([[0.0, 8.0, 3.0], [20.0, 0.0, 40.0], [5.0, 6.0, 0.0]])
@@ -408,7 +408,7 @@ def test_posteriors_of_states_can_be_used_to_decide_on_families_afterwards():
     X, y = states(32)
     model = CostSensitiveGaussianBayes(covariance="tied")
     posterior = cross_val_predict(model, X, y, cv=4, method="predict_proba")
-    rows = least_risk(posterior, FAMILIES)
+    rows = decide(posterior, FAMILIES)
     decided = cross_val_predict(clone(model).set_params(cost=FAMILIES), X, y, cv=4)
     np.testing.assert_array_equal(FAMILIES.index[rows], decided)
 
@@ -444,31 +444,6 @@ def test_far_outliers_and_saturated_posteriors_give_no_nan(covariance):
     assert not np.isnan(model.predict_log_proba(far)).any()
     np.testing.assert_allclose(model.predict_proba(far).sum(axis=1), 1, rtol=1e-12)
     assert set(model.predict(far)) <= set(model.decisions_)
-    with pytest.raises(ValueError, match=r"at most 1e\+150.*1e\+160 at recording 1, feature 2"):
-        model.predict_proba([[0.0, -1e150, 1e150], [0.0, 0.0, 1e160]])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-@pytest.mark.parametrize("exponent", [*range(-320, 320, 16), -161, 160])
-def test_in_any_unit_posteriors_are_the_same_or_the_unit_is_refused(covariance, exponent):
-    X, y = draw(13)
-    expected = CostSensitiveGaussianBayes(covariance=covariance).fit(X, y).predict_proba(X)
-    model = CostSensitiveGaussianBayes(covariance=covariance)
-    scaled = X * 10.0**exponent if exponent > -308 else X * 10.0**-300 * 10.0 ** (exponent + 300)
-    if not -140 <= exponent <= 150:
-        with pytest.raises(ValueError, match=r"Use other units|variance of the features is 0|inf"):
-            model.fit(scaled, y)
-    else:
-        model.fit(scaled, y)
-        np.testing.assert_allclose(model.predict_proba(scaled), expected, atol=1e-9)
-
-
-def test_a_feature_that_varies_too_little_is_named():
-    X, y = draw(13)
-    X[:, 1] *= 1e-161
-    with pytest.raises(ValueError, match=r"feature 1 in class number 0.*e-161. Use other units"):
-        CostSensitiveGaussianBayes().fit(X, y)
 
 
 def test_features_whose_distances_to_every_class_overflow_are_refused():
@@ -854,7 +829,7 @@ def test_the_warning_of_a_singular_covariance_names_the_line_that_asked():
     X, y = singular("full")
     model = CostSensitiveGaussianBayes().partial_fit(X, y, classes=sorted(set(y)))
     names = {"model": model, "anew": clone(model), "X": X, "y": y}
-    for call in ("model.predict_proba(X)", "model.predict(X)", "model.risk(X)", "anew.fit(X, y)"):
+    for call in ("model.predict_proba(X)", "anew.fit(X, y)"):
         with pytest.warns(UserWarning, match="is singular") as caught:
             eval(compile(call, "analysis.py", "eval"), names)
         assert [warning.filename for warning in caught] == ["analysis.py"]

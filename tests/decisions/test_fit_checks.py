@@ -13,7 +13,6 @@ from emacm.decisions.fit_checks import (
     check_densities,
     check_parameters,
     check_seen,
-    check_unweighted,
 )
 from emacm.decisions.moments import ClassMoments
 
@@ -82,30 +81,12 @@ def test_parameters_have_limits(parameters, message):
         check_parameters(*parameters)
 
 
-@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
-@pytest.mark.parametrize("shrinkage", [None, 0, 1, "oas", "auto"])
-@pytest.mark.parametrize("temperature", [None, 1e-3, "groups"])
-def test_all_other_parameters_are_accepted(covariance, shrinkage, temperature):
-    check_parameters(covariance, shrinkage, temperature)
-
-
 def test_weights_that_add_up_to_1_are_relative():
     np.testing.assert_allclose(as_counts(np.array([0.5, 0.25, 0.25])), [1.5, 0.75, 0.75])
     np.testing.assert_allclose(as_counts(np.full(3, (1 + 5e-10) / 3)), 1)
     for total in (1 + 1.12e-8, 2.0, 0.5):
         weight = np.array([0.5, 0.5]) * total
         assert as_counts(weight) is weight
-
-
-@pytest.mark.parametrize("place", [0, 1])
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_weights_of_1_are_1_but_for_rounding(place, sign):
-    weight = np.ones(2)
-    weight[place] += sign * 5e-10
-    check_unweighted(weight)
-    weight[place] = 1 + sign * 1.12e-8
-    with pytest.raises(ValueError, match="cannot be used with sample weights other than 1"):
-        check_unweighted(weight)
 
 
 def test_classes_are_sorted_and_stay_the_same():

@@ -10,21 +10,21 @@ from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
 from sklearn.preprocessing import StandardScaler
 
-from emacm.decisions.gaussians import (
-    class_gaussians,
-    factorise,
-    fit_gaussians,
-    is_singular,
-)
-from emacm.decisions.moments import class_moments, moments_for
+from emacm.decisions.gaussians import class_gaussians, inverse_factor
+from emacm.decisions.moments import class_moments
 from emacm.decisions.shrinkage import (
-    ledoit_wolf_coefficients,
     oas_coefficient,
     population_eigenvalues,
     shrink,
 )
 
-KINDS = [{}, {"pooled": True}, {"variances_only": True}, {"pooled": True, "variances_only": True}]
+KINDS = ("full", "tied", "diag")
+
+
+def fit(X, codes, *kind, **options):
+    """Gaussians of three classes with a kind of covariance and shrinkage."""
+    moments = class_moments(X, codes, 3, None, *kind)
+    return class_gaussians(moments, *kind, recordings=(X, codes), **options)
 
 
 def draw(seed, n_recordings=60, n_features=4, n_classes=3):
@@ -43,7 +43,7 @@ def assert_same_moments(first, second):
 def test_means_and_covariances_are_those_of_numpy():
     X, codes = draw(0)
     moments = class_moments(X, codes, 3)
-    covariances = fit_gaussians(moments).covariances
+    covariances = fit(X, codes).covariances
     for k in range(3):
         np.testing.assert_allclose(moments.means[k], X[codes == k].mean(axis=0))
         np.testing.assert_allclose(covariances[k], np.cov(X[codes == k].T), rtol=1e-12)
@@ -51,18 +51,17 @@ def test_means_and_covariances_are_those_of_numpy():
 
 def test_a_tied_covariance_divides_by_recordings_less_classes():
     X, codes = draw(1)
-    moments = class_moments(X, codes, 3, pooled=True)
-    residuals = X - moments.means[codes]
+    tied = fit(X, codes, "tied")
+    residuals = X - tied.means[codes]
     expected = residuals.T @ residuals / (60 - 3)
-    np.testing.assert_allclose(fit_gaussians(moments).covariances, [expected], rtol=1e-12)
+    np.testing.assert_allclose(tied.covariances, [expected], rtol=1e-12)
 
 
 def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
     X, codes = draw(2)
-    full = fit_gaussians(class_moments(X, codes, 3), 0.3).covariances
-    for options in ({}, {"variances_only": True}):
-        moments = class_moments(X, codes, 3, **options)
-        variances = fit_gaussians(moments, 0.3, diagonal=True).covariances
+    for shrinkage in (0.3, "oas"):
+        full = fit(X, codes, "full", shrinkage).covariances
+        variances = fit(X, codes, "diag", shrinkage).covariances
         np.testing.assert_allclose(variances, np.diagonal(full, axis1=1, axis2=2), rtol=1e-12)
 
 
@@ -72,10 +71,10 @@ def test_a_diagonal_covariance_is_the_diagonal_of_the_full_one():
 def test_moments_of_parts_merge_exactly(kind, cuts, seed):
     X, codes = draw(seed)
     X += 1e3
-    merged = class_moments(X[:0], codes[:0], 3, **kind)
+    merged = class_moments(X[:0], codes[:0], 3, covariance=kind)
     for part in np.split(np.arange(60), sorted(cuts)):
-        merged = merged.merge(class_moments(X[part], codes[part], 3, **kind))
-    whole = class_moments(X, codes, 3, **kind)
+        merged = merged.merge(class_moments(X[part], codes[part], 3, covariance=kind))
+    whole = class_moments(X, codes, 3, covariance=kind)
     assert_same_moments(merged, whole)
     np.testing.assert_allclose(merged.feature_variances, X.var(axis=0), rtol=1e-9)
 
@@ -84,15 +83,15 @@ def test_moments_of_parts_merge_exactly(kind, cuts, seed):
 def test_a_weight_of_k_is_k_recordings_and_zero_is_none(kind):
     X, codes = draw(3)
     weight = np.random.default_rng(3).integers(0, 4, 60)
-    weighted = class_moments(X, codes, 3, sample_weight=weight.astype(float), **kind)
-    repeated = class_moments(np.repeat(X, weight, axis=0), np.repeat(codes, weight), 3, **kind)
+    weighted = class_moments(X, codes, 3, weight.astype(float), kind)
+    repeated = class_moments(np.repeat(X, weight, axis=0), np.repeat(codes, weight), 3, None, kind)
     assert_same_moments(weighted, repeated)
 
 
 def test_means_are_accurate_to_the_last_digits():
     X = 1e6 + np.random.default_rng(4).normal(size=(4000, 2))
     weight = np.random.default_rng(5).integers(1, 4, 4000).astype(float)
-    found = class_moments(X, np.zeros(4000, int), 1, sample_weight=weight).means[0]
+    found = class_moments(X, np.zeros(4000, int), 1, weight).means[0]
     exact = [math.fsum(column * weight) / weight.sum() for column in X.T]
     np.testing.assert_allclose(found, exact, rtol=1e-15)
 
@@ -101,17 +100,10 @@ def test_means_are_accurate_to_the_last_digits():
 @example(2.2250738585e-313, 0.25)
 def test_the_variance_of_a_constant_feature_is_exactly_zero(value, weight):
     X = np.full((7, 1), value)
-    moments = class_moments(X, np.zeros(7, int), 1, sample_weight=np.full(7, weight))
+    moments = class_moments(X, np.zeros(7, int), 1, np.full(7, weight))
     merged = moments.merge(class_moments(X[:2], np.zeros(2, int), 1))
     assert moments.scatter == 0
     assert merged.scatter == 0
-
-
-def test_features_whose_square_overflows_are_refused_with_their_position():
-    X = np.ones((3, 2))
-    X[2, 1] = -1e200
-    with pytest.raises(ValueError, match="got -1e\\+200 at recording 2, feature 1"):
-        class_moments(X, np.zeros(3, int), 1)
 
 
 @pytest.mark.parametrize("shape", [(5, 20), (30, 4), (400, 10), (9, 1), (2, 2)])
@@ -123,46 +115,37 @@ def test_the_oas_coefficient_is_that_of_scikit_learn(shape):
 
 
 def test_the_oas_coefficient_of_a_sphere_is_one_and_of_nothing_is_zero():
-    assert oas_coefficient(np.eye(3) * 1e200, 10) == 1
+    assert oas_coefficient(np.eye(3) * 1e9, 10) == 1
     assert oas_coefficient(np.zeros((3, 3)), 10) == 0
 
 
 def test_shrinkage_by_a_number_is_that_of_scikit_learn():
     X, codes = draw(6)
-    covariances = fit_gaussians(class_moments(X, codes, 3)).covariances
+    covariances = fit(X, codes).covariances
     expected = [shrunk_covariance(S, 0.2) for S in covariances]
     np.testing.assert_allclose(shrink(covariances, 0.2), expected, rtol=1e-13)
 
 
-@pytest.mark.parametrize("pooled", [False, True])
-def test_automatic_shrinkage_is_ledoit_wolf_of_standardised_features(pooled):
+@pytest.mark.parametrize("kind", KINDS)
+def test_automatic_shrinkage_is_ledoit_wolf_of_standardised_features(kind):
     X, codes = draw(7, n_features=12)
     X *= np.logspace(-6, 6, 12)
-    moments = class_moments(X, codes, 3, pooled=pooled)
-    coefficients = ledoit_wolf_coefficients(X, codes, moments.means, pooled=pooled)
-    found = fit_gaussians(moments, *coefficients).covariances
-    groups = [X - moments.means[codes]] if pooled else [X[codes == k] for k in range(3)]
-    for covariance, rows, divisor in zip(found, groups, moments.divisors, strict=True):
+    found, means = fit(X, codes, kind, "auto").covariances, fit(X, codes).means
+    groups = [X - means[codes]] if kind == "tied" else [X[codes == k] for k in range(3)]
+    for covariance, rows in zip(found, groups, strict=True):
         scaler = StandardScaler().fit(rows)
         standard = ledoit_wolf(scaler.transform(rows))[0] * np.outer(scaler.scale_, scaler.scale_)
-        np.testing.assert_allclose(covariance, standard * len(rows) / divisor, rtol=1e-10)
-
-
-def test_automatic_shrinkage_leaves_variances_as_they_are():
-    X, codes = draw(8)
-    moments = class_moments(X, codes, 3, variances_only=True)
-    coefficients = ledoit_wolf_coefficients(X, codes, moments.means, pooled=False)
-    shrunk = fit_gaussians(moments, *coefficients, diagonal=True).covariances
-    np.testing.assert_allclose(shrunk, fit_gaussians(moments, diagonal=True).covariances)
+        standard *= len(rows) / (len(rows) - (3 if kind == "tied" else 1))
+        expected = np.diagonal(standard) if kind == "diag" else standard
+        np.testing.assert_allclose(covariance, expected, rtol=1e-10)
 
 
 def test_features_of_very_different_units_are_not_singular():
     rng = np.random.default_rng(9)
     X = rng.normal(size=(50, 3)) * [1e-12, 1.0, 1e12]
-    assert not is_singular(np.cov(X.T))
-    gaussians = fit_gaussians(class_moments(X, np.zeros(50, int), 1))
+    gaussians = class_gaussians(class_moments(X, np.zeros(50, int), 1))
     assert not gaussians.singular.any()
-    unit = fit_gaussians(class_moments(X / [1e-12, 1.0, 1e12], np.zeros(50, int), 1))
+    unit = class_gaussians(class_moments(X / [1e-12, 1.0, 1e12], np.zeros(50, int), 1))
     np.testing.assert_allclose(
         gaussians.log_densities(X), unit.log_densities(X / [1e-12, 1.0, 1e12]), rtol=1e-10
     )
@@ -172,107 +155,59 @@ def test_features_of_very_different_units_are_not_singular():
 def test_dependent_features_are_singular_in_any_unit(scale):
     X = np.random.default_rng(10).normal(size=(50, 3))
     X[:, 2] = X[:, 0] - 2 * X[:, 1]
-    assert is_singular(np.cov((X * [1.0, scale, 1.0]).T))
-    assert is_singular(np.diag([1.0, 0.0]))
+    assert inverse_factor(np.cov((X * [1.0, scale, 1.0]).T)) is None
+    assert inverse_factor(np.diag([1.0, 0.0])) is None
 
 
 def test_fewer_recordings_than_features_are_singular():
     X, codes = draw(11, n_recordings=30, n_features=12)
-    assert fit_gaussians(class_moments(X, codes, 3)).singular.all()
-    assert not fit_gaussians(class_moments(X, codes, 3, pooled=True)).singular.any()
+    assert fit(X, codes).singular.all()
+    assert not fit(X, codes, "tied").singular.any()
 
 
 @pytest.mark.parametrize("diagonal", [False, True])
 def test_the_floor_raises_the_eigenvalues_of_singular_covariances_only(diagonal):
     X, codes = draw(12)
     X[codes == 1, 2] = 0.5
-    moments = class_moments(X, codes, 3)
-    floor = 1e-9 * moments.feature_variances.max()
-    raw = fit_gaussians(moments, diagonal=diagonal)
-    lifted = fit_gaussians(moments, diagonal=diagonal, floor=floor)
+    kind, floor = "diag" if diagonal else "full", 1e-9 * X.var(axis=0).max()
+    raw = fit(X, codes, kind, floored=False)
+    lifted = fit(X, codes, kind)
+    assert not raw.factors[1].any()
+    assert fit(X, codes, kind, 0.0).singular.tolist() == [False, True, False]
     assert lifted.singular.tolist() == [False, True, False]
     np.testing.assert_array_equal(lifted.covariances[[0, 2]], raw.covariances[[0, 2]])
     covariance = np.diag(lifted.covariances[1]) if diagonal else lifted.covariances[1]
     assert np.linalg.eigvalsh(covariance)[0] == pytest.approx(floor, rel=1e-4)
-    expected = multivariate_normal(moments.means[1], covariance).logpdf(X)
+    expected = multivariate_normal(lifted.means[1], covariance).logpdf(X)
     np.testing.assert_allclose(lifted.log_densities(X)[:, 1], expected, rtol=1e-5)
 
 
-@pytest.mark.parametrize("options", [{}, {"pooled": True}])
-@pytest.mark.parametrize("diagonal", [False, True])
-def test_log_densities_are_those_of_scipy(options, diagonal):
+@pytest.mark.parametrize("kind", KINDS)
+def test_log_densities_are_those_of_scipy(kind):
     X, codes = draw(13)
     X = X * [0.1, 1, 10, 1] + 1e4
-    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
+    gaussians = fit(X, codes, kind)
     densities = gaussians.log_densities(X)
     for k in range(3):
         covariance = gaussians.covariances[k % len(gaussians.covariances)]
-        covariance = np.diag(covariance) if diagonal else covariance
+        covariance = np.diag(covariance) if kind == "diag" else covariance
         expected = multivariate_normal(gaussians.means[k], covariance).logpdf(X)
         np.testing.assert_allclose(densities[:, k], expected, rtol=1e-8)
 
 
 def test_no_density_is_nan():
     X, codes = draw(14)
-    gaussians = fit_gaussians(class_moments(X, codes, 3))
+    gaussians = fit(X, codes)
     far = np.array([[1e5] * 4, [1e160] * 4, [1.7e308, -1.7e308, 1.7e308, -1.7e308]])
     densities = gaussians.log_densities(far)
     assert np.isfinite(densities[0]).all()
     np.testing.assert_array_equal(densities[1:], -np.inf)
 
 
-def extreme(n_features, *, condition=1.0, shift=0.0, apart=1.0, scales=False, n=600):
-    """Recordings of three classes with covariances of a condition number.
-
-    `shift` from the origin and `apart` from one another in standard deviations.
-    """
-    rng = np.random.default_rng(n_features)
-    codes = np.arange(n) % 3
-    X = rng.normal(size=(n, n_features))
-    spread = np.logspace(0, np.log10(condition) / 2, n_features)
-    for k in range(3):
-        turn = np.linalg.qr(rng.normal(size=(n_features, n_features)))[0]
-        X[codes == k] = X[codes == k] * spread @ turn
-    deviation = X.std(axis=0).max()
-    X += deviation * (shift + apart * rng.normal(size=(3, n_features))[codes])
-    return (X * np.logspace(-8, 8, n_features) if scales else X), codes
-
-
-def plain_log_densities(gaussians, X):
-    """Log densities, one class at a time as Eq. (2.44) reads."""
-    found = np.empty((len(X), len(gaussians.means)))
-    for k, mean in enumerate(gaussians.means):
-        group = k % len(gaussians.factors)
-        factor = gaussians.factors[group]
-        white = (X - mean) * factor if factor.ndim == 1 else (X - mean) @ factor
-        constant = X.shape[1] * np.log(2 * np.pi) + gaussians.log_determinants[group]
-        found[:, k] = -0.5 * (np.sum(white**2, axis=1) + constant)
-    return found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"pooled": True}, {"variances_only": True}])
-@pytest.mark.parametrize("n_features", [2, 8, 40])
-@pytest.mark.parametrize("condition", [1.0, 1e8])
-@pytest.mark.parametrize("shift", [0.0, 1e6])
-@pytest.mark.parametrize("apart", [1.0, 1e6])
-@pytest.mark.parametrize("scales", [False, True])
-def test_densities_are_accurate_for_extreme_conditions_offsets_and_units(
-    options, n_features, condition, shift, apart, scales
-):
-    X, codes = extreme(n_features, condition=condition, shift=shift, apart=apart, scales=scales)
-    diagonal = "variances_only" in options
-    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
-    expected = plain_log_densities(gaussians, X)
-    found = gaussians.log_densities(X)
-    assert (np.abs(found - expected) <= 1e-9 * np.maximum(np.abs(expected), 1)).all()
-
-
-@pytest.mark.parametrize("options", [{}, {"pooled": True}, {"variances_only": True}])
-def test_the_gradient_is_the_slope_of_the_log_density(options):
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_gradient_is_the_slope_of_the_log_density(kind):
     X, codes = draw(15)
-    diagonal = "variances_only" in options
-    gaussians = fit_gaussians(class_moments(X, codes, 3, **options), diagonal=diagonal)
+    gaussians = fit(X, codes, kind)
     gradients = gaussians.log_density_gradients(X)
     assert gradients.shape == (60, 3, 4)
     for feature in range(4):
@@ -284,27 +219,15 @@ def test_the_gradient_is_the_slope_of_the_log_density(options):
 
 def test_distances_are_in_standard_deviations_of_the_class():
     X = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 2.0], [4.0, 2.0], [10.0, 5.0], [11.0, 6.0]])
-    moments = class_moments(X, np.array([0, 0, 0, 0, 1, 1]), 2, variances_only=True)
-    squares = fit_gaussians(moments, diagonal=True).squared_distances(np.array([[4.0, 1.0]]))
+    moments = class_moments(X, np.array([0, 0, 0, 0, 1, 1]), 2, covariance="diag")
+    squares = class_gaussians(moments, "diag").squared_distances(np.array([[4.0, 1.0]]))
     # Class 0: mean (2, 1), variances 16/3 and 4/3; class 1: mean (10.5, 5.5), variances 1/2.
     np.testing.assert_allclose(squares, [[4 / (16 / 3), (6.5**2 + 4.5**2) * 2]])
 
 
-@pytest.mark.parametrize("shrinkage", [None, 0.0])
-def test_only_without_shrinkage_a_singular_covariance_is_raised(shrinkage):
-    X, codes = draw(17)
-    X[:, 1] = X[:, 0]
-    gaussians = class_gaussians(moments_for("full", shrinkage, X, codes, 3), "full", shrinkage)
-    least = np.linalg.eigvalsh(gaussians.covariances)[:, 0]
-    floor = 1e-9 * X.var(axis=0).max() if shrinkage is None else 0.0
-    np.testing.assert_allclose(least, floor, rtol=1e-4, atol=1e-12)
-    assert gaussians.factors.any() == (shrinkage is None)
-    assert gaussians.singular.tolist() == [True] * 3
-
-
 def test_a_factor_whitens_a_covariance_and_gives_its_determinant():
     S = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, -2.0], [0.0, -2.0, 1.0]])
-    factor, log_determinant = factorise(S)
+    factor, log_determinant = inverse_factor(S)
     np.testing.assert_allclose(factor @ factor.T, np.linalg.inv(S), atol=1e-14)
     assert log_determinant == pytest.approx(np.log(np.linalg.det(S)))
 
@@ -349,19 +272,3 @@ def test_eigenvalues_are_corrected_alike_in_any_unit():
         for unit in (1e-9, 1e-3, 1e3, 1e9):
             found = population_eigenvalues(unit * np.array(values), 12)
             np.testing.assert_allclose(found, unit * expected, rtol=1e-10)
-
-
-def test_variances_of_zero_are_raised_or_have_no_density():
-    X, codes = draw(20)
-    X[codes == 1, 2] = 0.5
-    moments = class_moments(X, codes, 3, variances_only=True)
-    raw = fit_gaussians(moments, diagonal=True)
-    assert raw.singular.tolist() == [False, True, False]
-    assert not raw.factors[1].any()
-    assert raw.log_determinants[1] == 0
-    lifted = fit_gaussians(moments, diagonal=True, floor=0.25)
-    np.testing.assert_array_equal(lifted.covariances[[0, 2]], raw.covariances[[0, 2]])
-    expected = np.maximum(raw.covariances[1], 0.25)
-    np.testing.assert_array_equal(lifted.covariances[1], expected)
-    np.testing.assert_allclose(lifted.factors[1], 1 / np.sqrt(expected))
-    assert lifted.log_determinants[1] == pytest.approx(np.log(expected).sum())

@@ -30,8 +30,6 @@ from emacm import (
     evaluate,
     neg_expected_cost,
 )
-from emacm.decisions.left_out_calibration import LeftOutMixin
-from emacm.decisions.risks import LeastRiskMixin
 
 STATES = ["spall", "dry", "new"]
 COSTS = {
@@ -466,12 +464,3 @@ def test_the_classes_are_not_optional():
 def test_before_fit_nothing_is_computed(method):
     with pytest.raises(NotFittedError):
         getattr(LeastRiskClassifier(Single()), method)(np.zeros((1, 1)))
-
-
-def test_a_classifier_that_decides_by_risk_states_its_posterior_and_its_features():
-    with pytest.raises(NotImplementedError):
-        LeastRiskMixin().predict_proba(X)
-    with pytest.raises(NotImplementedError):
-        LeastRiskMixin().unknown_proba(X)
-    with pytest.raises(NotImplementedError):
-        LeftOutMixin().typicality(X)

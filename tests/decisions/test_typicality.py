@@ -10,9 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import logsumexp, pseudo_huber
 
 from emacm.calibration.tails import peaks_over_threshold, student_tail
-from emacm.decisions.gaussians import fit_gaussians
-from emacm.decisions.moments import moments_for
-from emacm.decisions.shrinkage import ledoit_wolf_coefficients
+from emacm.decisions.gaussians import class_gaussians
+from emacm.decisions.moments import class_moments
 from emacm.decisions.typicality import fit_typicality
 
 
@@ -31,10 +30,9 @@ class Training(NamedTuple):
 
 
 def pooled_gaussians(training):
-    X, codes = training.X, training.codes
-    moments = moments_for("tied", "auto", X, codes, training.n_classes, training.weight)
-    target = ledoit_wolf_coefficients(X, codes, moments.means, pooled=True)
-    return fit_gaussians(moments, *target)
+    recordings = training.X, training.codes
+    moments = class_moments(*recordings, training.n_classes, training.weight, "tied")
+    return class_gaussians(moments, "tied", "auto", recordings)
 
 
 def fit(X, codes, groups, weight=None):
