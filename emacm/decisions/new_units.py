@@ -248,10 +248,15 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         coverage = check_number(coverage, "coverage", above=0, below=1)
         posterior = self.predict_proba(X)
         self._unit()
-        left = self._calibration.left_out
-        judged, found = left.judged, (left.log_densities, left.codes, left.units)
+        left: Any = self._calibration.left_out
+        judged = left.judged
         threshold = probability_threshold(
-            *(each[judged] for each in found), self.priors_, self.temperature_, coverage
+            left.log_densities[judged],
+            left.codes[judged],
+            left.units[judged],
+            self.priors_,
+            self.temperature_,
+            coverage,
         )
         return classes_above(posterior, threshold)
 
