@@ -1,19 +1,17 @@
-"""How many modules one recording passes through, and how often its strokes are found.
+"""How many modules one call passes through: a measure of how far its code is spread.
 
-Traces `OrderPSD.transform` and the `transform` of all steps of `actuator_recipe` before the
-classifier for one recording, by `sys.setprofile`, after one call that fills what is remembered
-between calls (filters, windows). Compiled loops are not traced. Prints, for the functions of
-emacm:
+Traces the following by `sys.setprofile`, after one call that fills what is remembered between calls
+(filters, windows), and prints the number of different modules of emacm that are entered beside
+the number that is allowed. Compiled loops are not traced.
 
-- modules: number of different modules that are entered,
-- changes of module: calls whose caller (the next function of emacm on the stack) is in another
-  module, and the returns from them,
-- depth: largest number of nested calls,
-- strokes: how often the strokes of the recording are found in its velocity,
-- resamplings: how often signals of one sampling rate are resampled along one stroke.
+- `OrderResampler.transform` and `OrderPSD.transform` of one recording,
+- all steps of `actuator_recipe` before its classifier, for one recording,
+- `fit` of that classifier, with an unknown state,
+- `score` of one recording.
 
-With `--calls` also the modules in the order in which they are entered. When all modules were in one
-folder, `OrderPSD.transform` entered 19 of them, with 584 changes and a depth of 22.
+The columns beside it are the changes of module (calls whose caller, the next function of emacm on
+the stack, is in another module, and the returns from them), and the largest number of nested calls.
+With `--calls` also the modules in the order in which they are entered.
 
 Run from the repository:
 
@@ -31,14 +29,9 @@ from typing import Any
 
 import numpy as np
 from measure import header, table, write_json
+from sklearn.base import clone
 
-from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe
-
-FINDING = {("emacm.shaft.strokes", "strokes_of")}
-RESAMPLING = {
-    ("emacm.resampling.spreading", "outputs"),
-    ("emacm.resampling.angle_recording", "interpolated"),
-}
+from emacm import OrderPSD, OrderResampler, Recording, actuator_recipe, score
 
 
 class Trace:
@@ -52,21 +45,13 @@ class Trace:
         Calls from one module into another.
     depth : int
         Largest number of nested calls.
-    deepest : list of str
-        These calls.
-    calls : Counter of (module, function)
-        Calls of each function; a generator counts once.
     """
 
     def __init__(self, function: Callable[[], Any]) -> None:
         self.modules: list[str] = []
         self.changes: Counter[tuple[str, str]] = Counter()
         self.depth = 0
-        self.deepest: list[str] = []
-        self.calls: Counter[tuple[str, str]] = Counter()
         self._stack: list[tuple[Any, str]] = []
-        self._started: set[int] = set()
-        self._frames: list[Any] = []  # kept alive, so that no two frames have one id
         sys.setprofile(self._note)
         try:
             function()
@@ -86,20 +71,7 @@ class Trace:
         if self._stack and self._stack[-1][1] != module:
             self.changes[self._stack[-1][1], module] += 1
         self._stack.append((frame, module))
-        if len(self._stack) > self.depth:
-            self.depth = len(self._stack)
-            self.deepest = [f"{m}.{f.f_code.co_name}" for f, m in self._stack]
-        if id(frame) not in self._started:
-            self._started.add(id(frame))
-            self._frames.append(frame)
-            self.calls[module, frame.f_code.co_name] += 1
-
-    def row(self) -> list[int]:
-        """Return the numbers of the table."""
-        found, resampled = (sum(self.calls[name] for name in s) for s in (FINDING, RESAMPLING))
-        return [
-            len(self.modules), 2 * self.changes.total(), self.depth, found, resampled
-        ]  # fmt: skip
+        self.depth = max(self.depth, len(self._stack))
 
 
 def recording(seed: int) -> Recording:
@@ -124,30 +96,49 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--calls", action="store_true", help="list changes of module and calls")
     options = parser.parse_args()
-    runs = [recording(seed) for seed in range(6)]
+    runs, labels, units = [recording(seed) for seed in range(12)], list("ab" * 6), [0, 0, 1, 1] * 3
+    fresh = [recording(seed) for seed in (20, 21)]
     resampler = OrderResampler(2 * np.pi / 32).fit(runs)
     spectra = OrderPSD(4, max_order=10).fit(resampler.transform(runs))
-    features = actuator_recipe(max_order=6)[:-1].fit(runs, list("ababab"))
-    fresh = [recording(seed) for seed in (7, 8, 9, 10)]
-    spectra.transform(resampler.transform(fresh[:1]))
-    features.transform(fresh[1:2])
-    over_angle = resampler.transform(fresh[2:3])
-    traces = {
-        "OrderPSD.transform": Trace(lambda: spectra.transform(over_angle)),
-        "actuator_recipe": Trace(lambda: features.transform(fresh[3:4])),
-    }
-    columns = ["modules", "changes of module", "depth", "strokes", "resamplings"]
-    rows = [{"through": n} | dict(zip(columns, t.row(), strict=True)) for n, t in traces.items()]
+    model = actuator_recipe(max_order=6).fit(runs, labels, costsensitivegaussianbayes__groups=units)
+    table_of_features = model[:-1].transform(runs)
+
+    def traced(recording: Recording) -> dict[str, tuple[Trace, int | None]]:
+        made = Trace(lambda: resampler.transform([recording]))
+        over_angle = resampler.transform([recording])
+        return {
+            "OrderResampler.transform": (made, 8),
+            "OrderPSD.transform": (Trace(lambda: spectra.transform(over_angle)), 12),
+            "actuator_recipe[:-1].transform": (
+                Trace(lambda: model[:-1].transform([recording])),
+                None,
+            ),
+            "fit of its classifier": (
+                Trace(lambda: clone(model[-1]).fit(table_of_features, labels, groups=units)),
+                12,
+            ),
+            "score": (Trace(lambda: score(model, [recording])), 25),
+        }
+
+    traced(fresh[0])
+    traces = traced(fresh[1])
+    rows = [
+        {
+            "call": name,
+            "modules": len(trace.modules),
+            "at most": limit,
+            "changes of module": 2 * trace.changes.total(),
+            "depth": trace.depth,
+        }
+        for name, (trace, limit) in traces.items()
+    ]
     print(header())
     print(table(rows))
     if options.calls:
-        for name, trace in traces.items():
+        for name, (trace, _) in traces.items():
             print(f"\n{name}", "modules:", *trace.modules, sep="\n    ")
-            print("deepest:", *trace.deepest, sep="\n    ")
             for (caller, callee), count in trace.changes.most_common():
                 print(f"{count:5d} {caller} -> {callee}")
-            for (module, function), count in trace.calls.most_common(40):
-                print(f"{count:5d} {module}.{function}")
     write_json(options.json, rows)
 
 
