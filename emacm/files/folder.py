@@ -6,9 +6,9 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -296,11 +296,6 @@ class RecordingFolder(Sequence[Recording]):
     def __init__(
         self, folder: str | os.PathLike[str], layout: Layout, pattern: str = "**/*"
     ) -> None:
-        if not isinstance(pattern, str) or not pattern or PurePath(pattern).is_absolute():
-            raise ValueError(
-                f"pattern must be a text relative to the folder, such as '**/*.csv', got "
-                f"{pattern!r}."
-            )
         self.folder, self.layout, self.pattern = Path(folder).absolute(), layout, pattern
         if not self.folder.is_dir():
             raise FileNotFoundError(f"there is no folder {str(folder)!r}.")
@@ -315,12 +310,6 @@ class RecordingFolder(Sequence[Recording]):
     def __len__(self) -> int:
         """Return the number of files."""
         return len(self._recordings)
-
-    @overload
-    def __getitem__(self, index: int) -> Recording: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Recording]: ...
 
     def __getitem__(self, index: Any) -> Any:
         """Return one recording, or a list of them."""

@@ -25,28 +25,18 @@ from emacm._saved import values_as_lists
 from emacm._version import __version__
 from emacm.resampling.order_resampler import OrderResampler
 
-_OTHERS = {
-    "emacm.machine.fault_lines.LineLevels",
-    "scipy.sparse._csr.csr_array",
-    "scipy.sparse._csr.csr_matrix",
-    "sklearn.metrics._scorer._PassthroughScorer",
-    "sklearn.model_selection._split.GroupKFold",
-    "sklearn.model_selection._split.KFold",
-    "sklearn.model_selection._split.LeaveOneGroupOut",
-    "sklearn.model_selection._split.StratifiedKFold",
-    "sklearn.utils._bunch.Bunch",
-    "sklearn.utils._metadata_requests.MetadataRequest",
-    "sklearn.utils._metadata_requests.MethodMetadataRequest",
-}
-
-
+_TRUSTED = re.compile(
+    r"emacm\.machine\.fault_lines\.LineLevels|scipy\.sparse\._csr\.csr_(array|matrix)"
+    r"|sklearn\.metrics\._scorer\._PassthroughScorer|sklearn\.utils\._bunch\.Bunch"
+    r"|sklearn\.(model_selection\._split|utils\._metadata_requests)\.[A-Z]\w+"
+)
 _START = b"emacm model 1\n"
 _LIBRARIES = ("numpy", "scipy", "sklearn", "pandas", "skops")
 
 
 def _check_types(names: Sequence[str]) -> None:
     """Raise a TypeError with the types that skops does not trust and that are not ours."""
-    foreign = [name for name in names if name not in _OTHERS and not _is_ours(name)]
+    foreign = [name for name in names if not _TRUSTED.fullmatch(name) and not _is_ours(name)]
     if foreign:
         raise TypeError(
             f"the model contains types that a model file must not hold: {', '.join(foreign)}. Use "

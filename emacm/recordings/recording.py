@@ -222,8 +222,6 @@ class Recording:
     @property
     def signals(self) -> Mapping[str, NDArray[np.floating]]:
         """The channels by name, as read-only arrays; computed ones are computed when read."""
-        if all(isinstance(series, np.ndarray) for series in self._series.values()):
-            return MappingProxyType(self._series)  # type: ignore[arg-type]
         return Arrays(self._series)
 
     @property
@@ -397,13 +395,11 @@ class Recording:
         lengths = tuple(map(len, self.series.values()))
         return hash((self.channels, tuple(self._fs.values()), lengths, len(self._shaft)))
 
-    def __copy__(self) -> Recording:
+    def __deepcopy__(self, memo: Any = None) -> Recording:
         """Return itself: nothing in it can change."""
         return self
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Recording:
-        """Return itself: nothing in it can change."""
-        return self
+    __copy__ = __deepcopy__
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse: a recording is immutable."""

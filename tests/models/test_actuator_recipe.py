@@ -165,32 +165,12 @@ def test_without_groups_single_recordings_are_left_out_with_a_warning():
     assert model.predict([another_machine(1)]).tolist() == ["unknown"]
 
 
-def test_the_unknown_state_and_the_temperature_can_be_switched_off():
-    model = recipe(unknown=None, temperature=None).fit(*campaign())
-    assert model[-1].truths_.tolist() == list(STATES)
-    assert model[-1].temperature_ == 1
-
-
 def test_it_goes_into_a_router_and_through_joblib(tmp_path):
     X, y = campaign()
     model = fitted(X, y, clone(ConditionRouter(recipe(), condition="load")))
     joblib.dump(model, tmp_path / "model.joblib")
     kept = joblib.load(tmp_path / "model.joblib")
     assert kept.predict(X).tolist() == model.predict(X).tolist() == y.tolist()
-
-
-def test_healthy_recordings_of_a_load_make_its_level_no_fault():
-    X, y = campaign()
-    asked = np.array([x.meta["load"] == 40 and x.meta["state"] != "normal" for x in X])
-    taught = [x for x, out in zip(X, asked, strict=True) if not out]
-    model = fitted(taught, y[~asked], phase=True, healthy="normal")
-    features = model[:-1]
-    names = features.get_feature_names_out().tolist()
-    level = features.transform(X)[:, names.index("current+:mean")]
-    loads = np.array([x.meta["load"] for x in X])
-    healthy = y == "normal"
-    difference = level[healthy & (loads == 40)].mean() - level[healthy & (loads == 20)].mean()
-    assert abs(difference) < 1e-9
 
 
 @pytest.mark.filterwarnings("ignore:recording 4.* is constant")  # the error says it too

@@ -336,12 +336,11 @@ def replaced(schema, old, new):
     return changed
 
 
-@pytest.mark.parametrize("n_files", [500, pytest.param(10_000, marks=pytest.mark.slow)])
-def test_mutated_files_are_refused_and_execute_nothing(saved, n_files):
+def test_mutated_files_are_refused_and_execute_nothing(saved):
     sys.addaudithook(watch)
     EXECUTED.clear()
     content, rng = saved.read_bytes(), np.random.default_rng(11)
-    for number in range(n_files):
+    for number in range(500):
         changed = bytearray(content)
         place = int(rng.integers(len(content)) if number % 4 else rng.integers(200))
         if number % 3 == 0:

@@ -143,17 +143,6 @@ def test_a_model_of_tables_is_refused():
         outside_training(model, [run(0)])
 
 
-def test_the_range_is_that_of_the_training_recordings():
-    model, X = fitted()
-    known = model[0].training_range_
-    quality = model[0].quality(X)
-    for name in ("revolutions", "longest_stroke", "slowest", "fastest", "max_order"):
-        assert known[name] == (quality[name].min(), quality[name].max())
-    assert known["fs of current"] == (FS, FS)
-    levels = [x.signals["vibration"].std() for x in X]
-    assert known["level of vibration"] == pytest.approx((min(levels), max(levels)), rel=1e-12)
-
-
 # New spectral lines, in bins of one order beside the line of the current at order 7
 
 
