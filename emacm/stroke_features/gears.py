@@ -15,6 +15,7 @@ from emacm._checks import check_count, check_signal
 from emacm._progress import run
 from emacm.recordings.inputs import as_recordings
 from emacm.resampling.angle_recording import AngleRecording
+from emacm.resampling.order_resampler import as_angle_recordings
 from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
@@ -47,14 +48,21 @@ class _RevolutionFeatures(StrokeFeatures):
         TypeError, ValueError
             If a parameter or X is invalid.
         """
-        rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
-        self._n_samples = _samples_per_revolution(rows[0])
-        super().fit(X)
-        return self
+        first = as_angle_recordings(X, type(self).__name__)[0]
+        self._n_samples = round(2 * np.pi / first.theta_s)
+        return super().fit(X)
 
     def _check_row(self, row: Row) -> None:
         super()._check_row(row)
-        _check_over_angle(row, self._n_samples)
+        if not isinstance(row, AngleRecording):
+            return  # which StrokeFeatures reports
+        exact = 2 * np.pi / row.theta_s
+        if abs(exact - self._n_samples) > 1e-9 * self._n_samples or row.direction == "travel":
+            raise ValueError(
+                f"it has {exact:.9g} samples per revolution and direction={row.direction!r}, but "
+                f"averages need strokes of {self._n_samples} samples per revolution. Set theta_s = "
+                f"2 * np.pi / {self._n_samples} and direction='strokes' of OrderResampler."
+            )
 
 
 class SynchronousAverage(_RevolutionFeatures):
@@ -178,8 +186,7 @@ class GearIndicators(_RevolutionFeatures):
     - "NA4", "NB4": 4th moment of the residual signal, and of the envelope of the mesh, over the
       square of their variance *in the recordings of fit*; about 3 for a gear without fault, and
       growing with the damage. Fit on healthy recordings, or on all runs so far: the transform of
-      a recording never depends on the others of the same call. `na4` of
-      `emacm.stroke_features.gears` gives the run ensemble in order of time.
+      a recording never depends on the others of the same call.
 
     The residual signal is the average without mesh harmonics and shaft harmonics; the difference
     signal lacks the first sidebands too. All need several whole revolutions, and several samples
@@ -334,32 +341,6 @@ def average_revolution(strokes: Sequence[StrokeSignal], n_samples: int) -> Array
     return np.fft.irfft(total / n_turns, n_samples)
 
 
-def _samples_per_revolution(row: Row) -> int:
-    if not isinstance(row, AngleRecording):
-        raise TypeError(
-            "an average over revolutions needs recordings over the shaft angle; put an "
-            "OrderResampler before it."
-        )
-    return round((2 * np.pi) / row.theta_s)
-
-
-def _check_over_angle(row: Row, n_samples: int) -> None:
-    """Raise if a recording has another number of samples per revolution."""
-    if not isinstance(row, AngleRecording):
-        return  # which StrokeFeatures reports
-    exact = (2 * np.pi) / row.theta_s
-    if abs(exact - n_samples) > 1e-9 * n_samples:
-        raise ValueError(
-            f"it has {exact:.9g} samples per revolution, but {n_samples} are expected. Set theta_s "
-            f"= 2 * np.pi / {n_samples} of OrderResampler."
-        )
-    if row.direction == "travel":
-        raise ValueError(
-            "it was resampled with direction='travel', which has no shaft angle. Use "
-            "direction='strokes'."
-        )
-
-
 def mesh_orders(teeth: int, n_samples: int, *, sidebands: int = 0) -> NDArray[np.intp]:
     """Return the orders of the regular meshing components.
 
@@ -472,40 +453,6 @@ def normalized_moment(signal: ArrayLike, order: int) -> float:
     x = check_signal(signal, "signal").astype(np.float64)
     x = x - x.mean()
     return float(np.mean(x**order) / np.maximum(np.mean(x**2), _TINY) ** (order / 2))
-
-
-def na4(residuals: Sequence[ArrayLike]) -> Array:
-    """Return NA4 of each of several runs of one gear, in order of time [1]_.
-
-    The fourth moment of a residual signal over the square of its variance averaged over the runs
-    so far, so that NA4, unlike FM4, keeps growing while damage spreads over the teeth.
-
-    Parameters
-    ----------
-    residuals : sequence of array-like of shape (n_samples,)
-        Residual signals, the oldest first. (Of the envelope of the mesh, this is NB4.)
-
-    Returns
-    -------
-    ndarray of shape (n_runs,)
-        About 3 for a gear without fault.
-
-    References
-    ----------
-    .. [1] Zakrajsek, An investigation of gear mesh failure prediction techniques, NASA TM-102340
-       (1989); NASA TM-105950 for the run ensemble.
-
-    Examples
-    --------
-    >>> na4([[1.0, -1.0, 1.0, -1.0], [2.0, -2.0, 2.0, -2.0]]).round(2).tolist()
-    [1.0, 2.56]
-    """
-    runs = [check_signal(run, "a residual signal").astype(np.float64) for run in residuals]
-    centred = [run - run.mean() for run in runs]
-    variances = np.array([np.mean(run**2) for run in centred])
-    ensemble = np.cumsum(variances) / np.arange(1, len(runs) + 1)
-    fourth = np.array([np.mean(run**4) for run in centred])
-    return fourth / np.maximum(ensemble, _TINY) ** 2
 
 
 def mesh_envelope(average: ArrayLike, teeth: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import ceil
 from typing import Any
 
@@ -292,73 +293,45 @@ def check_statistics(names: Any, parameter: str, known: Sequence[str]) -> tuple[
     return chosen
 
 
-def _mean(x: NDArray[np.floating]) -> Array:
-    return np.mean(x, axis=-1, dtype=np.float64)
+def _centred(x: Array) -> Array:
+    return x - x.mean(axis=-1, keepdims=True, dtype=np.float64)
 
 
-def _peak(x: NDArray[np.floating]) -> Array:
-    return np.maximum(np.max(x, axis=-1), -np.min(x, axis=-1)).astype(np.float64)
+def _rms(x: Array) -> Array:
+    return np.sqrt(np.mean(np.square(x, dtype=np.float64), axis=-1))
 
 
-def _peak_to_peak(x: NDArray[np.floating]) -> Array:
-    return np.max(x, axis=-1).astype(np.float64) - np.min(x, axis=-1)
+def _peak(x: Array) -> Array:
+    return np.abs(x).max(axis=-1)
 
 
-def _rms(x: NDArray[np.floating]) -> Array:
-    return _size(np.asarray(x, dtype=np.float64))
-
-
-def _std(x: NDArray[np.floating]) -> Array:
-    return _size(_centred(x))
-
-
-def _crest_factor(x: NDArray[np.floating]) -> Array:
-    peak = _peak(x)
-    if not np.all(peak > 0):
+def _crest_factor(x: Array) -> Array:
+    if not np.all(_peak(x) > 0):
         raise ValueError(
             "the crest factor of a signal of zeros is undefined. Leave 'crest_factor' or the "
             "channel out."
         )
-    return peak / _rms(x)
+    return _peak(x) / _rms(x)
 
 
-def _kurtosis(x: NDArray[np.floating]) -> Array:
-    return np.mean(_standardised(x, "kurtosis") ** 4, axis=-1)
-
-
-def _skewness(x: NDArray[np.floating]) -> Array:
-    return np.mean(_standardised(x, "skewness") ** 3, axis=-1)
-
-
-def _centred(x: NDArray[np.floating]) -> Array:
-    return np.asarray(x, dtype=np.float64) - _mean(x)[..., np.newaxis]
-
-
-def _size(x: Array) -> Array:
-    """Root mean square, without overflow or underflow."""
-    largest = np.max(np.abs(x), axis=-1, keepdims=True)
-    unit = np.where(largest > 0, largest, 1.0)
-    return unit[..., 0] * np.sqrt(np.mean((x / unit) ** 2, axis=-1))
-
-
-def _standardised(x: NDArray[np.floating], name: str) -> Array:
-    """Scale to mean 0 and standard deviation 1; a constant, up to rounding, is an error."""
+def _moment(x: Array, name: str, power: int) -> Array:
+    """Return a central moment of the standardised signal; that of a constant is an error."""
     # Samples of a constant signal differ by eight rounding errors at most.
-    if np.any(_peak_to_peak(x) <= 8 * np.finfo(x.dtype).eps * _peak(x)):
+    if np.any(np.ptp(x, axis=-1) <= 8 * np.finfo(x.dtype).eps * _peak(x)):
         raise ValueError(
             f"the {name} of a constant signal is undefined. Leave {name!r} or the channel out."
         )
     centred = _centred(x)
-    return centred / _size(centred)[..., np.newaxis]
+    return np.mean((centred / _rms(centred)[..., np.newaxis]) ** power, axis=-1)
 
 
-STATISTICS: dict[str, Callable[[NDArray[np.floating]], Array]] = {
-    "mean": _mean,
+STATISTICS: dict[str, Callable[[Array], Array]] = {
+    "mean": partial(np.mean, axis=-1, dtype=np.float64),
     "rms": _rms,
-    "std": _std,
+    "std": lambda x: _rms(_centred(x)),
     "peak": _peak,
-    "peak_to_peak": _peak_to_peak,
+    "peak_to_peak": partial(np.ptp, axis=-1),
     "crest_factor": _crest_factor,
-    "kurtosis": _kurtosis,
-    "skewness": _skewness,
+    "kurtosis": partial(_moment, name="kurtosis", power=4),
+    "skewness": partial(_moment, name="skewness", power=3),
 }
