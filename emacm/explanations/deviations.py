@@ -14,54 +14,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.pipeline import FeatureUnion, Pipeline
-from sklearn.preprocessing import FunctionTransformer
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.explanations.feature_traces import FeatureTrace, trace_features
-from emacm.explanations.opened_pipelines import OpenedPipeline, names_of, one_recording
-from emacm.machine.fault_lines import FaultLines
-from emacm.orders.bin_transformer import BinTransformer
-from emacm.orders.order_psd import OrderPSD
+from emacm.explanations.opened_pipelines import OpenedPipeline, one_recording
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Deviations:
-    """Differences of the columns of one recording from the training.
-
-    Attributes
-    ----------
-    of_mean : ndarray of shape (n_columns,)
-        From the mean of the nearest class.
-    of_least, of_largest : ndarray of shape (n_columns,)
-        From the least and the largest value of the training recordings; NaN if they are not
-        known, as after a projection.
-    in_decibels : ndarray of bool, shape (n_columns,)
-        Unit of both: dB, or standard deviations within the classes.
-    levels, mean_levels : ndarray of shape (n_columns,)
-        Levels of the recording and of the nearest class [dB], NaN for other columns.
-    """
-
-    of_mean: Array
-    of_least: Array
-    of_largest: Array
-    in_decibels: NDArray[np.bool_]
-    levels: Array
-    mean_levels: Array
-
-    @property
-    def outside(self) -> Array:
-        """Deviations from the range of the training: positive above, negative below, 0 within."""
-        below = np.where(self.of_least < 0, self.of_least, 0.0)
-        inside = np.where(np.isnan(self.of_least), np.nan, below)
-        return np.where(self.of_largest > 0, self.of_largest, inside)
-
-    def columns(self) -> dict[str, Any]:
-        """Return columns of a table: "deviation", "outside_training" and their "unit"."""
-        units = np.where(self.in_decibels, "dB", "standard deviations")
-        return {"deviation": self.of_mean, "outside_training": self.outside, "unit": units}
 
 
 def find_deviations(
@@ -70,7 +28,7 @@ def find_deviations(
     scales: Array,
     references: tuple[Array, Array, Array],
     spread: Array,
-) -> Deviations:
+) -> pd.DataFrame:
     """Determine how far a recording is from the training.
 
     Parameters
@@ -80,7 +38,7 @@ def find_deviations(
     row : ndarray of shape (n_columns,)
         The recording.
     scales : ndarray of shape (n_columns,)
-        Of `power_scales`.
+        dB per unit of each column, as of `columns_of`.
     references : (ndarray, ndarray, ndarray), each of shape (n_positions,)
         Positions of the nearest class, and of the least and the largest training value; NaN where
         they are not known.
@@ -89,85 +47,28 @@ def find_deviations(
 
     Returns
     -------
-    Deviations
+    DataFrame of shape (n_columns, 7)
+        Differences from the mean of the nearest class ("deviation") and from the "least" and the
+        "largest" value of the training; "outside_training", the deviation from this range:
+        positive above, negative below, 0 within; their "unit", "dB" or "standard deviations"; and
+        "level" and "reference_level" of the class [dB]. NaN where they are not known, as of columns
+        that a selection dropped.
     """
     place = np.full(len(row), -1)
     place[trace.sources[::-1]] = np.arange(len(trace.sources))[::-1]
-    known = place >= 0  # the others were dropped by a selection
     found = trace.positions(row[np.newaxis])[0]
-    mean, low, high = (
-        _in_decibels(trace, row, scales, found, reference)[place] for reference in references
-    )
-    exact = known & np.isfinite(mean)
-    with np.errstate(invalid="ignore"):
-        sigmas = [((found - reference) / spread)[place] for reference in references]
-        mean, low, high = (
-            np.where(exact, db, sigma) for db, sigma in zip((mean, low, high), sigmas, strict=True)
-        )
-    levels = np.where(exact, _levels(row, scales), np.nan)
-    hidden = np.where(known, 1.0, np.nan)
-    return Deviations(mean * hidden, low * hidden, high * hidden, exact, levels, levels - mean)
-
-
-def power_scales(maker: Any, n_columns: int) -> Array:
-    """Return what one unit of each column of a table is in dB.
-
-    Parameters
-    ----------
-    maker : transformer or None
-        The fitted step that makes the table.
-    n_columns : int
-        Number of its columns.
-
-    Returns
-    -------
-    ndarray of shape (n_columns,)
-        dB per unit of a logarithm of a power, inf for a power, NaN for anything else.
-    """
-    if isinstance(maker, BinTransformer | OrderPSD):
-        return np.full(n_columns, np.inf)
-    if isinstance(maker, FaultLines):  # levels in dB
-        return np.ones(n_columns)
-    if isinstance(maker, FeatureUnion):
-        blocks = [step for _, step in maker.transformer_list if step != "drop"]
-        widths = [len(names_of(step)) for step in blocks]
-        parts = [power_scales(*pair) for pair in zip(blocks, widths, strict=True)]
-        whole = np.concatenate([*parts, np.empty(0)])
-        return whole if len(whole) == n_columns else np.full(n_columns, np.nan)
-    scale: Any = np.nan
-    for _, step in maker.steps if isinstance(maker, Pipeline) else ():
-        if isinstance(step, BinTransformer | OrderPSD | FaultLines | FeatureUnion):
-            scale = power_scales(step, len(names_of(step)))
-        elif isinstance(step, FunctionTransformer):
-            scale = np.where(np.isinf(scale), _decibels_per_unit(step), np.nan)
-        elif step not in (None, "passthrough"):
-            scale = np.nan
-    return (
-        np.resize(scale, n_columns)
-        if np.size(scale) in (1, n_columns)
-        else np.full(n_columns, np.nan)
-    )
-
-
-def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
-    """Return what one unit of a logarithm of a power is in dB; NaN if it is another function."""
-    if logarithm.func is None:
-        return np.inf
-    powers = 10.0 ** np.arange(-3, 4)[:, np.newaxis]  # 10 dB apart
+    by_level = np.array([_in_decibels(trace, row, scales, found, each) for each in references])
     with np.errstate(all="ignore"):
-        try:
-            values = logarithm.func(powers, **(logarithm.kw_args or {}))
-            steps = np.diff(np.asarray(values, np.float64), axis=0)
-        except (TypeError, ValueError, AttributeError):  # a function of DataFrames, for example
-            return np.nan
-        straight = np.ptp(steps) <= 1e-6 * np.abs(steps).max()
-    return float(10.0 / steps.mean()) if straight and steps.any() else np.nan
-
-
-def _levels(row: Array, scales: Array) -> Array:
-    """Return the columns in dB."""
-    with np.errstate(all="ignore"):
-        return np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
+        by_spread = (found - np.array(references)) / spread
+        levels = np.where(np.isinf(scales), 10 * np.log10(row), row * scales)
+    exact = (place >= 0) & np.isfinite(by_level[0, place])
+    mean, least, largest = np.where(exact, by_level[:, place], by_spread[:, place])
+    table = pd.DataFrame({"deviation": mean, "least": least, "largest": largest})
+    table["outside_training"] = np.where(largest > 0, largest, np.minimum(least, 0))
+    table["level"] = np.where(exact, levels, np.nan)
+    table["reference_level"] = table["level"] - mean
+    table[place < 0] = np.nan
+    return table.assign(unit=np.where(exact, "dB", "standard deviations"))
 
 
 def _in_decibels(
@@ -245,19 +146,14 @@ PROJECTED = (
 )
 
 
-def unknown_statements(
-    bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str
-) -> list[str]:
+def unknown_statements(table: pd.DataFrame, nearest: str) -> list[str]:
     """State which channels and orders of a recording deviate from the training, and how.
 
     Parameters
     ----------
-    bins : DataFrame
-        Columns "column", "channel", "low" and "high", one row for each column of the table.
-    shares : ndarray of shape (n_columns,)
-        Contribution of each to the distance.
-    found : Deviations
-        Of the recording.
+    table : DataFrame
+        Columns "column", "channel", "low", "high", those of `find_deviations`, and "contribution"
+        to the distance; one row for each column of the table of the model.
     nearest : str
         Name of the nearest class.
 
@@ -266,164 +162,129 @@ def unknown_statements(
     list of str
         The most important first.
     """
-    powers = found.in_decibels & bins["low"].notna().to_numpy()  # in bands of orders
-    channels = {
-        str(name): np.flatnonzero((bins["channel"] == name) & powers)
-        for name in bins["channel"].unique()
-        if ((bins["channel"] == name) & powers).any()
-    }
-    gain = _common_gain(channels, found)
-    if gain:
-        return [gain]
-    swapped = _swapped(channels, bins, found)
-    if swapped:
-        return [swapped]
-    stated: list[tuple[float, str]] = []
-    for name, rows in channels.items():
-        stated += _of_channel(name, rows, bins, shares, found, nearest)
-    stated += _of_others(np.flatnonzero(~powers), bins, shares, found, nearest)
+    is_band = (table["unit"] == "dB") & table["low"].notna()
+    bands = table[is_band].sort_values("low", kind="stable")
+    channels = {str(name): own for name, own in bands.groupby("channel", sort=False)}
+    common = _common_gain(channels) or _swapped(channels)
+    if common:
+        return [common]
+    stated = _of_others(table[~is_band], nearest)
+    for name, own in channels.items():
+        stated += _of_channel(name, own, nearest)
     stated.sort(key=lambda pair: -pair[0])
-    texts = [
-        text for weight, text in stated[: _LIMITS.most] if weight >= _LIMITS.share * stated[0][0]
-    ]
+    least = _LIMITS.share * stated[0][0] if stated else 0.0
+    texts = [text for weight, text in stated[: _LIMITS.most] if weight >= least]
     if not texts:
-        largest = ", ".join(map(repr, bins["column"].iloc[np.argsort(-np.abs(shares))[:3]]))
+        order = np.argsort(-table["contribution"].abs())[:3]
+        largest = ", ".join(map(repr, table["column"].iloc[order]))
         texts = [f"no column is far outside the training; together they are, above all {largest}"]
     return texts
 
 
-def _gain(rows: NDArray[np.intp], found: Deviations) -> float | None:
+def _gain(own: pd.DataFrame) -> float | None:
     """Return the gain [dB] without which the bins are in the range of the training; None if none.
 
     0 if they are in this range. One bin in ten may deviate.
     """
-    least, most = found.of_largest[rows] - _LIMITS.least, found.of_least[rows] + _LIMITS.least
-    if np.isnan(least).any():
-        least, most = found.of_mean[rows] - _LIMITS.same, found.of_mean[rows] + _LIMITS.same
+    least, most = own["largest"] - _LIMITS.least, own["least"] + _LIMITS.least
+    if least.isna().any():
+        least, most = own["deviation"] - _LIMITS.same, own["deviation"] + _LIMITS.same
     candidates = np.concatenate([[0.0], least, most])
-    covered = ((least <= candidates[:, np.newaxis]) & (candidates[:, np.newaxis] <= most)).mean(1)
-    if covered.max() < _LIMITS.covered:
-        return None
+    inside = (least.to_numpy() <= candidates[:, np.newaxis]) & (
+        candidates[:, np.newaxis] <= most.to_numpy()
+    )
+    covered = inside.mean(axis=1)
     if covered[0] >= _LIMITS.covered:
         return 0.0
-    return float(candidates[covered == covered.max()].mean())
+    best = covered.max()
+    return float(candidates[covered == best].mean()) if best >= _LIMITS.covered else None
 
 
-def _common_gain(channels: dict[str, NDArray[np.intp]], found: Deviations) -> str:
+def _common_gain(channels: dict[str, pd.DataFrame]) -> str:
     """Return a sentence if all channels have the same gain."""
-    if len(channels) < 2 or not all(_gain(rows, found) for rows in channels.values()):
+    if len(channels) < 2 or not all(map(_gain, channels.values())):
         return ""
-    gain = _gain(np.concatenate([*channels.values()]), found)
+    gain = _gain(pd.concat([*channels.values()]))
     if gain is None or abs(gain) < _LIMITS.gain:
         return ""
-    return f"all channels {_decibels(gain)} training: gain or unit?"
+    return f"all channels {_span(gain)} training: gain or unit?"
 
 
-def _swapped(channels: dict[str, NDArray[np.intp]], bins: pd.DataFrame, found: Deviations) -> str:
+def _swapped(channels: dict[str, pd.DataFrame]) -> str:
     """Return a sentence if two channels have the levels of each other."""
-    for one, other in combinations(channels, 2):
-        first, second = channels[one], channels[other]
-        if not np.array_equal(
-            *(bins[["low", "high"]].to_numpy()[rows] for rows in (first, second))
-        ):
+    for (one, first), (other, second) in combinations(channels.items(), 2):
+        bands = [own[["low", "high"]].to_numpy() for own in (first, second)]
+        if not np.array_equal(*bands):
             continue
-        own, crossed = (
-            np.mean(np.abs(found.levels[to] - found.mean_levels[of]))
-            for to, of in (
-                (np.r_[first, second], np.r_[first, second]),
-                (np.r_[first, second], np.r_[second, first]),
-            )
-        )
+        levels = np.array([first["level"], second["level"]])
+        means = np.array([first["reference_level"], second["reference_level"]])
+        own, crossed = np.abs(levels - means).mean(), np.abs(levels - means[::-1]).mean()
         if own > 2 * _LIMITS.same and crossed < own / 3:
             return f"channels {one!r} and {other!r} as if exchanged: are they swapped?"
     return ""
 
 
-def _of_channel(
-    name: str,
-    rows: NDArray[np.intp],
-    bins: pd.DataFrame,
-    shares: Array,
-    found: Deviations,
-    nearest: str,
-) -> list[tuple[float, str]]:
+def _of_channel(name: str, own: pd.DataFrame, nearest: str) -> list[tuple[float, str]]:
     """Return the sentences about the bins of one channel, each with its contribution."""
-    rows = rows[np.argsort(bins["low"].to_numpy()[rows], kind="stable")]
-    outside, limit, of = found.outside[rows], _LIMITS.least, "the training"
-    if np.isnan(outside).all():
-        outside, limit, of = found.of_mean[rows], 2 * _LIMITS.same, repr(nearest)
-    weight = np.abs(shares[rows])
-    gain = _gain(rows, found)
-    if (outside < -limit).all() and np.median(found.of_mean[rows]) <= _LIMITS.silent:
-        level = _decibels(float(np.median(found.of_mean[rows])))
-        return [(weight.sum(), f"channel {name!r} {level} training: cable or sensor?")]
-    if gain is not None and abs(gain) >= _LIMITS.gain:
-        text = f"channel {name!r} {_decibels(gain)} training at all orders: gain or unit?"
-        return [(weight.sum(), text)]
-    far = np.abs(outside) > limit
-    if far.mean() > _LIMITS.broad:
-        text = (
-            f"channel {name!r} {_span(outside[far])} {of} in {100 * far.mean():.0f} % of its "
-            f"order bins: broad band"
-        )
-        return [(weight.sum(), text)]
-    return [
-        (weight[part].sum(), _of_orders(name, bins.iloc[rows[part]], outside[part], of))
-        for part in _adjacent(np.sign(outside) * far)
-    ]
+    outside, limit, of = own["outside_training"], _LIMITS.least, "the training"
+    if outside.isna().all():
+        outside, limit, of = own["deviation"], 2 * _LIMITS.same, repr(nearest)
+    weight, far = own["contribution"].abs(), outside.abs() > limit
+    gain, level = _gain(own), own["deviation"].median()
+    if (outside < -limit).all() and level <= _LIMITS.silent:
+        text = f"{_span(level)} training: cable or sensor?"
+    elif gain is not None and abs(gain) >= _LIMITS.gain:
+        text = f"{_span(gain)} training at all orders: gain or unit?"
+    elif far.mean() > _LIMITS.broad:
+        share = f"{100 * far.mean():.0f} % of its order bins"
+        text = f"{_span(*outside[far])} {of} in {share}: broad band"
+    else:
+        signs = np.sign(outside) * far
+        parts = own.assign(outside=outside).groupby((signs != signs.shift()).cumsum())
+        return [
+            (part["contribution"].abs().sum(), _of_orders(name, part, of))
+            for _, part in parts
+            if far[part.index[0]]
+        ]
+    return [(weight.sum(), f"channel {name!r} {text}")]
 
 
-def _of_orders(name: str, bins: pd.DataFrame, outside: Array, of: str) -> str:
-    """Return a sentence about adjacent bins."""
-    end = "maximum" if outside[0] > 0 else "minimum"
-    of = f"the training {end}" if of == "the training" else of
-    peak = int(np.abs(outside).argmax())
-    others = np.abs(np.delete(outside, peak))
-    height = _LIMITS.peak if len(bins) <= _LIMITS.line else _LIMITS.high_peak
-    if (others <= abs(outside[peak]) - height).all():
-        bins, outside = bins.iloc[[peak]], outside[[peak]]
-    low, high = bins["low"].min(), bins["high"].max()
-    orders = f"order {low:g} to {high:g}"
-    if len(bins) > 2:
-        return f"orders {low:g} to {high:g} of {name!r} {_span(outside)} {of}"
-    kind = "line at " if outside[0] > 0 else ""
-    return f"{kind}{orders} of {name!r}, {_decibels(float(outside[np.abs(outside).argmax()]))} {of}"
+def _of_orders(name: str, part: pd.DataFrame, of: str) -> str:
+    """Return a sentence about adjacent bins that are all above, or all below the training."""
+    above = part["outside"].iloc[0] > 0
+    if of == "the training":
+        of = "the training maximum" if above else "the training minimum"
+    peak = part["outside"].abs().idxmax()
+    others = part["outside"].abs().drop(peak)
+    height = _LIMITS.peak if len(part) <= _LIMITS.line else _LIMITS.high_peak
+    if (others <= abs(part["outside"][peak]) - height).all():
+        part = part.loc[[peak]]
+    low, high = part["low"].min(), part["high"].max()
+    if len(part) > 2:
+        return f"orders {low:g} to {high:g} of {name!r} {_span(*part['outside'])} {of}"
+    kind = "line at order" if above else "order"
+    return f"{kind} {low:g} to {high:g} of {name!r}, {_span(part['outside'][peak])} {of}"
 
 
-def _of_others(
-    rows: NDArray[np.intp], bins: pd.DataFrame, shares: Array, found: Deviations, nearest: str
-) -> list[tuple[float, str]]:
+def _of_others(table: pd.DataFrame, nearest: str) -> list[tuple[float, str]]:
     """Return sentences about columns that are not powers in a band of orders."""
-    stated = []
-    for row in rows:
-        outside, deviation = found.outside[row], found.of_mean[row]
-        if not (np.abs(outside) > _LIMITS.least or (np.isnan(outside) and np.abs(deviation) > 3)):
-            continue
-        way = "above" if deviation > 0 else "below"
-        size = f"{abs(deviation):.3g} standard deviations {way}"
-        if found.in_decibels[row]:
-            size = _decibels(float(deviation))
-        text = f"{bins['column'].iloc[row]!r} {size} {nearest!r}"
-        stated.append((float(np.abs(shares[row])), text))
-    return stated
+    outside, deviation = table["outside_training"], table["deviation"]
+    stated = table[(outside.abs() > _LIMITS.least) | (outside.isna() & (deviation.abs() > 3))]
+    texts = []
+    for row in stated.itertuples():
+        size = _span(row.deviation)
+        if row.unit != "dB":
+            way = "above" if row.deviation > 0 else "below"
+            size = f"{abs(row.deviation):.3g} standard deviations {way}"
+        texts.append((abs(row.contribution), f"{row.column!r} {size} {nearest!r}"))
+    return texts
 
 
-def _adjacent(signs: Array) -> list[slice]:
-    """Return the ranges of equal signs other than 0."""
-    edges = np.flatnonzero(np.diff(signs)) + 1
-    parts = zip([0, *edges.tolist()], [*edges.tolist(), len(signs)], strict=True)
-    return [slice(start, stop) for start, stop in parts if signs[start]]
-
-
-def _decibels(value: float) -> str:
-    return f"{abs(value):.0f} dB {'above' if value > 0 else 'below'}"
-
-
-def _span(values: Array) -> str:
+def _span(*values: float) -> str:
     """Return a range of deviations in words; of both signs, that of the majority."""
-    way = 1 if (values > 0).mean() >= 0.5 else -1
-    sizes = np.abs(values[np.sign(values) == way])
-    low, high = f"{sizes.min():.0f}", f"{sizes.max():.0f}"
+    way = 1 if np.mean(np.greater(values, 0)) >= 0.5 else -1
+    sizes = [abs(value) for value in values if np.sign(value) == way]
+    low, high = f"{min(sizes):.0f}", f"{max(sizes):.0f}"
     return f"{low if low == high else f'{low} to {high}'} dB {'above' if way > 0 else 'below'}"
 
 
@@ -481,17 +342,11 @@ def class_deviations(
         others = trace.positions(opened.table(background)[0])
         mean, spread = others.mean(axis=0), others.std(axis=0)
     row, unknown = values[0], np.full(len(mean), np.nan)
-    found, sigmas = (
-        find_deviations(trace, row, scales, (mean, unknown, unknown), spread)
-        for scales in (power_scales(opened.maker, len(row)), np.full(len(row), np.nan))
-    )
-    return bins.assign(
-        deviation=found.of_mean,
-        unit=np.where(found.in_decibels, "dB", "standard deviations"),
-        sigmas=sigmas.of_mean,
-        level=found.levels,
-        reference_level=found.mean_levels,
-    )
+    scales, references = opened.scales(len(row)), (mean, unknown, unknown)
+    found = find_deviations(trace, row, scales, references, spread)
+    sigmas = find_deviations(trace, row, np.full(len(row), np.nan), references, spread)
+    found.insert(1, "sigmas", sigmas["deviation"])
+    return bins.join(found[["deviation", "unit", "sigmas", "level", "reference_level"]])
 
 
 def _learned(

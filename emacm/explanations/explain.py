@@ -19,9 +19,7 @@ from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.labels import label_list, label_positions
 from emacm.explanations.deviations import (
     PROJECTED,
-    Deviations,
     find_deviations,
-    power_scales,
     unknown_statements,
 )
 from emacm.explanations.feature_traces import FeatureTrace, trace_features, with_names
@@ -159,15 +157,16 @@ def explain_decision(
         slope = mean_slope_of_cost(classifier, start, end, costs)
         value, baseline = (cost_saved(classifier, z, costs)[0] for z in (end, start))
         quantity = f"expected cost saved by deciding {decision!r} instead of {against!r}"
-    contributions, bins, statements = traced.split(step, slope)[0], traced.bins, {}
+    table = traced.bins.assign(contribution=traced.split(step, slope)[0])
+    statements = {}
     if _with_unknown(classifier, decision, against):
-        scales = power_scales(opened.maker, len(bins))
+        scales = opened.scales(len(table))
         deviations = traced.deviations(classifier, scales, step, others)
-        texts = unknown_statements(bins, contributions, deviations, str(nearest))
-        if traced.trace.linear and others is None:
-            texts = [PROJECTED]
-        bins, statements = bins.assign(**deviations.columns()), {"statements": texts}
-    table = _ranked(bins, contributions)
+        statements["statements"] = [PROJECTED]
+        if others is not None or not traced.trace.linear:
+            statements["statements"] = unknown_statements(table.join(deviations), str(nearest))
+        table = table.join(deviations[["deviation", "outside_training", "unit"]])
+    table = _ranked(table)
     table.attrs = statements | {
         "decision": decision,
         "against": against,
@@ -246,7 +245,7 @@ def explain_model(pipeline: Any, X: Any, y: ArrayLike | None = None) -> pd.DataF
         )
     pairs = {name: values.mean(axis=0) for name, values in magnitudes.items()}
     overall = np.concatenate([*magnitudes.values()]).mean(axis=0)
-    table = _ranked(traced.bins.assign(**pairs), overall)
+    table = _ranked(traced.bins.assign(contribution=overall, **pairs))
     table.attrs = {"quantity": "mean magnitude of the contributions to the log odds [nats]"}
     return table
 
@@ -292,7 +291,7 @@ class _Traced:
         scales: Array,
         step: Array,
         others: Array | None,
-    ) -> Deviations:
+    ) -> pd.DataFrame:
         """Return the deviations of one recording, which is a step away from the nearest class.
 
         `others` are the positions of background recordings, whose range is that of the training
@@ -313,14 +312,13 @@ class _Traced:
         return self.trace.by_column(step * (slope @ self.trace.matrix), len(self.bins))
 
 
-def _ranked(bins: pd.DataFrame, contributions: Array) -> pd.DataFrame:
-    """Add contributions and shares to the table of bins, largest first."""
-    magnitudes = np.abs(contributions)
-    shares = magnitudes / magnitudes.sum() if magnitudes.sum() > 0 else magnitudes
-    table = bins.copy()
-    table.insert(4, "contribution", contributions)
-    table.insert(5, "share", shares)
-    return table.iloc[np.argsort(-magnitudes, kind="stable")].reset_index(drop=True)
+def _ranked(table: pd.DataFrame) -> pd.DataFrame:
+    """Add the shares to a table of contributions, largest first."""
+    magnitudes = table["contribution"].abs()
+    table.insert(5, "share", magnitudes / (magnitudes.sum() or 1.0))
+    return table.sort_values(
+        "contribution", key=lambda values: -values.abs(), kind="stable", ignore_index=True
+    )
 
 
 def _question(

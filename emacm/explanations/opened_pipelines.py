@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,7 @@ from emacm.decisions.pipelines import search_estimator
 from emacm.machine.fault_lines import FaultLines
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.columns import column_names
+from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.inputs import refuse_single
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
@@ -32,72 +33,106 @@ def is_skipped(step: Any) -> bool:
     return step is None or isinstance(step, str)
 
 
-def names_of(maker: Any) -> NDArray[Any]:
-    """Return the names of the columns that a step makes.
+Array = NDArray[np.float64]
+
+_NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
+_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
+
+
+def columns_of(maker: Any) -> tuple[list[str], Array]:
+    """Return the names of the columns that a step makes, and what one unit of each is in dB.
+
+    Parameters
+    ----------
+    maker : transformer
+        Fitted; makes a table of recordings.
+
+    Returns
+    -------
+    names : list of str
+    scales : ndarray of shape (n_columns,)
+        dB per unit of a level (the logarithm of a power), inf for a power, NaN for anything else.
 
     Raises
     ------
     ValueError
-        If they have no names; the message states the remedy.
+        If columns have no names; the message states the remedy.
     """
-    try:
-        return maker.get_feature_names_out()
-    except AttributeError as error:
-        names = _names_without_logarithms(maker)
-        if names is not None:
-            return np.array(names, dtype=object)
+    names, scales = _columns(maker, None, np.empty(0))
+    if names is None:
         raise ValueError(
-            f"the columns of {type(maker).__name__} have no names, which an explanation needs: "
-            f"{error} In that step, write FunctionTransformer(np.log10, "
-            f"feature_names_out='one-to-one')."
-        ) from error
+            f"the columns of {type(maker).__name__} have no names, which an explanation needs. In "
+            f"that step, write FunctionTransformer(np.log10, feature_names_out='one-to-one')."
+        )
+    return list(map(str, names)), scales
 
 
-def _names_without_logarithms(maker: Any) -> list[Any] | None:
-    """Return the names of columns after element-wise functions that state none; None if unknown.
+def _columns(step: Any, names: Any, scales: Array) -> tuple[Any, Array]:
+    """Return names and scales of the columns after a step, from those before; None: no names."""
+    if isinstance(step, Pipeline):
+        for _, inner in step.steps:
+            if not is_skipped(inner):
+                names, scales = _columns(inner, names, scales)
+        return names, scales
+    if isinstance(step, FeatureUnion):
+        return _union_columns(step, names, scales)
+    if isinstance(step, FunctionTransformer) and names is not None:
+        scale = _decibels_per_unit(step)
+        scales = np.where(np.isinf(scales), scale, np.nan)
+        if not hasattr(step, "get_feature_names_out"):
+            return (names if _is_elementwise(step) else None), scales
+    if not hasattr(step, "get_feature_names_out"):  # from recordings to recordings
+        return None, scales
+    names = step.get_feature_names_out(names)
+    if not isinstance(step, FunctionTransformer):
+        scale = 1.0 if isinstance(step, FaultLines) else np.nan  # levels in dB
+        scales = np.full(
+            len(names), np.inf if isinstance(step, BinTransformer | OrderPSD) else scale
+        )
+    return names, scales
 
-    A `FunctionTransformer` has no names unless they are requested. If its function treats each
-    column by itself, as a logarithm does, the names before it hold.
-    """
-    if isinstance(maker, FeatureUnion):
-        names: list[Any] = []
-        for prefix, step in maker.transformer_list:
-            block = [] if step == "drop" else _names_without_logarithms(step)
-            if block is None:
-                return None
-            verbose = maker.verbose_feature_names_out
-            names += [f"{prefix}__{name}" for name in block] if verbose else block
-        return names
-    if isinstance(maker, Pipeline):
-        for _, step in reversed(maker.steps):
-            if is_skipped(step):
-                continue
-            if not (isinstance(step, FunctionTransformer) and _is_elementwise(step)):
-                return _names_without_logarithms(step)
-    try:
-        return list(maker.get_feature_names_out())
-    except AttributeError:
-        return None
+
+def _union_columns(union: FeatureUnion, names: Any, scales: Array) -> tuple[Any, Array]:
+    parts = {
+        name: _columns(step, names, scales)
+        for name, step in union.transformer_list
+        if step != "drop"
+    }
+    if any(own is None for own, _ in parts.values()):
+        return None, scales
+    verbose = union.verbose_feature_names_out
+    joined = [
+        f"{prefix}__{name}" if verbose else name
+        for prefix, (own, _) in parts.items()
+        for name in own
+    ]
+    return joined, np.concatenate([own for _, own in parts.values()])
+
+
+def _decibels_per_unit(logarithm: FunctionTransformer) -> float:
+    """Return what one unit of a logarithm of a power is in dB; NaN if it is another function."""
+    if logarithm.func is None:
+        return np.inf
+    steps = np.diff(_values_of(logarithm, 10.0 ** np.arange(-3, 4)[:, np.newaxis]), axis=0)
+    straight = np.ptp(steps) <= 1e-6 * np.abs(steps).max()  # the powers are 10 dB apart
+    return float(10.0 / steps.mean()) if straight and steps.any() else np.nan
 
 
 def _is_elementwise(step: FunctionTransformer) -> bool:
     """Return whether the function of a table is that of each of its columns, tested with one."""
     table = np.random.default_rng(0).uniform(0.5, 2.0, (3, 4))
-    arguments = step.kw_args or {}
-    if step.func is None:
-        return True
+    columns = [_values_of(step, table[:, [k]]) for k in range(4)]
+    return np.array_equal(_values_of(step, table), np.hstack(columns))
+
+
+def _values_of(step: FunctionTransformer, table: NDArray[np.floating]) -> Array:
+    """Apply a function to any table; NaN if it fails, as a function of DataFrames may."""
     try:
-        whole = step.func(table, **arguments)
-        columns = [step.func(table[:, [k]], **arguments) for k in range(table.shape[1])]
-        return np.array_equal(whole, np.hstack(columns))
-    except (TypeError, ValueError, AttributeError):  # a function of DataFrames, for example
-        return False
-
-
-Array = NDArray[np.float64]
-
-_NUMBER = r"[0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?"
-_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?", re.IGNORECASE)
+        with np.errstate(all="ignore"):
+            values = table if step.func is None else step.func(table, **(step.kw_args or {}))
+            return np.asarray(values, np.float64)
+    except (TypeError, ValueError, AttributeError):
+        return np.full(table.shape, np.nan)
 
 
 @dataclass(frozen=True)
@@ -136,7 +171,11 @@ class OpenedPipeline:
         name, classifier = steps[-1]
         if isinstance(classifier, ConditionRouter):
             if len(steps) > 1:
-                _refuse_router(classifier)
+                raise TypeError(
+                    "a ConditionRouter after other steps of a pipeline has a classifier for each "
+                    "condition. Put the steps before it into its estimator, or explain one of its "
+                    "estimators_, with a table of its condition."
+                )
             return cls._of_condition(classifier, X)
         if not isinstance(classifier, CostSensitiveGaussianBayes):
             raise TypeError(
@@ -169,6 +208,10 @@ class OpenedPipeline:
         priced = with_present_costs(inner.classifier, models[0], router.estimator, router.classes_)
         return replace(inner, classifier=priced, router=router)
 
+    def scales(self, n_columns: int) -> Array:
+        """Return what one unit of each column of the table is in dB, see `columns_of`."""
+        return np.full(n_columns, np.nan) if self.maker is None else columns_of(self.maker)[1]
+
     def table(self, X: Any) -> tuple[Array, pd.DataFrame]:
         """Return the bins or features of recordings, and a description of each column."""
         X = X if self.router is None else self.router.inner(X)
@@ -176,7 +219,7 @@ class OpenedPipeline:
             return self._own_table(X)
         for step in self.before:
             X = X if is_skipped(step) else step.transform(X)
-        frame = _bin_frame(names_of(self.maker))
+        frame = _bin_frame(columns_of(self.maker)[0])
         if isinstance(self.maker, BinTransformer):
             edges = np.tile(self.maker.bins_, (len(frame) // len(self.maker.bins_), 1))
             frame = frame.assign(low=edges[:, 0], high=edges[:, 1])
@@ -190,24 +233,13 @@ class OpenedPipeline:
             raise ValueError(
                 f"X must have the columns of the fit, {list(expected)}, got {list(names)}."
             )
-        values = check_real_array(X, "X").astype(np.float64)
+        values = np.asarray(check_real_array(X, "X"), dtype=np.float64)
         if values.ndim != 2:
             raise ValueError(f"X must be a table of recordings, got shape {values.shape}.")
-        labels: Any = expected if names is None else names
-        if labels is None:
-            labels = [f"x{i}" for i in range(values.shape[1])]
-        check_finite_table(values, "recording", list(labels))
+        numbered = [f"x{i}" for i in range(values.shape[1])]
+        labels = list(next((own for own in (names, expected) if own is not None), numbered))
+        check_finite_table(values, "recording", labels)
         return values, _bin_frame(labels)
-
-
-def _refuse_router(router: ConditionRouter) -> NoReturn:
-    check_is_fitted(router)
-    known = list(router.conditions_)
-    raise TypeError(
-        f"a ConditionRouter after other steps of a pipeline has a classifier for each condition "
-        f"{known}. Put the steps before it into its estimator, or explain one of them, for "
-        f"example router.estimators_[{known[0]!r}], with a table of its condition."
-    )
 
 
 def one_recording(x: Any) -> Any:
@@ -224,11 +256,10 @@ def one_recording(x: Any) -> Any:
         return x.to_frame().T
     if isinstance(x, np.ndarray) and x.ndim == 1:
         return x[np.newaxis]
-    if isinstance(x, str) or not hasattr(x, "__len__"):
-        raise TypeError(f"x must be one recording, or one row of a table; got {x!r}.")
-    if len(x) != 1:
+    if isinstance(x, str) or not hasattr(x, "__len__") or len(x) != 1:
+        found = len(x) if hasattr(x, "__len__") else repr(x)
         raise ValueError(
-            f"x must be one recording, or one row of a table; got {len(x)}. Select one, as "
+            f"x must be one recording, or one row of a table; got {found}. Select one, as "
             f"X[3] or X.iloc[[3]], or explain them together by explain_model."
         )
     return x

@@ -18,7 +18,6 @@ from emacm.explanations.feature_traces import with_names
 
 Array = NDArray[np.float64]
 
-_LEVELS = (-40.0, -20.0, 0.0, 20.0, 40.0)  # log odds [nats]; beyond, a posterior is constant
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # Gauss-Legendre quadrature from 0 to 1
 
@@ -112,21 +111,28 @@ def mean_slope_of_cost(
     return total[np.newaxis]
 
 
-def _breakpoints(classifier: CostSensitiveGaussianBayes, start: Array, end: Array) -> list[float]:
+def _breakpoints(
+    classifier: CostSensitiveGaussianBayes,
+    start: Array,
+    end: Array,
+    *,
+    range_of_odds: float = 40.0,
+    step: float = 20.0,
+) -> list[float]:
     """Return points between which the log odds of any two probable classes change little.
 
-    A posterior changes only while log odds are between -40 and 40 nats. This part may be much
-    shorter than the line; it is divided into steps of 20 nats.
+    A posterior changes only while log odds are within `range_of_odds` [nats]. This part may be much
+    shorter than the line; it is divided into steps [nats].
     """
     line = np.concatenate([start, (start + end) / 2, end])
     first, middle, last = joint_log_proba(classifier, line)[:, classifier.priors_ > 0]
     parabolas = np.array([2 * (first + last - 2 * middle), 4 * middle - 3 * first - last, first])
     points = set()
     for pair in combinations(range(len(first)), 2):
-        for level in _LEVELS:
+        for level in np.arange(-range_of_odds, range_of_odds + step, step):
             # Complex roots mark where the log odds are nearest to the level.
             for root in np.roots(parabolas[:, pair] @ [1, -1] - [0, 0, level]).real:
                 joint = np.polyval(parabolas, root)
-                if 0 < root < 1 and joint[list(pair)].max() >= joint.max() - _LEVELS[-1]:
+                if 0 < root < 1 and joint[list(pair)].max() >= joint.max() - range_of_odds:
                     points.add(float(root))
     return sorted(points)
