@@ -46,18 +46,6 @@ def check_labels(y: Any, n_recordings: int) -> None:
     check_classes(y)
 
 
-def check_two_classes(y: Any, groups: Sequence[Rows], names: Sequence[str]) -> None:
-    """Raise a ValueError if the recordings of a condition are all of one class."""
-    for rows, name in zip(groups, names, strict=True):
-        classes = np.unique(np.asarray(chosen_rows(y, rows))).tolist()
-        if len(classes) < 2:
-            raise ValueError(
-                f"all {len(rows)} recordings {name} are of class {classes[0]!r}; a classifier "
-                f"needs two classes in each condition. Add recordings of another class there, or "
-                f"leave this condition out."
-            )
-
-
 def _has(method: str) -> Callable[[Any], bool]:
     """Return whether the last step has a method, for `available_if`."""
 
@@ -181,7 +169,6 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             self._check_numbers(conditions)
         groups = [np.flatnonzero([value == other for other in found]) for value in conditions]
         names = [f"of {condition_name(self.condition, value)}" for value in conditions]
-        check_two_classes(y, groups, names)
         if self.unseen == "pooled":
             groups, names = [*groups, np.arange(len(found))], [*names, "of all conditions"]
         fit_one = partial(self._fitted, self.inner(X), y, fit_params, get_config())
@@ -207,10 +194,16 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
 
         `config` is the configuration of scikit-learn in the calling thread.
         """
-        labels = chosen_rows(y, rows)
-        model = narrowed(clone(self.estimator), np.unique(labels), np.unique(y))
-        some = parameters_of_rows(fit_params, rows, len(y))
+        labels, some = chosen_rows(y, rows), parameters_of_rows(fit_params, rows, len(y))
+        classes = np.unique(labels)
+        model = narrowed(clone(self.estimator), classes, np.unique(y))
         with located(f"among the recordings {name}"), config_context(**config):
+            if len(classes) < 2:
+                raise ValueError(
+                    f"all {len(rows)} are of class {classes.tolist()[0]!r}; a classifier needs two "
+                    f"classes in each condition. Add recordings of another class there, or leave "
+                    f"this condition out."
+                )
             return model.fit(chosen_rows(X, rows), labels, **some)
 
     @property

@@ -189,14 +189,10 @@ def _unpaired(base: Evaluation, other: Evaluation, scheme: str) -> str:
     first, second = (_held_out(each, scheme) for each in (base, other))
     if len(first) != len(second):
         return f"they have {len(second)} and {len(first)} recordings held out."
-    for column, what in {
-        "recording": "other recordings are held out",
-        "fold": "the folds differ",
-        "truth": "the true classes differ",
-        "group": "the groups (runs, units) differ",
-    }.items():
-        if first[column].tolist() != second[column].tolist():
-            return f"{what}. Evaluate both on the same recordings, with the same splits."
+    columns = {"recording": "recordings", "fold": "folds", "truth": "classes", "group": "groups"}
+    differing = [what for c, what in columns.items() if [*first[c]] != [*second[c]]]
+    if differing:
+        return f"their {', '.join(differing)} differ. Use the same recordings and splits."
     labels = [(each.scoring.labels, each.scoring.healthy) for each in (base, other)]
     return "" if labels[0] == labels[1] else "their labels or healthy labels differ."
 

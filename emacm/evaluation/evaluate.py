@@ -97,7 +97,6 @@ def evaluate(
     --------
     evaluate_unknown : Families of faults that are left out of training.
     emacm.evaluation.results.Evaluation.rescored : Other costs, families and intervals.
-    emacm.evaluation.results.Evaluation.by_nuisance : Properties that should not matter.
 
     Notes
     -----
@@ -115,6 +114,10 @@ def evaluate(
     not calibrated on them. The calibration error of few recordings is too large, because chance
     differences add up; its interval describes its variation only.
 
+    Whether a property that should not matter, such as the day, predicts the label, is shown by a
+    classifier of this property alone (see the last example); and how good a classifier is within
+    one day, by its `predictions` of each day.
+
     References
     ----------
     .. [1] M. P. Naeini, G. F. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities
@@ -131,6 +134,16 @@ def evaluate(
     >>> result = evaluate(KNeighborsClassifier(1), X, y, runs=runs, healthy="healthy")
     >>> result.table["accuracy"].to_dict()
     {'random split': 1.0, 'by run': 0.5}
+
+    Healthy runs were all measured on one day, worn ones on another:
+
+    >>> from sklearn.naive_bayes import MultinomialNB
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import OneHotEncoder
+    >>> day = np.repeat([["monday"], ["tuesday"]] * 5, 9, axis=0)
+    >>> of_day = OneHotEncoder(handle_unknown="ignore"), MultinomialNB(fit_prior=False)
+    >>> evaluate(make_pipeline(*of_day), day, y, runs=runs).table["accuracy"].to_dict()
+    {'random split': 1.0, 'by run': 1.0}
     """
     for method in ("fit", "predict"):
         if isinstance(estimator, type) or not hasattr(estimator, method):

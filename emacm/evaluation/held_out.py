@@ -73,9 +73,7 @@ class Scheme:
     may_refuse: bool = False
 
 
-def random_scheme(
-    y: NDArray[Any], labels: Sequence[Any], resampled: Grouping, n_splits: int
-) -> Scheme:
+def random_folds(y: NDArray[Any], n_splits: int) -> list[Fold]:
     """Hold out recordings at random, stratified by class.
 
     Raises
@@ -90,18 +88,12 @@ def random_scheme(
             "training and one to be held out."
         )
     split = StratifiedKFold(min(n_splits, largest), shuffle=True, random_state=0)
-    folds = [Fold(train, test) for train, test in _split(split, y, None)]
-    return Scheme(RANDOM, folds, resampled, _absent(folds, labels))
+    return [Fold(train, test) for train, test in _split(split, y, None)]
 
 
-def group_scheme(
-    y: NDArray[Any],
-    labels: Sequence[Any],
-    grouping: Grouping,
-    resampled: Grouping,
-    n_splits: float,
-    seed: Any = 0,
-) -> Scheme:
+def group_folds(
+    y: NDArray[Any], labels: Sequence[Any], grouping: Grouping, n_splits: float, seed: Any = 0
+) -> list[Fold]:
     """Hold out whole groups: one at a time, or several if there are more than `n_splits`.
 
     Parameters
@@ -109,11 +101,9 @@ def group_scheme(
     y : ndarray of shape (n_recordings,)
         Classes, for stratification.
     labels : sequence of n_recordings
-        Labels that are scored (classes or families). None may be absent from training.
+        Labels that are scored (classes or families).
     grouping : Grouping
         The groups.
-    resampled : Grouping
-        Groups that the bootstrap draws as a whole.
     n_splits : int
         Largest number of folds; infinite: one for each group.
     seed : int or None
@@ -121,27 +111,22 @@ def group_scheme(
 
     Returns
     -------
-    Scheme
-        With `impossible` set if there is one group only, or if a label occurs in one group only.
+    list of Fold
+        None if there is one group only.
     """
-    groups, name = np.unique(grouping.labels), f"by {grouping.name}"
+    groups, most = np.unique(grouping.labels), _largest_class(y)  # folds that scikit-learn accepts
     if len(groups) < 2:
-        only = f"There is only one {grouping.name}, {plain_label(groups[0])!r}; two are required."
-        return Scheme(name, [], resampled, only)
-    folds = _group_folds(LeaveOneGroupOut(), y, grouping)
-    most = _largest_class(y)  # folds that scikit-learn accepts
+        return []
     if len(groups) > n_splits and most > 1:
         cv = StratifiedGroupKFold(min(int(n_splits), most), shuffle=True, random_state=seed)
-        several_at_a_time = _group_folds(cv, y, grouping)
+        folds = _named_folds(cv, y, grouping)
         # With one group at a time, a label of two groups is always in the training data.
-        if not _absent(several_at_a_time, labels):
-            folds = several_at_a_time
-    return Scheme(name, folds, resampled, _absent(folds, labels))
+        if not why_impossible(folds, labels):
+            return folds
+    return _named_folds(LeaveOneGroupOut(), y, grouping)
 
 
-def given_scheme(
-    name: str, split: Any, y: NDArray[Any], groups: Any, labels: Sequence[Any], resampled: Grouping
-) -> Scheme:
+def given_folds(name: str, split: Any, y: NDArray[Any], groups: Any) -> list[Fold]:
     """Hold out recordings as specified by the user.
 
     Parameters
@@ -154,14 +139,10 @@ def given_scheme(
         Classes.
     groups : ndarray of shape (n_recordings,) or None
         Passed to the object.
-    labels : sequence of n_recordings
-        Labels that are scored.
-    resampled : Grouping
-        Groups that the bootstrap draws as a whole.
 
     Returns
     -------
-    Scheme
+    list of Fold
 
     Raises
     ------
@@ -169,16 +150,12 @@ def given_scheme(
         If `split` has another form, a fold is empty, a position is out of range, or a recording
         is in both parts of a fold.
     """
-    where = f"splits[{name!r}]"
-    with located(where):
-        pairs = check_cv([split] if isinstance(split, tuple) else split)
-        folds = [
+    with located(f"splits[{name!r}]"):
+        cv = check_cv([split] if isinstance(split, tuple) else split)
+        return [
             _checked_fold(train, test, len(y), number)
-            for number, (train, test) in enumerate(pairs.split(np.zeros(len(y)), y, groups))
+            for number, (train, test) in enumerate(cv.split(np.zeros(len(y)), y, groups))
         ]
-    if not folds:
-        raise ValueError(f"{where} must have at least one fold, got none.")
-    return Scheme(name, folds, resampled, _absent(folds, labels))
 
 
 def all_schemes(
@@ -195,13 +172,13 @@ def all_schemes(
     y : ndarray of shape (n_recordings,)
         Classes.
     labels : sequence of n_recordings
-        Labels that are scored.
+        Labels that are scored. A scheme is impossible if one is absent from a training.
     groupings : mapping
         "runs", "units" and "conditions", in this order.
     splits : mapping of str to split, optional
-        As for `given_scheme`.
+        As for `given_folds`.
     n_splits : int
-        As for `group_scheme`.
+        As for `group_folds`.
 
     Returns
     -------
@@ -210,7 +187,7 @@ def all_schemes(
     Raises
     ------
     TypeError, ValueError
-        If `splits` has another form, two schemes have the same name, or as `given_scheme`.
+        If `splits` has another form, two schemes have the same name, or as `given_folds`.
     """
     if not isinstance(splits, Mapping | None):
         raise TypeError(
@@ -218,14 +195,16 @@ def all_schemes(
         )
     runs, units, conditions = groupings.values()
     resampled = runs or units or Grouping("recording", np.arange(len(y)))
-    schemes = [random_scheme(y, labels, resampled, n_splits)]
-    schemes += [group_scheme(y, labels, g, g, n_splits) for g in (runs, units) if g is not None]
+    schemes = [Scheme(RANDOM, random_folds(y, n_splits), resampled)]
+    for grouping in filter(None, (runs, units)):
+        folds = group_folds(y, labels, grouping, n_splits)
+        schemes.append(Scheme(f"by {grouping.name}", folds, grouping))
     if conditions is not None:
-        left_out = group_scheme(y, labels, conditions, resampled, np.inf)
-        schemes.append(replace(left_out, may_refuse=True))
+        folds = group_folds(y, labels, conditions, np.inf)
+        schemes.append(Scheme(f"by {conditions.name}", folds, resampled, may_refuse=True))
     for name, split in (splits or {}).items():
-        groups = None if runs is None else runs.labels
-        schemes.append(given_scheme(str(name), split, y, groups, labels, resampled))
+        folds = given_folds(str(name), split, y, None if runs is None else runs.labels)
+        schemes.append(Scheme(str(name), folds, resampled))
     names = [scheme.name for scheme in schemes]
     doubles = [name for name in names if names.count(name) > 1]
     if doubles:
@@ -233,7 +212,7 @@ def all_schemes(
             f"two hold-out schemes have the name {doubles[0]!r}. Give runs, units, conditions and "
             f"splits different names, for example as a pandas Series with a name."
         )
-    return schemes
+    return [replace(each, impossible=why_impossible(each.folds, labels)) for each in schemes]
 
 
 def strictest_scheme(
@@ -257,7 +236,7 @@ def _split(cv: Any, y: NDArray[Any], groups: Any) -> list[tuple[Indices, Indices
         return list(cv.split(y, y, groups))
 
 
-def _group_folds(cv: Any, y: NDArray[Any], grouping: Grouping) -> list[Fold]:
+def _named_folds(cv: Any, y: NDArray[Any], grouping: Grouping) -> list[Fold]:
     folds = []
     for train, test in _split(cv, y, grouping.labels):
         names = [str(plain_label(label)) for label in np.unique(grouping.labels[test])]
@@ -266,21 +245,20 @@ def _group_folds(cv: Any, y: NDArray[Any], grouping: Grouping) -> list[Fold]:
     return folds
 
 
-def _absent(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
-    """Describe which label is held out without being in the training data."""
+def why_impossible(folds: Sequence[Fold], labels: Sequence[Any]) -> str:
+    """Return which label is held out without being in the training data; empty if none is."""
+    if not folds:
+        return "It has no fold; two groups are required."
     found = []
     for number, fold in enumerate(folds):
         known = {labels[row] for row in fold.train}
         absent = [labels[row] for row in fold.test if labels[row] not in known]
         if absent:
-            found.append((fold.left_out or f"fold {number}", absent[0]))
+            what = fold.left_out or f"fold {number}"
+            found.append(f"without {what}, training has no {absent[0]!r}")
     if not found:
         return ""
-    what, label = found[0]
-    return (
-        f"In {len(found)} of {len(folds)} folds a label is absent from training: without {what}, "
-        f"training has no {label!r}."
-    )
+    return f"In {len(found)} of {len(folds)} folds a label is absent from training: {found[0]}."
 
 
 def _checked_fold(train: Any, test: Any, n_recordings: int, number: int) -> Fold:

@@ -30,7 +30,7 @@ from emacm.decisions.pipelines import before_the_last_step, final_estimator, gro
 from emacm.decisions.risks import decide, risks_of
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.figures import tallies
-from emacm.evaluation.held_out import group_scheme
+from emacm.evaluation.held_out import group_folds, why_impossible
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
 from emacm.recordings.meta import Grouping, chosen_rows, read_grouping
 
@@ -199,19 +199,19 @@ def _posteriors(
     if hasattr(final_estimator(model), "classes_"):
         return _of_fitted(model, X)
     classes = label_array(y)
-    scheme = group_scheme(classes, y, units, units, n_splits, seed)
-    if scheme.impossible:
+    folds = group_folds(classes, y, units, n_splits, seed)
+    if reason := why_impossible(folds, y):
         raise ValueError(
-            f"the model is not fitted, and units cannot be left out in turn: {scheme.impossible} "
-            f"Give a model that is fitted to other units."
+            f"the model is not fitted, and units cannot be left out in turn: {reason} Give a "
+            f"model that is fitted to other units."
         )
     parts = []
-    for train, test, left_out in scheme.folds:
+    for train, test, left_out in folds:
         with located(f"{left_out} left out"):
             clean, options = clone(model), groups_options(model, units.labels[train])
             clean.fit(chosen_rows(X, train), classes[train], **options)
             parts.append(_of_fitted(clean, chosen_rows(X, test)))
-    order = np.argsort(np.concatenate([fold.test for fold in scheme.folds]))
+    order = np.argsort(np.concatenate([fold.test for fold in folds]))
     return parts[0][0], np.vstack([posterior for _, posterior in parts])[order]
 
 

@@ -22,8 +22,7 @@ from emacm.evaluation.figures import (
     reliability,
     tallies,
 )
-from emacm.evaluation.held_out import HeldOut, strictest_scheme
-from emacm.evaluation.nuisances import nuisance_table, read_nuisances
+from emacm.evaluation.held_out import HeldOut
 from emacm.evaluation.scoring import ScoringRule, scoring_rule
 
 
@@ -186,45 +185,6 @@ class Evaluation(Printed):
         given = {name: value for name, value in given.items() if value is not None}
         bootstrap = GroupBootstrap(confidence, n_resamples, random_state)
         return score_held_out(self.held_out, {**self.stated, **given}, bootstrap)
-
-    def by_nuisance(self, X: Any, nuisances: Any) -> pd.DataFrame:
-        """Score properties that should not matter, such as the day, beside the classifier.
-
-        A nuisance predicts the label that is the most frequent in its level, relative to the
-        frequency of the label, in the split by unit, or, if there is none or it cannot be scored,
-        by run, or at random. The score within one level is that of the same decisions, counted
-        among recordings of the level: a classifier that recognises the day only has a score of
-        chance within one day.
-
-        Parameters
-        ----------
-        X : sequence of Recording, or array-like of n_recordings
-            The recordings that were evaluated.
-        nuisances : sequence of keys or mapping
-            Keys of `meta`, tuples of keys or functions, such as ``("day", "bench")``; a mapping of
-            names to them or to arrays.
-
-        Returns
-        -------
-        DataFrame
-            One row for each nuisance and scheme: number of "levels"; balanced accuracy of
-            predictions from the nuisance "alone", with its interval, its "chance", and the scheme
-            in which it was "held_out"; "balanced_accuracy" of the classifier; the same "within" one
-            level, with its interval: the mean over all pairs of a level with at least two labels
-            and a label of the fraction recognised, its "within_chance", and the number of
-            "recordings" in these levels. NaN if there are none: what distinguishes the labels
-            may then be the nuisance instead of the state of health.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `nuisances` has another form, or a recording lacks a key.
-        """
-        scheme = strictest_scheme(self.held_out.schemes, self.held_out.groupings)
-        labels = [self.scoring.family_of[label] for label in self.held_out.y.tolist()]
-        codes = codes_of(labels, self.scoring.labels)
-        levels = read_nuisances(nuisances, X)
-        return nuisance_table(levels, scheme, codes, self.predictions, self.bootstrap)
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of merit as text, such as "0.95 (0.90 to 0.98)"."""

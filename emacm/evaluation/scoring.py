@@ -235,6 +235,9 @@ def scoring_rule(
         further = {name: label_of(name, correct) for name in correct if name not in table.index}
         further = {name: label for name, label in further.items() if label in table.index}
         table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
+    if priors is not None:
+        known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
+        priors = dict(zip(names, known_priors.tolist(), strict=True))
     return ScoringRule(
         order,
         correct,
@@ -242,7 +245,7 @@ def scoring_rule(
         is_stated=cost is not None,
         healthy=_healthy_label(healthy, family_of),
         unknown=unknown,
-        priors=None if priors is None else _priors(priors, classes, unknown),
+        priors=priors,
     )
 
 
@@ -256,11 +259,6 @@ def _cost_frame(cost: Any, family_of: Mapping[Any, Any], unknown: Any) -> pd.Dat
     table = pd.DataFrame(matrix, decisions.tolist(), [*columns, *further])
     chosen = names if columns is names else [family_of[name] for name in names]
     return table[[*chosen, *further]].set_axis([*names, *further], axis=1)
-
-
-def _priors(priors: Any, classes: NDArray[Any], unknown: Any) -> dict[Any, float]:
-    stated, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
-    return dict(zip(classes.tolist(), stated.tolist(), strict=True))
 
 
 def _healthy_label(healthy: Any, family_of: Mapping[Any, Any]) -> Any:

@@ -88,13 +88,6 @@ def test_costs_in_service_weight_the_classes_by_the_priors_of_the_classifier():
     assert row["predicted_cost"] == pytest.approx(0.9 * held["new"] + 0.1 * held["worn"])
 
 
-def test_without_a_cost_the_predicted_cost_is_the_predicted_error_rate():
-    X = np.array([["a", 0.7, 0.3], ["b", 0.7, 0.3], ["a", 0.4, 0.6], ["b", 0.2, 0.8]], object)
-    found = evaluate(Stated(), X, ["a", "a", "b", "b"], n_splits=2)
-    held = found.predictions.sort_values("recording")
-    assert held["predicted_cost"].tolist() == pytest.approx([0.3, 0.7, 0.6, 0.2])
-
-
 @pytest.mark.slow
 def test_a_calibrated_classifier_pays_what_it_predicts():
     rng = np.random.default_rng(4)
@@ -111,16 +104,6 @@ def test_a_calibrated_classifier_pays_what_it_predicts():
     assert over_row["realised_cost_low"] > 1.5 * over_row["predicted_cost_high"]
     assert over_row["calibration_error"] > 0.05
     assert any("over-confident" in caveat for caveat in over.caveats)
-
-
-def test_families_have_the_probability_of_their_classes_in_the_predicted_cost():
-    X = np.array([["worn", 0.5, 0.2, 0.3], ["new", 0.6, 0.3, 0.1]] * 4, object)
-    y = ["worn1", "new", "worn2", "new"] * 2
-    families = {"new": "new", "worn1": "worn", "worn2": "worn"}
-    cost = pd.DataFrame([[0, 7], [2, 0]], index=["new", "worn"], columns=["new", "worn"])
-    found = evaluate(Stated(), X, y, n_splits=2).rescored(families=families, cost=cost)
-    held = found.predictions.sort_values("recording")["predicted_cost"]
-    assert held.tolist() == pytest.approx([2 * 0.5, 7 * 0.4] * 4)
 
 
 def test_each_bin_of_a_reliability_curve_has_the_interval_of_its_own_recordings():

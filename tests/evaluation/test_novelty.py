@@ -112,13 +112,6 @@ def test_rates_are_counted_among_the_known_and_the_unknown_separately():
     assert "unknown_called_healthy" not in without
 
 
-def test_groups_of_one_kind_only_have_no_interval():
-    one_unit = PREDICTIONS.assign(group=[1, 1, 2, 2, 3, 3, 3])
-    row = novelty_table(one_unit, {"new"}, BOOTSTRAP).loc["dry"]
-    assert np.isnan([row["auroc_low"], row["unknown_flagged_high"]]).all()
-    assert not np.isnan(row["known_flagged_low"])
-
-
 @pytest.mark.parametrize(("n_known", "n_unknown"), [(6, 3), (3, 6), (6, 7), (1, 6), (6, 0), (0, 6)])
 def test_the_interval_of_the_area_counts_the_groups_of_the_rarer_kind(n_known, n_unknown):
     rng = np.random.default_rng(5)

@@ -29,15 +29,6 @@ def far_away(seed=0):
     return X, y, units
 
 
-def test_the_unknown_state_is_a_decision_that_has_its_own_costs():
-    rule = scoring_rule(CLASSES, cost=COST, unknown="unknown", healthy="new")
-    found = rule.judge(["new", "new", "worn", "dry"], ["unknown", "worn", "new", "unknown"])
-    assert found["cost"].tolist() == [0.7, 1, 10, 1]
-    assert found["decided_label"].tolist() == ["unknown", "worn", "new", "unknown"]
-    assert not found["correct"].any()
-    assert rule.alarms == {"dry", "worn"}
-
-
 def test_the_probability_of_the_unknown_state_is_part_of_the_predicted_cost():
     rule = scoring_rule(CLASSES, cost=COST, unknown="unknown")
     posterior = pd.DataFrame([[0.1, 0.6, 0.3], [0.5, 0.0, 0.5]], columns=CLASSES)
@@ -185,17 +176,6 @@ def test_without_costs_wrong_decisions_are_counted():
     assert rule.judge(["dry"], ["rusty"])["cost"].tolist() == [1]
 
 
-def test_several_correct_decisions_count_as_the_first():
-    cost = pd.DataFrame(
-        [[0, 5, 5], [9, 0, 0], [9, 0, 0]], ["new", "grease", "swap"], ["new", *"ab"]
-    )
-    rule = scoring_rule(np.array(["a", "b", "new"]), cost=cost, healthy="new")
-    assert rule.alarms == {"grease", "swap"}
-    found = rule.judge(["a", "b", "new"], ["swap", "grease", "swap"])
-    assert found["correct"].tolist() == [True, True, False]
-    assert found["decided_label"].tolist() == ["grease", "grease", "swap"]
-
-
 def test_priors_in_service_are_given_the_known_states():
     stated = {"dry": 0.2, "new": 0.5, "worn 1": 0.2, "odd": 0.1}
     rule = scoring_rule(STATES, unknown="odd", priors=stated)
@@ -203,3 +183,13 @@ def test_priors_in_service_are_given_the_known_states():
     assert scoring_rule(STATES, priors="uniform").priors == pytest.approx(
         dict.fromkeys(STATES, 1 / 3)
     )
+
+
+def test_several_correct_decisions_count_as_the_first():
+    rows, columns = ["new", "grease", "swap"], ["new", "a", "b"]
+    cost = pd.DataFrame([[0, 5, 5], [9, 0, 0], [9, 0, 0]], rows, columns)
+    rule = scoring_rule(np.array(["a", "b", "new"]), cost=cost, healthy="new")
+    assert rule.alarms == {"grease", "swap"}
+    found = rule.judge(["a", "b", "new"], ["swap", "grease", "swap"])
+    assert found["correct"].tolist() == [True, True, False]
+    assert found["decided_label"].tolist() == ["grease", "grease", "swap"]
