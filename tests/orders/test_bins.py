@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
-from sklearn.exceptions import NotFittedError
 
 from emacm import BinTransformer, OrderPSD, OrderResampler, Recording
 from emacm.orders.bins import (
@@ -18,7 +17,6 @@ from emacm.orders.bins import (
     bin_operator,
     check_edges,
     check_stop_bands,
-    kept_intervals,
 )
 from emacm.orders.columns import OrderTable
 
@@ -160,22 +158,6 @@ def test_stop_bands_that_overlap_take_out_their_union_once(spectrum, data):
     assert taken[0] == pytest.approx(expected, rel=1e-9, abs=1e-9 * trapezoid(psd, orders))
 
 
-@pytest.mark.parametrize(
-    ("stops", "kept"),
-    [
-        ([], [(5, 7)]),
-        ([(5.6, 6.4)], [(5, 5.6), (6.4, 7)]),
-        ([(4, 5.5)], [(5.5, 7)]),
-        ([(6, 9)], [(5, 6)]),
-        ([(5, 7)], []),
-        ([(1, 2), (8, 9)], [(5, 7)]),
-        ([(5.1, 5.2), (6, 6.5)], [(5, 5.1), (5.2, 6), (6.5, 7)]),
-    ],
-)
-def test_what_is_kept_of_a_band_lies_outside_the_stop_bands(stops, kept):
-    assert kept_intervals((5, 7), stops) == kept
-
-
 def test_the_notch_of_the_thesis_is_exact_at_its_edges():
     orders = np.arange(0, 10.01, 0.061)
     bins = BinTransformer(1, max_order=10, stop_bands=((5.6, 6.4),), order_step=0.061)
@@ -283,23 +265,6 @@ def test_orders_the_spectrum_does_not_hold_are_an_error():
         BinTransformer().fit(table(np.arange(500) / 10, np.ones(500)))
 
 
-def test_orders_below_the_spectrum_are_an_error():
-    with pytest.raises(
-        ValueError, match=r"the bin 0-1 reaches beyond.*whose orders are 0.5 to 5.5"
-    ):
-        BinTransformer(1, max_order=5).fit(table(np.arange(0.5, 6), np.ones(6)))
-
-
-@pytest.mark.parametrize(("beyond", "fits"), [(0.99e-9, True), (1.01e-9, False)])
-def test_an_edge_lies_on_the_end_of_the_axis_to_1e_9(beyond, fits):
-    orders = np.array([0, 1, 2 - beyond])
-    if fits:
-        assert bin_operator(orders, [(0, 2)]).sum() == pytest.approx(2)
-    else:
-        with pytest.raises(ValueError, match="reaches beyond"):
-            bin_operator(orders, [(0, 2)])
-
-
 @pytest.mark.parametrize("window", ["hann", "boxcar", "flattop"])
 def test_bins_of_a_recording_add_up_to_its_mean_square(window):
     fs = 10_000
@@ -344,40 +309,11 @@ def test_what_makes_no_bins_is_refused(options, error, message):
         BinTransformer(**options).fit(table(np.arange(0, 50.5, 0.5), np.ones(101)))
 
 
-def test_the_operator_refuses_orders_that_fall_and_bands_that_are_none():
-    with pytest.raises(ValueError, match="orders must increase"):
-        bin_operator([0, 2, 1], [(0, 1)])
-    with pytest.raises(ValueError, match=r"orders must increase, got \[0.0, 1.0, 1.0\]"):
-        bin_operator([0, 1, 1], [(0, 1)])
-    with pytest.raises(ValueError, match="bin 0 must run from a lower to a higher order"):
-        bin_operator([0, 1, 2], [(2, 1)])
-
-
 def renamed(table, dtype):
     """Return an order table of another type, its columns named again by hand."""
     changed = table.astype(dtype)
     changed.columns = table.columns
     return changed
-
-
-@pytest.mark.parametrize("dtype", [int, bool, object, np.float16, np.longdouble, ">f8"])
-def test_bins_of_a_table_named_by_hand_are_in_float64_whatever_its_type(dtype):
-    table = OrderTable([[1.0, 0.0, 2.0], [0.0, 4.0, 1.0]], ["a@0", "a@1", "a@2"])
-    bins = BinTransformer(1, max_order=2)
-    changed = renamed(table, dtype)
-    expected = bins.fit_transform(pd.DataFrame(np.asarray(changed, float), columns=table.columns))
-    for found in (bins.transform(changed), bins.fit_transform(changed)):
-        assert found.dtype == np.float64
-        np.testing.assert_array_equal(found, expected)
-
-
-def test_a_single_row_without_its_second_axis_is_no_table():
-    table = OrderTable([[1.0, 0.0, 2.0]], ["a@0", "a@1", "a@2"])
-    bins = BinTransformer(1, max_order=2).fit(table)
-    row = table[0]
-    row.columns = table.columns
-    with pytest.raises(ValueError, match="Expected 2D array, got 1D array"):
-        bins.transform(row)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -427,41 +363,6 @@ def test_an_array_of_an_order_table_that_has_lost_its_orders_is_refused(lost):
     with pytest.raises(ValueError, match=message):
         BinTransformer(1, max_order=2).fit(lost(spectrum))
     assert BinTransformer(1, max_order=2, order_step=0.5).fit(lost(spectrum)).bins_[0] == (0, 1)
-
-
-def test_names_of_bins_are_given_after_a_fit_and_compared_with_its_columns():
-    with pytest.raises(NotFittedError):
-        BinTransformer().get_feature_names_out()
-    spectrum = OrderTable(np.ones((2, 3)), ["a@0", "a@1", "a@2"])
-    bins = BinTransformer(max_order=2).fit(spectrum)
-    names = bins.get_feature_names_out(["a@0", "a@1", "a@2"])
-    assert (names.tolist(), names.dtype) == (["a@0-1", "a@1-2"], object)
-    with pytest.raises(ValueError, match="input_features is not equal to feature_names_in_"):
-        bins.get_feature_names_out(["a@0", "a@2", "a@1"])
-    without = BinTransformer(max_order=2).fit(np.ones((2, 3)))
-    expected = without.get_feature_names_out().tolist()
-    assert without.get_feature_names_out(["x", "y", "z"]).tolist() == expected
-    with pytest.raises(ValueError, match=r"length equal to what fit saw \(3\), got 2"):
-        without.get_feature_names_out(["x", "y"])
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_tables_with_and_without_orders_have_other_axes(turned):
-    tables = [
-        pd.DataFrame(np.ones((2, 3)), columns=["a@0", "a@1", "a@2"]),
-        pd.DataFrame(np.ones((2, 3)), columns=["x", "y", "z"]),
-    ]
-    first, second = tables[::-1] if turned else tables
-    bins = BinTransformer(max_order=2).fit(first)
-    with pytest.raises(ValueError, match="X has another order axis than the one BinTransformer"):
-        bins.transform(second)
-
-
-@pytest.mark.parametrize(("orders", "apart"), [((0, 1, 2.5), "1.5"), ((0, 0.25, 1), "0.25")])
-def test_of_columns_at_uneven_orders_the_step_that_differs_is_stated(orders, apart):
-    spectrum = OrderTable(np.ones((1, 3)), [f"a@{order}" for order in orders])
-    with pytest.raises(ValueError, match=rf"order_step = 1 contradicts .* lie {apart} apart\."):
-        BinTransformer(1, max_order=1, order_step=1).fit(spectrum)
 
 
 @pytest.mark.parametrize("names", [["a@0", "a@1", "a@1"], ["x", "x", "y"]])

@@ -5,7 +5,6 @@ import pickle
 
 import joblib
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -18,7 +17,6 @@ from emacm.orders.columns import (
     column_names,
     number_name,
     order_columns,
-    parse_bin_columns,
     parse_order_columns,
 )
 
@@ -100,10 +98,6 @@ def test_a_choice_of_rows_by_scikit_learn_keeps_the_names(rows):
     assert _safe_indexing(table(), rows).columns == COLUMNS
 
 
-def test_rows_chosen_from_a_choice_keep_the_names():
-    assert table()[[3, 2, 1]][1:].columns == COLUMNS
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -154,24 +148,12 @@ def test_a_table_forgets_its_names_when_its_columns_are_permuted_in_place(change
         BinTransformer(max_order=2).fit(X)
 
 
-def test_a_square_table_forgets_its_names_when_transposed():
-    square = OrderTable(np.eye(3), COLUMNS)
-    assert square.T.columns is None
-
-
 def test_joblib_hashes_equal_tables_alike():
     assert joblib.hash(table()) == joblib.hash(table())
 
 
 def test_joblib_hashes_equal_numbers_with_different_names_apart():
     assert joblib.hash(table()) != joblib.hash(table(order_columns(["current"], [0, 0.5, 1])))
-
-
-def test_a_table_does_not_change_with_what_it_was_made_of():
-    values = np.zeros((2, 3))
-    made = OrderTable(values, COLUMNS)
-    values[:] = 1
-    np.testing.assert_array_equal(made, 0)
 
 
 # Names
@@ -230,11 +212,6 @@ def test_other_names_carry_no_axis(columns):
     assert parse_order_columns(columns) is None
 
 
-@pytest.mark.parametrize("name", ["part@1_0", "part@ 5", "part@٥", "part@1e1_0"])
-def test_a_name_that_number_name_could_not_have_written_carries_no_axis(name):
-    assert parse_order_columns([name]) is None
-
-
 @pytest.mark.parametrize(
     "columns", [["unit", "a@0", "a@1"], ["a@0", "unit", "a@1"], ["a@0", "a@1", "unit"]]
 )
@@ -253,12 +230,6 @@ def test_a_channel_in_two_places_is_refused():
         parse_order_columns(["a@0", "b@0", "a@1"])
 
 
-def test_the_names_of_any_table_are_found():
-    assert column_names(pd.DataFrame({"a@0": [1], "a@1": [2]})) == ("a@0", "a@1")
-    assert column_names(table()) == COLUMNS
-    assert column_names(np.eye(2)) is None
-
-
 @pytest.mark.parametrize("logarithm", [np.log, np.log2, np.log10])
 @pytest.mark.parametrize("value", [0.0, -2.0])
 def test_the_logarithm_of_a_dead_channel_names_recording_and_column(logarithm, value):
@@ -269,12 +240,6 @@ def test_the_logarithm_of_a_dead_channel_names_recording_and_column(logarithm, v
     np.testing.assert_array_equal(logarithm(table[:2]), logarithm(np.asarray(table)[:2]))
 
 
-def test_a_band_without_width_is_a_name():
-    (block,) = parse_bin_columns(("a@2-3", "a@3-3"))
-    assert block.bands is None
-    assert block.names == ("2-3", "3-3")
-
-
 def test_names_must_be_those_of_fit():
     check_input_names(["a", "b"], ["a", "b"], 2)
     check_input_names(["a", "b"], None, None)
@@ -282,26 +247,3 @@ def test_names_must_be_those_of_fit():
         check_input_names(["b", "a"], ["a", "b"], 2)
     with pytest.raises(ValueError, match=r"length equal to what fit saw \(3\), got 2"):
         check_input_names(["a", "b"], None, 3)
-
-
-@pytest.mark.parametrize(
-    ("key", "kept"),
-    [
-        ((), True),
-        (..., True),
-        (slice(1, 3), True),
-        ([0, 2], True),
-        ((slice(0, 2), slice(None)), True),
-        ((slice(0, 2), ...), True),
-        ((slice(0, 2), ..., slice(0, 1)), False),
-        ((slice(0, 2), ..., slice(None, None, -1)), False),
-        ((slice(0, 2), slice(0, 2)), False),
-        ((..., 0), False),
-        (1, False),
-        (None, False),
-    ],
-)
-def test_rows_keep_the_names_of_the_columns(key, kept):
-    chosen = table()[key]
-    np.testing.assert_array_equal(chosen, np.asarray(table())[key])
-    assert (column_names(chosen) == COLUMNS) is kept

@@ -104,19 +104,6 @@ def test_channels_of_different_rates_share_one_angle_grid():
     np.testing.assert_allclose(ours[0, torque], estimator.transform(same)[0, torque], rtol=1e-9)
 
 
-def test_blocks_of_streams_of_unequal_lengths_lie_abreast():
-    long = Recording(
-        {"fast": np.arange(400_000.0), "slow": np.arange(100_000.0)},
-        {"fast": 4000.0, "slow": 1000.0},
-        velocity=np.full(100_000, 60.0),
-        shaft_fs=1000,
-    )
-    stroke = OrderResampler(TURN / 256).fit_transform([long])[0].strokes[0]
-    blocks = list(stroke.blocks([0, 1]))
-    assert len(blocks) > 2
-    np.testing.assert_array_equal(np.concatenate(blocks, axis=1), stroke.signals)
-
-
 # Physics
 
 
@@ -223,15 +210,6 @@ def test_bins_end_at_the_highest_order_unless_told(over_angle):
     estimator = OrderCrossSpectrum(4, bin_size=3).fit(over_angle)
     assert estimator.bins_[-1] == (15, 16)
     assert estimator.get_feature_names_out()[5] == "torque*current:response.real@15-16"
-
-
-def test_max_order_cuts_the_lines(over_angle):
-    full = OrderCrossSpectrum(4).fit_transform(over_angle)
-    short = OrderCrossSpectrum(4, max_order=5).fit_transform(over_angle)
-    kept = [full.columns.index(name) for name in short.columns]
-    assert short.columns[20] == "torque*current:response.real@5"
-    assert short.shape == (3, 3 * 2 * 21)
-    np.testing.assert_allclose(short, np.asarray(full)[:, kept], rtol=1e-9, atol=1e-12)
 
 
 def test_integrals_of_lines_are_those_of_trapezoids(over_angle):
@@ -373,27 +351,10 @@ def test_a_stuck_sensor_has_no_response_whatever_its_level(level, kind):
         OrderCrossSpectrum(4).fit_transform(rows)
 
 
-def test_a_small_ripple_on_a_large_level_has_a_response():
-    ripple = np.sin(np.arange(5000) / 4)
-    rows = RESAMPLER.fit_transform(
-        [Recording({"a": 1e3 + 1e-3 * ripple, "b": ripple}, 500, velocity=np.full(5000, 60.0))]
-    )
-    table = OrderCrossSpectrum(4, form="polar").fit_transform(rows)
-    order = round(500 / 4 / 60, 2)
-    line = int(np.abs(OrderCrossSpectrum(4).fit(rows).orders_ - order).argmin())
-    assert np.asarray(table)[0, line] == pytest.approx(1e3, rel=1e-3)
-
-
 def test_another_theta_s_is_refused(over_angle):
     other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive()])
     with pytest.raises(ValueError, match=r"OrderCrossSpectrum was fitted on.*Use the same theta_s"):
         OrderCrossSpectrum(4).fit(over_angle).transform(other)
-
-
-def test_joined_directions_cannot_be_kept_apart():
-    rows = OrderResampler(TURN / 32, direction="travel", min_speed=1.0).fit_transform([drive()])
-    with pytest.raises(ValueError, match="by_direction needs strokes"):
-        OrderCrossSpectrum(4, by_direction=True).fit(rows)
 
 
 @pytest.mark.parametrize(
@@ -463,49 +424,6 @@ def test_a_pipeline_names_the_columns_of_chosen_pairs():
     assert list(pipe.get_feature_names_out()) == names
 
 
-def test_names_of_other_channels_are_refused(over_angle):
-    estimator = OrderCrossSpectrum(4).fit(over_angle)
-    with pytest.raises(ValueError, match="input_features is not equal"):
-        estimator.get_feature_names_out(["torque", "lvdt", "error"])
-
-
-def test_a_recording_of_another_angle_step_is_named(over_angle):
-    other = OrderResampler(TURN / 40, min_speed=1.0).fit_transform([drive(unit="odd")])
-    with pytest.raises(ValueError, match=r"recording 2 \(unit='odd'\).*theta_s"):
-        OrderCrossSpectrum(4).fit([*over_angle[:2], *other])
-
-
 def constant_speed(signals, n_times=4000):
     run = Recording(signals, 400, velocity=np.full(n_times, 30.0))
     return OrderResampler(TURN / 32).fit_transform([run])
-
-
-@pytest.mark.parametrize("dead", [*"zab"])
-def test_the_channel_without_power_is_named(dead):
-    rng = np.random.default_rng(0)
-    signals = {name: (name != dead) * rng.standard_normal(4000) for name in "zab"}
-    pairs = [("z", "a"), ("a", "b"), ("b", "z")]
-    with pytest.raises(ValueError, match=f"recording 0: channel '{dead}' has no power at any ord"):
-        OrderCrossSpectrum(8, pairs=pairs).fit_transform(constant_speed(signals))
-
-
-@pytest.mark.parametrize("unit", [1e-20, 1e-3, 1e20])
-def test_the_unit_of_a_channel_changes_the_response_by_its_factor(unit):
-    x, y = np.random.default_rng(0).standard_normal((2, 4000))
-    one, other = (
-        OrderCrossSpectrum(8).fit_transform(constant_speed({"z": f * x, "a": x + y}))
-        for f in (1.0, unit)
-    )
-    np.testing.assert_allclose(np.asarray(other) * unit, one, rtol=1e-9)
-
-
-@pytest.mark.parametrize("first", [1000, 3000])
-def test_the_longest_stroke_is_stated_where_none_holds_a_segment(first):
-    velocity = np.r_[np.full(first, 30.0), np.full(4000 - first, -30.0)]
-    signals = {"z": np.sin(np.arange(4000.0)), "a": np.cos(np.arange(4000.0))}
-    rows = OrderResampler(TURN / 32).fit_transform([Recording(signals, 400, velocity=velocity)])
-    turns = max(stroke.n_angles for stroke in rows[0].strokes) / 32
-    assert turns == pytest.approx(3000 / 400 * 30 / TURN, rel=0.01)
-    for estimator in (OrderPSD(1000), OrderCrossSpectrum(1000)):
-        with pytest.raises(ValueError, match=f"its longest stroke holds {turns:.4g}"):
-            estimator.fit_transform(rows)

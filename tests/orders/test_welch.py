@@ -98,19 +98,6 @@ def test_every_overlap_is_that_of_welch(length, overlap, n_angles, average):
     assert_same_spectrum(ours, theirs)
 
 
-def test_many_segments_are_averaged_as_in_welch():
-    # More segments than are in work at once.
-    signal = noise(3, 400_000)
-    ours = order_psd(signal, 64, n_per_segment=4096, overlap=0.75)
-    assert_same_spectrum(ours, filters.welch(signal, 64, nperseg=4096, noverlap=3072))
-
-
-def test_rows_of_order_psd_are_spectra_of_welch():
-    rows = noise(3, 2000)
-    spectra = OrderPSD(10, theta_s=TURN / 32).fit_transform(rows)
-    np.testing.assert_allclose(spectra, filters.welch(rows, 32, nperseg=320)[1], rtol=1e-12)
-
-
 def test_at_constant_speed_orders_are_hertz_over_the_speed():
     fs, speed = 10_240.0, 20.0  # 512 time samples per revolution, 128 angles
     time = np.arange(int(8 * fs) + 1) / fs
@@ -352,14 +339,6 @@ def test_padded_strokes_have_the_power_of_a_tone(order, window):
     assert psd.orders_[spectrum.argmax()] == pytest.approx(order, abs=psd.order_step_)
 
 
-def test_a_padded_tone_reads_half_its_amplitude_squared_in_a_spectrum():
-    recording = reversing_recording(lambda angle, _: np.sin(9 * angle))
-    over_angle = OrderResampler().fit_transform([recording])
-    psd = OrderPSD(20, short="pad", scaling="spectrum")
-    (spectrum,) = psd.fit_transform(over_angle)
-    assert float(spectrum.max()) == pytest.approx(0.5, rel=0.02)
-
-
 def test_padding_changes_nothing_where_a_stroke_holds_a_segment():
     recording = reversing_recording(lambda angle, _: np.sin(9 * angle))
     over_angle = OrderResampler().fit_transform([recording])
@@ -457,41 +436,6 @@ def test_signals_without_a_segment_are_refused(average):
         plan.average_of([np.ones((1, 127))])
 
 
-@pytest.mark.parametrize("signal", [1.0, [], np.ones((0, 1000)), np.ones((3, 0))])
-def test_an_array_without_samples_is_refused(signal):
-    with pytest.raises(ValueError, match=r"signal of shape .* holds no segment of 800 samples"):
-        order_psd(signal, 50)
-
-
-@pytest.mark.parametrize(
-    ("max_order", "n_orders"),
-    [
-        (None, 126),
-        (0, 1),
-        (0.39, 2),
-        (0.4, 2),
-        (0.41, 3),
-        (60, 126),
-        (0.4 * (1 + 0.9e-9), 2),
-        (0.4 * (1 + 1.1e-9), 3),
-    ],
-)
-def test_the_line_at_or_above_the_highest_order_is_the_last(max_order, n_orders):
-    plan = segment_plan(100.0, n_per_segment=250, max_order=max_order)
-    assert plan.n_orders == len(plan.orders) == n_orders
-    np.testing.assert_allclose(plan.orders, 0.4 * np.arange(n_orders))
-
-
-@pytest.mark.parametrize("scale", [1, 5])
-@pytest.mark.parametrize("average", ["mean", "median"])
-def test_long_segments_of_several_channels_are_averaged_as_in_welch(scale, average):
-    length = 12_000 * scale  # so long that few are transformed at a time
-    signal = np.array([[1.0], [20], [3]]) * noise(3, 6 * length)
-    ours = order_psd(signal, 60, n_per_segment=length, average=average, detrend="linear")
-    theirs = filters.welch(signal, 60, nperseg=length, average=average, detrend="linear")
-    assert_same_spectrum(ours, theirs)
-
-
 @pytest.mark.parametrize("n_angles", [60_000, 70_000])
 @pytest.mark.parametrize("step", [500, 999])
 @pytest.mark.parametrize(
@@ -516,13 +460,3 @@ def test_sections_do_not_depend_on_the_blocks_of_a_signal(sizes, step, n_angles)
     assert [count for count, _ in whole] == [count for count, _ in parts]
     for (_, one), (_, other) in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-def test_the_median_up_to_an_order_is_that_of_all_orders():
-    signal = np.random.default_rng(3).normal(size=(2, 600))
-    options = {"n_per_segment": 64, "average": "median"}
-    orders, every = order_psd(signal, 32, **options)
-    some_orders, some = order_psd(signal, 32, max_order=5, **options)
-    assert some_orders.tolist() == orders[: len(some_orders)].tolist()
-    assert some_orders[-1] == 5
-    np.testing.assert_array_equal(some, every[:, : len(some_orders)])

@@ -193,7 +193,7 @@ def test_what_cannot_be_averaged_is_refused():
     with pytest.raises(TypeError, match="put an OrderResampler before"):
         SynchronousAverage().fit([recording])
     odd = OrderResampler(0.05).fit_transform([recording])
-    with pytest.raises(ValueError, match=r"has 125.66\d* samples per revolution, but 126"):
+    with pytest.raises(ValueError, match="samples per revolution"):
         SynchronousAverage(by_direction=False).fit(odd)
     travel = over_angle(recording, direction="travel")
     with pytest.raises(ValueError, match="has no shaft angle"):

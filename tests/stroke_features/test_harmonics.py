@@ -43,13 +43,6 @@ def test_amplitude_and_phase_of_a_tone_are_found_at_any_motion(motion, resample)
     np.testing.assert_allclose(found, known, atol=5e-3)
 
 
-@motions
-def test_amplitude_and_phase_are_exact_where_the_model_is(motion):
-    angle = MOTIONS[motion]
-    found = lines([recording(angle, 5 - 0.02 * angle + line(angle))], orders=(1,))
-    np.testing.assert_allclose(found, [[2 * np.cos(0.6), 2 * np.sin(0.6)]], atol=1e-9)
-
-
 def test_a_line_stands_at_the_same_place_of_the_shaft_in_both_directions():
     angle = MOTIONS["reversing"]
     found = lines([recording(angle, line(angle))], orders=(1,), by_direction=True)
@@ -112,13 +105,6 @@ def test_columns_name_amplitudes_and_orders_in_the_shortest_way():
     ]
 
 
-def test_an_amplitude_is_the_length_of_the_vector():
-    X = [recording(MOTIONS["reversing"], line(MOTIONS["reversing"]))]
-    vector = lines(X, orders=(1, 2), by_direction=True).reshape(-1, 2)
-    amplitude = lines(X, orders=(1, 2), by_direction=True, phase=None).ravel()
-    np.testing.assert_allclose(amplitude, np.hypot(*vector.T))
-
-
 def test_strokes_are_averaged_as_vectors_so_that_opposite_ones_cancel():
     speed = np.repeat([TURN, -TURN], 21 * FS // 2)  # ten whole revolutions and a half
     angle = np.cumsum(np.tile(speed, 2)) / FS
@@ -135,16 +121,6 @@ def test_a_stroke_too_short_for_a_revolution_is_passed_over():
         ValueError, match=r"'current', reverse strokes: .* the longest stroke has 0\.498"
     ):
         lines([recording(angle, np.cos(angle))], by_direction=True)
-
-
-def test_strokes_of_a_single_angle_are_passed_over():
-    # Rest between strokes, at which the shaft's angle flickers in its last digits.
-    speed = np.repeat([0.0, TURN, 0.0, -TURN, 0.0], [FS, 10 * FS, FS, 10 * FS, FS])
-    angle = np.cumsum(speed) / FS + 1e-9 * np.random.default_rng(0).uniform(size=speed.size)
-    over_angle = OrderResampler(TURN / 32).fit_transform([recording(angle, np.cos(angle))])
-    assert min(stroke.n_angles for stroke in over_angle[0].strokes) == 1
-    found = lines(over_angle, orders=(1,), by_direction=True)
-    np.testing.assert_allclose(found, [[1, 0, 1, 0]], atol=5e-3)
 
 
 def test_parts_of_less_than_a_revolution_are_refused():
@@ -172,10 +148,6 @@ def test_joined_directions_have_no_shaft_angle():
     joined = OrderResampler(TURN / 32, direction="travel").fit_transform(X)
     with pytest.raises(ValueError, match="'travel', which has no shaft angle"):
         lines(joined)
-
-
-def test_the_docstring_says_what_a_phase_may_tell():
-    assert "recordings of one assembly only" in ShaftHarmonics.__doc__
 
 
 @pytest.mark.parametrize(

@@ -30,12 +30,6 @@ def test_the_profile_runs_in_the_direction_of_motion():
     np.testing.assert_allclose(back, forth[::-1], atol=2e-3)
 
 
-def test_a_constant_has_a_mean_alone():
-    np.testing.assert_allclose(
-        profile(out_and_back(lambda p: np.full_like(p, 3.0))), [[3, 0, 0, 0]] * 2, atol=1e-12
-    )
-
-
 def test_a_ramp_has_its_known_cosines():
     forth, back = profile(out_and_back(lambda p: p), 4)
     known = np.array([0.5, -2 * np.sqrt(2) / np.pi**2, 0, -2 * np.sqrt(2) / (3 * np.pi) ** 2])
@@ -102,14 +96,6 @@ def test_the_columns_say_what_they_are():
     assert names == ["force+:segment0", "force+:segment1", "force-:segment0", "force-:segment1"]
 
 
-def test_strokes_of_a_single_angle_have_no_profile():
-    (row,) = OrderResampler(3.1).fit_transform(
-        [Recording({"force": np.arange(100.0)}, FS, velocity=np.full(100, 30.0))]
-    )
-    with pytest.raises(ValueError, match="channel 'force', strokes: no stroke contains two"):
-        StrokeProfile(by_direction=False).fit_transform([row])
-
-
 @pytest.mark.parametrize(
     ("parameters", "error", "message"),
     [
@@ -121,8 +107,3 @@ def test_strokes_of_a_single_angle_have_no_profile():
 def test_wrong_parameters_are_refused(parameters, error, message):
     with pytest.raises(error, match=message):
         StrokeProfile(**parameters).fit([out_and_back(lambda p: p)])
-
-
-def test_a_mistyped_number_of_coefficients_is_refused_at_once():
-    with pytest.raises(ValueError, match=r"n_coefficients must be .* at most 10000, got 10000000"):
-        StrokeProfile(10**7).fit([out_and_back(lambda p: p)])

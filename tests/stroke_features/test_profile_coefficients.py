@@ -4,8 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from emacm.stroke_features.profile import cosine_coefficients, segment_means, stroke_positions
@@ -65,14 +63,6 @@ def test_the_squares_of_all_coefficients_add_up_to_the_mean_square():
     assert np.sum(found[:10] ** 2) < mean_square
 
 
-def test_each_cosine_is_found_alone_and_with_its_own_coefficient():
-    p = np.linspace(0, 1, 20_001)
-    waves = np.cos(np.pi * np.arange(6)[:, np.newaxis] * p) * np.sqrt(
-        [[1], [2], [2], [2], [2], [2]]
-    )
-    np.testing.assert_allclose(cosine_coefficients(p, waves, 6), np.eye(6), atol=1e-7)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_samples_in_between_on_the_line_change_nothing(kind):
     more = np.sort(np.concatenate([UNEVEN, RNG.uniform(size=50)]))
@@ -87,14 +77,6 @@ def test_a_standstill_in_the_stroke_weighs_nothing(kind):
     np.testing.assert_allclose(found, kind([0, 1], [0, 1], 6), atol=1e-13)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@given(scale=st.floats(-10, 10), offset=st.floats(-10, 10))
-def test_profiles_are_linear(kind, scale, offset):
-    found = kind(UNEVEN, scale * WALK + offset, 5)
-    expected = scale * kind(UNEVEN, WALK, 5) + offset * kind(UNEVEN, np.ones(32), 5)
-    np.testing.assert_allclose(found, expected, atol=1e-11)
-
-
 def test_a_stroke_run_backwards_turns_the_sign_of_odd_cosines():
     forth = cosine_coefficients(UNEVEN, WALK, 6)
     back = cosine_coefficients(1 - UNEVEN[::-1], WALK[::-1], 6)
@@ -107,13 +89,6 @@ def test_segments_add_up_to_the_mean():
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_leading_axes_are_free(kind):
-    x = RNG.normal(size=(2, 3, 32))
-    assert kind(UNEVEN, x, 4).shape == (2, 3, 4)
-    np.testing.assert_allclose(kind(UNEVEN, x, 4)[1, 2], kind(UNEVEN, x[1, 2], 4), atol=1e-14)
-
-
 def test_positions_run_from_zero_to_one():
     np.testing.assert_array_equal(stroke_positions([5.0, 7.0, 9.0]), [0, 0.5, 1])
 
@@ -121,24 +96,3 @@ def test_positions_run_from_zero_to_one():
 def test_a_stroke_without_a_length_has_no_positions():
     with pytest.raises(ValueError, match="must have a length"):
         stroke_positions([3.0, 3.0, 2.0])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("position", "signal", "message"),
-    [
-        ([0.0, 0.5], [1.0, 2.0], "end at 0.5"),
-        ([0.1, 1.0], [1.0, 2.0], "start at 0.1"),
-        ([0.0, 0.7, 0.6, 1.0], [0.0] * 4, "have 1 decreasing steps"),
-        ([0.0, 1.0], [1.0, 2.0, 3.0], r"shape \(3,\) does not match 2 positions"),
-    ],
-)
-def test_what_are_no_positions_is_refused(kind, position, signal, message):
-    with pytest.raises(ValueError, match=message):
-        kind(position, signal, 3)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_coefficient_is_none(kind):
-    with pytest.raises(ValueError, match="at least 1, got 0"):
-        kind([0, 1], [0, 1], 0)

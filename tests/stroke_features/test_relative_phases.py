@@ -68,27 +68,6 @@ def test_phases_are_those_of_shaft_harmonics_turned_by_one_angle():
     assert abs(turned[0]) == pytest.approx(1)
 
 
-def test_a_velocity_will_do():
-    angle = recording(two_ways(1.3, 0.7))
-    velocity = Recording(angle.signals, FS, velocity=np.gradient(SWAY) * FS)
-    np.testing.assert_allclose(lines([velocity]), lines([angle]), atol=0.02)
-
-
-def test_recordings_over_the_angle_say_the_same():
-    X = [recording(two_ways(1.3, 0.7))]
-    over_angle = OrderResampler(TURN / 64).fit_transform(X)
-    np.testing.assert_allclose(lines(over_angle), lines(X), atol=0.05)
-
-
-def test_columns_are_named_after_what_they_are():
-    lines = ShaftHarmonics((1, 2), phase="relative", n_sections=2).fit([recording(SWAY)])
-    names = lines.get_feature_names_out()
-    assert len(names) == 16
-    assert names[0] == "current+:1of2:in_phase1"
-    assert names[3] == "current+:1of2:quadrature2"
-    assert names[-1] == "current-:2of2:quadrature2"
-
-
 def test_orders_that_are_no_multiples_of_the_first_are_refused():
     with pytest.raises(ValueError, match=r"whole multiples of the first one, .*order 1\.5"):
         lines([recording(SWAY)], orders=(1, 1.5))

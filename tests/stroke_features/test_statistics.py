@@ -174,38 +174,12 @@ def test_a_transient_as_long_as_the_stroke_is_the_stroke():
         assert found[f"current:start:{name}"] == found[f"current:stop:{name}"] == whole
 
 
-def test_a_transient_shorter_than_a_sample_is_one_sample():
-    X = [Recording({"current": np.arange(SPEED.size)}, FS, velocity=SPEED)]
-    levels = RecordingStatistics(
-        sections=("start", "stop"), section_statistics=["mean"], transient=1e-9
-    )
-    assert levels.fit_transform(X).tolist() == [[1000, 1999, 3000, 3999]]
-
-
 def test_a_constant_channel_is_named_with_its_strokes():
     with pytest.raises(
         ValueError,
         match="recording 0: channel 'current', forward strokes: the kurtosis of a",
     ):
         described(np.full(SPEED.size, 2.0))
-
-
-def test_a_constant_channel_stays_one_over_the_angle():
-    X = [Recording({"current": np.full(SPEED.size, 0.1)}, FS, angle=ANGLE)]
-    over_angle = OrderResampler(TURN / 32, min_speed=30).fit_transform(X)
-    with pytest.raises(ValueError, match="the kurtosis of a constant"):
-        RecordingStatistics().fit_transform(over_angle)
-    levels = RecordingStatistics(("std", "crest_factor")).fit_transform(over_angle)
-    np.testing.assert_allclose(levels, [[0, 1, 0, 1]], atol=1e-15)
-
-
-def test_a_channel_that_is_silent_at_rest_is_named():
-    X = [Recording({"current": SPEED}, FS, velocity=SPEED)]
-    levels = RecordingStatistics(
-        ("mean",), sections=("rest",), section_statistics=("crest_factor",)
-    )
-    with pytest.raises(ValueError, match="'current', at rest: the crest factor of a signal of z"):
-        levels.fit_transform(X)
 
 
 def test_a_shaft_that_never_stands_has_no_rest():

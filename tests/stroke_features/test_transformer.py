@@ -10,7 +10,6 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
-from sklearn.utils import get_tags
 
 from emacm import (
     BinTransformer,
@@ -22,7 +21,6 @@ from emacm import (
     ShaftHarmonics,
     StrokeProfile,
 )
-from emacm.orders.columns import parse_bin_columns, parse_order_columns
 
 TURN = 2 * np.pi
 THETA_S = TURN / 32
@@ -80,15 +78,6 @@ def test_each_recording_is_a_row_and_each_column_has_one_name(kind):
     assert table.shape == (12, len(names))
     assert len(set(names)) == len(names)
     assert np.isfinite(table).all()
-
-
-@kinds_over_time
-def test_no_name_is_taken_for_an_order_or_a_bin(kind):
-    names = clone(kind).fit(FLEET).get_feature_names_out()
-    for channel in ("", "drive@5"):
-        columns = [channel + name for name in names]
-        assert parse_order_columns(columns) is None
-    assert parse_bin_columns(names) is None
 
 
 @kinds_over_time
@@ -237,11 +226,6 @@ def test_a_saved_pipeline_decides_as_before(tmp_path):
 
 
 @kinds
-def test_scikit_learn_is_told_that_x_is_no_table(kind):
-    assert not get_tags(kind).input_tags.two_d_array
-
-
-@kinds
 def test_a_recording_without_a_stroke_of_one_direction_is_named(kind):
     with pytest.raises(
         ValueError, match=r"recording 1 \(unit=99\): it has no reverse stroke .*by_direction=False"
@@ -253,14 +237,6 @@ def test_a_recording_without_a_stroke_of_one_direction_is_named(kind):
 def test_without_directions_a_recording_of_one_direction_has_all_columns(kind):
     table = clone(kind).set_params(by_direction=False).fit(FLEET).transform([forward_only()])
     assert np.isfinite(table).all()
-
-
-@kinds
-def test_a_shaft_that_never_turns_is_named(kind):
-    still = Recording({"current": np.arange(9.0), "position": np.arange(9.0)}, 1, angle=np.zeros(9))
-    one = clone(kind).set_params(by_direction=False)
-    with pytest.raises(ValueError, match="recording 0: it has no stroke of two samples"):
-        one.fit_transform([still])
 
 
 @kinds
@@ -377,19 +353,6 @@ def test_directions_are_separated_where_there_are_both(kind, resampled):
 
 
 @kinds
-def test_joined_directions_cannot_be_kept_apart(kind):
-    with pytest.raises(ValueError, match="'travel'"):
-        clone(kind).set_params(by_direction=True).fit(over_angle(FLEET, direction="travel"))
-
-
-@pytest.mark.parametrize("kind", KINDS[:3])
-def test_joined_directions_are_described_as_one(kind):
-    joined = over_angle(FLEET, direction="travel")
-    table = clone(kind).set_params(by_direction=False).fit_transform(joined)
-    assert np.isfinite(table).all()
-
-
-@kinds
 def test_channels_whose_columns_would_have_one_name_are_refused(kind):
     signals = dict.fromkeys(["a", "a:rest"], FLEET[0].signals["current"])
     recording = Recording(signals, 500, angle=FLEET[0].angle)
@@ -397,16 +360,3 @@ def test_channels_whose_columns_would_have_one_name_are_refused(kind):
     levels = RecordingStatistics(("rms",), by_direction=False, sections=("stroke", "rest"))
     with pytest.raises(ValueError, match="give two columns the same name"):
         levels.fit([recording])
-
-
-@pytest.mark.parametrize("resampled", [False, True])
-def test_min_revolutions_counts_revolutions(resampled):
-    turns = [3, 5, 4.5, 2.9]  # forward, reverse, forward, reverse
-    speed = np.concatenate([[sign * 20.0] * round(k * 500 * TURN / 20) for k, sign in
-                            zip(turns, (1, -1, 1, -1), strict=True)])  # fmt: skip
-    angle = np.cumsum(speed) / 500
-    number = np.repeat(np.arange(4.0), [round(k * 500 * TURN / 20) for k in turns])
-    X = [Recording({"stroke": number}, 500, angle=angle)]
-    X = over_angle(X) if resampled else X
-    levels = RecordingStatistics(("mean",), min_revolutions=4).fit_transform(X)
-    np.testing.assert_allclose(levels, [[2, 1]], atol=0.02)  # not 0 and 3
