@@ -190,28 +190,44 @@ def as_envelope(quantity: str, unit: str, kind: str | None) -> tuple[str, str]:
     return (f"squared {words}", squared(unit)) if kind == "squared" else (words, unit)
 
 
-def unit_of(unit: str | Mapping[str, str], channel: str, *, derived: bool = False) -> str:
-    """Return the unit of a channel; columns by direction, ``current+``, have that of the channel.
+def quantity_of(
+    quantity: str, channel: str, units: str | Mapping[str, str], envelopes: Mapping[str, str]
+) -> tuple[str, str]:
+    """Return a quantity of a channel in words, and the unit of the channel.
 
     Parameters
     ----------
-    unit : str or mapping of str to str
-        Unit of all channels, or of each.
+    quantity : str
+        Such as "PSD"; empty for the signal itself.
     channel : str
-        Name of the channel.
-    derived : bool
-        Whether the channel is an envelope, which may have a suffix: ``vibration_envelope``.
+        Name of the channel; columns by direction, ``current+``, have the unit of the channel, and
+        envelopes, ``vibration_envelope``, that of the longest name that they begin with.
+    units : str or mapping of str to str
+        Unit of all channels, or of each.
+    envelopes : mapping of str to {"amplitude", "squared"}
+        Channels that are envelopes.
 
     Returns
     -------
-    str
-        "unit" if it is not known.
+    words, unit : str
+        The unit is "unit" if it is not known.
+
+    Examples
+    --------
+    >>> quantity_of("PSD", "vib_envelope", {"vib": "g"}, {"vib_envelope": "squared"})
+    ('squared envelope order spectrum of vib', 'g²')
+    >>> quantity_of("", "current+", {"current": "A"}, {})
+    ('current+', 'A')
     """
-    if isinstance(unit, str):
-        return unit
-    first = [name for name in unit if derived and channel.startswith(name)]
-    base = max(first, key=len) if first else channel.rstrip("+-")
-    return unit.get(channel, unit.get(base, "unit"))
+    base = channel.rstrip("+-")
+    kind = envelopes.get(channel, envelopes.get(base))
+    unit = units if isinstance(units, str) else units.get(channel, "")
+    if not unit and not isinstance(units, str):
+        first = [name for name in units if kind is not None and channel.startswith(name)]
+        unit = units.get(max(first, key=len, default=base), "unit")
+    words, unit = as_envelope(quantity, unit, kind)
+    name = channel if kind is None else channel.removesuffix("_envelope")
+    return (f"{words} of {name}" if words else name), unit
 
 
 def means_by_label(
@@ -227,10 +243,10 @@ def means_by_label(
     table = check_values(values, "the table", (None, None))
     if not len(table):
         raise ValueError("the table holds no recording; at least one is needed.")
-    groups = check_labels(np.full(len(table), otherwise) if labels is None else labels, len(table))
-    missing = np.flatnonzero(pd.isna(groups))
-    if len(missing):
-        raise ValueError(f"labels must name every recording, got none for recording {missing[0]}.")
+    groups = check_labels([otherwise] * len(table) if labels is None else labels, len(table))
+    if pd.isna(groups).any():
+        missing = int(pd.isna(groups).argmax())
+        raise ValueError(f"labels must name every recording, got none for recording {missing}.")
     return {str(name): table[groups == name].mean(axis=0) for name in np.unique(groups)}
 
 
@@ -260,17 +276,13 @@ def pipeline_until(
     ValueError
         If no step matches.
     """
-    if not isinstance(estimator, Pipeline):
-        if matches(estimator):
-            return estimator, None
-        raise ValueError(f"estimator must be or contain {wanted}, got {estimator!r}.")
-    places = [i for i, (_, step) in enumerate(estimator.steps) if matches(step)]
+    steps = estimator.steps if isinstance(estimator, Pipeline) else [("", estimator)]
+    places = [i for i, (_, step) in enumerate(steps) if matches(step)]
     if not places:
         raise ValueError(
-            f"no step of the pipeline is {wanted}; its steps are {list(estimator.named_steps)}."
+            f"estimator must be or contain {wanted}; its steps are {[step for _, step in steps]}."
         )
-    last = places[-1]
-    return estimator[last], (estimator[:last] if last else None)
+    return steps[places[-1]][1], (estimator[: places[-1]] if places[-1] else None)
 
 
 @dataclass(eq=False, repr=False, kw_only=True)

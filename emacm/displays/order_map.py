@@ -195,17 +195,14 @@ class OrderMapDisplay(OrderDisplay):
     def _over_time(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return edges over time and the spectra between them; NaN where there is no segment."""
         starts, stops = self.intervals.T
+        following = np.append(starts[1:], np.inf)
         edges, rows = [starts[0]], []
-        for i, spectrum in enumerate(self.psd):
+        for spectrum, stop, start in zip(self.psd, stops, following, strict=True):
             rows.append(spectrum)
-            following = starts[i + 1] if i + 1 < len(starts) else np.inf
-            if following <= stops[i]:
-                edges.append((following + stops[i]) / 2)
-            else:
-                edges.append(stops[i])
-                if np.isfinite(following):
-                    rows.append(np.full_like(spectrum, np.nan))
-                    edges.append(following)
+            edges.append((start + stop) / 2 if start <= stop else stop)
+            if stop < start < np.inf:  # a gap
+                rows.append(np.full_like(spectrum, np.nan))
+                edges.append(start)
         return np.array(edges), np.array(rows)
 
     def _over_speed(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

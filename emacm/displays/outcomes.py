@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,6 @@ class OutcomesDisplay(Display):
         "inspection" (the decision is neither healthy nor a fault), "false alarm" (healthy, decided
         to be faulty), "wrong fault" (faulty, decided to be another fault) and "missed detection"
         (faulty, decided to be healthy). The index names conditions, or signals and conditions.
-    show_n : bool
-        Whether to write the sum of each row beside its bar: the number of recordings.
 
     Attributes
     ----------
@@ -72,7 +70,6 @@ class OutcomesDisplay(Display):
     """
 
     counts: pd.DataFrame
-    show_n: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         counts = self.counts
@@ -204,9 +201,7 @@ class OutcomesDisplay(Display):
             with rc_context({"hatch.linewidth": 0.7}):
                 panel.barh(heights, shares, 0.72, left=left, label=name, **style)
             left = left + shares
-        names = [_drawing.wrapped(name) for name in part.index]
-        if self.show_n:
-            names = [f"{name}  (n = {n:g})" for name, n in zip(names, part["n"], strict=True)]
+        names = [f"{_drawing.wrapped(name)}  (n = {n:g})" for name, n in part["n"].items()]
         panel.set_yticks(heights, names, fontsize=_drawing.SMALL)
         panel.set_ylim(len(part) - 0.4, -0.6)  # the first on top
         panel.set_xlim(0, 100)

@@ -90,15 +90,6 @@ def plane_points(X: ArrayLike, estimator: Any, attribute: str) -> NDArray[np.flo
     return _tables.check_values(X, "X", (None, 2))
 
 
-def plane_limits(points: NDArray[np.floating], margin: float) -> tuple[NDArray[np.floating], ...]:
-    """Return the lower and upper limits of the plane around these points, shape (2,) each."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    width = high - low
-    # Points on a line still have a plane around them.
-    width = np.where(width > 0, width, np.maximum(1e-9, np.abs(high)))
-    return low - margin * width, high + margin * width
-
-
 @dataclass(eq=False, repr=False)
 class FeatureDensityDisplay(PlaneDisplay):
     """Recordings in a plane of two features, and the Gaussian density of each class.
@@ -357,16 +348,16 @@ class DecisionRegionsDisplay(PlaneDisplay):
         unknown = options.setdefault("unknown", getattr(estimator, "unknown", None))
         if margin is None:
             margin = 0.08 if unknown is None else 1.0
-        low, high = plane_limits(points, check_number(margin, "margin", at_least=0))
-        first, second = np.linspace(low, high, n_grid).T
+        check_number(margin, "margin", at_least=0)
+        low, high = points.min(axis=0), points.max(axis=0)
+        # Points on a line still have a plane around them.
+        width = np.where(high > low, high - low, np.maximum(1e-9, np.abs(high)))
+        first, second = np.linspace(low - margin * width, high + margin * width, n_grid).T
         grid: Any = np.column_stack([axis.ravel() for axis in np.meshgrid(first, second)])
-        seen = getattr(estimator, "feature_names_in_", None)
-        if seen is not None:
-            grid = pd.DataFrame(grid, columns=seen)
+        if hasattr(estimator, "feature_names_in_"):
+            grid = pd.DataFrame(grid, columns=estimator.feature_names_in_)
         decisions = list(estimator.decisions_)
-        number = {decision: i for i, decision in enumerate(decisions)}
-        regions = np.array([number[decision] for decision in estimator.predict(grid)])
-        regions = regions.reshape(n_grid, n_grid)
+        regions = pd.Index(decisions).get_indexer(estimator.predict(grid)).reshape(n_grid, n_grid)
         return cls(first, second, regions, decisions, points, y, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:

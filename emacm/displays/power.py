@@ -100,13 +100,9 @@ class PowerDisplay(_tables.OrderDisplay):
 
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
         """Label the y axis with quantity, channel and unit."""
-        kind = self.envelopes.get(channel, self.envelopes.get(channel.rstrip("+-")))
-        unit = _tables.unit_of(self.unit, channel, derived=kind is not None)
-        quantity, unit = _tables.as_envelope(quantity, unit, kind)
-        base = channel if kind is None else channel.removesuffix("_envelope")
+        words, unit = _tables.quantity_of(quantity, channel, self.unit, self.envelopes)
         reference = "dB re 1 " if self.scale == "dB" else ""
-        unit = f"{reference}{_drawing.squared(unit)}{per}"
-        _drawing.label_y(panel, f"{quantity} of {base}", unit)
+        _drawing.label_y(panel, words, f"{reference}{_drawing.squared(unit)}{per}")
 
 
 @dataclass(eq=False, repr=False)

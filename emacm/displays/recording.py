@@ -162,11 +162,7 @@ class RecordingDisplay(Display):
         axes = _drawing.panel_axes(ax, len(self.signals) + 1, height=1.3)
         for panel, (name, values) in zip(axes[:-1], self.signals.items(), strict=True):
             self._draw_line(panel, self.times[name], values)
-            kind = self.envelopes.get(name)
-            unit = _tables.unit_of(self.units, name, derived=kind is not None)
-            quantity, unit = _tables.as_envelope("", unit, kind)
-            base = f"{quantity} of {name.removesuffix('_envelope')}" if quantity else name
-            _drawing.label_y(panel, base, unit)
+            _drawing.label_y(panel, *_tables.quantity_of("", name, self.units, self.envelopes))
         self._draw_line(axes[-1], self.shaft_times, self.speed)
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
         _drawing.label_y(axes[-1], "shaft speed", "rad/s")

@@ -61,17 +61,6 @@ def test_stop_bands_are_hatched_and_named():
     assert "stop band" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
-def test_stop_bands_are_last_in_the_legend_and_only_if_they_are_drawn():
-    for powers in ({"healthy": [1.0, 2.0]}, {"worn": [1.0, 2.0], "healthy": [3.0, 1.0]}):
-        (ax,) = axes()
-        OrderBinsDisplay([(0, 1), (2, 3)], powers, stop_bands=[(1, 2)]).plot(ax=ax)
-        names = [text.get_text() for text in ax.get_legend().get_texts()]
-        assert (names[0], names[-1]) == ("healthy", "stop band")
-    (ax,) = axes()
-    OrderBinsDisplay([(0, 1), (2, 3)], {"a": [1.0, 2.0]}, stop_bands=[(3, 4)]).plot(ax=ax)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a"]
-
-
 def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     (ax,) = axes()
     columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]
@@ -87,13 +76,6 @@ def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     _, y = ax.lines[0].get_data()
     assert np.isnan(y).sum() == 2  # three lines that do not touch
     assert y[~np.isnan(y)].tolist() == [1, 1, 2, 2, 4, 4]
-
-
-def test_bins_that_touch_and_bins_in_any_order_have_an_order_axis():
-    (ax,) = axes()
-    OrderBinsDisplay(["a@2-3", "a@0-2", "a@3-4"], {"all": [1.0, 2.0, 4.0]}).plot(ax=ax)
-    assert ax.get_xlim() == (0, 4)
-    assert ax.get_xlabel() == "order [cycles per revolution]"
 
 
 def test_decibel_bars_start_below_the_minimum():
@@ -122,14 +104,6 @@ def test_a_pipeline_draws_its_bins_and_its_stop_bands():
     assert not panels[1].texts
 
 
-def test_a_channel_is_chosen_wherever_its_columns_stand():
-    mixed = pd.DataFrame([[1.0, 2.0, 3.0, 4.0]], columns=["a@0-1", "b@0-1", "a@1-2", "b@1-2"])
-    (ax,) = axes()
-    display = OrderBinsDisplay.from_table(mixed, "b", scale="linear", ax=ax)
-    assert display.frame().iloc[:, 0].tolist() == [2.0, 4.0]
-    assert [bar.get_height() for bar in ax.patches] == [2.0, 4.0]
-
-
 def test_named_bands_are_drawn_by_their_names():
     (ax,) = axes()
     named = pd.DataFrame([[1.0, 2.0]], columns=["a@BPFI", "a@second harmonic of the screw"])
@@ -138,10 +112,3 @@ def test_named_bands_are_drawn_by_their_names():
     assert names == ["BPFI", "second harmonic of the screw"]
     assert ax.get_xlabel() == "order bin"
     assert not ax.texts  # there is no order axis to mark one on
-
-
-def test_zero_power_has_no_bar_in_db():
-    (ax,) = axes()
-    OrderBinsDisplay(EDGES, {"all": [1.0, 0.0, 2.0]}).plot(ax=ax)
-    assert np.isfinite([bar.get_height() for bar in ax.patches]).tolist() == [True, False, True]
-    OrderBinsDisplay(EDGES, {"all": np.zeros(3)}).plot(ax=axes()[0])

@@ -71,15 +71,6 @@ def test_bins_and_named_bands_together_are_drawn_by_name():
     assert [bar.get_height() for bar in ax.patches] == [0.5, -0.5]
 
 
-def test_column_names_are_given_or_those_of_the_pca():
-    frame = pd.DataFrame(np.random.default_rng(0).normal(size=(9, 2)), columns=["a@0-1", "a@1-2"])
-    own = LoadingsDisplay.from_estimator(PCA(1).fit(frame), n_components=1, ax=axes())
-    given = LoadingsDisplay.from_estimator(
-        PCA(1).fit(frame.to_numpy()), list(frame.columns), n_components=1, ax=axes()
-    )
-    pd.testing.assert_frame_equal(own.frame(), given.frame())
-
-
 def test_missing_column_names_are_an_error_with_a_remedy():
     with pytest.raises(ValueError, match="pass columns, or give FunctionTransformer"):
         LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))

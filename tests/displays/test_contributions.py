@@ -63,11 +63,6 @@ def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
     assert frame["contribution"].tolist() == [2.0, 0, 0, 1]
 
 
-def test_a_fault_order_at_an_edge_is_in_the_bin_above():
-    display = ContributionsDisplay([(5, 6), (6, 7), (7, 8)], [1, 2, 3], fault_orders={"six": 6})
-    assert display.frame()["fault_orders"].tolist() == ["", "six", ""]
-
-
 def test_a_table_of_contributions_is_drawn_as_its_names_would_be():
     table = pd.DataFrame(
         {

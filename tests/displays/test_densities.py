@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from emacm import CostSensitiveGaussianBayes
@@ -65,11 +64,3 @@ def test_the_table_has_means_deviations_and_correlation(ax):
     assert np.allclose(frame.loc["healthy", "mean of feature 2"], healthy[:, 1].mean())
     assert np.allclose(frame.loc["healthy", "deviation of feature 1"], healthy[:, 0].std(ddof=1))
     assert np.allclose(frame.loc["healthy", "correlation"], np.corrcoef(healthy.T)[0, 1])
-
-
-def test_a_recording_of_an_unknown_class_is_shown_too(ax):
-    display = FeatureDensityDisplay(["a"], [[0, 0]], [np.eye(2)], np.zeros((2, 2)), ["a", "new"])
-    display.plot(ax=ax)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["a", "new"]
-    known, unknown = (to_hex(marks.get_facecolor()[0]) for marks in ax.collections)
-    assert (known, unknown) == ("#d55e00", "#4c4c4c")  # grey: unknown to the classifier

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from sklearn.naive_bayes import GaussianNB
-from sklearn.svm import LinearSVC
 
 from emacm.displays import EvaluationDisplay
 from emacm.evaluation.evaluate import evaluate
@@ -109,31 +108,6 @@ def test_an_evaluation_is_drawn_with_its_first_split_by_groups():
     frame = display.frame().set_index(["scheme", "figure"])
     expected = result.table.loc["random split", "false_alarm_rate_high"]
     assert frame.loc[("random split", "false_alarm_rate"), "high"] == expected
-
-
-def test_another_scheme_can_be_drawn():
-    display = EvaluationDisplay.from_evaluation(
-        found(), scheme="random split", figures="accuracy", ax=axes(3)
-    )
-    assert display.scheme == "random split"
-    assert display.figures == ["accuracy"]
-
-
-def test_without_probabilities_there_are_two_panels():
-    display = EvaluationDisplay.from_evaluation(found(LinearSVC()), ax=axes(2))
-    assert len(display.ax_) == 2
-
-
-def test_a_new_figure_has_the_rates_above_the_confusion_and_the_reliability():
-    from matplotlib import pyplot
-
-    display = EvaluationDisplay.from_evaluation(found())
-    display.figure_.draw_without_rendering()
-    boxes = [panel.get_window_extent() for panel in display.ax_]
-    assert boxes[0].y0 > max(boxes[1].y1, boxes[2].y1)
-    assert boxes[1].x1 < boxes[2].x0
-    assert display.figure_.get_figwidth() == 6.3
-    pyplot.close(display.figure_)
 
 
 def test_the_three_rates_are_drawn_separately():

@@ -70,17 +70,6 @@ def test_an_envelope_is_named_with_its_quantity_and_unit():
         assert labels[:2] == ["vibration [m/s²]", label]
 
 
-def test_strokes_are_cut_at_the_interval():
-    display = RecordingDisplay.from_recording(
-        recording(), shade_strokes=True, between=(0.5, 3.5), ax=axes()
-    )
-    assert (display.strokes[0][0], display.strokes[-1][1]) == (0.5, 3.4)
-    panels = axes(2)
-    longer = {"a": [0, 1, 5]}
-    RecordingDisplay(longer, longer, [0, 2], [1, 1]).plot(ax=panels)
-    assert panels[1].get_xlim() == (0, 5)
-
-
 def test_a_long_signal_keeps_its_shocks():
     signal = np.sin(np.arange(300_001) / 50)
     signal[123_456], signal[300_000] = 40.0, -30.0

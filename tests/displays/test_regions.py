@@ -1,7 +1,6 @@
 """Decision regions are the decisions of the classifier."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -63,14 +62,6 @@ def test_the_first_feature_is_along_x_in_what_is_decided_and_drawn(ax):
     assert list(display.frame().columns) == ["current [A]", "speed [rad/s]", "true"]
 
 
-def test_a_grid_need_not_be_square(ax):
-    numbers = [[0, 1, 1], [0, 0, 1]]
-    display = DecisionRegionsDisplay([0, 1, 2], [0, 5], numbers, ["a", "b"], [[0, 0]], ["a"])
-    display.plot(ax=ax)
-    assert (ax.get_xlim(), ax.get_ylim()) == ((0, 2), (0, 5))
-    assert areas(ax)[1].get_paths()[0].contains_point((1.1, 0.2))
-
-
 def areas(ax):
     """Return the filled areas, in the order of the decisions."""
     return [drawn for drawn in ax.collections if getattr(drawn, "filled", False)]
@@ -90,23 +81,6 @@ def test_between_two_regions_lies_no_third(ax):
     assert first.get_paths()[0].contains_point((0.5, 2))
     assert not first.get_paths()[0].contains_point((2.5, 2))
     assert third.get_paths()[0].contains_point((2.5, 2))
-
-
-def test_the_borders_of_regions_are_drawn_as_lines(ax):
-    regions(np.repeat([[0, 0, 1, 1]], 4, axis=0), ["a", "b"]).plot(ax=ax)
-    borders = [c for c in ax.collections if not getattr(c, "filled", True)]
-    assert len(borders) == 2
-    for border in borders:
-        assert np.allclose(border.get_paths()[0].vertices[:, 0], 1.5)
-
-
-def test_features_of_a_classifier_keep_their_names(ax):
-    rng = np.random.default_rng(2)
-    X = pd.DataFrame(rng.normal(size=(40, 2)), columns=["pca0", "pca1"])
-    y = np.where(X["pca0"] > 0, "worn", "healthy")
-    model = CostSensitiveGaussianBayes().fit(X, y)
-    display = DecisionRegionsDisplay.from_estimator(model, X, y, n_grid=20, ax=ax)
-    assert np.array_equal(display.points, X.to_numpy())
 
 
 def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):

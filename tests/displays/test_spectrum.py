@@ -63,14 +63,6 @@ def test_every_channel_has_a_panel_and_its_own_unit():
     assert np.allclose(axes[1].lines[0].get_ydata(), 10 * np.log10(2))
 
 
-def test_a_linear_spectrum_is_drawn_as_it_is(ax):
-    _, table = spectra()
-    OrderSpectrumDisplay.from_table(table[2:], "current", unit="A", scale="linear", ax=ax)
-    assert (ax.lines[0].get_ydata() == 10).all()
-    assert ax.get_ylabel() == "PSD of current [A²/order]"
-    assert ax.get_ylim()[0] == 0
-
-
 def test_a_pipeline_draws_what_it_computes(ax):
     runs = [simulate_actuator("healthy", seed=seed) for seed in (1, 2)]
     resampler = OrderResampler(channels=["current_a", "accelerometer"])
@@ -86,28 +78,6 @@ def test_a_power_spectrum_is_not_called_a_density(ax):
     psd = OrderPSD(4, theta_s=2 * np.pi / 32, scaling="spectrum").fit([np.sin(3 * angle)])
     OrderSpectrumDisplay.from_estimator(psd, [np.sin(3 * angle)], "signal", unit="A", ax=ax)
     assert ax.get_ylabel() == "power of signal [dB re 1 A²]"
-
-
-def test_where_there_is_no_power_there_is_no_line(ax):
-    OrderSpectrumDisplay(np.arange(4), {"a": np.array([1.0, 1.0, 0.0, 1.0])}).plot(ax=ax)
-    assert np.isnan(ax.lines[0].get_ydata()).tolist() == [False, True, False]
-
-
-def test_an_envelope_is_named_with_its_quantity_and_unit(ax):
-    spectra, units = {"a": np.ones((2, 3))}, {"vibration": "m/s²", "torque": "V"}
-    panels = Figure(figsize=(6, 12)).subplots(2)
-    OrderSpectrumDisplay(
-        np.arange(3),
-        spectra,
-        channel=["torque+", "vibration_envelope"],
-        unit=units,
-        envelopes={"torque": "squared", "vibration_envelope": "amplitude"},
-    ).plot(ax=panels)
-    labels = [panel.get_ylabel().replace("\n", " ") for panel in panels]
-    assert labels == [
-        "squared envelope order spectrum of torque+ [dB re 1 V⁴/order]",
-        "envelope order spectrum of vibration [dB re 1 (m/s²)²/order]",
-    ]
 
 
 @pytest.mark.parametrize(("squared", "unit"), [(False, "g²"), (True, "g⁴")])

@@ -8,7 +8,6 @@ from sklearn.metrics import roc_auc_score
 
 from emacm import CostSensitiveGaussianBayes
 from emacm.displays import UnknownRocDisplay
-from emacm.displays._drawing import COLOURS
 from emacm.evaluation.novelty import evaluate_unknown
 
 TABLE = pd.DataFrame(
@@ -58,14 +57,6 @@ def test_areas_are_those_of_scikit_learn_and_stand_in_the_legend(ax):
         assert display.areas()[family] == pytest.approx(expected)
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names[:2] == ["worn: AUROC 0.750 (0.400 to 0.900)", "dry: AUROC 0.500"]
-
-
-def test_families_differ_by_colour_and_line_and_none_has_that_of_the_healthy_state(ax):
-    UnknownRocDisplay(TABLE).plot(ax=ax)
-    lines = curves(ax)
-    assert lines["dry"].get_color() == COLOURS[1]  # sorted, as in the other displays
-    assert lines["worn"].get_color() == COLOURS[2]
-    assert lines["dry"].get_linestyle() != lines["worn"].get_linestyle()
 
 
 @pytest.mark.slow
