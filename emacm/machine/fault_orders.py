@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -118,10 +117,9 @@ def order_bands(
     min_width : float
         Smallest width of a band [orders]; must be above 0 for lines without slip. The main lobe of
         a Hann window of length `revolutions` is ``4 / revolutions`` wide.
-    on_overlap : {"raise", "join", "keep"}
-        Overlapping bands contain the same power twice: raise an error that names them, join those
-        of one fault to a band "A/2xA" (bands of different faults are never joined, but kept), or
-        keep them. In a mapping, "2xA" is a line of the fault "A".
+    on_overlap : {"raise", "keep"}
+        Overlapping bands contain the same power twice: raise an error that names them, or keep
+        them.
 
     Returns
     -------
@@ -142,43 +140,26 @@ def order_bands(
     """
     check_number(slip, "slip", at_least=0, below=1)
     check_number(min_width, "min_width", at_least=0, unit="orders")
-    check_choice(on_overlap, "on_overlap", ("raise", "join", "keep"))
+    check_choice(on_overlap, "on_overlap", ("raise", "keep"))
     names, low, high = slip_ranges(orders, slip=slip, min_width=min_width)
     for place in np.flatnonzero(low >= high)[:1]:
         raise ValueError(
             f"the band of {names[place]!r} at order {low[place]:g} has no width, because the line "
             f"does not slip. Give min_width, such as 4 / revolutions of the order spectra."
         )
-    of = _faults_of(orders, names)
-    ends = [(round_edge(a), round_edge(b)) for a, b in zip(low, high, strict=True)]
+    last = ""
     bands: dict[str, Band] = {}
-    latest: dict[Any, str] = {}  # of each fault
     for place in np.lexsort((high, low)):
-        name, band = names[place], ends[place]
-        last = latest.get(of[place]) if on_overlap == "join" else next(reversed(bands), None)
-        if on_overlap == "keep" or last is None or bands[last][1] <= band[0]:
-            bands[name] = band
-        elif on_overlap == "join":
-            joined = bands.pop(last)
-            name = f"{last}/{name}"
-            bands[name] = (joined[0], max(joined[1], band[1]))
-        else:
+        name, band = names[place], (round_edge(low[place]), round_edge(high[place]))
+        if on_overlap == "raise" and last and bands[last][1] > band[0]:
             raise ValueError(
                 f"the bands of {last!r} {bands[last]} and {name!r} {band} overlap, and no power "
                 f"spectrum can separate them. Reduce slip or min_width, leave one out, or set "
-                f'on_overlap to "keep", or to "join" if they are lines of one fault.'
+                f'on_overlap to "keep".'
             )
-        latest[of[place]] = name
-    return dict(sorted(bands.items(), key=lambda item: item[1]))
-
-
-def _faults_of(orders: Any, names: Sequence[str]) -> list[Any]:
-    """Return for each line what it is a line of."""
-    plain = [re.sub(r"(^| )\d+x", r"\1", name) for name in names]
-    if not isinstance(orders, pd.DataFrame) or not {"part", "kind"} <= set(orders.columns):
-        return list(plain)
-    kinds = zip(orders["part"], orders["kind"], plain, strict=True)
-    return [(part, kind, name if kind == "given" else "") for part, kind, name in kinds]
+        bands[name] = band
+        last = name
+    return bands
 
 
 def slip_ranges(

@@ -172,12 +172,10 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     skops = _skops()
     with located(f"model {path}"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # versions are compared below, all at once
+        types = skops.get_untrusted_types(data=stored)
+        _check_types(types)
         try:
-            types = skops.get_untrusted_types(data=stored)
-            _check_types(types)
             model = skops.loads(stored, trusted=types)
-        except TypeError:
-            raise
         except Exception as error:
             raise ValueError(
                 f"it cannot be read ({type(error).__name__}: {error}). Save the model again, with "

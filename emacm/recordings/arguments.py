@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any
 
@@ -31,13 +31,18 @@ def check_signals(signals: Any) -> dict[str, NDArray[np.floating]]:
         )
     if not signals:
         raise ValueError("signals is empty; a recording needs at least one channel.")
-    for name in signals:
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
+    check_are_names(signals)
     return {
         name: immutable(check_signal(values, f"channel {name!r}"))
         for name, values in signals.items()
     }
+
+
+def check_are_names(names: Iterable[Any]) -> None:
+    """Raise a TypeError if the name of a channel is no text, or is empty."""
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
 
 
 def _refuse_other_columns(columns: Mapping[Any, pd.Series]) -> None:
@@ -171,7 +176,7 @@ def check_indices(series: Mapping[str, tuple[Any, float]]) -> None:
         if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
             _check_times(index, rate, name)
         other, other_index, other_rate = indexed[0]
-        differ = index[0] != other_index[0]
+        differ = name != other and index[0] != other_index[0]
         if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex) and differ:
             apart = abs((index[0] - other_index[0]) / pd.Timedelta(1, "s"))
             differ = apart > (1 + 1e-9) / min(rate, other_rate)

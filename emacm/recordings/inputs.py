@@ -81,9 +81,11 @@ def as_recordings(X: Any, who: str, *, also: tuple[type, ...] = ()) -> list[Any]
     entries = as_list(X)
     for index, entry in enumerate(entries):
         if not isinstance(entry, (Recording, *also)):
-            over_angle = f"{described(entry, index)} is over the shaft angle; put {who} before it"
-            other = f"entry {index} of X must be a recording for {who}, got {received(entry)}"
-            raise TypeError(over_angle if hasattr(entry, "theta_s") else other)
+            if hasattr(entry, "theta_s"):
+                name = described(entry, index)
+                raise TypeError(f"{name} is over the shaft angle; put {who} before OrderResampler.")
+            found = received(entry)
+            raise TypeError(f"entry {index} of X must be a recording for {who}, got {found}")
     return entries
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm import _kernels
 from emacm._checks import check_number
 from emacm.recordings.arguments import (
+    check_are_names,
     check_durations,
     check_indices,
     check_rates,
@@ -462,7 +463,7 @@ def selected_content(recording: Recording, channels: Any) -> dict[str, Any]:
     """Return what changes in a recording of which channels are selected."""
     chosen = chosen_channels(channels, recording.channels)
     check_channel_names(recording.channels, chosen, "the recording")
-    return _by_names(recording, {name: name for name in chosen})
+    return _by_names(recording, dict(zip(chosen, chosen, strict=True)))
 
 
 def renamed_content(recording: Recording, names: Any) -> dict[str, Any]:
@@ -471,9 +472,7 @@ def renamed_content(recording: Recording, names: Any) -> dict[str, Any]:
         raise TypeError(f"names must map channels to new names, got {names!r}.")
     check_channel_names(recording.channels, list(names), "the recording")
     new = {name: names.get(name, name) for name in recording.channels}
-    for name in new.values():
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"channel names must be non-empty strings, got {name!r}.")
+    check_are_names(new.values())
     if len(set(new.values())) < len(new):
         raise ValueError(f"two channels would have the same name: {list(new.values())}.")
     return _by_names(recording, new)
