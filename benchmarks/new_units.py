@@ -41,7 +41,7 @@ from unknown import cranfield, features
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.new_units import classes_above, probability_threshold
-from emacm.simulation import simulate_actuator, simulate_fleet
+from emacm.simulation.fleet import simulate_actuator, simulate_fleet
 
 Array = NDArray[np.float64]
 COUNTS = (0, 1, 3, 10)

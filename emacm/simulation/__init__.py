@@ -4,8 +4,8 @@
 - `LaboratoryBench`: the laboratory of chapter 4, with ten kinds of faults and unit-to-unit
   variation. `meta` of a recording contains the truth: unit, condition, run, label, severity, and
   the orders of the fault.
-- `simulate_actuator`, `simulate_fleet`: a preset of the bench with short runs at 4 kHz, to try a
-  pipeline within seconds.
+- `simulate_fleet`: a preset of the bench with short runs at 4 kHz, to try a pipeline within
+  seconds.
 - `WearLaw`, `run_to_failure_fleet`: units whose damage grows by a known law until they fail.
 
 The same seed gives the same recordings, in any order of simulation.
@@ -24,23 +24,20 @@ from emacm.simulation.faults import FAULT_ORDERS
 from emacm.simulation.fleet import (
     WearLaw,
     run_to_failure_fleet,
-    simulate_actuator,
     simulate_fleet,
     thesis_benches,
 )
-from emacm.simulation.laboratory import CONDITIONS, Condition
+from emacm.simulation.laboratory import CONDITIONS
 
 __all__ = [
     "CHAPTER3_ORDERS",
     "CONDITIONS",
     "FAULT_ORDERS",
-    "Condition",
     "LaboratoryBench",
     "WearLaw",
     "chapter3_recording",
     "chapter3_recordings",
     "run_to_failure_fleet",
-    "simulate_actuator",
     "simulate_fleet",
     "thesis_benches",
 ]

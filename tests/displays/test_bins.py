@@ -8,7 +8,7 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import BinTransformer, OrderPSD, OrderResampler
 from emacm.displays import OrderBinsDisplay
-from emacm.simulation import simulate_actuator
+from emacm.simulation.fleet import simulate_actuator
 
 EDGES = [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)]
 NAMES = ["current@0-0.5", "current@0.5-2", "current@3-4"]

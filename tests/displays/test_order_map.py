@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from emacm import OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderMapDisplay
-from emacm.simulation import simulate_actuator
+from emacm.simulation.fleet import simulate_actuator
 
 TURN = 2 * np.pi
 FS = 2000

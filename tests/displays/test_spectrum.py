@@ -8,7 +8,7 @@ from sklearn.pipeline import make_pipeline
 from emacm import BinTransformer, EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.displays import OrderSpectrumDisplay
 from emacm.orders.columns import OrderTable, order_columns
-from emacm.simulation import simulate_actuator
+from emacm.simulation.fleet import simulate_actuator
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 
 from emacm import OrderPSD, OrderResampler, Recording, angle_from_vibration
 from emacm.shaft.vibration import Confidence, VibrationAngle
-from emacm.simulation import Condition, LaboratoryBench
+from emacm.simulation import LaboratoryBench
+from emacm.simulation.laboratory import Condition
 
 TURN = 2 * np.pi
 FS = 12_000

@@ -9,11 +9,10 @@ from emacm.simulation import (
     LaboratoryBench,
     WearLaw,
     run_to_failure_fleet,
-    simulate_actuator,
     simulate_fleet,
     thesis_benches,
 )
-from emacm.simulation.fleet import STATES
+from emacm.simulation.fleet import STATES, simulate_actuator
 
 
 def density_at(recording, channel, order):
