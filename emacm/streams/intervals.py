@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_ROUNDING = 1e-6  # samples, by which a time in seconds may miss a sample
-
 Samples = NDArray[np.floating]
 _NOTHING: Samples = np.empty(0)
 
@@ -34,6 +32,8 @@ class IntervalCutter:
         What is measured of the shaft.
     min_speed : float
         Speed up to which the shaft counts as standing still [rad/s].
+    rounding : float
+        Samples, by which a time in seconds may miss a sample.
 
     Attributes
     ----------
@@ -52,9 +52,11 @@ class IntervalCutter:
         turn: float,
         reference: str,
         min_speed: float,
+        rounding: float = 1e-6,
     ) -> None:
         self._rates, self._every, self._in_seconds = rates, every, in_seconds
         self._turn, self._reference, self._min_speed = turn, reference, min_speed
+        self._rounding = rounding
         # Samples at the end of an interval that the next one may begin with.
         self._shared = 2 if every is not None and len(set(rates)) > 1 else 0
         self._waiting: list[list[Samples]] = [[_NOTHING] * n for n in n_rows]
@@ -111,7 +113,7 @@ class IntervalCutter:
         if self.stop is None:
             return False
         return all(
-            n >= ceil(self.stop * rate - _ROUNDING)
+            n >= ceil(self.stop * rate - self._rounding)
             for n, rate in zip(self._given, self._rates, strict=True)
         )
 
@@ -124,13 +126,13 @@ class IntervalCutter:
         if self._in_seconds and self._every is not None:
             self.stop = (self._number + 1) * self._every
         slowest = min(self._rates)
-        begin = ceil(self.start * slowest - _ROUNDING) / slowest
+        begin = ceil(self.start * slowest - self._rounding) / slowest
         self._given = [round(begin * rate) for rate in self._rates]
 
     def _last(self, i: int, received: int, n_shaft: int) -> int:
         """Last + 1 sample that may be given out."""
         if self.stop is not None:
-            return ceil(self.stop * self._rates[i] - _ROUNDING)
+            return ceil(self.stop * self._rates[i] - self._rounding)
         if self._every is None or i == len(self._rates) - 1:
             return received
         # The interval may end where the shaft has got to.
@@ -164,12 +166,7 @@ class IntervalCutter:
 
     def _angle_of(self, new: Samples) -> float:
         """Return the angle from the last sample over the next ones [rad]."""
-        last = self._last_shaft
-        forward = self._reference == "velocity" and new.min() > self._min_speed
-        if forward and (not len(last) or last[0] > self._min_speed):  # the same, faster
-            first = last[0] if len(last) else -new[0]
-            return float(new.sum() + 0.5 * (first - new[-1])) / self._rates[-1]
-        return float(self._steps(np.concatenate([last, new])).sum())
+        return float(self._steps(np.concatenate([self._last_shaft, new])).sum())
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""

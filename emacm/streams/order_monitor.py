@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from emacm._checks import check_choice, check_number, check_real_array
+from emacm._version import __version__
 from emacm.alarms.control_charts import CUSUM, EWMA
 from emacm.recordings.arguments import check_durations, check_rates, check_shaft_rate
 from emacm.recordings.names import check_channel_names, chosen_channels
+from emacm.resampling.order_resampler import check_angle_step
 from emacm.streams.intervals import IntervalCutter, Samples
-from emacm.streams.spectrum_stream import MOST_HELD, Settings, SpectrumStream
-from emacm.streams.stream_settings import (
-    compile_loops,
-    packed,
-    settings_text,
-    stream_settings,
-    unpacked,
-)
+from emacm.streams.spectrum_stream import Settings, SpectrumStream
+from emacm.streams.stream_settings import compile_loops, packed, unpacked
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
-_FLOAT = np.dtype(np.float64)
 _ON = (
     "Nothing of this block was taken: repair the samples and push them again, or flush() and go on "
     "after them."
@@ -167,15 +162,10 @@ class StreamInput:
 
 def _samples(values: Any, name: str, fs: float, time: float) -> Samples:
     """Return finite samples, none or more, of a block that begins at `time`."""
-    samples = np.empty(0)
-    if type(values) is np.ndarray and values.dtype is _FLOAT:
-        samples = values
-    elif not isinstance(values, list | tuple | np.ndarray) or len(values):
-        samples = check_real_array(values, name).astype(np.float64, copy=False)
+    samples = check_real_array(values, name).astype(np.float64, copy=False)
     if samples.ndim != 1:
         raise ValueError(f"{name} must be one-dimensional, got shape {samples.shape}.")
-    # The sum of squares is much faster than to look at each; it may also be too large.
-    if not isfinite(samples.dot(samples)) and not np.isfinite(samples).all():
+    if not np.isfinite(samples).all():
         place = int(np.isfinite(samples).argmin())
         raise ValueError(
             f"{name} is {samples[place]} at {time + place / fs:.6f} s, sample {place} of the "
@@ -514,7 +504,7 @@ class OrderMonitor:
 
     def _check_memory(self) -> None:
         n_held = max(self._stream.n_held, self._cutter.n_waiting)
-        if n_held > MOST_HELD:
+        if n_held > self._settings.most_held:
             raise ValueError(
                 f"at {self.time:.6g} s, {n_held} samples of a channel are held, as the last stroke "
                 f"may go on after a rest, or as a channel or the shaft lags behind. Call reset(), "
@@ -546,13 +536,27 @@ class OrderMonitor:
         return self._origin
 
     def _stream_settings(self) -> Settings:
-        reference = self._reference or "velocity"
-        rates = [self._rates[name] for name in self._model.resampler.channels_]
-        return stream_settings(self._model, reference, rates, self._shaft_fs, self._max_speed)
+        resampler = self._model.resampler
+        rates = [self._rates[name] for name in resampler.channels_]
+        groups = {r: tuple(i for i, rate in enumerate(rates) if rate == r) for r in rates}
+        return Settings(
+            self._reference or "velocity",
+            self._shaft_fs,
+            tuple(groups.items()),
+            check_angle_step(resampler.theta_s),
+            resampler.direction,
+            float(resampler.min_speed),
+            resampler.max_rest,
+            float(resampler.ratio),
+            self._max_speed,
+            self._model.psd.plan,
+        )
 
     def _settings_text(self) -> str:
-        """Return what must agree for a state to be restored."""
+        """Return what must agree, beside the model, for a state to be restored."""
         facts = {
+            "version": __version__,
+            "channels": self._channels,
             "fs": self._rates,
             "shaft_fs": self._shaft_fs,
             "max_speed": self._max_speed,
@@ -560,4 +564,4 @@ class OrderMonitor:
             "unit": self._unit,
             "alarms": self._alarms.charts,
         }
-        return settings_text(self._model, facts)
+        return json.dumps(facts)

@@ -13,8 +13,6 @@ from emacm.shaft.motion import DifferentiatedVelocity, LazySeries, Stroke, Strok
 from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import extend_strokes, longest_gap
 
-_SPARE = 1.25  # of the memory, so that not every block moves the samples
-
 
 class HeldRows:
     """The last samples of signals of one sampling rate, numbered from the start of the recording.
@@ -33,8 +31,7 @@ class HeldRows:
     """
 
     def __init__(self, n_rows: int) -> None:
-        self._memory = np.empty((n_rows, 0))
-        self._offset = 0  # of the first sample, in the memory
+        self._blocks = [np.empty((n_rows, 0))]  # joined when they are read
         self.first = self.length = 0
 
     @property
@@ -48,20 +45,14 @@ class HeldRows:
 
     def append(self, blocks: Sequence[NDArray[np.floating]]) -> None:
         """Add the next samples of each signal, equally many."""
-        n_new = len(blocks[0])
-        stop = self._offset + self.length - self.first
-        if stop + n_new > self._memory.shape[1]:
-            stop = self._make_room(n_new)
-        place = self._memory[:, stop : stop + n_new]
-        for row, block in zip(place, blocks, strict=True):
-            row[:] = block
-        self.length += n_new
+        self._blocks.append(np.stack(blocks))
+        self.length += len(blocks[0])
 
     def drop(self, before: int) -> None:
         """Forget the samples before a number."""
         forgotten = min(max(0, before - self.first), self.length - self.first)
+        self._blocks = [self._held[:, forgotten:]]
         self.first += forgotten
-        self._offset += forgotten
 
     def state(self) -> dict[str, Any]:
         """Return the samples that are held."""
@@ -69,24 +60,14 @@ class HeldRows:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Hold the samples of a state."""
-        self._memory = np.array(state["values"], dtype=np.float64)
-        self._offset, self.first = 0, int(state["first"])
-        self.length = self.first + self._memory.shape[1]
+        self._blocks, self.first = [np.array(state["values"])], int(state["first"])
+        self.length = self.first + self._held.shape[1]
 
     @property
     def _held(self) -> NDArray[np.floating]:
-        return self._memory[:, self._offset : self._offset + self.length - self.first]
-
-    def _make_room(self, n_new: int) -> int:
-        """Move what is held to the start of the memory, and return its end there."""
-        n_held = self.length - self.first
-        needed, memory = n_held + n_new, self._memory
-        if needed > memory.shape[1] or 4 * needed < memory.shape[1]:
-            self._memory = np.empty((len(memory), int(_SPARE * needed)))
-        for row, before in zip(self._memory, memory, strict=True):
-            row[:n_held] = before[self._offset : self._offset + n_held]
-        self._offset = 0
-        return n_held
+        if len(self._blocks) > 1:
+            self._blocks = [np.concatenate(self._blocks, axis=1)]
+        return self._blocks[0]
 
 
 class HeldSeries(LazySeries):

@@ -16,10 +16,6 @@ from emacm.resampling.spreading import Spreading, upsampling
 from emacm.shaft.paths import ShaftPath
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream
 
-_WHOLE = 1 << 14  # samples of a channel of which all count for its level
-_BLOCK = 8192  # of them are summed at a time; more would be by several threads of BLAS
-_SHOWN = 1024  # samples that count of any number of later ones that come together
-
 Array = NDArray[np.floating]
 
 
@@ -34,8 +30,7 @@ class StreamQuality:
 
     def __init__(self, groups: Sequence[tuple[float, Sequence[int]]]) -> None:
         self._groups = groups
-        # Of each group: samples seen; weight, weighted sums and sums of squares of its channels.
-        self._seen = [0] * len(groups)
+        # Of each group: number of samples, sums and sums of squares of its channels.
         self._sums = [np.zeros((3, len(channels))) for _, channels in groups]
         # Number, revolutions, longest, lowest and highest speed, revolutions forward.
         self._strokes = np.zeros(6)
@@ -43,16 +38,8 @@ class StreamQuality:
 
     def add_samples(self, group: int, rows: Array) -> None:
         """Take up the next samples of a group, shape (n_channels, n_times)."""
-        n_times = rows.shape[1]
-        whole = self._seen[group] < _WHOLE
-        self._seen[group] += n_times
-        if not whole and n_times:
-            rows = rows[:, -_SHOWN:]
-        for start in range(0, rows.shape[1], _BLOCK):
-            part = rows[:, start : start + _BLOCK]
-            weight = n_times / rows.shape[1]
-            sums = [(len(row), float(np.add.reduce(row)), float(row.dot(row))) for row in part]
-            self._sums[group] += weight * np.array(sums).T
+        number = np.full(len(rows), rows.shape[1])
+        self._sums[group] += [number, rows.sum(axis=1), np.einsum("ij,ij->i", rows, rows)]
 
     def add_stroke(self, turned: float, lowest: float, highest: float, direction: int) -> None:
         """Take up a stroke: angle [rad], speeds [rad/s] and direction of the shaft of interest."""
@@ -65,9 +52,9 @@ class StreamQuality:
     def quality(self, names: Sequence[str]) -> Quality:
         """Return the properties of all that was taken up; `names` are those of the channels."""
         rates, levels = {}, {}
-        for (fs, channels), (weight, total, squares) in zip(self._groups, self._sums, strict=True):
-            mean = total / np.maximum(weight, 1.0)
-            variance = squares / np.maximum(weight, 1.0) - mean**2
+        for (fs, channels), (number, total, squares) in zip(self._groups, self._sums, strict=True):
+            mean = total / np.maximum(number, 1)
+            variance = squares / np.maximum(number, 1) - mean**2
             for k, channel in enumerate(channels):
                 rates[names[channel]] = fs
                 levels[names[channel]] = float(np.sqrt(max(variance[k], 0.0)))
@@ -87,20 +74,13 @@ class StreamQuality:
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
-        return {"seen": self._seen, "sums": self._sums, "strokes": self._strokes}
+        return {"sums": self._sums, "strokes": self._strokes}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self._seen = [int(n) for n in state["seen"]]
         self._sums, self._strokes = list(state["sums"]), np.array(state["strokes"])
 
 
-MOST_HELD = 1 << 22  # samples of a channel
-_MARGIN = 40  # samples of a channel or the shaft before those that are processed next
-# Samples of a channel or the shaft that are waited for before some are processed: two parts of
-# `emacm.resampling.spreading`, and what it cannot use yet.
-_WAITING = 2 * 8192 + 64
-_SHORTEST = 2  # samples of a stroke
 _SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
 Powers = NDArray[np.floating]
@@ -124,6 +104,13 @@ class Settings:
         Highest speed of the measured shaft [rad/s].
     plan : SegmentPlan
         Segments of Welch's method.
+    waiting : int
+        Samples of a channel or the shaft that are waited for before some are processed: two parts
+        of `emacm.resampling.spreading`, and what it cannot use yet.
+    margin : int
+        Samples of a channel or the shaft before those that are processed next.
+    most_held : int
+        Samples of a channel that may be held.
     """
 
     reference: str
@@ -136,6 +123,9 @@ class Settings:
     ratio: float
     max_speed: float
     plan: SegmentPlan
+    waiting: int = 2 * 8192 + 64
+    margin: int = 40
+    most_held: int = 1 << 22
 
     @property
     def kinds(self) -> list[tuple[int, str]]:
@@ -297,7 +287,7 @@ class SpectrumStream:
         self._fastest = max(settings.shaft_fs, *(fs for fs, _ in settings.groups))
         self.quality = StreamQuality(settings.groups)
         self._seen = [0] * len(settings.groups)  # samples of each group that were taken up by it
-        self._due = _WAITING  # samples at the fastest rate, at which some are processed
+        self._due = settings.waiting  # samples at the fastest rate, at which some are processed
         self.n_held = 0
 
     def append(
@@ -312,7 +302,8 @@ class SpectrumStream:
             self.shaft.advance()
             first = self._process(ended=False)
             # Where little could be processed, as in a rest, it is not tried again with every block.
-            self._due = max(int(first * self._fastest), n_times - _WAITING // 2) + _WAITING
+            waiting = self._settings.waiting
+            self._due = max(int(first * self._fastest), n_times - waiting // 2) + waiting
 
     def finish(self) -> Powers:
         """End the recording, and return its spectra, shape (n_channels, [n_directions,] n_orders).
@@ -384,7 +375,7 @@ class SpectrumStream:
             self._longest[kind] = max(self._longest[kind], n_angles)
             if n_angles < settings.plan.n_per_segment:
                 streams.clear()  # no segment lies in it
-        if not streams or stroke.stop - stroke.start < _SHORTEST:
+        if not streams or stroke.stop - stroke.start < 2:
             return
         path = self.shaft.path(growing, settings.ratio)
         if path.max_reversal > DESIGN.least_reversal:
@@ -411,9 +402,10 @@ class SpectrumStream:
             start_time = growing.stroke.start / shaft.fs
             needed += [stream.needed_from(start_time) for stream in streams.values()]
         first = min(needed)
-        shaft.drop(int(first * shaft.fs) - _MARGIN)
+        margin = self._settings.margin
+        shaft.drop(int(first * shaft.fs) - margin)
         for held, (fs, _) in zip(self.signals, self._settings.groups, strict=True):
-            held.drop(int(first * fs) - _MARGIN)
+            held.drop(int(first * fs) - margin)
         tails = (stream.n_held for streams in self._streams for stream in streams.values())
         self.n_held = max(
             shaft.n_held, *(held.length - held.first for held in self.signals), *tails

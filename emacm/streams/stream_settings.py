@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import warnings
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from emacm._version import __version__
-from emacm.resampling.order_resampler import check_angle_step
 from emacm.resampling.spreading import spread_rows
 from emacm.shaft.paths import ShaftPath
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
@@ -93,66 +89,6 @@ def _lists(tree: Any) -> Any:
     if any(name.startswith("#") for name in branches):
         return [branches[f"#{i}"] for i in range(len(branches)) if f"#{i}" in branches]
     return branches
-
-
-def stream_settings(
-    model: StreamedModel,
-    reference: str,
-    rates: Sequence[float],
-    shaft_fs: float,
-    max_speed: float,
-) -> Settings:
-    """Return what the spectra of a stream depend on.
-
-    Parameters
-    ----------
-    model : StreamedModel
-        The model.
-    reference : {"velocity", "angle"}
-        What is measured of the shaft.
-    rates : sequence of float
-        Sampling rate of each channel of the model [Hz].
-    shaft_fs : float
-        Sampling rate of the shaft reference [Hz].
-    max_speed : float
-        Highest speed of the measured shaft [rad/s].
-
-    Returns
-    -------
-    Settings
-    """
-    resampler = model.resampler
-    groups = {r: tuple(i for i, rate in enumerate(rates) if rate == r) for r in rates}
-    return Settings(
-        reference,
-        shaft_fs,
-        tuple(groups.items()),
-        check_angle_step(resampler.theta_s),
-        resampler.direction,
-        float(resampler.min_speed),
-        resampler.max_rest,
-        float(resampler.ratio),
-        max_speed,
-        model.psd.plan,
-    )
-
-
-def settings_text(model: StreamedModel, facts: Mapping[str, Any]) -> str:
-    """Return settings of a stream as text: facts, and those of resampling and of segments."""
-    plan, resampler = model.psd.plan, model.resampler
-    own = {
-        "version": __version__,
-        "channels": list(resampler.channels_),
-        "resampler": [
-            float(resampler.theta_s),
-            resampler.direction,
-            float(resampler.min_speed),
-            resampler.max_rest,
-            float(resampler.ratio),
-        ],
-        "segments": [plan.n_per_segment, plan.step, plan.n_orders, plan.by_direction],
-    }
-    return json.dumps({**facts, **own})
 
 
 def compile_loops(model: StreamedModel, settings: Settings) -> None:

@@ -155,7 +155,7 @@ class Reading:
     outside_training : tuple of str
         What of the interval is outside the range of the training recordings, in sentences, as
         `emacm.outside_training` states it of the finished recording: speeds, revolutions, sampling
-        rates, and levels (of a sixteenth of the samples of long intervals).
+        rates, and levels.
     """
 
     start: float

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 import emacm.orders.segment_plan
 import emacm.resampling.spreading
-import emacm.streams.spectrum_stream
+import emacm.streams.order_monitor
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
@@ -33,6 +34,7 @@ from emacm._kernels import using
 from emacm.monitoring import CUSUM, EWMA
 from emacm.resampling.signal_cache import SignalCache
 from emacm.shaft.angle import angle_from_velocity
+from emacm.streams.spectrum_stream import Settings
 from emacm.streams.stream_settings import packed, unpacked
 
 TURN = 2 * np.pi
@@ -142,7 +144,8 @@ def small_parts(monkeypatch):
     design = replace(emacm.resampling.spreading.DESIGN, part=700, mean_of=300)
     monkeypatch.setattr(emacm.resampling.spreading, "DESIGN", design)
     monkeypatch.setattr(emacm.orders.segment_plan, "_SECTION_BYTES", 9000)
-    monkeypatch.setattr(emacm.streams.spectrum_stream, "_WAITING", 100)
+    settings = partial(Settings, waiting=100)
+    monkeypatch.setattr(emacm.streams.order_monitor, "Settings", settings)
 
 
 def check(motion, rates, reference, times, restored_after=(), steps=None):
