@@ -18,7 +18,6 @@ from emacm.shaft.angle import angle_from_position
 _SIGNALS = ("set_point", "position_error", "current")
 _LABELS = ("state", "load_kgf", "run", "group")
 _CONSTANTS = ("fs", "lead_mm")
-_SAME = 1e-5  # A; sequences whose currents differ by at most this are one measurement
 
 
 class CranfieldRecordings(NamedTuple):
@@ -107,55 +106,45 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             f"there is no file {path}. The recordings are not part of emacm; see the "
             f"documentation of load_cranfield for their source."
         )
-    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
-    name = "its directory"
-    arrays = {}
     try:
         with np.load(path, allow_pickle=False) as file:
-            for name in expected:
-                if name in file:
-                    arrays[name] = file[name]
+            arrays = {name: array for name, array in file.items()}
     except (BadZipFile, EOFError, OSError, TypeError, ValueError) as error:
-        raise ValueError(
-            f"{path.name}: {name} cannot be read from an .npz file: {error}"
-        ) from error
+        raise ValueError(f"{path.name} cannot be read as an .npz file: {error}") from error
+    expected = (*_SIGNALS, *_LABELS, *_CONSTANTS)
     missing = [name for name in expected if name not in arrays]
     if missing:
         raise ValueError(
-            f"{path.name} lacks {', '.join(missing)}; "
-            f"expected are the arrays {', '.join(expected)}."
+            f"{path.name} lacks {', '.join(missing)}; expected are the arrays "
+            f"{', '.join(expected)}."
         )
-    for name, array in sorted(arrays.items(), key=lambda item: item[0] != "current"):
-        _check_array(path.name, name, array, arrays["current"].shape)
+    shape = arrays["current"].shape
+    for name in expected:
+        array, is_text = arrays[name], name == "state"
+        if array.dtype.kind not in ("US" if is_text else "fiu") or not (
+            is_text or np.isfinite(array).all()
+        ):
+            what = "text" if is_text else "finite real numbers"
+            raise ValueError(f"{name} of {path.name} must be {what}, got dtype {array.dtype}.")
+        wanted = shape if name in _SIGNALS else shape[:1]
+        if name in _CONSTANTS:
+            array, wanted = array.squeeze(), ()
+        if array.shape != wanted:
+            raise ValueError(
+                f"{name} of {path.name} must have shape {wanted}, got {array.shape}: "
+                f"signals (n_sequences, n_times), labels (n_sequences,), constants ()."
+            )
     return arrays
 
 
-def _check_array(file: str, name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-    if name != "state" and array.dtype.kind not in "fiu":
-        raise ValueError(
-            f"{name} of {file} must be an array of real numbers, got dtype {array.dtype}."
-        )
-    if name != "state" and not np.isfinite(array).all():
-        row = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise ValueError(f"{name} of {file} must be finite, got {array[tuple(row)]} at {row}.")
-    if name == "state" and array.dtype.kind not in "US":
-        raise ValueError(f"state of {file} must be an array of text, got dtype {array.dtype}.")
-    if name in _SIGNALS and (array.ndim != 2 or array.shape != shape):
-        raise ValueError(
-            f"{name} of {file} must have shape (n_sequences, n_times) as current has; "
-            f"got {array.shape} and {shape}."
-        )
-    if name in _LABELS and array.shape != shape[:1]:
-        raise ValueError(f"{name} of {file} must have shape ({shape[0]},), got {array.shape}.")
-    if name in _CONSTANTS and (array.size != 1 or not float(array.ravel()[0]) > 0):
-        raise ValueError(f"{name} of {file} must be one positive number, got {array}.")
+def _without_copies(arrays: dict[str, NDArray[Any]], same: float = 1e-5) -> NDArray[np.intp]:
+    """Return the sequences to keep; of two equal ones, that of the earlier run.
 
-
-def _without_copies(arrays: dict[str, NDArray[Any]]) -> NDArray[np.intp]:
-    """Return the sequences to keep; of two equal ones, that of the earlier run."""
+    Sequences whose currents differ by at most `same` [A] are one measurement.
+    """
     current, run = arrays["current"], arrays["run"]
     by_run = np.argsort(run, kind="stable")
-    close = np.flatnonzero(pdist(current[by_run], "chebyshev") <= _SAME)
+    close = np.flatnonzero(pdist(current[by_run], "chebyshev") <= same)
     if not len(close):
         return np.arange(len(run))
     first, later = (by_run[place[close]] for place in np.triu_indices(len(run), k=1))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import sys
 import tempfile
-import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.decomposition import PCA
-from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.model_selection import GridSearchCV, GroupKFold, ParameterGrid
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
@@ -192,21 +190,6 @@ def _with_cost(model: Pipeline, missed: float) -> Pipeline:
     return copy.deepcopy(model).set_params(costsensitivegaussianbayes__cost=cost)
 
 
-def _progress(what: str, total: int) -> Callable[[], None]:
-    """Return a function that counts to `total` on one line of stderr; any thread may call it."""
-    count, start = itertools.count(1), time.perf_counter()
-
-    def advance() -> None:
-        done = next(count)
-        line = f"{what}: {done} of {total}, {time.perf_counter() - start:.0f} s"
-        if done == total:
-            print(f"\r{line}", file=sys.stderr, flush=True)
-        elif sys.stderr.isatty():
-            print(f"\r{line}", end="", file=sys.stderr, flush=True)
-
-    return advance
-
-
 def _search(
     pipeline: Pipeline,
     recordings: list[Recording],
@@ -222,19 +205,15 @@ def _search(
         "bintransformer__bin_size": [0.5, 1.0, 2.0],
     }
     split = GroupKFold(4)
-    advance = _progress("search: fits", 12 * split.get_n_splits())
-
-    def scorer(estimator: Pipeline, X: Any, y: Any) -> float:
-        advance()
-        return neg_expected_cost(estimator, X, y)
-
+    n_fits = len(ParameterGrid(grid)) * split.get_n_splits()
+    print(f"search: {n_fits} fits", file=sys.stderr, flush=True)
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        joblib.parallel_config("threading"),  # the scorer counts; an interruption ends threads
+        joblib.parallel_config("threading"),  # an interruption ends threads
     ):
         cached = clone(pipeline).set_params(orderpsd__memory=folder)
         search = GridSearchCV(
-            cached, grid, cv=split, scoring=scorer, n_jobs=n_jobs, error_score="raise"
+            cached, grid, cv=split, scoring=neg_expected_cost, n_jobs=n_jobs, error_score="raise"
         )
         left_out = {"bintransformer__groups": units, "costsensitivegaussianbayes__groups": units}
         search.fit(recordings, labels, groups=units, **left_out)

@@ -161,20 +161,3 @@ def test_within_a_task_of_dask_no_further_tasks_are_made(dask_client):
 
     for n_jobs in (None, 1, 3):
         assert len(dask_client.submit(processes, n_jobs).result(timeout=60)) == 1
-
-
-def test_a_search_on_ray_has_the_results_of_one_process(
-    folder, expected, unreadable_here, monkeypatch
-):
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    ray = pytest.importorskip("ray", reason="needs ray")
-    from ray.util.joblib import register_ray
-
-    register_ray()
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    try:
-        with joblib.parallel_config("ray", n_jobs=2):
-            found = search_of(folder)
-    finally:
-        ray.shutdown()
-    assert_same_results(found, expected)
