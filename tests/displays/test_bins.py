@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 from matplotlib.figure import Figure
 from sklearn.pipeline import make_pipeline
 
@@ -76,14 +75,6 @@ def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     _, y = ax.lines[0].get_data()
     assert np.isnan(y).sum() == 2  # three lines that do not touch
     assert y[~np.isnan(y)].tolist() == [1, 1, 2, 2, 4, 4]
-
-
-def test_decibel_bars_start_below_the_minimum():
-    (ax,) = axes()
-    OrderBinsDisplay(EDGES, {"all": [1e-7, 1e-5, 1e-3]}).plot(ax=ax)
-    bottoms = {round(bar.get_y(), 9) for bar in ax.patches}
-    assert bottoms == {-73.2}  # 8 % of the range of 40 dB below -70 dB
-    assert ax.get_ylim() == pytest.approx((-73.2, -26.8))
 
 
 def test_a_pipeline_draws_its_bins_and_its_stop_bands():

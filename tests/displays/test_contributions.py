@@ -61,18 +61,3 @@ def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():
     frame = display.frame()
     assert frame["fault_orders"].tolist() == ["screw", "BPFI", "screw", "BPFI"]
     assert frame["contribution"].tolist() == [2.0, 0, 0, 1]
-
-
-def test_a_table_of_contributions_is_drawn_as_its_names_would_be():
-    table = pd.DataFrame(
-        {
-            "channel": ["current"] * 2 + ["vibration"] * 2,
-            "low": [3.0, 5, 3, 5],
-            "high": [4.0, 7, 4, 7],
-            "contribution": [2.0, -1.0, 0.5, 0.0],
-        },
-        index=[7, 8, 9, 10],
-    )
-    one = ContributionsDisplay.from_table(table, ax=axes(2)).frame()
-    other = ContributionsDisplay(NAMES, table["contribution"]).frame()
-    pd.testing.assert_frame_equal(one, other)

@@ -54,13 +54,3 @@ def test_classes_differ_by_marker_and_line_and_have_one_entry_each(ax):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("a [V]", "b [V]")
     drawn = np.concatenate([marks.get_offsets() for marks in ax.collections])
     assert np.array_equal(drawn, X)
-
-
-def test_the_table_has_means_deviations_and_correlation(ax):
-    X, y = two_classes(50)
-    model = CostSensitiveGaussianBayes().fit(X, y)
-    frame = FeatureDensityDisplay.from_estimator(model, X, y, ax=ax).frame()
-    healthy = X[y == "healthy"]
-    assert np.allclose(frame.loc["healthy", "mean of feature 2"], healthy[:, 1].mean())
-    assert np.allclose(frame.loc["healthy", "deviation of feature 1"], healthy[:, 0].std(ddof=1))
-    assert np.allclose(frame.loc["healthy", "correlation"], np.corrcoef(healthy.T)[0, 1])

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib import pyplot
-from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -151,18 +150,6 @@ def test_healthy_has_its_colour_and_the_first_place_of_the_legend(display):
     assert COLOURS[0] in others or isinstance(display, DecisionRegionsDisplay)
 
 
-def test_markers_of_healthy_recordings_have_its_colour():
-    for display in states_displays()[2:]:
-        ax = Figure().subplots()
-        display.plot(ax=ax)
-        colours = {
-            tuple(marks.get_offsets()[0]): to_hex(marks.get_facecolor()[0]).upper()
-            for marks in ax.collections
-            if isinstance(marks, PathCollection)
-        }
-        assert [xy for xy, colour in colours.items() if colour == COLOURS[0]] == [(3, 5)]
-
-
 def test_a_legend_stands_above_a_title_even_if_it_is_set_later():
     ax = Figure(layout="constrained").subplots()
     ExplainedVarianceDisplay([0.7, 0.2]).plot(ax=ax)
@@ -207,14 +194,6 @@ def test_the_legend_stands_above_the_names_of_fault_orders(names):
     ax.figure.draw_without_rendering()
     tops = [Text.get_window_extent(text).y1 for text in ax.texts]
     assert ax.get_legend().get_window_extent().y0 > max(tops) > ax.get_window_extent().y1
-
-
-def test_panels_that_do_not_share_the_x_axis_are_each_labelled():
-    display = OrderBinsDisplay(["a@0-1", "b@0-1"], {"all": [1.0, 2.0]})
-    apart = display.plot(ax=Figure().subplots(2)).ax_
-    assert [bool(panel.get_xlabel()) for panel in apart] == [True, True]
-    shared = display.plot(ax=Figure().subplots(2, sharex=True)).ax_
-    assert [bool(panel.get_xlabel()) for panel in shared] == [False, True]
 
 
 @pytest.mark.slow

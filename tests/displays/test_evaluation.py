@@ -65,13 +65,6 @@ def test_schemes_are_named_with_the_groups_their_limits_rest_on():
     assert panels[0].get_ylim()[0] > panels[0].get_ylim()[1]  # the first on top
 
 
-def test_a_scheme_without_figures_says_so():
-    panels = axes(2)
-    EvaluationDisplay(TABLE, CONFUSION).plot(ax=panels)
-    (text,) = panels[0].texts
-    assert (text.get_text(), text.get_position()[1]) == ("cannot be scored", 2)
-
-
 def test_the_confusion_counts_and_is_shaded_by_columns():
     panels = axes(2)
     EvaluationDisplay(TABLE, CONFUSION, scheme="by run").plot(ax=panels)

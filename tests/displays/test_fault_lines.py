@@ -45,12 +45,6 @@ def test_symbols_stand_on_the_spectrum_and_ranges_at_the_predicted_orders():
     assert legend == ["order spectrum", "local background", "BPFO: 20 20 20 dB"]
 
 
-def test_the_chosen_channel_and_faults_are_drawn():
-    display = FaultLinesDisplay.from_recording(struck(), BEARING, channel="casing", faults=["BSF"])
-    assert "casing" in display.ax_.get_ylabel()
-    assert set(display.frame().index.get_level_values("fault")) == {"BSF"}
-
-
 def test_the_outline_is_the_band_of_the_largest_kurtosis():
     signal = struck().signals["foot"]
     found = kurtogram(signal, FS, levels=5)

@@ -33,11 +33,6 @@ def test_the_chart_of_readings_is_drawn_without_changing_the_alarm(chart):
     assert horizontal == (both if isinstance(chart, EWMA) else both[:1])
 
 
-def test_a_downward_statistic_is_an_alarm_of_a_two_sided_chart_only():
-    assert AlarmDisplay([0, 1], [-4.0, 0.0], 3.0, two_sided=True).frame()["alarm"].tolist()[0]
-    assert not AlarmDisplay([0, 1], [-4.0, 0.0], 3.0).frame()["alarm"].any()
-
-
 def worn(units):
     """Units whose index rises with different slopes from age 5 on, and which fail at 30."""
     X, y, groups = [], [], []

@@ -39,15 +39,6 @@ def test_a_line_at_a_fixed_order_stays_there_while_the_speed_grows(ax):
     assert len(set(heaviest.tolist())) == 1
 
 
-def test_each_segment_has_its_time_and_speed(ax):
-    display = OrderMapDisplay.from_recording(ramp(), theta_s=TURN / 64, revolutions=2, ax=ax)
-    middle = display.intervals.mean(axis=1)
-    assert np.allclose(display.speeds, TURN * (2 + 2 * middle), rtol=1e-3)
-    turned = display.speeds * np.diff(display.intervals).ravel() / TURN
-    assert np.allclose(turned, 2 - 1 / 64)
-    assert display.frame().index.names == ["start", "stop", "speed"]
-
-
 def test_colours_are_the_segments_in_db_and_gaps_stay_empty(ax):
     psd = np.array([[1.0, 10.0, 100.0], [1.0, 1.0, 0.0]])
     OrderMapDisplay([0, 1, 2], psd, [[0, 2], [3, 4]], [1.0, 1.0], unit="A").plot(ax=ax)
@@ -68,11 +59,6 @@ def test_a_line_is_drawn_at_its_order(ax):
     highest = int(mesh.get_array().mean(axis=1).argmax())
     assert heights[highest] <= 3.7 <= heights[highest + 1]
     assert heights[highest + 1] - heights[highest] < 0.15
-
-
-def test_segments_that_overlap_are_cut_in_the_middle(ax):
-    OrderMapDisplay([0, 1], np.ones((3, 2)), [[0, 2], [1, 3], [2, 4]], np.ones(3)).plot(ax=ax)
-    assert drawn(ax)[1].tolist() == [0, 1.5, 2.5, 4]
 
 
 def test_over_speed_segments_of_one_speed_are_averaged(ax):

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from emacm import EnvelopeDetector, Recording
+from emacm import Recording
 from emacm.displays import RecordingDisplay
 
 
@@ -52,22 +52,6 @@ def test_forward_and_reverse_strokes_are_shaded():
     assert hatches[0] == hatches[2] != hatches[1]
     legend = [text.get_text() for text in panels[0].get_legend().get_texts()]
     assert legend == ["forward stroke", "reverse stroke"]
-
-
-def test_an_envelope_is_named_with_its_quantity_and_unit():
-    times = np.arange(4000) / 2000
-    run = Recording({"vibration": np.sin(2000 * times)}, 2000, velocity=np.ones(4000))
-    for squared, label in [
-        (False, "envelope of vibration [m/s²]"),
-        (True, "squared envelope of vibration [(m/s²)²]"),
-    ]:
-        detector = EnvelopeDetector((250, 400), squared=squared, suffix="_envelope")
-        panels = axes(3)
-        RecordingDisplay.from_recording(
-            detector.fit_transform([run])[0], units={"vibration": "m/s²"}, ax=panels
-        )
-        labels = [panel.get_ylabel().replace("\n", " ") for panel in panels]
-        assert labels[:2] == ["vibration [m/s²]", label]
 
 
 def test_a_long_signal_keeps_its_shocks():

@@ -97,20 +97,6 @@ def test_a_pipeline_with_an_envelope_detector_draws_envelope_spectra(squared, un
     assert names == ["all recordings"]
 
 
-def test_an_envelope_beside_its_channel_is_named_and_the_channel_keeps_its_unit():
-    times = np.arange(8000) / 2000
-    runs = [Recording({"v": np.sin(3000 * times)}, 2000, velocity=np.full(8000, 30.0))]
-    detector = EnvelopeDetector((350, 650), suffix="_envelope")
-    pipeline = make_pipeline(detector, OrderResampler(), OrderPSD(10, max_order=8)).fit(runs)
-    panels = Figure(figsize=(6, 9)).subplots(2)
-    OrderSpectrumDisplay.from_estimator(pipeline, runs, unit={"v": "g"}, ax=panels)
-    labels = [panel.get_ylabel().replace("\n", " ") for panel in panels]
-    assert labels == [
-        "PSD of v [dB re 1 g²/order]",
-        "squared envelope order spectrum of v [dB re 1 g⁴/order]",
-    ]
-
-
 def test_lines_are_drawn_at_their_orders(ax):
     orders = np.array([0, 0.4, 0.8, 1.2])
     OrderSpectrumDisplay(orders, {"a": [9.0, 1.0, 10.0, 1000.0]}, max_order=1.1).plot(ax=ax)

@@ -7,7 +7,6 @@ from sklearn.decomposition import PCA, KernelPCA, TruncatedSVD
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.feature_selection import SelectKBest, VarianceThreshold
 from sklearn.linear_model import LogisticRegression
-from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import (
     FunctionTransformer,
@@ -204,17 +203,6 @@ def test_a_transition_that_is_narrow_compared_with_the_line_is_integrated():
             adds_up(explain_decision(model, X.iloc[[row]], decision="inspect", against=against))
 
 
-def test_a_decision_that_is_not_a_class_is_compared_with_the_next_higher_risk():
-    cost = {("inspect", f"state {k}"): 1e-4 for k in range(3)}
-    model, X, _ = fitted("PCA", cost=cost)
-    row = int(np.flatnonzero(model.predict(X) == "inspect")[0])
-    risk = model[-1].risk(model[:-1].transform(X.iloc[[row]]))[0]
-    table = explain_decision(model, X.iloc[[row]])
-    assert table.attrs["decision"] == "inspect"
-    assert table.attrs["against"] == model[-1].decisions_[np.argsort(risk)[1]]
-    assert table.attrs["value"] > 0
-
-
 def families(model):
     """A family named as its one state, one of two states, and one named as a state of another."""
     states = [f"state {k}" for k in range(4)]
@@ -236,14 +224,6 @@ def test_families_are_compared_by_cost_even_if_they_share_names_with_states():
         assert table.attrs["quantity"].startswith("expected cost saved")
         assert table.attrs["value"] == pytest.approx(risk[row, next_best] - risk[row, best])
         adds_up(table)
-
-
-def test_states_that_are_not_decisions_are_compared_by_their_odds():
-    model, X = families(CostSensitiveGaussianBayes(covariance="tied"))
-    table = explain_decision(model, X.iloc[[0]], decision="state 1", against="state 0")
-    logs = model.predict_log_proba(X.iloc[[0]])[0]
-    assert table.attrs["value"] == pytest.approx(logs[1] - logs[0])
-    adds_up(table)
 
 
 @pytest.mark.slow
@@ -403,15 +383,6 @@ def test_recordings_and_their_table_of_bins_have_the_same_explanation(rig, rig_m
         pd.testing.assert_frame_equal(table, whole)
 
 
-def test_a_search_is_explained_by_its_best_pipeline(rig, rig_models):
-    search = GridSearchCV(
-        rig_pipeline("position"), {"pca__n_components": [2]}, cv=2, error_score="raise"
-    ).fit(*rig)
-    one = explain_decision(search, rig[0][0])
-    pd.testing.assert_frame_equal(one, explain_decision(search.best_estimator_, rig[0][0]))
-    pd.testing.assert_frame_equal(one, explain_decision(rig_models["position"], rig[0][0]))
-
-
 def test_named_bands_keep_their_orders(rig):
     bands = {"BPFI": (6.0, 6.25), "supply": (11.75, 12.25)}
     model = make_pipeline(
@@ -479,22 +450,6 @@ def test_a_model_of_knocks_is_determined_by_the_kurtosis_of_their_direction():
     np.testing.assert_allclose(again["contribution"], table["contribution"])
 
 
-def test_lines_without_bins_are_explained_by_their_orders():
-    resampler, psd = OrderResampler(2 * np.pi / 16), OrderPSD(2)
-    classifier = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto")
-    model = make_pipeline(resampler, psd, log(), classifier).fit(KNOCKING, KNOCKS)
-    table = explain_model(model, KNOCKING)
-    assert set(table["low"]) == set(psd.orders_)
-    over_angle = resampler.transform(KNOCKING)
-    pd.testing.assert_frame_equal(explain_model(model[1:], over_angle), table)
-    listed = np.empty(len(KNOCKING), dtype=object)
-    listed[:] = KNOCKING
-    pd.testing.assert_frame_equal(explain_model(model, listed), table)
-    pd.testing.assert_frame_equal(
-        explain_decision(model[1:], over_angle[3]), explain_decision(model, KNOCKING[3])
-    )
-
-
 def to_decibels(power):
     return 10 * np.log10(power + 1e-300)
 
@@ -521,13 +476,6 @@ def test_orders_are_read_from_the_names_of_columns_only_where_they_are_given():
     matched = match_fault_orders(table.reset_index(), {"BPFI": 6.123}).set_index("column")
     assert matched.loc["a@BPFI", "fault"] == "BPFI"
     assert matched.loc["plain", "fault"] == "none"
-
-
-def test_an_array_is_explained_by_numbered_columns():
-    X, y = powers()
-    model = make_pipeline(log(), CostSensitiveGaussianBayes(shrinkage=0.1)).fit(X.to_numpy(), y)
-    table = explain_decision(model, X.to_numpy()[5])
-    assert set(table["column"]) == {f"x{i}" for i in range(8)}
 
 
 @pytest.mark.parametrize(

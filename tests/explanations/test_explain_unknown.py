@@ -51,8 +51,3 @@ def test_decisions_by_cost_are_explained_given_a_known_state(model):
     table = explain_decision(model, recording(), decision="worn", against="inspect")
     assert "expected cost" in table.attrs["quantity"]
     assert np.isfinite(table["contribution"]).all()
-
-
-def test_a_class_is_explained_against_the_unknown_state(model):
-    table = explain_decision(model, recording(), decision="worn", against="unknown")
-    assert table.attrs["value"] >= 0

@@ -60,14 +60,6 @@ def test_units_are_separate_and_recordings_count_as_results_of_each_other():
     assert pages[3].since.startswith("Since 2024-04-01, in 2 recordings in a row: in all")
 
 
-def test_without_history_units_and_times_nothing_is_stated():
-    page = Page("0", "worn", "fault")
-    add_since([page], None, None, None)
-    assert page.since == ""
-    add_since([page], pd.DataFrame({"decision": ["worn"]}), None, None)
-    assert page.since.startswith("In 2 recordings in a row")
-
-
 def test_times_are_numbers_or_dates():
     assert as_times([3, np.float64(4.5)]) == [3, 4.5]
     assert as_times(["2024-05-01T10:00:00Z"]) == [pd.Timestamp("2024-05-01 10:00")]
