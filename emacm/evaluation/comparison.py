@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from emacm.evaluation.bootstrap import GroupBootstrap, gap_of_cells
-from emacm.evaluation.figures import FIGURES, tallies
+from emacm.evaluation.figures import tallies
 from emacm.evaluation.results import Evaluation, Printed, as_texts
 from emacm.evaluation.scoring import ScoringRule
 
@@ -137,13 +137,10 @@ def compare(
             f"exclude 0 by chance."
         )
     table = pd.DataFrame({name: each.table.loc[chosen] for name, each in named.items()}).T
-    every = [f"{name}{end}" for name in FIGURES for end in ("", "_low", "_high")]
-    present = {name for row in rows.values() for name in row}
+    differences = pd.DataFrame([*rows.values()], index=[*rows])
     return Comparison(
         table=table.infer_objects(),
-        differences=pd.DataFrame.from_dict(
-            rows, orient="index", columns=[name for name in every if name in present]
-        ),
+        differences=differences[[name for name in base.table if name in differences]],
         caveats=caveats,
         scheme=chosen,
         reference=first,

@@ -215,26 +215,19 @@ def scoring_rule(
     if unknown is not None and unknown in names:
         raise ValueError(f"unknown = {unknown!r} is a class with recordings. Choose another label.")
     if families is None:
-        table = _cost_frame(cost, {name: name for name in names}, unknown)
+        table, order = _cost_frame(cost, {name: name for name in names}, unknown), names
         known = table.drop(index=[unknown], columns=[unknown], errors="ignore")
-        correct, order = correct_decisions(known.index.tolist(), names, known), names
+        correct = correct_decisions(known.index.tolist(), names, known)
     else:
         correct = correct_families(family_mapping(families, names))
+        table = _cost_frame(cost, {name: correct[name][0] for name in names}, unknown)
         listed = list(dict.fromkeys(decisions[0] for decisions in correct.values()))
         order = [name for name in correct if name in names]
         order.sort(key=lambda name: listed.index(correct[name][0]))
-    family_of = {name: correct[name][0] for name in names}
-    truths = names if unknown is None else [*names, unknown]
-    if cost is None:
-        rows = [*correct, *truths[len(names) :]]
-        wrong = [1.0 - are_correct(truths, [row] * len(truths), correct) for row in rows]
-        table = pd.DataFrame(wrong, rows, truths)
-    else:
-        table = _cost_frame(cost, family_of, unknown)
-        # A class without costs has those of its family.
-        further = {name: label_of(name, correct) for name in correct if name not in table.index}
-        further = {name: label for name, label in further.items() if label in table.index}
-        table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
+    # A class without costs has those of its family.
+    further = {name: label_of(name, correct) for name in correct if name not in table.index}
+    further = {name: label for name, label in further.items() if label in table.index}
+    table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))
@@ -243,7 +236,7 @@ def scoring_rule(
         correct,
         table,
         is_stated=cost is not None,
-        healthy=_healthy_label(healthy, family_of),
+        healthy=_healthy_label(healthy, {name: correct[name][0] for name in names}),
         unknown=unknown,
         priors=priors,
     )
@@ -253,11 +246,12 @@ def _cost_frame(cost: Any, family_of: Mapping[Any, Any], unknown: Any) -> pd.Dat
     """Return costs with one column for each class, and for the unknown state if there is one."""
     names, labels = list(family_of), list(dict.fromkeys(family_of.values()))
     truths = _truths(cost) - {unknown}
-    columns = labels if truths <= {*labels} and not truths <= {*names} else names
+    of_families = cost is None or (truths <= {*labels} and not truths <= {*names})
+    columns = labels if of_families else names
     decisions, matrix = cost_table(cost, label_array(columns), unknown)
     further = [] if unknown is None else [unknown]
     table = pd.DataFrame(matrix, decisions.tolist(), [*columns, *further])
-    chosen = names if columns is names else [family_of[name] for name in names]
+    chosen = [family_of[name] for name in names] if of_families else names
     return table[[*chosen, *further]].set_axis([*names, *further], axis=1)
 
 

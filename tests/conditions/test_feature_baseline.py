@@ -6,7 +6,6 @@ import polars as pl
 import pytest
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils import get_tags
@@ -88,23 +87,6 @@ def test_frames_keep_names_and_index(fleet):
     polars = FeatureBaseline(bins()).set_output(transform="polars").fit_transform(X, y)
     assert isinstance(polars, pl.DataFrame)
     np.testing.assert_allclose(polars.to_numpy(), bare)
-
-
-def test_features_are_made_once_in_training(fleet):
-    calls = []
-    made = FunctionTransformer(lambda X: calls.append(len(X)) or [[1.0 * i] for i in range(len(X))])
-    FeatureBaseline(made).fit_transform(*fleet)
-    assert calls == [16]
-
-
-def test_a_search_reaches_the_steps_of_the_transformer(fleet):
-    X, y = fleet
-    pipe = make_pipeline(
-        FeatureBaseline(bins()), CostSensitiveGaussianBayes(covariance="tied", shrinkage="oas")
-    )
-    name = "featurebaseline__transformer__bintransformer__bin_size"
-    search = GridSearchCV(pipe, {name: [1, 2]}, cv=2).fit(X, y)
-    assert search.best_estimator_[0].transformer_[-1].bin_size == search.best_params_[name]
 
 
 def test_commissioning_serves_features_too():

@@ -23,7 +23,6 @@ from strokes_under_load import (
     run,
 )
 
-import emacm.resampling.angle_recording
 from emacm import (
     BinTransformer,
     CostSensitiveGaussianBayes,
@@ -34,7 +33,6 @@ from emacm import (
 )
 from emacm.conditions.signal_baseline import GridSignals, mean_sections
 from emacm.orders.store import spectrum_key
-from emacm.resampling.angle_recording import AngleRecording
 
 
 @pytest.fixture(scope="module")
@@ -184,24 +182,6 @@ def test_another_sampling_rate_than_that_of_the_healthy_recordings_is_refused():
         SignalBaseline(healthy=lambda recording: True).fit([*slow, *fast])
 
 
-def test_nothing_is_resampled_before_it_is_read(fleet, monkeypatch):
-    X, y = fleet
-    rows = over_angle(X)
-    model = SignalBaseline().fit(rows, y)
-    calls = []
-    original = emacm.resampling.angle_recording.spread_rows
-    monkeypatch.setattr(
-        emacm.resampling.angle_recording,
-        "spread_rows",
-        lambda *args, **options: calls.append(1) or original(*args, **options),
-    )
-    left = model.transform(rows)
-    assert all(isinstance(entry, AngleRecording) for entry in left)
-    assert not calls
-    assert left[0].strokes[0].signals.shape[0] == 1
-    assert len(calls) == 1
-
-
 def chain(**options):
     return make_pipeline(
         OrderResampler(THETA_S, min_speed=2.0),
@@ -263,13 +243,6 @@ def test_files_and_hashes_know_the_baseline(fleet, tmp_path):
     joblib.dump(model, tmp_path / "model.joblib")
     again = joblib.load(tmp_path / "model.joblib").transform(rows[:1])[0]
     np.testing.assert_array_equal(again.strokes[0].signals, left.strokes[0].signals)
-
-
-def test_cloning_forgets_baselines(fleet):
-    model = SignalBaseline(align="start").fit(over_angle(fleet[0]), fleet[1])
-    assert not hasattr(clone(model), "baselines_")
-    assert clone(model).align == "start"
-    assert model.get_feature_names_out().tolist() == ["current"]
 
 
 def test_recordings_of_commissioning_serve_a_load_that_training_has_not(fleet):
