@@ -21,12 +21,7 @@ Examples
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.chapter3 import CHAPTER3_ORDERS, chapter3_recording, chapter3_recordings
 from emacm.simulation.faults import FAULT_ORDERS
-from emacm.simulation.fleet import (
-    WearLaw,
-    run_to_failure_fleet,
-    simulate_fleet,
-    thesis_benches,
-)
+from emacm.simulation.fleet import WearLaw, run_to_failure_fleet, simulate_fleet, thesis_benches
 from emacm.simulation.laboratory import CONDITIONS
 
 __all__ = [

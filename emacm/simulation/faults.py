@@ -96,11 +96,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "outer ring": Fault(orders=(float(_LINES["BPFO"]),), rolls=True, torque=0.3, impact=0.05),
     "ball": Fault(
-        orders=(float(_LINES["2xBSF"]),),
-        rolls=True,
-        turns_with=CAGE_ORDER,
-        torque=0.3,
-        impact=0.03,
+        orders=(float(_LINES["2xBSF"]),), rolls=True, turns_with=CAGE_ORDER, torque=0.3, impact=0.03
     ),
     "cage": Fault(orders=(CAGE_ORDER,), torque=0.15, rolling_noise=0.8),
     # A spall in the groove of the nut.

@@ -23,12 +23,9 @@ def simulate_actuator(
     state: str = "healthy",
     *,
     severity: float = 0.5,
-    unit: int = 0,
     run: int = 1,
     condition: int = 4,
-    seed: int = 0,
-    duration: float = 6.0,
-    fs: float = 4000.0,
+    **constants: Any,
 ) -> Recording:
     """Simulate one short run of an actuator that moves back and forth: a preset of the bench.
 
@@ -38,17 +35,13 @@ def simulate_actuator(
         State of health; for other faults, and for several, see `LaboratoryBench`.
     severity : float
         Severity of the fault in [0, 1]; ignored if healthy.
-    unit, run : int
-        Number of the unit, from 0, and of its run, from 1.
+    run : int
+        Number of the run, from 1.
     condition : int
         Row of Table 4.3 of the thesis. Condition 4: strokes of 28 revolutions, at most 61 rev/s.
-    seed : int
-        Seed of all random numbers.
-    duration : float
-        Length of the recording [s].
-    fs : float
-        Sampling rate [Hz]. The 4 kHz of the default, instead of 48 kHz, contain only the first
-        two modes of the housing and orders up to 24.
+    **constants
+        Parameters of `LaboratoryBench`. Here, `duration` is 6 s and `fs` 4 kHz by default, which
+        contain only the first two modes of the housing and orders up to 24.
 
     Returns
     -------
@@ -68,14 +61,14 @@ def simulate_actuator(
     """
     check_choice(state, "state", STATES)
     faults = {} if state == "healthy" else {state: severity}
-    options = _short_run(duration, fs, seed)
-    return LaboratoryBench(unit=unit, faults=faults, **options).record(condition, run)
+    options = {"duration": 6.0, "fs": 4000.0} | constants
+    bench = LaboratoryBench(faults=faults, cutoff=_cutoff(options["fs"]), **options)
+    return bench.record(condition, run)
 
 
-def _short_run(duration: float, fs: float, seed: int) -> dict[str, Any]:
-    """Return parameters of a bench at a low sampling rate."""
-    fs = check_number(fs, "fs", above=0, unit="Hz")
-    return {"duration": duration, "fs": fs, "cutoff": ASSUMED.short_run_cutoff * fs, "seed": seed}
+def _cutoff(fs: float) -> float:
+    """Return the cut-off of the conditioning filter at a low sampling rate [Hz]."""
+    return ASSUMED.short_run_cutoff * check_number(fs, "fs", above=0, unit="Hz")
 
 
 def simulate_fleet(
@@ -379,7 +372,7 @@ def run_to_failure_fleet(
     check_count(first_unit, "first_unit", at_least=0)
     check_choice(fault, "fault", tuple(FAULTS))
     censored = check_number(censored, "censored", at_least=0, at_most=1)
-    options = _short_run(duration, fs, seed)
+    options: dict[str, Any] = {"duration": duration, "fs": fs, "cutoff": _cutoff(fs), "seed": seed}
     law = WearLaw() if law is None else law
     if not isinstance(law, WearLaw):
         raise TypeError(f"law must be a WearLaw, got {law!r}.")

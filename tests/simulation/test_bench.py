@@ -240,14 +240,6 @@ def test_meta_holds_the_truth():
     assert isinstance(recording, Recording)
 
 
-def test_the_truth_has_what_no_sensor_sees():
-    truth = LaboratoryBench(faults="inner ring", duration=1.0).truth(3)
-    travel = np.abs(np.diff(truth.torques.angle)).sum() / (2 * np.pi)
-    assert len(truth.passages["inner ring"].impacts) == pytest.approx(travel * INNER, rel=0.01)
-    assert truth.times[0] == pytest.approx(-0.1)
-    assert truth.currents.shape == (3, len(truth.times))
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
