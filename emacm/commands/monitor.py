@@ -21,7 +21,7 @@ from emacm.files.file_columns import FileColumns, recording_arguments
 from emacm.files.layout import Layout
 from emacm.models.model_files import load_model
 from emacm.streams.order_monitor import OrderMonitor
-from emacm.streams.stream_settings import packed, unpacked
+from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.streamed_models import Reading
 
 FAILED = 3  # exit status: rows were skipped

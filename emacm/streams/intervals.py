@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, floor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm.streams.packed_state import Resumable
+
 Samples = NDArray[np.floating]
 _NOTHING: Samples = np.empty(0)
 
 
-class IntervalCutter:
+class IntervalCutter(Resumable):
     """Divides streams of samples into intervals, as `Recording.cut` divides a recording.
 
     Parameters
@@ -42,6 +44,18 @@ class IntervalCutter:
     stop : float or None
         Its end, exclusive, once it is known [s].
     """
+
+    held = (
+        "_waiting",
+        "_forgotten",
+        "_given",
+        "_examined",
+        "_number",
+        "_turned",
+        "_last_shaft",
+        "start",
+        "stop",
+    )
 
     def __init__(
         self,
@@ -168,26 +182,6 @@ class IntervalCutter:
         """Return the angle from the last sample over the next ones [rad]."""
         return float(self._steps(np.concatenate([self._last_shaft, new])).sum())
 
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        return {
-            "waiting": [np.stack(rows) for rows in self._waiting],
-            "forgotten": self._forgotten,
-            "given": self._given,
-            "examined": self._examined,
-            "number": self._number,
-            "turned": self._turned,
-            "last": self._last_shaft,
-            "start": self.start,
-            "stop": self.stop,
-        }
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Continue from a state."""
-        self._waiting = [list(rows) for rows in state["waiting"]]
-        self._forgotten = [int(n) for n in state["forgotten"]]
-        self._given = [int(n) for n in state["given"]]
-        self._examined = int(state["examined"])
-        self._number, self._turned = int(state["number"]), float(state["turned"])
-        self._last_shaft, self.start = state["last"], float(state["start"])
-        self.stop = float(state["stop"]) if "stop" in state else None
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state; an end that is not known is not in it."""
+        super().restore({"stop": None, **state})

@@ -17,8 +17,8 @@ from emacm.recordings.arguments import check_durations, check_rates, check_shaft
 from emacm.recordings.names import check_channel_names, chosen_channels
 from emacm.resampling.order_resampler import check_angle_step
 from emacm.streams.intervals import IntervalCutter, Samples
+from emacm.streams.packed_state import Resumable, packed, unpacked
 from emacm.streams.spectrum_stream import Settings, SpectrumStream
-from emacm.streams.stream_settings import compile_loops, packed, unpacked
 from emacm.streams.streamed_models import Reading, ReadingAlarms, StreamedModel
 
 _ON = (
@@ -27,7 +27,7 @@ _ON = (
 )
 
 
-class StreamInput:
+class StreamInput(Resumable):
     """Checks blocks of samples, and unwraps wrapped angles.
 
     Parameters
@@ -43,6 +43,8 @@ class StreamInput:
     wrapped : bool
         Whether angles are wrapped at 2π.
     """
+
+    held = ("_measured", "_last", "_added")
 
     def __init__(
         self,
@@ -103,15 +105,6 @@ class StreamInput:
     def accept(self) -> None:
         """Go on after the samples that were checked last."""
         self._measured, self._last, self._added = self._next
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        return {"measured": self._measured, "last": self._last, "added": self._added}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        self._measured, self._last = state["measured"], state["last"]
-        self._added = float(state["added"])
 
     def _rows(self, signals: Any) -> Sequence[Any]:
         if isinstance(signals, Mapping):
@@ -229,8 +222,6 @@ class OrderMonitor:
     stated time at rest and limits the memory; without it, more than some four million samples of a
     channel are refused. The shaft may turn back by 0.25 rad along a stroke (jitter).
 
-    The inner loops are compiled on construction.
-
     Examples
     --------
     >>> import numpy as np
@@ -287,7 +278,6 @@ class OrderMonitor:
         self._alarms = ReadingAlarms(self._model, alarms)
         self._origin = 0.0  # time of the first sample of the recording
         self._reference: str | None = None
-        compile_loops(self._model, self._stream_settings())
 
     @property
     def time(self) -> float:
@@ -419,13 +409,13 @@ class OrderMonitor:
             that is damaged inside, nothing is restored: the monitor then has no samples.
         """
         tree = unpacked(state)
-        stated, own = str(tree.get("settings")), self._settings_text()
+        stated, own = tree.get("settings"), self._settings_text()
         if stated != own:
             raise ValueError(
                 f"the state belongs to a monitor of other settings: {stated}; this one has {own}. "
                 f"Use the same model and options."
             )
-        if str(tree.get("model")) != self._model.digest():
+        if tree.get("model") != self._model.digest():
             raise ValueError(
                 "the state belongs to another model: its parameters or fitted values differ. Load "
                 "the model with which the state was written, or begin another recording without it."
@@ -440,10 +430,10 @@ class OrderMonitor:
         return self
 
     def _restore(self, tree: dict[str, Any]) -> None:
-        self._origin = float(tree["origin"])
+        self._origin = tree["origin"]
         self._input.restore(tree["input"])
         self._alarms.restore(tree["alarms"])
-        self._reference = str(tree["reference"]) if "reference" in tree else None
+        self._reference = tree.get("reference")
         if self._reference is not None:
             self._begin()
             self._cutter.restore(tree["cutter"])

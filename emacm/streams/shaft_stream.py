@@ -12,9 +12,10 @@ from emacm import _kernels
 from emacm.shaft.motion import DifferentiatedVelocity, LazySeries, Stroke, StrokeTravel
 from emacm.shaft.paths import ShaftPath
 from emacm.shaft.strokes import extend_strokes, longest_gap
+from emacm.streams.packed_state import Resumable
 
 
-class HeldRows:
+class HeldRows(Resumable):
     """The last samples of signals of one sampling rate, numbered from the start of the recording.
 
     Parameters
@@ -30,8 +31,10 @@ class HeldRows:
         Number of the last one, + 1.
     """
 
+    held = ("first", "length", "_blocks")
+
     def __init__(self, n_rows: int) -> None:
-        self._blocks = [np.empty((n_rows, 0))]  # joined when they are read
+        self._blocks: list[NDArray[Any]] = [np.empty((n_rows, 0))]  # joined when they are read
         self.first = self.length = 0
 
     @property
@@ -53,15 +56,6 @@ class HeldRows:
         forgotten = min(max(0, before - self.first), self.length - self.first)
         self._blocks = [self._held[:, forgotten:]]
         self.first += forgotten
-
-    def state(self) -> dict[str, Any]:
-        """Return the samples that are held."""
-        return {"first": self.first, "values": self._held.copy()}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Hold the samples of a state."""
-        self._blocks, self.first = [np.array(state["values"])], int(state["first"])
-        self.length = self.first + self._held.shape[1]
 
     @property
     def _held(self) -> NDArray[np.floating]:
@@ -98,7 +92,6 @@ class HeldSeries(LazySeries):
 
 
 Samples = NDArray[np.floating]
-_MEASURED = ("largest_step", "farthest", "reversal", "lowest", "highest", "length")
 
 
 class GrowingStroke:
@@ -313,13 +306,8 @@ class ShaftStream:
         """Continue from a state."""
         self._angle.restore(state["angle"])
         self._velocity.restore(state["velocity"])
-        self.n_examined = int(state["examined"])
-        self.strokes = [
-            GrowingStroke(
-                Stroke(*map(int, s["stroke"])),
-                float(s["start_angle"]),
-                bool(s["complete"]),
-                *(float(s[name]) for name in _MEASURED),
-            )
-            for s in state["strokes"]
-        ]
+        self.n_examined = state["examined"]
+        self.strokes = []
+        for values in state["strokes"]:
+            stroke = Stroke(*values.pop("stroke").tolist())
+            self.strokes.append(GrowingStroke(stroke, **values))

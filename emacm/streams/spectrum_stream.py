@@ -14,12 +14,13 @@ from emacm.resampling.fine_grid import DESIGN
 from emacm.resampling.quality import Quality
 from emacm.resampling.spreading import Spreading, upsampling
 from emacm.shaft.paths import ShaftPath
+from emacm.streams.packed_state import Resumable
 from emacm.streams.shaft_stream import GrowingStroke, HeldRows, HeldSeries, ShaftStream
 
 Array = NDArray[np.floating]
 
 
-class StreamQuality:
+class StreamQuality(Resumable):
     """What `emacm.resampling.training_range.outside_range` needs, without findings of defects.
 
     Parameters
@@ -27,6 +28,8 @@ class StreamQuality:
     groups : sequence of (float, sequence of int)
         Sampling rates [Hz], each with the channels that have it.
     """
+
+    held = ("_sums", "_strokes")
 
     def __init__(self, groups: Sequence[tuple[float, Sequence[int]]]) -> None:
         self._groups = groups
@@ -71,14 +74,6 @@ class StreamQuality:
         share = forward / revolutions if revolutions else np.nan
         ordered_rates = {name: rates[name] for name in names}
         return Quality(row, ordered_rates, ordered, {}, (), False, share)
-
-    def state(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
-        return {"sums": self._sums, "strokes": self._strokes}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state."""
-        self._sums, self._strokes = list(state["sums"]), np.array(state["strokes"])
 
 
 _SIGNS = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
@@ -159,14 +154,11 @@ class PowerSum:
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
-        rest = self._cutter.rest
-        held = {"rest": np.concatenate(rest, axis=1)} if rest else {}
-        return {"total": self.total, "count": self.count, **held}
+        return {"total": self.total, "count": self.count, "rest": self._cutter.rest}
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self.total, self.count = state["total"], int(state["count"])
-        self._cutter.rest = [state["rest"]] if "rest" in state else []
+        self.total, self.count, self._cutter.rest = state["total"], state["count"], state["rest"]
 
 
 class StrokeStream:
@@ -442,10 +434,8 @@ class SpectrumStream:
                 stream.restore(each[str(k)])
             self._streams.append(streams)
         self._sums = {
-            int(k): [(total, int(count)) for total, count in each]
-            for k, each in state["sums"].items()
+            int(k): [(total, count) for total, count in each] for k, each in state["sums"].items()
         }
-        self._longest = {int(k): int(n) for k, n in state["longest"].items()}
+        self._longest = {int(k): n for k, n in state["longest"].items()}
         self.quality.restore(state["quality"])
-        self._seen = [int(n) for n in state["seen"]]
-        self._due, self.n_held = int(state["due"]), int(state["held"])
+        self._seen, self._due, self.n_held = state["seen"], state["due"], state["held"]

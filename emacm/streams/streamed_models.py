@@ -117,7 +117,7 @@ class ReadingAlarms:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a state."""
-        self._input.restore({name: int(n) for name, n in state["input"].items()})
+        self._input.restore(state["input"])
         for chart, held in zip(self._charts.values(), state["charts"], strict=True):
             chart.restore(held)
 

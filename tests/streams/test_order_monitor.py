@@ -27,15 +27,14 @@ from emacm import (
     OrderResampler,
     Recording,
     RecordingStatistics,
-    _kernels,
     outside_training,
 )
 from emacm._kernels import using
 from emacm.monitoring import CUSUM, EWMA
 from emacm.resampling.signal_cache import SignalCache
 from emacm.shaft.angle import angle_from_velocity
+from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.spectrum_stream import Settings
-from emacm.streams.stream_settings import packed, unpacked
 
 TURN = 2 * np.pi
 THETA_S = TURN / 37
@@ -306,17 +305,6 @@ def test_a_long_rest_is_not_held_where_it_ends_the_stroke():
         monitor.push(still, velocity=np.full(1000, 0.01))
         sizes.append(len(monitor.state()))
     assert sizes[-1] == sizes[5]
-
-
-def test_nothing_is_compiled_by_the_first_samples():
-    pytest.importorskip("numba")
-    with using("numba"):
-        recording = recorded("reversing", RATES["mixed"], "velocity")
-        monitor = monitor_of(model_of(recording), recording)
-        loops = [f for f in vars(_kernels.loops).values() if hasattr(f, "signatures")]
-        before = [len(f.signatures) for f in loops]
-        readings_of(monitor, recording, np.arange(0, 6, 0.1))
-        assert [len(f.signatures) for f in loops] == before
 
 
 # Readings

@@ -2,7 +2,7 @@
 
 import pytest
 
-from emacm.streams.stream_settings import packed
+from emacm.streams.packed_state import packed
 
 
 def test_what_would_be_stored_as_code_is_refused():

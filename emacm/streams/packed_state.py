@@ -1,20 +1,35 @@
-"""What is known of a stream before its first sample, and the loops that are compiled for it."""
+"""States of streams as bytes, and objects whose state is that of some of their attributes."""
 
 from __future__ import annotations
 
-import warnings
-from contextlib import suppress
+from collections.abc import Mapping
 from io import BytesIO
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from emacm.resampling.spreading import spread_rows
-from emacm.shaft.paths import ShaftPath
-from emacm.streams.spectrum_stream import Settings, SpectrumStream
-from emacm.streams.streamed_models import StreamedModel
-
 _EMPTY = "{}"
+
+
+class Resumable:
+    """An object that can be continued from the values of some attributes.
+
+    Attributes
+    ----------
+    held : tuple of str
+        Names of these attributes: arrays, numbers, and lists of them.
+    """
+
+    held: ClassVar[tuple[str, ...]]
+
+    def state(self) -> dict[str, Any]:
+        """Return all that `restore` needs."""
+        return {name: getattr(self, name) for name in self.held}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+        for name in self.held:
+            setattr(self, name, state[name])
 
 
 def packed(state: dict[str, Any]) -> bytes:
@@ -33,7 +48,7 @@ def packed(state: dict[str, Any]) -> bytes:
     Examples
     --------
     >>> unpacked(packed({"values": [1.5, {"name": "current", "none": {}}]}))
-    {'values': [array(1.5), {'name': array('current', dtype='<U7'), 'none': {}}]}
+    {'values': [1.5, {'name': 'current', 'none': {}}]}
     """
     stream = BytesIO()
     np.savez(stream, **_flat(state, ""))
@@ -41,7 +56,7 @@ def packed(state: dict[str, Any]) -> bytes:
 
 
 def unpacked(content: bytes) -> dict[str, Any]:
-    """Return the state whose bytes `packed` returned; lists for tuples, arrays for all values.
+    """Return the state whose bytes `packed` returned; lists for tuples.
 
     Raises
     ------
@@ -84,25 +99,8 @@ def _flat(value: Any, path: str) -> dict[str, Any]:
 
 def _lists(tree: Any) -> Any:
     if not isinstance(tree, dict):
-        return tree
+        return tree if tree.ndim else tree.item()
     branches = {name: _lists(item) for name, item in tree.items() if name != _EMPTY}
     if any(name.startswith("#") for name in branches):
         return [branches[f"#{i}"] for i in range(len(branches)) if f"#{i}" in branches]
     return branches
-
-
-def compile_loops(model: StreamedModel, settings: Settings) -> None:
-    """Run all inner loops once, so that the first samples need not wait for the compiler."""
-    plan, theta_s = settings.plan, settings.theta_s
-    n_rows = sum(len(group) for _, group in settings.groups)
-    path = ShaftPath(np.linspace(0, 100 * theta_s, 201), 1000.0, 0.0, 0.0, 1)
-    for fs in (1000.0, 1e5):  # upsampled, and not
-        list(spread_rows([np.zeros(int(fs / 5) + 1)] * n_rows, fs, path, theta_s))
-    stream = SpectrumStream(settings)
-    stream.append([[np.zeros(3)] * len(group) for _, group in settings.groups], np.full(3, 1.0))
-    stream.shaft.advance()
-    section = np.random.default_rng(0).normal(size=(n_rows, plan.n_per_segment + plan.step))
-    powers = plan.spectrum_of(plan.section_powers(section, 0, 2), 2)
-    with warnings.catch_warnings(), suppress(ValueError):
-        warnings.simplefilter("ignore")
-        model.reading(0.0, 0.0, np.stack([powers] * len(settings.kinds), axis=1))
