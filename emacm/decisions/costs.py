@@ -132,12 +132,12 @@ def stated_cost(estimator: Any) -> Any:
         If there are several costs that differ.
     """
     stated = _of_deciders(estimator, "cost")
-    if _number_of_kinds(stated) > 1:
+    if len(stated) > 1:
         raise ValueError(
-            f"the estimator has several costs that differ, {list(stated)}. Give cost=, the cost "
-            f"that applies to its decisions."
+            "the estimator has several costs that differ. Give cost=, the cost that applies to its "
+            "decisions."
         )
-    return next(iter(stated.values()), None)
+    return stated[0] if stated else None
 
 
 def stated_truths(estimator: Any) -> tuple[Any, Any]:
@@ -161,26 +161,20 @@ def stated_truths(estimator: Any) -> tuple[Any, Any]:
     ('unknown', 'uniform')
     """
     found = [_of_deciders(estimator, name) for name in ("unknown", "priors")]
-    unknown, priors = (
-        next(iter(stated.values())) if _number_of_kinds(stated) == 1 else None for stated in found
-    )
+    unknown, priors = (stated[0] if len(stated) == 1 else None for stated in found)
     return unknown, priors
 
 
-def _of_deciders(estimator: Any, name: str) -> dict[str, Any]:
-    """Return a parameter of each estimator that has a cost and is not inside another such one.
+def _of_deciders(estimator: Any, name: str) -> list[Any]:
+    """Return the distinct values of a parameter of the estimators that have a cost.
 
-    Parameters that are None are left out.
+    Of those that are not inside another such one; values that are None are left out.
     """
     owners = [cost.removesuffix("cost") for cost in cost_parameters(estimator)]
     outer = [o for o in owners if not any(o != other and o.startswith(other) for other in owners)]
     given = estimator.get_params() if owners else {}
-    names = [owner + name for owner in outer if given.get(owner + name) is not None]
-    return {name: given[name] for name in names}
-
-
-def _number_of_kinds(values: dict[str, Any]) -> int:
-    return len({joblib.hash(value) for value in values.values()})
+    values = [given[owner + name] for owner in outer if given.get(owner + name) is not None]
+    return list({joblib.hash(value): value for value in values}.values())
 
 
 def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) -> Any:
@@ -215,13 +209,10 @@ def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) ->
     if cost is None or not absent:
         return cost
     if isinstance(cost, pd.DataFrame):
-        return cost.drop(columns=[label for label in absent if label in cost.columns])
+        return cost.drop(columns=absent, errors="ignore")
     if isinstance(cost, Mapping):
-        return {
-            key: value
-            for key, value in cost.items()
-            if not (isinstance(key, tuple) and set(key) & set(absent))
-        }
+        check_pairs(cost)
+        return {pair: value for pair, value in cost.items() if not set(pair) & set(absent)}
     kept = [place for place, label in enumerate(all_classes) if label in known]
     if np.shape(cost) == (len(all_classes) + 1,) * 2:  # the last is the unknown state
         kept.append(len(all_classes))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, located, once_hint
+from emacm._checks import check_number, located
 from emacm.decisions.costs import cost_table
 from emacm.decisions.labels import label_array, label_list, plain_labels
 
@@ -17,7 +17,6 @@ _FORMS = (
     "families must map each state to its family, as {'worn1': 'worn'}, or each family to its "
     "states, as {'worn': ['worn1', 'worn2']}"
 )
-_COLLECTIONS = list | tuple | set | frozenset | range | np.ndarray | pd.Series | pd.Index
 
 
 def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
@@ -25,11 +24,9 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
 
     Parameters
     ----------
-    families : mapping or Series
-        Either {state: family}, or {family: states} with a list, tuple, set, array, Series or
-        Index of states. A Series has states in its index (or families, if its values are
-        collections). In the second form, a family with one state of the same name may be written
-        without a list.
+    families : mapping
+        Either {state: family}, or {family: states} with lists (or other collections) of states. In
+        the second form, a family with one state of the same name may be written without a list.
     classes : array-like of shape (n_classes,), optional
         Classes that must have a family.
 
@@ -53,33 +50,25 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     >>> family_mapping({"normal": "normal", "worn1": "worn", "worn2": "worn"})
     {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
     """
-    if not isinstance(families, Mapping | pd.Series):
+    if not isinstance(families, Mapping) or not families:
         raise TypeError(f"{_FORMS}; got {families!r}.")
-    if not len(families):
-        raise ValueError("families must contain at least one family, got none.")
-    entries = [(plain_labels([name])[0], content) for name, content in families.items()]
-    for name, content in entries:
-        _check_hashable(name, content)
-    if any(isinstance(content, _COLLECTIONS) for _, content in entries):
-        pairs = [(state, name) for name, content in entries for state in _states(name, content)]
-        names = [state for state, _ in pairs]
-        repeated = next((state for state in names if names.count(state) > 1), None)
+    if any(_is_collection(content) for content in families.values()):
+        pairs = [(state, name) for name, each in families.items() for state in _states(name, each)]
     else:
-        pairs = [(state, plain_labels([family])[0]) for state, family in entries]
-        repeated = None  # the index of a Series may repeat a state with the same family
+        pairs = list(families.items())
     family_of: dict[Any, Any] = {}
-    for state, family in pairs:
-        if pd.isna(family) or pd.isna(state):
+    for state, family in map(plain_labels, pairs):
+        if not isinstance(state, Hashable) or pd.isna(family) or pd.isna(state):
             raise ValueError(
                 f"families must name every state and its family, got the state {state!r} of the "
                 f"family {family!r}. Leave it out, or name it."
             )
-        if family_of.setdefault(state, family) != family or state == repeated is not None:
-            others = [other for name, other in pairs if name == state]
+        if state in family_of:
             raise ValueError(
-                f"families puts the state {state!r} into {others[0]!r} and into {others[1]!r}; "
+                f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}; "
                 f"each state belongs to one family, once."
             )
+        family_of[state] = family
     for family in family_of.values():
         if family_of.get(family, family) != family:
             raise ValueError(
@@ -99,7 +88,7 @@ def as_families(y: ArrayLike, families: Any) -> NDArray[Any]:
     ----------
     y : array-like of shape (n_recordings,)
         States.
-    families : mapping or Series
+    families : mapping
         {state: family} or {family: states}, as for `family_costs`.
 
     Returns
@@ -146,7 +135,7 @@ def family_costs(
 
     Parameters
     ----------
-    families : mapping or Series
+    families : mapping
         {family: states} or {state: family}: families of faults, or the maintenance action that
         each state calls for. See `emacm.decisions.families.family_mapping`.
     costs : None, array-like, DataFrame or mapping, default=None
@@ -197,48 +186,32 @@ def family_costs(
         costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
-    rows = plain_labels(decisions)
     if not isinstance(other_decisions, Mapping | None):
-        raise TypeError(
-            f"other_decisions must be a mapping such as {{'inspect': 0.3}}, "
-            f"got {other_decisions!r}."
-        )
+        raise TypeError(f"other_decisions must be a mapping, got {other_decisions!r}.")
+    rows, others = plain_labels(decisions), dict(other_decisions or {})
+    taken = [decision for decision in others if decision in rows]
+    if taken:
+        raise ValueError(f"other_decisions contains {taken}, with costs between families already.")
+    values = [check_number(c, f"the cost of {d!r} in other_decisions") for d, c in others.items()]
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
-    for decision, cost in (other_decisions or {}).items():
-        if decision in rows:
-            raise ValueError(
-                f"other_decisions contains {decision!r}, which already has costs between families."
-            )
-        value = check_number(cost, f"the cost of {decision!r} in other_decisions")
-        rows, matrix = [*rows, decision], np.vstack([matrix, np.full(len(states), value)])
+    matrix = np.vstack([matrix, np.repeat(np.reshape(values, (-1, 1)), len(states), axis=1)])
+    rows += others
     index, columns = (pd.Index(labels, tupleize_cols=False) for labels in (rows, states))
     return pd.DataFrame(matrix, index=index, columns=columns)
 
 
-def _check_hashable(name: Any, content: Any) -> None:
-    """Raise a TypeError if an entry contains neither a label nor a collection of labels."""
-    listed = isinstance(content, _COLLECTIONS)
-    for label in content if listed else [content]:
-        if isinstance(label, Iterator) or not isinstance(label, Hashable):
-            raise TypeError(
-                f"{_FORMS}; got {label!r} under {name!r}, which is neither a label nor a list of "
-                f"labels.{once_hint(label)}"
-            )
+def _is_collection(content: Any) -> bool:
+    return np.iterable(content) and not isinstance(content, str)
 
 
 def _states(family: Any, content: Any) -> list[Any]:
     """Return the states of one family."""
-    if not isinstance(content, _COLLECTIONS):
-        if content != family:
-            raise ValueError(
-                f"families is ambiguous: some entries are collections of states, but "
-                f"{family!r}: {content!r} may mean either the state or the family {family!r}. "
-                f"Write {family!r}: [{content!r}]."
-            )
-        return [family]
-    states = plain_labels(content)
-    if not states:
-        raise ValueError(f"families has no states for the family {family!r}. Leave it out.")
+    states = plain_labels(content) if _is_collection(content) else [content]
+    if not states or not (_is_collection(content) or content == family):
+        raise ValueError(
+            f"families must have a list of states for the family {family!r}, since others have; "
+            f"got {content!r}."
+        )
     return states
 
 
@@ -256,8 +229,6 @@ def _alarm_costs(
             "costs is a complete table, which contains the costs of missed detections and false "
             "alarms. Omit healthy, missed and false_alarm, or give costs as a mapping."
         )
-    values = {"missed": missed, "false_alarm": false_alarm}
-    missed, false_alarm = (check_number(value, name) for name, value in values.items())
     others = [family for family in families if family != healthy]
     alarms = {(healthy, family): missed for family in others}
     alarms |= {(family, healthy): false_alarm for family in others}

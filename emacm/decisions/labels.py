@@ -120,7 +120,7 @@ def check_classes(y: Any) -> None:
     Raises
     ------
     ValueError
-        If a label is masked, None, NaN, pandas.NA or NaT; the message gives the recording.
+        If a label is None, NaN, pandas.NA or NaT; the message gives the recording.
     TypeError
         If text and other labels are mixed.
 
@@ -128,29 +128,20 @@ def check_classes(y: Any) -> None:
     --------
     >>> check_classes(["healthy", "worn"])
     """
-    if np.ma.is_masked(y):  # NumPy drops the mask, and what lies under it would be the class
-        index = int(np.argmax(np.ma.getmaskarray(y)))
-        raise ValueError(
-            f"y must contain the class of every recording, but recording {index} has a masked one. "
-            f"Leave such recordings out."
-        )
     entries = y if isinstance(y, list | tuple) else np.asarray(y)
     if isinstance(entries, np.ndarray) and (entries.dtype.kind in "biuUS" or entries.ndim != 1):
         return
-    labels = [label for label in entries if np.ndim(label) == 0]
-    missing = np.array([bool(pd.isna(label)) for label in labels], bool)
-    if missing.any():
-        index = int(np.argmax(missing))
-        raise ValueError(
-            f"y must contain the class of every recording, but recording {index} has "
-            f"{plain_labels(labels)[index]!r}. Leave such recordings out."
-        )
+    labels = plain_labels(label for label in entries if np.ndim(label) == 0)
     for index, label in enumerate(labels):
+        if pd.isna(label):
+            raise ValueError(
+                f"y must contain the class of every recording, but recording {index} has "
+                f"{label!r}. Leave such recordings out."
+            )
         if isinstance(label, str) != isinstance(labels[0], str):
-            first, other = plain_labels([labels[0], label])
             raise TypeError(
                 f"y must contain classes of one type, text or numbers, but recording 0 has "
-                f"{first!r} and recording {index} has {other!r}."
+                f"{labels[0]!r} and recording {index} has {label!r}."
             )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import ClassifierMixin
-from sklearn.utils import Bunch, get_tags
+from sklearn.utils import Bunch
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
@@ -177,13 +177,6 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
     def feature_names_in_(self):
         """Names of the features of the first member."""
         return next(iter(self._members.values())).feature_names_in_
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        inputs = [get_tags(member).input_tags for member in self._named_pairs().values()]
-        tags.input_tags.sparse = bool(inputs) and all(tag.sparse for tag in inputs)
-        tags.input_tags.allow_nan = bool(inputs) and all(tag.allow_nan for tag in inputs)
-        return tags
 
     def _named_pairs(self) -> dict[str, Any]:
         """Return members by name; none if `estimators` are not pairs (name, estimator)."""

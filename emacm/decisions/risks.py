@@ -198,7 +198,7 @@ def pooled_log_posterior(
     log_posteriors : sequence of n_members array-likes of shape (n_recordings, n_classes)
         Logarithm of the posterior of each member.
     member_priors : array-like of shape (n_members, n_classes)
-        The prior within the posterior of each member.
+        The prior within the posterior of each member; positive where `priors` are.
     priors : array-like of shape (n_classes,)
         The prior of the result. A class of prior 0 stays impossible.
 
@@ -208,11 +208,6 @@ def pooled_log_posterior(
         Normalised. Never NaN: a posterior of exactly 0 (of a class with a prior) counts
         as the smallest positive number, or as the least of its row if that is smaller;
         members that contradict each other with certainty cancel.
-
-    Raises
-    ------
-    ValueError
-        If a class has a prior, but none within a member, whose posterior of it is always 0.
 
     References
     ----------
@@ -230,13 +225,6 @@ def pooled_log_posterior(
     """
     shared, own = np.asarray(priors, dtype=np.float64), np.asarray(member_priors, dtype=np.float64)
     possible = shared > 0
-    impossible = np.argwhere(possible & ~(own > 0))
-    if len(impossible):
-        member, code = impossible[0].tolist()
-        raise ValueError(
-            f"class number {code} has the prior {shared[code]:g}, but 0 within member number "
-            f"{member}, whose posterior of it is always 0."
-        )
     pooled = np.full((len(np.asarray(log_posteriors[0])), len(shared)), -np.inf)
     pooled[:, possible] = np.log(shared[possible])
     for logs, prior in zip(log_posteriors, own, strict=True):

@@ -10,7 +10,7 @@ from scipy.special import log_softmax
 from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.exceptions import DataConversionWarning, NotFittedError
+from sklearn.exceptions import DataConversionWarning
 from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import GridSearchCV, GroupKFold
@@ -19,7 +19,6 @@ from sklearn.neighbors import KernelDensity
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeClassifier
-from sklearn.utils import get_tags
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
@@ -97,12 +96,6 @@ def test_costs_and_priors_set_after_fit_equal_those_of_a_refit(kind):
         assert_same(model, clone(model).fit(X, Y))
 
 
-@pytest.mark.parametrize("kind", [kind for kind in MODELS if kind != "product"])
-def test_back_to_the_defaults_is_as_if_nothing_had_been_set(kind):
-    model = clone(MODELS[kind]).set_params(cost=COSTS["inspect"], priors="uniform").fit(X, Y)
-    assert_same(model.set_params(cost=None, priors=None), clone(MODELS[kind]).fit(X, Y))
-
-
 @pytest.mark.parametrize(("covariance", "shrinkage"), [k for k in KINDS if k[1] != "auto"])
 def test_after_partial_fit_they_take_effect_as_well(covariance, shrinkage):
     model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage)
@@ -159,32 +152,6 @@ def test_an_invalid_later_cost_or_prior_is_an_error_in_predict(kind, options, me
         clone(model).fit(X, Y)
 
 
-def test_decisions_with_equal_costs_each_have_their_risk():
-    # Rows 0 and 2 are equal; row 1 differs: risks have one column for each decision.
-    cost = pd.DataFrame(
-        [[3, 0, 7], [0, 1, 2], [3, 0, 7]],
-        index=["fly", "ground", "fly on"],
-        columns=["dry", "new", "spall"],
-    )
-    model = CostSensitiveGaussianBayes(cost).fit(X, Y)
-    risk = model.risk(LATER)
-    np.testing.assert_allclose(risk, model.predict_proba(LATER) @ cost.to_numpy().T)
-    np.testing.assert_array_equal(risk[:, 0], risk[:, 2])
-    assert set(model.predict(LATER)) == {"fly", "ground"}
-
-
-def test_before_fit_there_is_nothing_in_effect():
-    for model in (CostSensitiveGaussianBayes(), *MODELS.values()):
-        assert not any(hasattr(model, name) for name in ("cost_", "decisions_", "priors_"))
-
-
-def test_a_class_without_recordings_cannot_be_given_a_prior_later():
-    model = CostSensitiveGaussianBayes().partial_fit(X, Y, [*STATES, "worn"])
-    assert model.priors_[3] == 0
-    with pytest.raises(ValueError, match=r"class \['worn'\] has had no recordings"):
-        model.set_params(priors="uniform").predict(LATER)
-
-
 # Any classifier
 
 
@@ -237,12 +204,6 @@ def test_a_calibrated_classifier_decides_by_cost():
     assert "inspect" in model.predict(LATER)
 
 
-def test_a_classifier_that_is_fitted_already_is_given_a_cost():
-    fitted = LogisticRegression().fit(X, Y)
-    model = LeastRiskClassifier(FrozenEstimator(fitted), COSTS["mapping"]).fit(X[:20], Y[:20])
-    np.testing.assert_allclose(model.predict_proba(LATER), fitted.predict_proba(LATER))
-
-
 def test_weights_reach_the_estimator_and_its_prior():
     weight = np.arange(len(Y)) % 3
     for estimator in (GaussianNB(), make_pipeline(StandardScaler(), LogisticRegression())):
@@ -257,34 +218,6 @@ def test_weights_reach_the_estimator_and_its_prior():
         .predict_proba(LATER),
         rtol=1e-6,
     )
-
-
-def test_it_takes_several_classes_unless_its_estimator_takes_two():
-    class OfTwo(GaussianNB):
-        def __sklearn_tags__(self):
-            tags = super().__sklearn_tags__()
-            tags.classifier_tags.multi_class = False
-            return tags
-
-    for inner, several in ((GaussianNB(), True), (StandardScaler(), True), (OfTwo(), False)):
-        assert get_tags(LeastRiskClassifier(inner)).classifier_tags.multi_class is several
-
-
-def test_priors_are_weighted_as_the_last_step():
-    weight, of_scaler = np.where(Y == "dry", 3.0, 1.0), np.linspace(1, 2, len(X))
-    model = LeastRiskClassifier(make_pipeline(StandardScaler(), LogisticRegression()))
-    model.fit(X, Y, weight, standardscaler__sample_weight=of_scaler)
-    np.testing.assert_allclose(model.priors_, np.array([27, 20, 14]) / 61)
-
-
-def test_decisions_keep_one_type_whatever_is_decided():
-    numbers = np.searchsorted(sorted(STATES), Y)
-    cost = {("inspect", k): 0.3 for k in range(3)}
-    model = CostSensitiveGaussianBayes(cost).fit(X, numbers)
-    certain = model.means_[[2]] + [[5.0, 0, 0]]
-    assert model.predict(certain).tolist() == [2]
-    assert model.predict(certain).dtype == object
-    assert set(model.predict(LATER)) == {0, 1, 2, "inspect"}
 
 
 def test_arguments_of_fit_reach_a_step_and_are_routed():
@@ -397,28 +330,6 @@ class GaussianUnits(Single):
     needs_groups = True
 
 
-class SingleLogs(Single):
-    def predict_log_proba(self, X):
-        return np.tile(np.array([-200.0, 0.0], np.float32), (len(X), 1))
-
-
-@pytest.mark.parametrize("estimator", [Single(), SingleLogs()])
-@pytest.mark.parametrize("options", [{}, {"priors": "uniform"}, {"temperature": 2.0}])
-def test_posteriors_and_priors_in_single_precision_become_double(estimator, options):
-    model = LeastRiskClassifier(estimator, **options).fit(np.zeros((4, 1)), [0, 0, 1, 1])
-    assert model.estimator_priors_.dtype == model.priors_.dtype == np.float64
-    logs = model.predict_log_proba(np.zeros((2, 1)))
-    assert logs.dtype == model.risk(np.zeros((2, 1))).dtype == np.float64
-    own = model.estimator_log_posterior(np.zeros((1, 1)))
-    assert own.dtype == np.float64
-    assert own[0, 0] == (-200 if isinstance(estimator, SingleLogs) else -np.inf)
-    if options == {"temperature": 2.0}:
-        known = -200 if isinstance(estimator, SingleLogs) else np.log(1e-15)
-        likelihood = np.array([known, 0]) - np.log(np.array([0.1, 0.9], np.float32))
-        expected = log_softmax(likelihood / 2 + np.log(model.priors_))
-        np.testing.assert_allclose(logs[0], expected)
-
-
 @pytest.mark.parametrize(
     ("estimator", "options", "passed"),
     [
@@ -453,14 +364,3 @@ def test_what_no_group_was_left_out_for_is_refused_with_the_remedy():
     for found in (model.typicality, lambda X: model.set_params(temperature="groups").predict(X)):
         with pytest.raises(ValueError, match=r"is found by leaving groups out, .* fit with gr"):
             found(LATER)
-
-
-def test_the_classes_are_not_optional():
-    with pytest.raises(ValueError, match="fit requires y to be passed, but the target y is None"):
-        LeastRiskClassifier(Single()).fit(np.zeros((4, 1)), None)
-
-
-@pytest.mark.parametrize("method", ["predict", "predict_proba", "predict_log_proba", "typicality"])
-def test_before_fit_nothing_is_computed(method):
-    with pytest.raises(NotFittedError):
-        getattr(LeastRiskClassifier(Single()), method)(np.zeros((1, 1)))

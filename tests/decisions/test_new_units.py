@@ -16,7 +16,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
 from emacm.decisions.new_units import probability_threshold
 from emacm.decisions.shrinkage import population_eigenvalues
-from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels, unit_scatter
+from emacm.decisions.unit_effects import fit_unit_levels, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order
 CENTRES = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, -2.0], [0.0, 5.0, 3.0]])
@@ -177,42 +177,6 @@ def test_units_without_a_difference_have_the_covariance_within_classes(n_feature
     np.testing.assert_array_equal(fitted.predict_proba(X), tied.predict_proba(X))
 
 
-def test_units_may_differ_in_one_direction_only():
-    rng = np.random.default_rng(5)
-    units, y = np.repeat(np.arange(40), 4), np.tile(["dry", "healthy"], 80)
-    X = rng.normal(size=(160, 2))
-    cells = 2 * units + (y == "dry")
-    X -= np.array([X[cells == cell].mean(axis=0) for cell in range(80)])[cells]
-    X[:, 0] += 5 * rng.normal(size=40)[units]
-    fitted = NewUnitClassifier(shrinkage=None).fit(X, y, groups=units)
-    assert fitted.between_covariance_[0, 0] > 1
-    assert np.linalg.matrix_rank(fitted.between_covariance_, tol=1e-9) == 1
-    assert fitted.covariances_.shape == (2, 2, 2)
-    variances = fitted.covariances_[:, 0, 0]
-    assert (variances > fitted.between_covariance_[0, 0]).all()
-
-
-def test_one_degree_of_freedom_is_enough():
-    X, none = np.array([[1.0], [4.0], [9.0]]), np.zeros(3, int)
-    parts = unit_scatter(X, none, np.array([0, 0, 1]))
-    assert parts.within == pytest.approx(np.array([[4.5]]))  # 2 * 1.5^2
-    assert parts.between == pytest.approx(np.array([[2 * (2.5 - 14 / 3) ** 2 + (9 - 14 / 3) ** 2]]))
-    assert (parts.between_divisor, parts.multiplicity) == (1, pytest.approx(3 - 5 / 3))
-    with pytest.raises(ValueError, match="no unit has recordings beyond one"):
-        unit_scatter(X, none, np.arange(3))
-
-
-def test_one_class_alone_has_levels_too():
-    X, _, units, *_ = dense(n_features=1)
-    codes = np.zeros(18, int)
-    levels = fit_unit_levels(X, codes, units, np.eye(1), 0.0)
-    ratio = levels.covariances[0, -1, -1]
-    weight = np.linalg.inv(np.eye(18) + ratio * np.equal.outer(units, units)).sum(axis=0)
-    assert levels.directions[0] @ levels.means[:, 0] == pytest.approx(
-        weight @ X[:, 0] / weight.sum()
-    )
-
-
 def test_conditioning_is_that_of_the_joint_gaussian():
     X, _, units = fleet(40, 6, crossed=True)
     codes = np.tile(np.arange(6) % 3, 40)
@@ -263,40 +227,6 @@ def test_densities_narrow_with_every_recording(model):
     assert (np.diff(spreads) < 0).all()
 
 
-def test_after_endless_recordings_the_densities_are_those_within_the_unit():
-    fitted = NewUnitClassifier().fit(*fleet(60, 6, crossed=True))
-    offset = np.array([3.0, -1.0, 2.0])
-    one = CENTRES[:1] + offset
-    known = fitted.for_unit(np.repeat(one, 10**5, axis=0), "healthy")
-    np.testing.assert_allclose(
-        known.covariances_, np.broadcast_to(known.within_covariance_, (3, 3, 3)), atol=1e-4
-    )
-    np.testing.assert_allclose(known.means_ - fitted.means_, np.tile(
-        one[0] - fitted.means_[2], (3, 1)), atol=1e-3)  # fmt: skip
-
-
-@pytest.mark.slow
-def test_an_offset_that_is_equal_in_all_classes_cancels():
-    fitted = NewUnitClassifier().fit(*fleet(60, 6, crossed=True))
-    X, later = fleet(seed=6)[0][:4], fleet(seed=7)[0]
-    offset = np.array([5.0, -3.0, 8.0])
-    results = []
-    for shift in (0.0, offset):
-        known = fitted.for_unit(np.repeat(X + shift, 10**5, axis=0), "healthy")
-        results.append(known.predict_log_proba(later + shift))
-    np.testing.assert_allclose(*results, atol=1e-3)
-    first = [fitted.predict_log_proba(later + shift) for shift in (0.0, offset)]
-    assert np.abs(first[0] - first[1]).max() > 3
-
-
-def test_classes_recorded_on_different_units_stay_uncertain(model):
-    X = np.repeat(CENTRES[:1], 10**5, axis=0)
-    known = model.for_unit(X, "healthy")
-    extra = known.covariances_ - known.within_covariance_
-    assert np.abs(extra[2]).max() < 1e-4
-    assert (np.linalg.eigvalsh(extra[0]) > 0.05).all()
-
-
 @pytest.mark.slow
 def test_known_recordings_of_a_unit_improve_its_posteriors():
     fitted = NewUnitClassifier(priors="uniform").fit(*fleet(30, 6))
@@ -345,12 +275,6 @@ def test_sets_follow_priors_and_coverage(model):
     rare = pickle.loads(pickle.dumps(model))
     rare.set_params(priors={"healthy": 0.98, "dry": 0.01, "backlash": 0.01})
     assert rare.prediction_sets(later)[:, 2].mean() > model.prediction_sets(later)[:, 2].mean()
-
-
-@pytest.mark.parametrize(("coverage", "words"), [(0.0, "above 0"), (1.0, "below 1")])
-def test_a_coverage_is_between_0_and_1(model, coverage, words):
-    with pytest.raises(ValueError, match=f"coverage must be .*{words}"):
-        model.prediction_sets(fleet(seed=9)[0], coverage)
 
 
 def test_the_threshold_is_the_quantile_of_units_with_equal_weights():
@@ -430,12 +354,6 @@ def test_fleets_that_reveal_no_variance_between_units(units, states, message):
         NewUnitClassifier().fit(X, list(states), groups=units)
 
 
-def test_units_of_one_class_each_reveal_no_variance_between_units():
-    X, codes = np.random.default_rng(0).normal(size=(6, 2)), np.array([0, 0, 1, 1, 2, 2])
-    with pytest.raises(ValueError, match="no class was recorded on two units, so that units and"):
-        unit_scatter(X, codes, codes[::-1])
-
-
 def test_invalid_input(model):
     X, y, _ = fleet()
     with pytest.raises(ValueError, match="'worn' at position 0, which is not a known class"):
@@ -472,13 +390,6 @@ def test_without_groups_there_are_no_units():
             call()
     for name in ("unit_offset_", "n_unit_recordings_", "between_covariance_", "within_covariance_"):
         assert not hasattr(NewUnitClassifier(), name)
-
-
-def test_levels_are_those_of_the_best_linear_unbiased_prediction():
-    level = UnitLevels(np.eye(1), np.array([[2.0, 0.0]]), np.full((1, 2, 2), 3.0))
-    known = level.given(np.array([[4.0], [5.0], [9.0]]), np.zeros(3, int))
-    assert known.offset == pytest.approx([3 / (3 + 1 / 3) * (6 - 2)])
-    assert known.between[0, 0] == pytest.approx(1 / (1 / 3 + 3))
 
 
 @pytest.mark.filterwarnings("ignore:NewUnitClassifier was fitted without groups:UserWarning")

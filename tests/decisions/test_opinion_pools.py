@@ -1,7 +1,6 @@
 """Facts about posteriors brought to one."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import logsumexp
@@ -91,13 +90,3 @@ def test_a_class_of_prior_zero_stays_impossible_even_if_members_gave_it_one():
     pooled = pooled_log_posterior([np.log([[0.9, 0.1]])], [HALF], [0, 1])
     np.testing.assert_array_equal(pooled, certain)
     np.testing.assert_array_equal(pooled_log_posterior([certain], [[0, 1]], [0, 1]), certain)
-
-
-def test_a_member_that_cannot_know_a_class_is_refused():
-    message = "class number 0 has the prior 0.5, but 0 within member number 1"
-    logs = np.log([[0.5, 0.5]])
-    with pytest.raises(ValueError, match=message):
-        pooled_log_posterior([logs, logs], [HALF, [0, 1]], HALF)
-    thirds = [1 / 3] * 3
-    with pytest.raises(ValueError, match=r"class number 1 has .* within member number 0"):
-        pooled_log_posterior(np.zeros((3, 1, 3)), [[1, 0, 0], thirds, [0, 0, 1]], thirds)

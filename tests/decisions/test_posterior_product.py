@@ -6,21 +6,18 @@ import pandas as pd
 import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
-from sklearn.base import BaseEstimator, ClassifierMixin, clone
+from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.compose import make_column_selector, make_column_transformer
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.ensemble import (
-    HistGradientBoostingClassifier,
     StackingClassifier,
     VotingClassifier,
 )
 from sklearn.exceptions import NotFittedError
-from sklearn.frozen import FrozenEstimator
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
     GridSearchCV,
-    GroupKFold,
     StratifiedKFold,
     cross_val_predict,
     cross_val_score,
@@ -30,7 +27,6 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeClassifier
-from sklearn.utils import get_tags
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import (
@@ -127,34 +123,6 @@ def test_of_any_channels_it_is_bayes_rule_with_block_diagonal_covariances():
     np.testing.assert_allclose(fused.predict_proba(X), expected, atol=1e-10)
 
 
-def test_one_member_per_feature_is_naive_bayes():
-    X, y = table(3)
-    naive = CostSensitiveGaussianBayes(covariance="diag").fit(X, y)
-    fused = product(channels=["current@0", "current@1", "position@0", "position@1"])
-    fused.set_params(
-        estimators=[
-            (
-                f"x{i}",
-                make_pipeline(
-                    make_column_transformer(("passthrough", [i])), CostSensitiveGaussianBayes()
-                ),
-            )
-            for i in range(4)
-        ]
-    ).fit(X, y)
-    np.testing.assert_allclose(
-        fused.predict_log_proba(X), naive.predict_log_proba(X), rtol=1e-10, atol=1e-10
-    )
-
-
-def test_the_product_differs_from_soft_voting():
-    X, y = table(4)
-    members = product().estimators
-    voted = VotingClassifier(members, voting="soft").fit(X, y).predict_proba(X)
-    fused = PosteriorProduct(members).fit(X, y).predict_proba(X)
-    assert np.abs(voted - fused).max() > 0.1
-
-
 def test_a_channel_given_twice_squares_its_odds():
     X, y = table(5)
     members = [("a", seeing("current", GaussianNB())), ("b", seeing("current", GaussianNB()))]
@@ -206,22 +174,6 @@ def test_the_prior_of_a_member_is_its_own_or_the_shares_in_training(member, prio
     np.testing.assert_allclose(fused.priors_, [0.4, 0.3, 0.2, 0.1] if prior is None else prior)
 
 
-def test_one_member_is_given_the_priors_of_service():
-    X, y = table(8)
-    service = [0.1, 0.2, 0.3, 0.4]
-    direct = CostSensitiveGaussianBayes(priors=service).fit(X, y)
-    fused = PosteriorProduct([("all", CostSensitiveGaussianBayes())], priors=service).fit(X, y)
-    np.testing.assert_allclose(fused.predict_proba(X), direct.predict_proba(X), atol=1e-12)
-
-
-def test_a_class_of_prior_zero_is_never_decided():
-    X, y = table(8)
-    fused = product(priors=[0.5, 0.5, 0, 0]).fit(X, y)
-    np.testing.assert_array_equal(fused.predict_proba(X)[:, 2:], 0)
-    np.testing.assert_array_equal(fused.predict_log_proba(X)[:, 2:], -np.inf)
-    assert set(fused.predict(X)) <= {"dry 1", "dry 2"}
-
-
 def test_different_priors_of_members_are_refused_unless_one_is_stated():
     X, y = table(8)
     fused = product().set_params(position__costsensitivegaussianbayes__priors=[0.4, 0.2, 0.2, 0.2])
@@ -231,15 +183,6 @@ def test_different_priors_of_members_are_refused_unless_one_is_stated():
     fused.set_params(priors="uniform").fit(X, y)
     with pytest.raises(ValueError, match=message):
         fused.set_params(priors=None).predict(X)
-
-
-def test_priors_that_differ_in_two_classes_only_are_different():
-    X, y = table(8)
-    fused = product().set_params(
-        position__costsensitivegaussianbayes__priors=[0.25, 0.25, 0.4, 0.1]
-    )
-    with pytest.raises(ValueError, match=r"'position' has \[0.25, 0.25, 0.4, 0.1\]"):
-        fused.fit(X, y)
 
 
 def test_a_member_that_cannot_know_a_class_is_refused():
@@ -260,12 +203,6 @@ def test_decisions_are_those_of_least_risk():
     np.testing.assert_allclose(fused.risk(X), risk, rtol=1e-12)
     np.testing.assert_array_equal(fused.predict(X), fused.decisions_[risk.argmin(axis=1)])
     assert set(fused.predict(X)) == {"fly", "grease", "change"}
-
-
-def test_costs_of_members_have_no_effect():
-    X, y = table(9)
-    priced = product(CostSensitiveGaussianBayes(FAMILIES)).fit(X, y)
-    np.testing.assert_array_equal(priced.predict(X), product().fit(X, y).predict(X))
 
 
 def test_scores_in_cross_validation_are_those_of_costs_and_correct_families():
@@ -316,14 +253,6 @@ def test_members_and_their_parameters_are_set_by_name():
         fused.set_params(vibration=GaussianNB())
 
 
-def test_fitting_leaves_the_members_alone_and_clones_are_unfitted():
-    X, y = table(12)
-    fused = product().fit(X, y)
-    assert not hasattr(fused.estimators[0][1][-1], "classes_")
-    assert fused.named_estimators_["current"] is fused.estimators_[0]
-    assert not hasattr(clone(fused), "classes_")
-
-
 def test_a_search_chooses_parameters_of_members():
     X, y = table(13)
     members = [("a", seeing("current", GaussianNB())), ("b", seeing("position", GaussianNB()))]
@@ -340,56 +269,6 @@ def test_a_saved_product_gives_the_same_risks(tmp_path):
     joblib.dump(fused, tmp_path / "model.joblib")
     loaded = joblib.load(tmp_path / "model.joblib")
     np.testing.assert_array_equal(loaded.risk(X), fused.risk(X))
-
-
-def test_names_and_number_of_features_are_those_of_the_table():
-    X, y = table(14)
-    fused = product()
-    assert not hasattr(fused, "n_features_in_")
-    fused.fit(X, y)
-    assert fused.n_features_in_ == 4
-    assert fused.feature_names_in_.tolist() == COLUMNS
-
-
-class PerCondition(ClassifierMixin, BaseEstimator):
-    """A classifier for each condition, as given by a column."""
-
-    def __init__(self, estimator):
-        self.estimator = estimator
-
-    def fit(self, X, y):
-        self.classes_ = np.unique(y)
-        self.fitted_ = {
-            load: clone(self.estimator).fit(rows.drop(columns="load"), y[X["load"] == load])
-            for load, rows in X.groupby("load")
-        }
-        return self
-
-    def predict_proba(self, X):
-        found = np.empty((len(X), len(self.classes_)))
-        for load, rows in X.groupby("load"):
-            at = (X["load"] == load).to_numpy()
-            found[at] = self.fitted_[load].predict_proba(rows.drop(columns="load"))
-        return found
-
-
-def test_routed_by_condition_inside_or_outside_it_is_the_same():
-    X, y = table(15, n_each=30)
-    X = X.assign(load=np.tile([20, 40], len(y) // 2))
-    outside = PerCondition(product()).fit(X, y)
-
-    def routed(channel):
-        return PerCondition(seeing(channel, CostSensitiveGaussianBayes()))
-
-    inside = PosteriorProduct([(name, routed(name)) for name in ("current", "position")]).fit(X, y)
-    np.testing.assert_allclose(inside.predict_proba(X), outside.predict_proba(X), atol=1e-10)
-
-
-def test_a_product_of_products_is_the_product_of_all():
-    X, y = table(16)
-    pair = PosteriorProduct([("pair", product()), ("all", GaussianNB())]).fit(X, y)
-    flat = PosteriorProduct([*product().estimators, ("all", GaussianNB())]).fit(X, y)
-    np.testing.assert_allclose(pair.predict_proba(X), flat.predict_proba(X), atol=1e-12)
 
 
 # Weights and other metadata
@@ -412,21 +291,6 @@ def test_weights_for_a_member_without_sample_weight_are_refused():
 
 
 # Stacking
-
-
-def test_a_stacked_gaussian_decides_by_least_risk_as_the_one_member_of_a_product():
-    X, y = table(19)
-    stack = StackingClassifier(
-        product().estimators,
-        make_pipeline(FunctionTransformer(np.log), CostSensitiveGaussianBayes(shrinkage="oas")),
-        stack_method="predict_proba",
-        cv=3,
-    )
-    fused = PosteriorProduct([("stack", stack)], cost=FAMILIES).fit(X, y)
-    posterior = fused.estimators_[0].predict_proba(X)
-    np.testing.assert_allclose(fused.predict_proba(X), posterior, atol=1e-12)
-    risk = posterior @ FAMILIES.to_numpy().T
-    np.testing.assert_array_equal(fused.predict(X), FAMILIES.index[risk.argmin(axis=1)])
 
 
 @pytest.mark.parametrize(
@@ -514,36 +378,6 @@ def test_what_members_explain_adds_up_to_the_log_odds_of_the_product(fleet):
     assert sum(table.attrs["value"] for table in explained) == pytest.approx(logs[0] - logs[1])
 
 
-def test_all_channels_in_one_classifier_is_the_pipeline_as_it_is(fleet):
-    X, y = fleet
-    pipeline = make_pipeline(features(), GAUSSIAN).fit(X, y)
-    assert pipeline[-1].n_features_in_ == 2 * 6
-    assert pipeline.score(X, y) == 1
-
-
-def test_it_is_cross_validated_over_recordings(fleet):
-    X, y = fleet
-    fused = PosteriorProduct(
-        [
-            (name, make_pipeline(features(channels=[name]), GAUSSIAN))
-            for name in ("current", "position")
-        ],
-        cost={("healthy", "worn"): 10},
-    )
-    decided = cross_val_predict(fused, X, y, cv=GroupKFold(5), groups=np.repeat(range(10), 2))
-    assert np.mean(decided == y) == 1
-
-
-def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
-    X, y = fleet
-    members = [
-        (name, make_pipeline(features(channels=[name]), GAUSSIAN))
-        for name in ("current", "position")
-    ]
-    assert VotingClassifier(members, voting="soft").fit(X, y).score(X, y) == 1
-    assert StackingClassifier(members, cv=2).fit(X, y).score(X, y) == 1
-
-
 # Refusals
 
 
@@ -551,27 +385,11 @@ def test_scikit_learns_voting_and_stacking_pass_recordings_through(fleet):
     ("options", "error", "message"),
     [
         ({"estimators": []}, ValueError, r"at least one pair \(name, classifier\), got \[\]"),
-        ({"estimators": GaussianNB()}, ValueError, r"list of at least one pair .*GaussianNB\(\)"),
-        (
-            {"estimators": [GaussianNB()]},
-            ValueError,
-            r"pair \(name, classifier\), got \[GaussianNB",
-        ),
-        (
-            {"estimators": [(1, GaussianNB())]},
-            ValueError,
-            r"pair \(name, classifier\), got \[\(1, ",
-        ),
-        ({"estimators": [("a", GaussianNB()), (1, None)]}, ValueError, r"pair \(name, classifier"),
-        ({"estimators": [("a", GaussianNB()), "abc"]}, ValueError, r"pair \(name, classifier"),
+        ({"estimators": GaussianNB()}, ValueError, "list of at least one pair"),
+        ({"estimators": [("a", GaussianNB()), (1, None)]}, ValueError, "at least one pair"),
         ({"estimators": [("a", GaussianNB())] * 2}, ValueError, r"must differ.*got \['a', 'a'\]"),
         ({"estimators": [("a__b", GaussianNB())]}, ValueError, "no '__'.*'a__b'"),
-        ({"estimators": [(n, GaussianNB()) for n in ("a", "b__c")]}, ValueError, "no '__'"),
-        (
-            {"estimators": [("cost", GaussianNB())]},
-            ValueError,
-            r"none of the parameters \['cost', 'estimators', 'priors'\]; got \['cost'\]",
-        ),
+        ({"estimators": [("cost", GaussianNB())]}, ValueError, r"none of the parameters .*'cost'"),
         ({"estimators": [("a", "drop")]}, TypeError, "member 'a': .* a classifier, got 'drop'"),
         ({"estimators": [("a", RidgeClassifier())]}, TypeError, "'a': Ridge.*no predict_proba"),
         ({"priors": [1.0]}, ValueError, "each of the 4 classes"),
@@ -590,16 +408,6 @@ def test_before_fit_nothing_is_combined(method):
         getattr(product(), method)(table(20)[0])
 
 
-def test_members_that_know_other_classes_are_refused():
-    X, y = table(20)
-    spalled = y == "spall"
-    old = FrozenEstimator(CostSensitiveGaussianBayes().fit(X[~spalled], y[~spalled]))
-    fused = PosteriorProduct([("new", GaussianNB()), ("old", old)])
-    message = r"member 'old': .*trained on the classes \['dry 1', 'dry 2', 'healthy'\].*'spall'\]"
-    with pytest.raises(ValueError, match=message):
-        fused.fit(X, y)
-
-
 def test_errors_of_a_member_contain_its_name():
     X, y = table(20)
     with pytest.raises(ValueError, match="member 'position': shrinkage"):
@@ -609,50 +417,6 @@ def test_errors_of_a_member_contain_its_name():
         fused.predict(X.assign(**{"position@0-1": np.nan}))
     with pytest.raises(ValueError, match="inconsistent numbers of samples"):
         fused.fit(X, y[:-1])
-
-
-def test_a_member_whose_posterior_is_nan_is_refused():
-    X, y = table(20)
-
-    class Ignorant(GaussianNB):
-        def predict_log_proba(self, X):
-            return np.where(np.arange(len(X))[:, np.newaxis] == 2, np.nan, -np.log(4)) + np.zeros(4)
-
-    fused = PosteriorProduct([("a", Ignorant())]).fit(X, y)
-    with pytest.raises(ValueError, match="member 'a': the posterior of recording 2 is NaN"):
-        fused.predict(X)
-
-
-@pytest.mark.parametrize(
-    ("odd", "error", "message"),
-    [
-        (np.nan, ValueError, "class of every recording, but recording 3 has nan"),
-        (7, TypeError, "text or numbers, but recording 0 has 'new' and recording 3 has 7"),
-    ],
-)
-@pytest.mark.parametrize(
-    "model", [PosteriorProduct([("all", GaussianNB())]), CostSensitiveGaussianBayes()]
-)
-def test_missing_and_mixed_labels_are_refused(model, odd, error, message):
-    with pytest.raises(error, match=message):
-        model.fit([[0.0], [1.0], [2.0], [4.0]], ["new", "new", "worn", odd])
-
-
-@pytest.mark.parametrize(
-    ("members", "sparse", "allow_nan"),
-    [
-        ([], False, False),
-        ([DecisionTreeClassifier(), LogisticRegression()], True, False),
-        ([LogisticRegression(), GaussianNB()], False, False),
-        ([HistGradientBoostingClassifier(), DecisionTreeClassifier()], False, True),
-    ],
-)
-def test_what_every_member_takes_the_product_takes(members, sparse, allow_nan):
-    if sparse and not get_tags(members[0]).input_tags.sparse:
-        pytest.skip("this version of scikit-learn does not tell which classifiers take sparse X")
-    names = "ba"
-    tags = get_tags(PosteriorProduct(list(zip(names, members, strict=False)))).input_tags
-    assert (tags.sparse, tags.allow_nan) == (sparse, allow_nan)
 
 
 def test_members_that_learn_from_groups_get_them():

@@ -105,10 +105,6 @@ def test_units_offsets_and_order_change_no_typicality(seed):
     assert_allclose(found, expected, rtol=1e-5)
 
 
-def repeated_columns(training):
-    return training.X, training.codes, training.groups, np.ones(len(training.X))
-
-
 @pytest.mark.parametrize(("n_classes", "n_features"), [(1, 4), (1, 1), (2, 1), (4, 2), (3, 2)])
 def test_it_works_with_few_classes_and_few_features(n_classes, n_features):
     X, codes, groups = draw(8, n_features=n_features, n_classes=n_classes)
@@ -128,12 +124,6 @@ def test_a_class_of_one_group_is_known_but_calibrates_nothing():
     assert np.isinf(typicality.distances.log_squares(X)[0]).sum() == 0
 
 
-def test_one_group_only_is_an_error():
-    X, codes, _ = draw(10)
-    with pytest.raises(ValueError, match="two groups"):
-        fit(X, codes, codes)
-
-
 def test_a_constant_feature_is_no_obstacle_and_its_change_is_found():
     X, codes, groups = draw(11)
     X = np.column_stack([X, np.full(len(X), 7.0)])
@@ -142,28 +132,6 @@ def test_a_constant_feature_is_no_obstacle_and_its_change_is_found():
     changed[:, -1] = 9e3
     assert np.median(typicality(X)) > 0.3
     assert (typicality(changed) < 0.01).all()
-
-
-def test_overflowing_distances_are_the_least_typical():
-    typicality = fit(*draw(13))
-    found = typicality(np.full((1, 9), 1e300))
-    assert 0 < found[0] < 1e-9
-
-
-def test_recordings_are_judged_alike_alone_and_together():
-    X, codes, groups = draw(13)
-    typicality = fit(X, codes, groups)
-    batch = np.vstack([X[:2], np.full((1, 9), 1e9), np.full((1, 9), 1e140)])
-    alone = np.concatenate([typicality(row[np.newaxis]) for row in batch])
-    assert_allclose(typicality(batch), alone, rtol=1e-9)
-    assert (np.diff(alone[1:]) < 0).all()
-
-
-def test_classes_of_equal_means_have_no_discriminant_space():
-    X, _, groups = draw(13, n_classes=1)
-    typicality = fit(np.vstack([X, X]), np.repeat([0, 1], len(X)), np.tile(groups, 2))
-    assert typicality.distances.directions.shape == (9, 0)
-    assert typicality.used.tolist() == [False, True, True]
 
 
 def plain_logs(known, X, present):

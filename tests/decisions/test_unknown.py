@@ -48,15 +48,3 @@ def test_the_probability_lies_in_0_to_1_and_rises_as_typicality_falls(typicality
 @pytest.mark.parametrize("prior", [0.0, 1.0])
 def test_a_certain_prior_stays_certain(prior):
     assert_allclose(unknown_probability(np.array([1.0, 0.2, 1e-308]), prior), prior)
-
-
-def test_a_prior_next_to_1_gives_a_probability_of_1_without_a_warning():
-    least = np.array([np.finfo(float).tiny, 1e-300])
-    for prior in (1 - 1e-9, 1 - 2**-53):
-        assert unknown_probability(least, prior).tolist() == [1.0, 1.0]
-
-
-def test_the_probability_follows_from_odds():
-    factor = evidence_for_unknown(np.array([0.003]))
-    odds = factor * 0.02 / 0.98
-    assert_allclose(unknown_probability(np.array([0.003]), 0.02), odds / (1 + odds))

@@ -1,7 +1,5 @@
 """Facts about classifiers with an unknown state: decisions, costs, priors, compositions."""
 
-import warnings
-
 import joblib
 import numpy as np
 import pandas as pd
@@ -17,7 +15,6 @@ from emacm.decisions.costs import cost_table
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.metrics import neg_expected_cost
 from emacm.decisions.new_units import NewUnitClassifier
-from emacm.decisions.posterior_product import PosteriorProduct
 from emacm.decisions.truths import truth_labels, truth_priors
 from emacm.decisions.typicality import unknown_probability
 
@@ -41,24 +38,6 @@ def fitted(covariance="tied", shrinkage="auto", seed=0, **options):
     options = {"unknown": "unknown", "temperature": "groups"} | options
     model = CostSensitiveGaussianBayes(covariance=covariance, shrinkage=shrinkage, **options)
     return model.fit(*draw(seed)[:2], groups=draw(seed)[2])
-
-
-@pytest.mark.parametrize(
-    ("temperature", "message"),
-    [
-        (0, "must be a number above 0, got 0"),
-        (-1.0, "above 0, got -1"),
-        (np.inf, "above 0, got inf"),
-        ("auto", "temperature as a word must be one of 'groups'; got 'auto'"),
-    ],
-)
-def test_a_temperature_that_is_set_after_fit_is_checked(temperature, message):
-    X, y, units = draw(0)
-    outer = LeastRiskClassifier(CostSensitiveGaussianBayes(), temperature=2.0).fit(X, y)
-    units_apart = NewUnitClassifier(temperature=2.0).fit(X, y, groups=units)
-    for model in (fitted(), outer, units_apart):
-        with pytest.raises(ValueError, match=message):
-            model.set_params(temperature=temperature).predict_proba(X)
 
 
 # Decisions
@@ -142,32 +121,7 @@ def test_numbers_stay_numbers_unless_unknown_is_decided():
     assert model.predict(np.vstack([X[:1], FAR])).tolist() == [2, "unknown"]
 
 
-def test_distances_that_overflow_are_unknown_and_not_an_error():
-    far = np.full((1, 4), 1e149)
-    model = fitted("diag", None)
-    assert model.predict(far) == ["unknown"]
-    np.testing.assert_allclose(model.predict_proba(far).sum(), 1)
-    X, y, units = draw(0)
-    small = clone(model).fit(1e-9 * X, y, groups=units)
-    assert small.predict(far) == ["unknown"]
-    np.testing.assert_allclose(small.predict_proba(far), [small.priors_])
-
-
 # Costs and priors
-
-
-@pytest.mark.parametrize(("covariance", "shrinkage"), KINDS)
-def test_the_origin_of_features_does_not_matter(covariance, shrinkage):
-    X, y, units = draw(4)
-    options = {"unknown": "unknown", "temperature": "groups", "shrinkage": shrinkage}
-    near, far = (
-        CostSensitiveGaussianBayes(covariance=covariance, **options).fit(X + o, y, groups=units)
-        for o in (0.0, [1e7, -1e7, 1e6, 0.0])
-    )
-    assert far.temperature_ == pytest.approx(near.temperature_, rel=1e-6)
-    np.testing.assert_allclose(
-        far.typicality(X + [1e7, -1e7, 1e6, 0.0]), near.typicality(X), rtol=1e-6
-    )
 
 
 def test_costs_that_are_not_stated_have_defaults():
@@ -191,12 +145,6 @@ def test_stated_costs_of_the_unknown_state_are_taken_in_every_form():
         decisions, table = cost_table(cost, CLASSES, "new")
         assert decisions.tolist() == rows
         np.testing.assert_array_equal(table, matrix)
-
-
-@pytest.mark.parametrize("key", ["ab", ("a",), ("a", "b", "c")])
-def test_a_key_that_is_no_pair_is_refused_with_an_unknown_state(key):
-    with pytest.raises(TypeError, match="keys of a cost mapping must be tuples"):
-        cost_table({key: 1}, CLASSES, "new")
 
 
 @pytest.mark.parametrize("form", ["frame", "mapping"])
@@ -244,40 +192,12 @@ def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state(
     np.testing.assert_array_equal(table[3], [1, 1, 1, 0])
 
 
-@pytest.mark.parametrize(("unknown", "name"), [([1], "list"), (np.nan, "nan"), ({}, "mapping")])
-def test_the_unknown_state_has_a_label(unknown, name):
-    with pytest.raises(TypeError, match="unknown must be a label such as 'unknown', or None"):
-        truth_labels(CLASSES, unknown)
-
-
 def test_labels_of_truths_are_the_classes_and_then_the_unknown_state():
     assert truth_labels(CLASSES, None) is CLASSES
     assert truth_labels(np.array([3, 5]), 0).tolist() == [3, 5, 0]
     assert truth_labels(np.array([3, 5]), "new").tolist() == [3, 5, "new"]
     with pytest.raises(ValueError, match="unknown = 5 is a class with recordings"):
         truth_labels(np.array([3, 5]), 5)
-
-
-def test_without_an_unknown_state_the_cost_is_that_of_the_classes():
-    decisions, table = cost_table(None, CLASSES, None)
-    assert decisions.tolist() == CLASSES.tolist()
-    np.testing.assert_array_equal(table, 1 - np.eye(3))
-
-
-def test_a_decision_with_a_cost_for_the_unknown_state_only_is_an_error():
-    with pytest.raises(ValueError, match=r"'inspect', .* classes \['dry', 'healthy', 'worn'\]: it"):
-        cost_table({("inspect", "new"): 0.1}, CLASSES, "new")
-
-
-def test_the_unknown_state_must_not_be_a_class():
-    with pytest.raises(ValueError, match="'worn' is a class"):
-        fitted(unknown="worn")
-
-
-@pytest.mark.parametrize("value", [np.nan, "7", True])
-def test_costs_of_the_unknown_state_are_numbers(value):
-    with pytest.raises((TypeError, ValueError), match="'dry' when 'new'"):
-        cost_table({("dry", "new"): value}, CLASSES, "new")
 
 
 def test_priors_may_contain_the_unknown_state():
@@ -371,14 +291,6 @@ def test_a_router_with_a_class_in_one_condition_only_narrows_costs_and_priors(fo
     assert router.score(table, y) > 0.8
 
 
-def test_a_product_uses_the_posteriors_of_members_with_an_unknown_state():
-    X, y, _ = draw(9)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        product = PosteriorProduct([("all", clone(fitted())), ("too", clone(fitted()))]).fit(X, y)
-    assert np.mean(product.predict(X) == y) > 0.9
-
-
 def test_it_survives_a_dump_and_load(tmp_path):
     model = fitted()
     joblib.dump(model, tmp_path / "model")
@@ -401,16 +313,6 @@ def test_without_groups_a_warning_names_the_remedy():
         with pytest.warns(UserWarning, match=r"without groups.*__groups=") as caught:
             model.fit(X, y)
         assert [warning.filename for warning in caught] == [__file__]
-
-
-def test_partial_fit_states_why_it_is_not_available():
-    for options in ({"unknown": "unknown"}, {"temperature": "groups"}):
-        model = CostSensitiveGaussianBayes(**options)
-        assert not hasattr(model, "partial_fit")
-        with pytest.raises(AttributeError, match="partial_fit") as error:
-            model.partial_fit(None, None)
-        assert "leaving groups out" in str(error.value.__cause__ or error.value)
-    assert hasattr(CostSensitiveGaussianBayes(temperature=2.0), "partial_fit")
 
 
 def test_what_was_not_left_out_cannot_be_asked_for():
@@ -514,18 +416,6 @@ def test_groups_of_another_length_or_with_gaps_are_errors():
 
 
 # Left-out groups
-
-
-@pytest.mark.parametrize("with_groups", [True, False])
-def test_two_classifiers_of_the_same_densities_have_the_same_temperature(with_groups):
-    X, y, units = draw(0)
-    groups = units if with_groups else None
-    plain = CostSensitiveGaussianBayes(temperature="groups")
-    outer = LeastRiskClassifier(CostSensitiveGaussianBayes(), temperature="groups")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of single recordings that are left out
-        found = [model.fit(X, y, groups=groups).temperature_ for model in (plain, outer)]
-    assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
 def test_a_stated_share_of_known_recordings_of_new_units_is_called_unknown():
