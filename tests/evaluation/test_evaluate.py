@@ -395,9 +395,7 @@ def test_several_costs_that_differ_are_refused():
     X, y, _ = sub_states()
     first, second = (CostSensitiveGaussianBayes(k * (1 - np.eye(4))) for k in (1, 2))
     both = VotingClassifier([("first", first), ("second", second)])
-    with pytest.raises(
-        ValueError, match=r"several costs that differ, \['first__cost', 'second__cost'\]"
-    ):
+    with pytest.raises(ValueError, match="several costs that differ"):
         evaluate(both, X, y)
 
 
