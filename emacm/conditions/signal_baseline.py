@@ -73,10 +73,12 @@ def mean_sections(
             counts[grid] += 1
             visited[grid] = True
         visits += visited
-    known = (visits > 0) & (visits >= reached * len(recordings))
+    known = np.flatnonzero((visits > 0) & (visits >= reached * len(recordings)))
+    parts = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
     return tuple(
-        GridSignals(first + low, total[:, low:high] / counts[low:high])
-        for low, high in _runs(known)
+        GridSignals(first + int(part[0]), total[:, part] / counts[part])
+        for part in parts
+        if len(part)
     )
 
 
@@ -242,11 +244,6 @@ class ResidualRecording(AngleRecording):
 
     baseline: AngleBaseline = field(kw_only=True)
 
-    @classmethod
-    def of(cls, recording: AngleRecording, baseline: AngleBaseline) -> ResidualRecording:
-        """Return the residual of a recording that was resampled with the same theta_s."""
-        return cls(**recording.__getstate__(), baseline=baseline)
-
     @property
     def strokes(self) -> tuple[AngleStroke, ...]:
         """The strokes, or sections of them, that have a baseline, in order of time."""
@@ -284,12 +281,6 @@ def _on_grid(path: ShaftPath, theta_s: float) -> tuple[ShaftPath, int, int]:
     travel = cast(StrokeTravel, path.travel)
     moved = travel.starting_at(path.start_angle - sign * ahead)
     return replace(path, travel=moved, start_angle=moved.start_angle), first, 1
-
-
-def _runs(known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and last + 1 of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
-    return [(int(low), int(high)) for low, high in edges.reshape(-1, 2)]
 
 
 class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -438,7 +429,7 @@ class SignalBaseline(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_rates(rows, self._rates)
         found = known_conditions(rows, self.condition, self.conditions_)
         return [
-            ResidualRecording.of(row, self.baselines_[condition])
+            ResidualRecording(**row.__getstate__(), baseline=self.baselines_[condition])
             for row, condition in zip(rows, found, strict=True)
         ]
 

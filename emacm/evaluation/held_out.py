@@ -373,7 +373,9 @@ def _decide(
         if scheme.may_refuse:  # what is held out is not like the training, by design
             warnings.filterwarnings("ignore", r"(?s)recording \d+.* training")
         try:
-            model = _fitted(estimator, X, y, groups, fold)
+            model = narrowed(clone(estimator), np.unique(y[fold.train]), np.unique(y))
+            options = groups_options(model, None if groups is None else groups[fold.train])
+            model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
             # The steps before the last are computed once for all results.
             final, held_out = before_the_last_step(model, chosen_rows(X, fold.test))
             decisions = np.reshape(final.predict(held_out), len(fold.test))
@@ -394,12 +396,6 @@ def _decide(
         return table, posterior
 
 
-def _fitted(estimator: Any, X: Any, y: NDArray[Any], groups: Any, fold: Fold) -> Any:
-    model = narrowed(clone(estimator), np.unique(y[fold.train]), np.unique(y))
-    options = groups_options(model, None if groups is None else groups[fold.train])
-    return model.fit(chosen_rows(X, fold.train), y[fold.train], **options)
-
-
 def read_groupings(
     X: Any, runs: Any, units: Any, conditions: Any = None
 ) -> dict[str, Grouping | None]:
@@ -410,6 +406,6 @@ def read_groupings(
 
 def training_groups(estimator: Any, groupings: Mapping[str, Grouping | None]) -> Any:
     """Return the groups of `fit`: units for a classifier for new units, otherwise runs."""
-    roles = ("units", "runs") if groups_are_units(estimator) else ("runs", "units")
-    together = groupings[roles[0]] or groupings[roles[1]]
+    runs, units = groupings["runs"], groupings["units"]
+    together = (units or runs) if groups_are_units(estimator) else (runs or units)
     return None if together is None else together.labels

@@ -51,8 +51,6 @@ class MissRateLimit:
         Rows: "given cost" and "limit". Columns: false alarm, inspection and missed detection rate
         as by `evaluate`, each with its interval from a bootstrap over units (``..._low``,
         ``..._high``), and "missed_by_unit", the mean over units that the limit applies to.
-    rate, confidence : float
-        As given.
     n_units : int
         Number of units with a fault.
     """
@@ -60,8 +58,6 @@ class MissRateLimit:
     cost: pd.DataFrame
     factor: float
     table: pd.DataFrame
-    rate: float
-    confidence: float
     n_units: int
 
 
@@ -189,7 +185,7 @@ def miss_rate_limit(
         rows[name] = bootstrap.figures(rates, units.labels)
         rows[name]["missed_by_unit"] = weight @ judged["decided_label"].isin(rule.cleared)
     table = pd.DataFrame.from_dict(rows, orient="index")
-    return MissRateLimit(limit, factor, table, rate, confidence, n_units)
+    return MissRateLimit(limit, factor, table, n_units)
 
 
 def _posteriors(
