@@ -35,6 +35,7 @@ _KINDS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (  # first bytes, what 
     (b"MDF ", "an MDF file: name it .mf4", (".mf4",)),
     (b"<!DOCTYPE", "a web page: download the file again", ()),
     (b"<html", "a web page: download the file again", ()),
+    (b"version https://git-lfs", "a pointer of Git LFS: run git lfs pull", ()),
 )
 
 
@@ -86,12 +87,11 @@ def read_columns(path: Path) -> FileColumns:
 
 def _check_file(path: Path) -> None:
     """Raise a ValueError if there is nothing in a file that could be read."""
+    size = path.stat().st_size
     if not path.is_file():
         raise ValueError("it is not a file, but a folder or a device. Name a file.")
-    if not path.stat().st_size:
+    if not size:
         raise ValueError("the file is empty (0 bytes). Record it again, or leave it out.")
-    if _start(path).startswith(b"version https://git-lfs"):
-        raise ValueError("it is a pointer of Git LFS, without the content. Run git lfs pull.")
 
 
 def _other_kind(path: Path) -> str:

@@ -190,13 +190,6 @@ def with_value(name, sample, value):
     return {name: values}
 
 
-def gone(path):
-    npz(path)
-    recording = open_recording(path, LAYOUT)
-    path.unlink()
-    return recording
-
-
 FRAME = pd.DataFrame(signals())
 
 
@@ -216,7 +209,6 @@ FAILURES = {
     "missing": ("a.npz", lambda p: None, LAYOUT, "no file"),
     "folder": ("a.npz", lambda p: p.mkdir(), LAYOUT, "a.npz"),
     "empty npz": ("a.npz", lambda p: p.write_bytes(b""), LAYOUT, "empty"),
-    "truncated npz": ("a.npz", lambda p: truncated(npz, p, 0.6), LAYOUT, "damaged"),
     "truncated wav": ("a.wav", lambda p: wav(p, cut=2000), Layout(velocity=3), "truncated"),
     "truncated row": (
         "a.csv",
@@ -252,8 +244,6 @@ FAILURES = {
         LAYOUT,
         "'bad' at sample 42",
     ),
-    "complex": ("a.npz", lambda p: npz(p, vib=np.ones(N) * 1j), LAYOUT, "'vib' must be real"),
-    "text column": ("a.npz", lambda p: npz(p, vib=np.full(N, "x")), LAYOUT, "'vib' holds texts"),
     "standing still": ("a.npz", lambda p: npz(p, speed=np.zeros(N)), LAYOUT, "never turns"),
     "jump of the shaft": (
         "a.npz",
@@ -272,12 +262,6 @@ FAILURES = {
         lambda p: np.savez(p, vib=np.ones(N), speed=SPEED),
         LAYOUT,
         "no column 'amp'",
-    ),
-    "other channels": (
-        "a.npz",
-        lambda p: np.savez(p, sound=np.ones(N), speed=SPEED),
-        Layout(**OTHER),
-        "no channel 'vib'",
     ),
     "one channel more": (
         "a.npz",
@@ -312,7 +296,6 @@ FAILURES = {
         LAYOUT,
         r"no signal, only \['vib'\]; 'text' holds texts",
     ),
-    "gone": ("a.npz", gone, None, "no file"),
 }
 
 
