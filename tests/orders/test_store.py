@@ -234,13 +234,6 @@ def test_progress_shows_recordings_done_rate_and_time_left(capfd, tmp_path, memo
     assert "<00:0" in err
 
 
-@pytest.mark.parametrize("n", [1, 2])
-@pytest.mark.parametrize("n_jobs", ["two", [2], "2", 2.5, np.inf, True])
-def test_jobs_that_are_no_whole_number_are_refused(n_jobs, n):
-    with pytest.raises(TypeError, match=r"n_jobs must be None or a whole number, got .*-1 for one"):
-        OrderPSD(4, n_jobs=n_jobs).fit_transform(over_angle(*(run(seed) for seed in range(n))))
-
-
 def test_spectra_by_direction_are_found_again(tmp_path, monkeypatch):
     times = np.arange(int(FS * 12)) / FS
     X = over_angle(run(seconds=12, velocity=50 * np.sin(times)))
