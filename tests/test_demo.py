@@ -8,12 +8,11 @@ import joblib
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from matplotlib.text import Text
 from sklearn.metrics import confusion_matrix
 
 from emacm import demo
 from emacm.__main__ import main
-from emacm.simulation import FAULT_ORDERS, simulate_fleet
+from emacm.simulation import simulate_fleet
 
 
 def parsed_decisions(text):
@@ -113,7 +112,7 @@ def test_a_missed_detection_is_the_expensive_error_and_priors_sum_to_one():
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """Run the simulated demonstration with few units; keep what it printed and drew."""
-    folder, kept = tmp_path_factory.mktemp("demo"), {"regions": [], "decided": []}
+    folder, kept = tmp_path_factory.mktemp("demo"), {"decided": []}
     sizes = iter([(3, 2), (2, 2)])
 
     def fleet(n_units, n_runs, **options):
@@ -123,20 +122,11 @@ def run(tmp_path_factory):
         kept["search"] = options
         return grid_search(*args, **options)
 
-    def panels(*args, **options):
-        kept["figure"], axes = offscreen_panels(*args, **options)
-        return kept["figure"], axes
-
-    def regions(estimator, *args, ax, **options):
-        kept["regions"].append((estimator, ax))
-        return from_estimator(estimator, *args, ax=ax, **options)
-
     def printing(truths, decisions, cost, healthy):
         kept["decided"].append((truths, decisions, cost))
         print_decisions(truths, decisions, cost, healthy)
 
-    grid_search, offscreen_panels = demo.GridSearchCV, demo.offscreen_panels
-    from_estimator = demo.DecisionRegionsDisplay.from_estimator
+    grid_search = demo.GridSearchCV
     print_decisions = demo.print_decisions
     stdout, stderr = io.StringIO(), io.StringIO()
     with (
@@ -146,8 +136,6 @@ def run(tmp_path_factory):
     ):
         patch.setattr(demo, "simulate_fleet", fleet)
         patch.setattr(demo, "GridSearchCV", search)
-        patch.setattr(demo, "offscreen_panels", panels)
-        patch.setattr(demo.DecisionRegionsDisplay, "from_estimator", regions)
         patch.setattr(demo, "print_decisions", printing)
         assert main(["demo", "--out", str(folder), "--jobs", "3"]) == 0
     unseen, truths, _ = simulate_fleet(2, 2, severity=(0.3, 0.6), seed=1, first_unit=8)
@@ -210,33 +198,5 @@ def test_probabilities_and_expected_costs_are_printed_beside_each_other(run):
 
 
 @pytest.mark.slow
-def test_the_picture_marks_the_orders_of_the_faults_and_names_the_costs_of_its_regions(run):
+def test_a_picture_is_drawn(run):
     assert imread(run["folder"] / "simulated.png").shape[1] == 6.3 * 150  # 16 cm at 150 dpi
-    assert min(t.get_fontsize() for t in run["figure"].findobj(Text) if t.get_text()) >= 8
-    spectra = run["figure"].axes[:2]
-    (order_of_screw,), (ring,) = FAULT_ORDERS["screw"], FAULT_ORDERS["inner ring"]
-    expected = {
-        "current_a": {"screw-6": 3.0645, "6+BPFI": 12.1229, "6+screw": 15.0645},
-        "accelerometer": {
-            "BPFI": 6.1229,
-            "screw": 9.0645,
-            "2xBPFI": 12.2458,
-            "2xscrew": 18.129,
-            "3xBPFI": 18.3687,
-        },
-    }
-    for (channel, orders), ax in zip(expected.items(), spectra, strict=True):
-        assert channel in ax.get_ylabel()
-        lines = [line for line in ax.lines if is_vertical(line)]
-        names = [text.get_text() for text in ax.texts]
-        marked = dict(zip(names, (line.get_xdata()[0] for line in lines), strict=True))
-        assert marked == pytest.approx(orders, abs=1e-4)
-    assert (order_of_screw, ring) == pytest.approx((9.0645, 6.1229), abs=1e-4)
-    for estimator, ax in run["regions"]:
-        cost = float(re.search(r"costs ([\d.]+)", ax.get_title()).group(1))
-        assert estimator.cost.loc["healthy", "screw"] == cost
-    assert [ax.get_title()[-4:] for _, ax in run["regions"]] == ["s 10", "1000"]
-
-
-def is_vertical(line):
-    return len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2

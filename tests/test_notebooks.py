@@ -1,25 +1,18 @@
 """The notebooks are committed with their pictures, and still run without a warning."""
 
-import base64
-import io
 import json
 from pathlib import Path
 
 import nbformat
-import numpy as np
 import pytest
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
-from PIL import Image
-
-from emacm.displays._drawing import COLOURS
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 (REAL,) = (path for path in NOTEBOOKS if path.stem == "06_a_real_actuator")
 SIMULATED = [path for path in NOTEBOOKS if path != REAL]
 NAMES = {"argvalues": NOTEBOOKS, "ids": lambda path: path.stem}
 LARGEST = 300_000  # bytes
-LARGE = 100  # pixels of a colour that is not only at edges
 
 
 def outputs(notebook):
@@ -34,23 +27,10 @@ def execute(path, folder):
     return notebook
 
 
-def class_colours(notebook, at_least):
-    """Return the colours of classes that each picture contains unchanged in so many pixels."""
-    found = []
-    for data in (output.get("data", {}) for output in outputs(notebook)):
-        if "image/png" in data:
-            with Image.open(io.BytesIO(base64.b64decode(data["image/png"]))) as picture:
-                pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
-            colours, counts = np.unique(pixels, axis=0, return_counts=True)
-            names = {"#" + bytes(colour).hex().upper() for colour in colours[counts >= at_least]}
-            found.append(names & set(COLOURS[:-2]))
-    return found
-
-
 def assert_runs_as_kept(path, folder):
     """Run a notebook: nothing on stderr, and outputs as in the repository.
 
-    Their kinds are compared, and that pictures were stored with the colours of their classes.
+    Their kinds are compared.
     """
     again, kept = execute(path, folder), nbformat.read(path, as_version=4)
     assert "".join(o.text for o in outputs(again) if o.get("name") == "stderr") == ""
@@ -60,8 +40,6 @@ def assert_runs_as_kept(path, folder):
             for c in (cell, cell_kept)
         )
         assert kinds == kinds_kept, cell.source
-    pictures = zip(class_colours(again, LARGE), class_colours(kept, 1), strict=True)
-    assert all(drawn <= stored for drawn, stored in pictures)
 
 
 def test_the_notebooks_are_numbered_as_they_are_read():

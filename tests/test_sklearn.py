@@ -1,6 +1,5 @@
 """Facts about the steps inside scikit-learn: its checks, pipelines, searches, caches."""
 
-
 import joblib
 import numpy as np
 import pandas as pd

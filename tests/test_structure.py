@@ -196,23 +196,6 @@ def test_nothing_private_of_another_package_is_imported():
     ]
 
 
-def test_no_private_attribute_of_scikit_learn_is_reached_through_a_public_module():
-    private = []
-    for module in MODULES:
-        names = [name for name in imported_anywhere(module) if name.startswith("sklearn")]
-        short = {name.rpartition(".")[2] for name in names} | {"sklearn"}
-        private += [
-            (module, ast.unparse(node))
-            for node in ast.walk(tree(module))
-            if isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name)
-            and node.value.id in short
-            and node.attr.startswith("_")
-            and not node.attr.startswith("__")
-        ]
-    assert not private
-
-
 def test_no_module_imports_a_test_tool():
     assert not [
         (module, name)

@@ -236,18 +236,29 @@ def test_a_single_reading_above_the_onset_is_none_if_several_are_required():
 # Refusals
 
 
-def test_a_coverage_that_the_units_cannot_support_is_refused():
+def falling(X):
+    return np.column_stack([X[:, 0], -X[:, 1]])
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "censored", "message"),
+    [
+        ("weibull", {"coverage": 0.95}, None, "12 units that failed cannot .* of 95%"),
+        ("weibull", {}, lambda X, groups: groups < 4, "8 units that failed cannot .* of 90%"),
+        ("weibull", {}, lambda X, groups: groups >= 0, "0 units that failed cannot"),
+        ("weibull", {"onset": 99.0}, None, r"0 units .* onset of damage \(onset=99.0\)"),
+        ("wiener", {"threshold": -39.0}, None, "threshold, .* must be above onset=-35.0"),
+        ("wiener", {"onset": None, "threshold": 40.0}, None, "does not increase .* Turn its sign"),
+        ("weibull", {}, lambda X, groups: X[:, 0] > 20, "censored is True for some .* of unit 0"),
+        ("weibull", {}, lambda X, groups: [True], "censored must hold True or False for each of"),
+    ],
+)
+def test_units_that_cannot_support_a_model_are_refused(kind, options, censored, message):
     X, y, groups, _ = followed(range(12))
-    with pytest.raises(ValueError, match="12 units that failed cannot support intervals of 95%"):
-        model("weibull", coverage=0.95).fit(X, y, groups=groups)
-    fitted = model("weibull").fit(X, y, groups=groups)
-    with pytest.raises(ValueError, match=r"it takes 19\. They support at most 92%"):
-        fitted.predict_interval(X, groups, coverage=0.95)
-    ends = groups < 4
-    with pytest.raises(ValueError, match="8 units that failed cannot support intervals of 90%"):
-        model("weibull").fit(X, y, groups=groups, censored=ends)
-    with pytest.raises(ValueError, match="0 units that failed cannot support"):
-        model("weibull").fit(X, y, groups=groups, censored=np.ones(len(X), bool))
+    ends = None if censored is None else censored(X, groups)
+    X = falling(X) if "Turn its sign" in message else X
+    with pytest.raises(ValueError, match=message):
+        model(kind, **options).fit(X, y, groups=groups, censored=ends)
 
 
 def test_readings_of_one_unit_do_not_count_as_units():
@@ -255,27 +266,6 @@ def test_readings_of_one_unit_do_not_count_as_units():
     assert len(X) > 300
     with pytest.raises(ValueError, match="3 units that failed"):
         model("weibull").fit(X, y, groups=groups)
-
-
-def test_an_onset_that_is_rarely_reached_is_refused():
-    X, y, groups, _ = followed(range(30))
-    with pytest.raises(ValueError, match=r"0 units .* onset of damage \(onset=99.0\)"):
-        model("weibull", onset=99.0).fit(X, y, groups=groups)
-
-
-def test_an_index_that_decreases_with_damage_is_refused_by_the_wiener_process():
-    X, y, groups, _ = followed(range(12))
-    falling = np.column_stack([X[:, 0], -X[:, 1]])
-    with pytest.raises(ValueError, match=r"does not increase .* Turn its sign"):
-        RemainingLife("wiener", threshold=40.0).fit(falling, y, groups=groups)
-    with pytest.raises(ValueError, match=r"its mean drift is 0 per unit of time over 12 units"):
-        RemainingLife("wiener", threshold=1.0).fit(X * [1, 0], y, groups=groups)
-
-
-def test_a_threshold_below_the_onset_is_refused():
-    X, y, groups, _ = followed(range(12))
-    with pytest.raises(ValueError, match=r"threshold, .* must be above onset=-35.0, .* got -39"):
-        model("wiener", threshold=-39.0).fit(X, y, groups=groups)
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.inf])
@@ -343,17 +333,6 @@ def test_inconsistent_tables_are_refused(change, message):
     X, y, groups = change(X, y, groups)
     with pytest.raises(ValueError, match=message):
         model("weibull").fit(X, y, groups=groups)
-
-
-def test_censored_is_the_same_for_all_readings_of_a_unit():
-    X, y, groups, _ = followed(range(12))
-    with pytest.raises(ValueError, match="censored is True for some readings of unit 0"):
-        model("weibull").fit(X, y, groups=groups, censored=X[:, 0] > 20)
-    with pytest.raises(ValueError, match="censored must hold True or False for each of"):
-        model("weibull").fit(X, y, groups=groups, censored=[True])
-
-
-# scikit-learn, decisions
 
 
 def test_a_frame_is_accepted_and_its_index_kept():

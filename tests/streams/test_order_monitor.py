@@ -557,32 +557,6 @@ def test_what_is_no_block_of_signals_is_refused(fitted, signals):
         monitor_of(model, recording).push(signals, velocity=np.full(100, 20.0))
 
 
-def test_hostile_blocks_leave_the_stream_as_it_was(fitted):
-    model, recording = fitted
-    monitor = monitor_of(model, recording, every=4.0)
-    bad = [
-        ({"force": np.zeros(3), "axial": np.full(3, np.inf)}, np.zeros(3), None),
-        ({"force": np.zeros((3, 1)), "axial": np.zeros(3)}, np.zeros(3), None),
-        ({"force": ["a"], "axial": np.zeros(1)}, np.zeros(1), None),
-        ({"force": np.zeros(3)}, np.zeros(3), None),
-        (np.zeros((2, 3)), np.full(3, 1e9), None),
-        (np.zeros((2, 3)), np.zeros(3), -5.0),
-        (np.zeros((2, 3)), np.zeros(3), np.nan),
-        (np.zeros((2, 3)), "fast", None),
-    ]
-    readings = []
-    for signals, shaft in blocks(recording, np.arange(0, 6, 0.17)):
-        readings += monitor.push(signals, **shaft)
-        for rows, velocity, time in bad:
-            with pytest.raises((TypeError, ValueError)):
-                monitor.push(rows, velocity=velocity, time=time)
-        assert monitor.push({"force": [], "axial": []}, velocity=[]) == []
-    plain = monitor_of(model, recording, every=4.0)
-    expected = readings_of(plain, recording, [3.0])
-    for found, reading in zip(readings, expected[:-1], strict=True):
-        np.testing.assert_array_equal(found.features, reading.features)
-
-
 def test_a_reading_states_what_is_outside_the_training(fitted):
     model, recording = fitted
     loud = {name: 30 * samples for name, samples in recording.signals.items()}
