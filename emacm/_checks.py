@@ -12,9 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pandas import DataFrame, Series, factorize
 
-_LONGEST = 60  # letters of a value in a message
-_BLOCK = 1 << 20  # samples looked at in one go, so that a check of a long file stays small
-
 
 @contextmanager
 def located(where: str | Callable[[], str]) -> Iterator[None]:
@@ -100,14 +97,13 @@ def within_float64() -> Iterator[None]:
 
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
-    for start in range(0, len(array), _BLOCK):
-        bad = ~np.isfinite(array[start : start + _BLOCK])
-        if bad.any():
-            index = start + int(np.argmax(bad))
-            raise ValueError(
-                f"{name} must be finite, got {array[index]} at sample {index}. "
-                f"Cut the recording before it, or repair the gap."
-            )
+    bad = ~np.isfinite(array)
+    if bad.any():
+        index = int(np.argmax(bad))
+        raise ValueError(
+            f"{name} must be finite, got {array[index]} at sample {index}. "
+            f"Cut the recording before it, or repair the gap."
+        )
 
 
 def check_signal(values: ArrayLike, name: str, *, min_length: int = 2) -> NDArray[np.floating]:
@@ -226,9 +222,7 @@ def _first_word(values: Any, array: NDArray[Any]) -> str:
         given = values if isinstance(values, list | tuple) else array
         for index, value in enumerate(given):
             if isinstance(value, bool) or not isinstance(value, Real):
-                text = repr(value)
-                text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
-                return f"{text} at sample {index}. Repair or convert it"
+                return f"{repr(value)[:60]} at sample {index}. Repair or convert it"
     if array.dtype.kind == "O" and array.ndim:
         return "objects. Convert them, as by .astype(float)"
     return repr(values) if array.ndim == 0 else f"{array.dtype} values"

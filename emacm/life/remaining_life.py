@@ -17,7 +17,6 @@ from emacm._checks import (
     check_number,
     check_real_array,
     check_table,
-    check_unmasked,
 )
 from emacm._saved import SavedEstimator
 from emacm.life.life_calibration import (
@@ -165,7 +164,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         self._check_parameters()
         options: Any = {"dtype": np.float64, "ensure_all_finite": False}
         check_table(X)
-        check_unmasked(y, "y")
         X, y = validate_data(self, X, y, y_numeric=True, ensure_min_samples=2, **options)
         y = np.asarray(y, dtype=np.float64)
         self._check_values(X)

@@ -44,7 +44,7 @@ class StreamInput(Resumable):
         Whether angles are wrapped at 2π.
     """
 
-    held = ("_measured", "_last", "_added")
+    held = ("_measured", "_last", "_turns")
 
     def __init__(
         self,
@@ -63,8 +63,8 @@ class StreamInput(Resumable):
         """Begin another recording."""
         self._measured = np.empty(0)  # the last angle
         self._last = np.empty(0)  # the same, unwrapped
-        self._added = 0.0  # the difference
-        self._next = self._measured, self._last, self._added
+        self._turns = 0  # between the two
+        self._next = self._measured, self._last, self._turns
 
     def checked(
         self, signals: Any, shaft: Any, reference: str, times: Sequence[float]
@@ -104,17 +104,13 @@ class StreamInput(Resumable):
 
     def accept(self) -> None:
         """Go on after the samples that were checked last."""
-        self._measured, self._last, self._added = self._next
+        self._measured, self._last, self._turns = self._next
 
     def _rows(self, signals: Any) -> Sequence[Any]:
         if isinstance(signals, Mapping):
-            if tuple(signals) != self._channels:
-                check_channel_names(list(signals), self._channels, "the block")
+            check_channel_names(list(signals), self._channels, "the block")
             return [signals[name] for name in self._channels]
-        if not isinstance(signals, list | tuple):
-            signals = np.asarray(signals)
-            signals = [signals] if signals.ndim < 2 else signals  # which has too few rows
-        rows = list(signals)
+        rows = list(signals) if np.iterable(signals) else []
         if len(rows) != len(self._channels):
             raise ValueError(
                 f"signals must map channels to samples, or have a row for each of the channels "
@@ -139,17 +135,13 @@ class StreamInput(Resumable):
 
     def _unwrapped(self, measured: Samples) -> Samples:
         """Return angles that go on from the last one, as `numpy.unwrap` does for all at once."""
-        angle, added = measured, self._added
+        angle, turns = measured, self._turns
         if self._wrapped and len(measured):
-            steps = np.diff(np.concatenate([self._measured, measured]))
-            turned = np.mod(steps + np.pi, 2 * np.pi) - np.pi
-            turned[(turned == -np.pi) & (steps > 0)] = np.pi
-            jumps = np.where(np.abs(steps) < np.pi, 0.0, turned - steps)
-            sums = np.cumsum(np.concatenate([[added], jumps]))
-            added = float(sums[-1])
-            angle = measured + sums[-len(measured) :]
+            angle = np.unwrap(np.concatenate([self._measured, measured]))[-len(measured) :]
+            angle = angle + 2 * np.pi * turns
+            turns = round((angle[-1] - measured[-1]) / (2 * np.pi))
         last = np.concatenate([self._last, angle])[-1:]
-        self._next = np.concatenate([self._measured, measured])[-1:], last, added
+        self._next = np.concatenate([self._measured, measured])[-1:], last, turns
         return angle
 
 
