@@ -237,21 +237,19 @@ class TrendDisplay(Display):
         stated = "" if rate is None else f" ({100 * rate:g} % false alarms)"
         for panel, unit in zip(axes, self._units, strict=True):
             own = table[table["unit"] == unit]
-            alarm = own["alarm"].to_numpy(bool)
             panel.plot(own["time"], own["index"], color="0.6", linewidth=0.9, zorder=1)
-            for chosen, colour, marker, label in (
-                (~alarm, _drawing.COLOURS[0], "o", "within the limit"),
-                (alarm, _drawing.COLOURS[1], "s", "alarm"),
+            for is_alarm, colour, marker, label in (
+                (False, _drawing.COLOURS[0], "o", "within the limit"),
+                (True, _drawing.COLOURS[1], "s", "alarm"),
             ):
                 style = {"color": colour, "marker": marker, "linestyle": "", "markersize": 4}
-                anywhere = bool((table["alarm"].to_numpy(bool) == (label == "alarm")).any())
-                text = label if panel is axes[0] and anywhere else None
-                panel.plot(own["time"][chosen], own["index"][chosen], label=text, **style)
-            limits = own["limit"].to_numpy(float)
-            if np.isfinite(limits).any():
+                text = label if (table["alarm"] == is_alarm).any() else None
+                chosen = own[own["alarm"] == is_alarm]
+                panel.plot(chosen["time"], chosen["index"], label=text, **style)
+            limits = own["limit"][np.isfinite(own["limit"].astype(float))]
+            if len(limits):
                 look = {"color": "black", "linestyle": "--", "linewidth": 1.0}
-                text = f"limit{stated}" if panel is axes[0] else None
-                panel.axhline(limits[np.isfinite(limits)][-1], label=text, **look)
+                panel.axhline(limits.iloc[-1], label=f"limit{stated}", **look)
             panel.set_ylim(bottom=0)
             panel.set_ylabel("health index" if len(axes) == 1 else f"{unit}")
         if len(axes) > 1:

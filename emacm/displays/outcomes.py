@@ -138,37 +138,29 @@ class OutcomesDisplay(Display):
             correct = correct_families(family_mapping(families, states))
         is_correct = are_correct(truths, decided, correct)
         inspected = np.array([decision not in (*correct, healthy) for decision in decided])
-        truths, decided = ([label_of(v, correct) for v in side] for side in (truths, decided))
         is_healthy, called_healthy = (
-            np.array([v == healthy for v in side]) for side in (truths, decided)
+            np.array([label_of(value, correct) == healthy for value in side])
+            for side in (truths, decided)
         )
         if not (is_healthy.any() or called_healthy.any()):
-            raise ValueError(
-                f"healthy = {healthy!r} is neither in y_true nor in y_pred, which hold "
-                f"{sorted(set(map(str, truths)))} and {sorted(set(map(str, decided)))}."
-            )
+            raise ValueError(f"healthy = {healthy!r} is neither in y_true nor in y_pred.")
         if set(correct) == {healthy} and not called_healthy.all():
             raise ValueError(
-                f"all recordings are {healthy!r}, so it is not known which decisions among "
-                f"{sorted(set(map(str, decided)))} are faults. Give classes, such as "
-                f"model.classes_."
+                f"all recordings are {healthy!r}, so it is not known which decisions are faults. "
+                f"Give classes, such as model.classes_."
             )
         outcome = np.select(
             [is_correct, inspected, is_healthy, called_healthy],
             ["correct", "inspection", "false alarm", "missed detection"],
             "wrong fault",
         )
-        keys = {"signal": signals, "condition": conditions}
-        index = [
-            pd.Index(_tables.check_labels(values, len(truths), f"{name}s"), name=name)
-            for name, values in keys.items()
-            if values is not None
-        ] or [pd.Index(np.full(len(truths), _ALL))]
+        if conditions is None:
+            conditions = np.full(len(truths), _ALL)
+        keys = {} if signals is None else {"signal": signals}
+        keys["condition"] = conditions
+        index = [_tables.check_labels(own, len(truths), f"{name}s") for name, own in keys.items()]
         rows = pd.DataFrame({name: outcome == name for name in OUTCOMES}).astype(int)
-        counts = rows.groupby(index, sort=False).sum()
-        if signals is not None and conditions is None:
-            counts.index = pd.MultiIndex.from_product([counts.index, [_ALL]])
-        return cls(counts).plot(ax=ax)
+        return cls(rows.groupby(index, sort=False).sum().rename_axis(list(keys))).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the outcomes in per cent, one row per bar, and the sum ``n`` of its counts."""

@@ -221,13 +221,12 @@ class FeatureDensityDisplay(PlaneDisplay):
     def frame(self) -> pd.DataFrame:
         """Return mean, standard deviation and correlation of the features, one row per class."""
         deviations = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        table = pd.DataFrame(index=pd.Index(self.classes, name="class"))
+        table[[f"mean of {name}" for name in self.names]] = self.means
+        table[[f"deviation of {name}" for name in self.names]] = deviations
         with np.errstate(divide="ignore", invalid="ignore"):
-            correlation = self.covariances[:, 0, 1] / deviations.prod(axis=1)
-        table = {f"mean of {name}": self.means[:, i] for i, name in enumerate(self.names)}
-        table |= {f"deviation of {name}": deviations[:, i] for i, name in enumerate(self.names)}
-        return pd.DataFrame(
-            {**table, "correlation": correlation}, index=pd.Index(self.classes, name="class")
-        )
+            table["correlation"] = self.covariances[:, 0, 1] / deviations.prod(axis=1)
+        return table
 
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.8)

@@ -77,12 +77,11 @@ class RecordingDisplay(Display):
                 f"times and signals must name the same channels, and at least one; got "
                 f"{list(self.times)} and {list(self.signals)}."
             )
-        check = _tables.check_values
-        self.signals = {k: check(v, f"channel {k!r}", (None,)) for k, v in self.signals.items()}
-        self.times = {
-            name: check(values, f"times of channel {name!r}", self.signals[name].shape)
-            for name, values in self.times.items()
-        }
+        check, self.times, self.signals = _tables.check_values, dict(self.times), dict(self.signals)
+        for name in self.signals:
+            self.signals[name] = check(self.signals[name], f"channel {name!r}", (None,))
+            shape = self.signals[name].shape
+            self.times[name] = check(self.times[name], f"times of channel {name!r}", shape)
         self.speed = check(self.speed, "speed", (None,))
         self.shaft_times = check(self.shaft_times, "shaft_times", self.speed.shape)
         self.units, self.envelopes = self.units or {}, self.envelopes or {}

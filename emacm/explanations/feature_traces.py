@@ -6,7 +6,7 @@ of the outputs are observed. This works for any transformer, including user-defi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,8 +97,7 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
     for name, step in steps:
         if step is None or isinstance(step, str):
             continue
-        with np.errstate(all="ignore"):
-            after = apply_step(step, row)
+        after = apply_step(step, row)
         if not np.isfinite(after).all():
             raise ValueError(
                 f"step {name!r} ({type(step).__name__}) gives a value that is not finite, such as "
@@ -118,7 +117,8 @@ def trace_features(steps: Sequence[tuple[str, Any]], table: Array) -> FeatureTra
 
 def apply_step(step: Any, values: Array) -> Array:
     """Transform an array, with the column names that the step was fitted on."""
-    return np.asarray(step.transform(with_names(step, values)), dtype=np.float64)
+    with np.errstate(all="ignore"):
+        return np.asarray(step.transform(with_names(step, values)), dtype=np.float64)
 
 
 def with_names(estimator: Any, values: Array) -> Any:
@@ -131,28 +131,16 @@ def _own_sources(step: Any, row: Array) -> NDArray[np.intp] | None:
     """Return the one column that each output depends on; None if columns are mixed."""
     if hasattr(step, "get_support"):  # scikit-learn's selectors
         return np.flatnonzero(step.get_support())
-    sources: NDArray[np.intp] | None = None
     # One per cent more leaves a positive value positive, so that its logarithm exists.
-    changes = np.where(row[0] == 0, 1e-3, 0.01 * row[0])
-    for changed, responses, size in _responses(step, row, changes):
-        if not np.isfinite(responses).all():
-            return None
-        strength = np.abs(responses)
-        limit = 1e-9 * strength.max(axis=1, keepdims=True) + 1e-13 * size
-        responds = strength > limit
-        if sources is None:
-            sources = np.full(responds.shape[1], -1)
-        outputs = responds.any(axis=0)
-        if (responds.sum(axis=0) > 1).any() or (sources[outputs] >= 0).any():
-            return None
-        sources[outputs] = changed.start + responds.argmax(axis=0)[outputs]
-    if sources is None:
+    responses, size = _responses(step, row, np.where(row[0] == 0, 1e-3, 0.01 * row[0]))
+    strength = np.abs(responses)
+    responds = strength > 1e-9 * strength.max(axis=1, keepdims=True) + 1e-13 * size
+    if not np.isfinite(responses).all() or (responds.sum(axis=0) > 1).any():
         return None
-    constant = np.flatnonzero(sources < 0)  # for example at the floor of a logarithm
-    if len(constant) and len(sources) != row.shape[1]:
+    constant = ~responds.any(axis=0)  # for example at the floor of a logarithm
+    if constant.any() and len(constant) != row.shape[1]:
         return None
-    sources[constant] = constant
-    return sources
+    return np.where(constant, np.arange(len(constant)), responds.argmax(axis=0))
 
 
 def _linear_part(name: str, step: Any, row: Array) -> Array:
@@ -161,12 +149,10 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     scale = np.sqrt(np.mean(row**2)) or 1.0
     away = scale * np.random.default_rng(0).uniform(-2, 2, (3, n_columns))
     try:
-        found = [change for _, change, _ in _responses(step, row, np.full(n_columns, scale))]
-        with np.errstate(all="ignore"):
-            measured = apply_step(step, row + away) - apply_step(step, row)
+        matrix = _responses(step, row, np.full(n_columns, scale))[0].T / scale
+        measured = apply_step(step, row + away) - apply_step(step, row)
     except ValueError as error:
         raise _untraceable(name, step) from error
-    matrix = np.concatenate(found).T / scale
     predicted = away @ matrix.T
     deviation = np.abs(measured - predicted).max(initial=0.0)
     if not deviation <= 1e-6 * np.abs(predicted).max(initial=0.0):
@@ -174,23 +160,13 @@ def _linear_part(name: str, step: Any, row: Array) -> Array:
     return matrix
 
 
-def _responses(
-    step: Any, row: Array, changes: Array, n_block: int = 256
-) -> Iterator[tuple[slice, Array, Array]]:
-    """Change one column at a time; yield the changes of the outputs, for blocks of columns.
+def _responses(step: Any, row: Array, changes: Array) -> tuple[Array, Array]:
+    """Change one column at a time; return the changes and the magnitudes of the outputs.
 
-    Each block is (columns changed, changes of the outputs of shape (n_changed, n_outputs),
-    magnitude of the outputs). Blocks limit the memory for thousands of columns.
+    The changes have the shape (n_columns, n_outputs).
     """
-    n_columns = row.shape[1]
-    with np.errstate(all="ignore"):
-        before = apply_step(step, row)
-        for start in range(0, n_columns, n_block):
-            block = slice(start, min(start + n_block, n_columns))
-            rows = np.repeat(row, block.stop - start, axis=0)
-            rows[np.arange(len(rows)), np.arange(start, block.stop)] += changes[block]
-            after = apply_step(step, rows)
-            yield block, after - before, np.abs(before) + np.abs(after).max(axis=0)
+    before, after = apply_step(step, row), apply_step(step, row + np.diag(changes))
+    return after - before, np.abs(before) + np.abs(after).max(axis=0)
 
 
 def _untraceable(name: str, step: Any) -> ValueError:
