@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,9 @@ from emacm.displays._drawing import (
     ORDER_LABEL,
     SMALL,
     STOP_BAND,
+    colour_of,
     label_x,
+    line_style,
     mark_orders,
     panel_axes,
     tint,
@@ -111,29 +113,39 @@ def _name_bins(panel: Any, names: Sequence[str]) -> None:
     panel.set_xticks(np.arange(len(names))[::step], shown, rotation=rotation, fontsize=SMALL)
 
 
+class Group(NamedTuple):
+    """Values in bins, with the number of their state, see `colour_of`."""
+
+    label: str | None
+    number: int
+    places: NDArray[np.floating]
+    heights: NDArray[np.floating]
+
+
+def draw_groups(ax: Any, groups: Sequence[Group], bottom: float = 0.0) -> None:
+    """Draw one group as bars from `bottom`, several as a stepped line each."""
+    for label, number, places, values in groups:
+        name = None if label is None else wrapped(label)
+        if len(groups) == 1:
+            style = bar_style(colour_of(number))
+            draw_bars(ax, places, values, bottom=bottom, label=name, **style)
+        else:
+            _draw_steps(ax, places, values, label=name, **line_style(number))
+
+
 def draw_bars(
-    ax: Any,
-    places: NDArray[np.floating],
-    values: NDArray[np.floating],
-    *,
-    bottom: float = 0.0,
-    **style: Any,
+    ax: Any, places: NDArray[Any], values: NDArray[Any], *, bottom: float = 0.0, **style: Any
 ) -> None:
     """Draw a bar from `bottom` to each value, between the edges of its bin."""
     widths = places[:, 1] - places[:, 0]
     ax.bar(places[:, 0], values - bottom, widths, bottom=bottom, align="edge", **style)
 
 
-def draw_steps(
-    ax: Any, places: NDArray[np.floating], values: NDArray[np.floating], **style: Any
-) -> None:
+def _draw_steps(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: Any) -> None:
     """Draw a line at each value from edge to edge, connected where bins are adjacent."""
-    x: list[float] = []
-    y: list[float] = []
-    for i, ((low, high), value) in enumerate(zip(places, values, strict=True)):
-        if i and low != places[i - 1, 1]:
-            x, y = [*x, low], [*y, np.nan]
-        x, y = [*x, low, high], [*y, value, value]
+    gaps = 2 * np.flatnonzero(places[1:, 0] != places[:-1, 1]) + 2
+    x = np.insert(places.ravel(), gaps, places.ravel()[gaps])
+    y = np.insert(np.repeat(values, 2), gaps, np.nan)
     ax.plot(x, y, linewidth=1.3, solid_joinstyle="miter", **style)
 
 

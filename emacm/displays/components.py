@@ -203,25 +203,20 @@ class LoadingsDisplay(Display):
         axes = _bars.bin_panels(ax, blocks[:1], n_rows=len(self.loadings))
         for panel, weights, title in zip(axes, self.loadings, self.titles, strict=True):
             panel.axhline(0, color="0.3", linewidth=0.6)
-            _draw_weights(panel, blocks, weights)
+            groups = [
+                _bars.Group(block.channel, number, _bars.bin_places(block), weights[block.columns])
+                for number, block in enumerate(blocks, 1)
+            ]
+            if len(groups) == 1:
+                groups = [groups[0]._replace(label=None, number=2)]  # the colour of no state
+            _bars.draw_groups(panel, groups)
+            if _bars.has_order_axis(blocks[0]):
+                edges = np.concatenate([group.places for group in groups])
+                panel.set_xlim(edges.min(), edges.max())
             unbroken = title.replace(" ", "\u00a0")
             _drawing.label_y(panel, f"weight in {unbroken}", "1")
         _drawing.legend_above(axes[0])
         return axes
-
-
-def _draw_weights(panel: Any, blocks: Sequence[BinBlock], weights: Any) -> None:
-    if len(blocks) == 1:
-        (block,) = blocks
-        style = bar_style(_drawing.PLAIN)
-        _bars.draw_bars(panel, _bars.bin_places(block), weights[block.columns], **style)
-        return
-    for number, block in enumerate(blocks, 1):
-        style = {**_drawing.line_style(number), "label": _drawing.wrapped(block.channel)}
-        _bars.draw_steps(panel, _bars.bin_places(block), weights[block.columns], **style)
-    if _bars.has_order_axis(blocks[0]):
-        edges = np.concatenate([_bars.bin_places(block) for block in blocks])
-        panel.set_xlim(edges.min(), edges.max())
 
 
 def _joined(blocks: Sequence[BinBlock]) -> BinBlock:

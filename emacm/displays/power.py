@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_choice
 from emacm.displays import _bars, _drawing, _tables
-from emacm.displays._bars import bar_style
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
 from emacm.orders.columns import BinBlock, column_names, parse_order_columns
@@ -390,22 +389,18 @@ class OrderBinsDisplay(PowerDisplay):
         return axes
 
     def _draw_block(self, panel: Any, block: BinBlock) -> None:
-        places = _bars.bin_places(block)
         numbers = _drawing.state_numbers(self.powers, self.healthy)
-        groups = {label: self._scaled(self.powers[label][block.columns]) for label in numbers}
-        if len(groups) > 1:
-            for label, values in groups.items():
-                style = _drawing.line_style(numbers[label])
-                _bars.draw_steps(panel, places, values, label=_drawing.wrapped(label), **style)
-            return
-        ((label, values),) = groups.items()
-        style = {**bar_style(_drawing.colour_of(numbers[label])), "label": _drawing.wrapped(label)}
-        known = values[np.isfinite(values)]
-        if self.scale == "linear" or not len(known):
-            _bars.draw_bars(panel, places, values, **style)
+        places = _bars.bin_places(block)
+        groups = [
+            _bars.Group(label, number, places, self._scaled(self.powers[label][block.columns]))
+            for label, number in numbers.items()
+        ]
+        known = groups[0].heights[np.isfinite(groups[0].heights)]
+        if len(groups) > 1 or self.scale == "linear" or not len(known):
+            _bars.draw_groups(panel, groups)
             return
         # Decibel bars have no natural zero; start below the minimum.
         margin = max(1.0, 0.08 * float(np.ptp(known)))
         bottom = float(known.min()) - margin
-        _bars.draw_bars(panel, places, values, bottom=bottom, **style)
+        _bars.draw_groups(panel, groups, bottom)
         panel.set_ylim(bottom, known.max() + margin)

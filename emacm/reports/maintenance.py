@@ -139,7 +139,7 @@ def maintenance_report(
     units = None if unit is None else read_meta(entries, unit, role="unit", arrays=True)
     times = None if time is None else read_meta(entries, time, role="time", arrays=True)
     names = [str(getattr(entry, "path", f"recording {n}")) for n, entry in enumerate(entries)]
-    sources = [partial(_itself, entry) for entry in entries]
+    sources = [partial(entries.__getitem__, n) for n in range(len(entries))]
     counter = time if isinstance(time, str) else ""
     return reports.write(reports.pages(sources, names, history, units, times, counter))
 
@@ -320,7 +320,3 @@ def file_stems(names: Sequence[str]) -> list[str]:
         counts[stem] += 1
         unique.append(stem if counts[stem] == 1 else f"{stem}_{counts[stem]}")
     return [stem.replace(" ", "_") for stem in unique]
-
-
-def _itself(entry: Callable[[], Any]) -> Any:
-    return entry
