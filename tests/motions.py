@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from emacm.shaft.motion import strokes_of
 from emacm.shaft.paths import paths_along
-from emacm.shaft.strokes import strokes_of
 
 TURN = 2 * np.pi
 FS = 10_000.0

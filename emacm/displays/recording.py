@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.recordings.recording import Recording
-from emacm.shaft.strokes import find_strokes
+from emacm.shaft.motion import find_strokes
 
 # Direction of a stroke: label, grey and hatch of its background.
 _STROKES = {1: ("forward stroke", "0.93", ""), -1: ("reverse stroke", "0.85", "....")}

@@ -38,11 +38,13 @@ from emacm.shaft.motion import (
     Jump,
     LazySeries,
     Series,
+    Stroke,
     largest_jump,
+    longest_gap,
     sources,
+    strokes_of,
 )
 from emacm.shaft.paths import ShaftPath, paths_along
-from emacm.shaft.strokes import Stroke, longest_gap, strokes_of
 
 CONTENT = ("_fs", "_meta", "_series", "_shaft", "_units", "reference", "shaft_fs")
 
@@ -288,7 +290,7 @@ class Recording:
         Returns
         -------
         list of Stroke
-            As `emacm.shaft.strokes.find_strokes` finds them; searched for once.
+            As `emacm.shaft.motion.find_strokes` finds them; searched for once.
 
         Raises
         ------

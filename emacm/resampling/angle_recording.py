@@ -249,6 +249,18 @@ class AngleStroke:
         return parent.kept.blocks(key, 8 * len(rows) * path.count(parent.theta_s), stream)
 
 
+def jump_warning(recording: Recording) -> tuple[float, str]:
+    """Return the size of the largest isolated jump of the shaft [rad], and a description."""
+    jump = recording.jump
+    if jump is None:
+        return 0.0, ""
+    return jump.angle, (
+        f"the shaft's {recording.reference} jumps by {jump.angle:.3g} rad at sample {jump.sample} "
+        f"({jump.sample / recording.shaft_fs:.6g} s), faster than a shaft can move: an encoder "
+        f"that slips, or a spike. Repair it, or cut the recording there"
+    )
+
+
 def _align_streams(
     streams: Sequence[Iterator[NDArray[np.floating]]], places: Sequence[Sequence[int]]
 ) -> Iterator[NDArray[np.floating]]:

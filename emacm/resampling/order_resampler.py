@@ -30,16 +30,16 @@ from emacm.recordings.inputs import (
     received,
 )
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording
-from emacm.resampling.quality import Quality, jump_warning, recording_quality
+from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
+from emacm.resampling.quality import Quality, recording_quality
 from emacm.resampling.training_range import (
     Statement,
     outside_range,
     training_range,
     training_units,
 )
+from emacm.shaft.motion import Stroke, longest_gap
 from emacm.shaft.paths import DIRECTIONS, ShaftPath
-from emacm.shaft.strokes import Stroke, longest_gap
 
 
 def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:

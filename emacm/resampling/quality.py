@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from emacm.recordings.recording import Recording
+from emacm.resampling.angle_recording import jump_warning
 from emacm.resampling.fine_grid import DESIGN
 from emacm.shaft.motion import LazySeries, Series, blocks
 from emacm.shaft.paths import ShaftPath
@@ -173,18 +174,6 @@ def _speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
     if low <= 0 <= high:
         return float(np.abs(velocity).min()), max(-low, high)
     return (low, high) if low > 0 else (-high, -low)
-
-
-def jump_warning(recording: Recording) -> tuple[float, str]:
-    """Return the size of the largest isolated jump of the shaft [rad], and a description."""
-    jump = recording.jump
-    if jump is None:
-        return 0.0, ""
-    return jump.angle, (
-        f"the shaft's {recording.reference} jumps by {jump.angle:.3g} rad at sample {jump.sample} "
-        f"({jump.sample / recording.shaft_fs:.6g} s), faster than a shaft can move: an encoder "
-        f"that slips, or a spike. Repair it, or cut the recording there"
-    )
 
 
 def _findings(

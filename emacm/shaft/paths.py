@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from emacm._checks import check_choice
 from emacm.shaft.motion import (
     GearedTravel,
     IntegratedAngle,
@@ -24,25 +26,7 @@ DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 _WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
 
-class _remembered:
-    """A property that is computed once.
-
-    It takes no lock, unlike `functools.cached_property` of Python 3.11, on whose lock a process
-    that was forked at the wrong moment waits for ever. Two threads may both compute the value.
-    """
-
-    def __init__(self, compute: Callable[[Any], Any]) -> None:
-        self.__doc__ = compute.__doc__
-        self._compute = compute
-        self._name = compute.__name__
-
-    def __get__(self, instance: Any, owner: Any = None) -> Any:
-        if instance is None:
-            return self
-        return instance.__dict__.setdefault(self._name, self._compute(instance))
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ShaftPath:
     """Travel of the shaft over time: the angle covered since the start of the path.
 
@@ -68,36 +52,24 @@ class ShaftPath:
 
     def __post_init__(self) -> None:
         """Take over what the travel knows of itself, in place of properties that read it."""
-        self.__dict__.update(getattr(self.travel, "known", {}))
+        vars(self).update(getattr(self.travel, "known", {}))
 
-    def __eq__(self, other: object) -> bool:
-        """Two paths are equal if travel, rate, start and direction are."""
-        if not isinstance(other, ShaftPath):
-            return NotImplemented
-        mine = (self.fs, self.start_time, self.start_angle, self.direction)
-        theirs = (other.fs, other.start_time, other.start_angle, other.direction)
-        return mine == theirs and np.array_equal(np.asarray(self.travel), np.asarray(other.travel))
-
-    def __hash__(self) -> int:
-        """Agree for equal paths."""
-        return hash((self.fs, self.start_time, self.start_angle, self.direction))
-
-    @_remembered
+    @cached_property
     def n_times(self) -> int:
         """Return the number of samples of `travel`."""
         return len(self.travel)
 
-    @_remembered
+    @cached_property
     def length(self) -> float:
         """Angle from start to end [rad]."""
         return float(self.travel[self.n_times - 1])
 
-    @_remembered
+    @cached_property
     def fastest(self) -> float:
         """Highest speed along the path, or a little more [rad/s]."""
         return self._extremes[0] * self.fs
 
-    @_remembered
+    @cached_property
     def max_reversal(self) -> float:
         """Largest angle by which the shaft reverses on its way [rad]; 0 if it never does."""
         return self._extremes[2]
@@ -113,7 +85,7 @@ class ShaftPath:
         """Return the largest angle between two samples [rad], and the number of the first."""
         return self._extremes[:2]
 
-    @_remembered
+    @cached_property
     def _extremes(self) -> tuple[float, int, float]:
         """Largest step [rad], number of its first sample, and largest reversal [rad]."""
         largest, place, farthest, reversal = -1.0, 0, 0.0, 0.0
@@ -254,8 +226,7 @@ def paths_along(
     ValueError
         If `direction` is none of the four.
     """
-    if direction not in DIRECTIONS:
-        raise ValueError(f"direction must be one of {str(DIRECTIONS)[1:-1]}; got {direction!r}.")
+    check_choice(direction, "direction", DIRECTIONS)
     if direction == "travel":
         paths = _joined_path(angle, fs, strokes)
     else:

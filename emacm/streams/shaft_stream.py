@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emacm import _kernels
-from emacm.shaft.motion import DifferentiatedVelocity, LazySeries, Stroke, StrokeTravel
+from emacm.shaft.motion import (
+    DifferentiatedVelocity,
+    LazySeries,
+    Stroke,
+    StrokeTravel,
+    extend_strokes,
+    longest_gap,
+)
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import extend_strokes, longest_gap
 from emacm.streams.packed_state import Resumable
 
 

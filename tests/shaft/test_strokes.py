@@ -13,9 +13,8 @@ from motions import stroke_paths
 
 from emacm import Recording
 from emacm.shaft.angle import angle_from_velocity
-from emacm.shaft.motion import IntegratedAngle
+from emacm.shaft.motion import IntegratedAngle, extend_strokes, find_strokes, strokes_of
 from emacm.shaft.paths import ShaftPath
-from emacm.shaft.strokes import extend_strokes, find_strokes, strokes_of
 
 FS = 1000.0
 TURN = 2 * np.pi
