@@ -104,15 +104,17 @@ def whiten(
     spectrum = fft.rfft(signal - signal.mean(), n_fft)
     frequencies = np.arange(len(spectrum)) * (fs / n_fft)
     kept = int(np.searchsorted(frequencies, highest)) + 1
-    axis, background = _background(signal, fs, highest, smoothing, settings)
-    level = np.interp(frequencies[:kept], axis, background)
+    # The background is the power between the lines, over frequency.
+    n_frame = min(n_times, int(settings.background_frame * fs)) // 2 * 2
+    mean = _powers(signal, n_frame, np.zeros(1), fs, highest)[0][:, 0].mean(axis=0)
+    size = 2 * max(4, round(smoothing * n_frame / fs)) + 1
+    background = ndimage.median_filter(mean, size, mode="nearest")
+    level = np.interp(frequencies[:kept], np.arange(len(mean)) * (fs / n_frame), background)
     flat = spectrum[:kept] / np.sqrt(np.maximum(level, 1e-300))
     mains = _mains_lines(flat, fs / n_fft, n_times / fs, settings)
     for line in mains:
-        near = (
-            np.abs(frequencies[:kept] - line) < settings.mains_tolerance * line + 2 * fs / n_times
-        )
-        flat[near] = 0
+        reach = settings.mains_tolerance * line + 2 * fs / n_times
+        flat[np.abs(frequencies[:kept] - line) < reach] = 0
     n_reduced = fft.next_fast_len(min(4 * kept, n_fft), real=True)
     padded = np.zeros(n_reduced // 2 + 1, complex)
     padded[: min(kept, len(padded))] = flat[: len(padded)]
@@ -177,12 +179,15 @@ def measure(
     # The skirts of a strong line are no lines.
     skirts = powers < settings.skirt * ndimage.maximum_filter1d(powers, 13, axis=-1)
     powers[skirts] = np.minimum(powers[skirts], 1.0)
-    rank = _rank_of(powers, usable, settings)
-    scores = [_scores_by_rank(*rank, *shape) for shape in settings.lines]
-    for score in scores:
-        score[..., ~usable] = 0
+    places, ranks = _rank_of(powers, usable, settings)
     grid = np.arange(speeds[0], speeds[1] + 1e-9, settings.speed_step * spacing / top_order)
-    rows = [np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T) for score in scores]
+    rows = []
+    for present, shape in settings.lines:
+        # Log likelihood ratios of "line of the shaft" to "any bin".
+        table = np.log(1 - present + present * shape * ranks ** (shape - 1))
+        score = table.astype(np.float32)[places]
+        score[..., ~usable] = 0
+        rows.append(np.ascontiguousarray(score.reshape(-1, score.shape[-1]).T))
     if orders is None:
         found = _sum_over_first_orders(rows[0], rows[1], grid / spacing, counts, settings)
     else:
@@ -195,18 +200,6 @@ def measure(
     return Evidence(times, grid, likely, rates[chosen], duration, hop, float(rates[-1]))
 
 
-def _background(
-    signal: Array, fs: float, highest: float, smoothing: float, settings: SpeedSearchSettings
-) -> tuple[Array, Array]:
-    """Return frequencies and the power between the lines of a signal."""
-    n_frame = min(len(signal), int(settings.background_frame * fs)) // 2 * 2
-    powers, _ = _powers(signal, n_frame, np.zeros(1), fs, highest)
-    mean = powers[:, 0].mean(axis=0)
-    spacing = fs / n_frame
-    size = 2 * max(4, round(smoothing / spacing)) + 1
-    return np.arange(len(mean)) * spacing, ndimage.median_filter(mean, size, mode="nearest")
-
-
 def _mains_lines(
     flat: NDArray[np.complex128], spacing: float, length: float, settings: SpeedSearchSettings
 ) -> Array:
@@ -216,20 +209,21 @@ def _mains_lines(
     or a bearing lie near some multiples of the other one by chance.
     """
     power = np.abs(flat) ** 2
-    found: dict[float, list[float]] = {}
-    strongest = dict.fromkeys(settings.mains, 0.0)
+    found: Array = np.empty(0)
+    most = 0.0
     for mains in settings.mains:
-        for line in mains * np.arange(1, int(len(flat) * spacing / mains) + 1):
+        lines = mains * np.arange(1, int(len(flat) * spacing / mains) + 1)
+        heights = np.zeros(len(lines))
+        for number, line in enumerate(lines):
             reach = settings.mains_tolerance * line + 1.5 / length
             low, high = (round((line + side * reach) / spacing) for side in (-1, 1))
             wide = slice(max(0, low - 5 * (high - low + 4)), high + 5 * (high - low + 4))
             height = power[low : high + 1].max(initial=0) / max(np.median(power[wide]), 1e-300)
-            if height > settings.mains_line:
-                found.setdefault(mains, []).append(line)
-                if line <= 2 * mains:
-                    strongest[mains] = max(strongest[mains], height)
-    supply = max(strongest, key=lambda mains: strongest[mains])
-    return np.array(found[supply] if strongest[supply] else [])
+            heights[number] = height if height > settings.mains_line else 0.0
+        strongest = heights[:2].max(initial=0)
+        if strongest > most:
+            most, found = strongest, lines[heights > 0]
+    return found
 
 
 def _powers(
@@ -276,23 +270,13 @@ def _rank_of(
     knots = np.quantile(pool, 1 - ranks)
     # By table, over the logarithm of the power: much faster than interpolation.
     logs = np.linspace(np.log(max(knots[0], 1e-9)), np.log(max(knots[-1], 2e-9)), settings.n_table)
+    per_log = np.float32((settings.n_table - 1) / (logs[-1] - logs[0]))
     place = np.log(np.maximum(powers, 1e-30).astype(np.float32))
-    place = (place - np.float32(logs[0])) * np.float32(
-        (settings.n_table - 1) / (logs[-1] - logs[0])
-    )
+    place = (place - np.float32(logs[0])) * per_log
     places = np.clip(place, 0, settings.n_table - 1).astype(np.intp)
     levels = np.exp(logs)
     levels[-1] = max(knots[-1], 2e-9)  # not below it by rounding, as many knots may be equal
     return places, np.exp(np.interp(levels, knots, np.log(ranks)))
-
-
-def _scores_by_rank(
-    places: NDArray[np.intp], ranks: Array, present: float, shape: float
-) -> NDArray[np.float32]:
-    """Return log likelihood ratios of "line of the shaft" to "any bin"."""
-    table = np.log(1 - present + present * shape * ranks ** (shape - 1))
-    found: NDArray[np.float32] = table.astype(np.float32)[places]
-    return found
 
 
 def _sum_over_first_orders(
@@ -308,8 +292,8 @@ def _sum_over_first_orders(
     between = np.zeros_like(found)
     for fraction in settings.fractions:
         lattice = np.arange(counts[-1]) + fraction
-        np.maximum(
-            between, _on_lattice(others, others, places, lattice, counts, settings), out=between
+        between = np.maximum(
+            between, _on_lattice(others, others, places, lattice, counts, settings)
         )
     return found - between - np.float32(np.log(len(counts)))
 

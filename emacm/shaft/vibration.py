@@ -12,12 +12,7 @@ from scipy import fft, ndimage
 
 from emacm._checks import check_number, check_signal
 from emacm.shaft.phase_refinement import Course, refined_speed
-from emacm.shaft.speed_evidence import (
-    Evidence,
-    Whitened,
-    measure,
-    whiten,
-)
+from emacm.shaft.speed_evidence import Evidence, Whitened, measure, whiten
 from emacm.shaft.speed_settings import DEFAULT_SETTINGS, SpeedSearchSettings
 
 Array = NDArray[np.floating]
@@ -166,26 +161,20 @@ def angle_from_vibration(
     """
     samples = check_signal(signal, "signal", min_length=64).astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
-    limits = _checked_speeds(speeds, fs)
-    chosen = None if orders is None else _checked_orders(orders)
-    longest = len(samples) / fs
-    shortest = settings.cycles / (limits[0] * (1.0 if chosen is None else _smallest_gap(chosen)))
-    if longest < shortest:
+    search = _Search(samples, fs, _checked_speeds(speeds, fs), _checked_orders(orders), settings)
+    if search.longest < search.shortest:
         raise ValueError(
-            f"signal lasts {longest:.3g} s, but {shortest:.3g} s are needed to separate the orders "
-            f"at the lowest speed of {limits[0] * 2 * np.pi:.4g} rad/s. Raise the lowest speed, or "
-            f"give a longer signal."
+            f"signal lasts {search.longest:.3g} s, but {search.shortest:.3g} s are needed to "
+            f"separate the orders at the lowest speed of {search.limits[0] * 2 * np.pi:.4g} rad/s. "
+            f"Raise the lowest speed, or give a longer signal."
         )
     if not np.ptp(samples) > 0:
         raise ValueError("signal is constant, so it has no lines. Is the sensor connected?")
-    top = settings.many_orders[-1] if chosen is None else float(chosen.max())
-    highest = min(0.45 * fs, top * limits[1])
-    best = _best_course(samples, fs, highest, limits, chosen, shortest, settings)
-    if not best.reliable.any():
-        raise ValueError(best.refusal)
-    lines = np.arange(1.0, settings.many_orders[-1] + 1) if chosen is None else chosen
-    speed, steady = refined_speed(best, lines, settings=settings)
-    reliable = best.reliable & steady
+    best = search.best_course()
+    reliable = best.reliable
+    if reliable.any():
+        speed, steady = refined_speed(best, search.lines, settings=settings)
+        reliable = reliable & steady
     if not reliable.any():
         raise ValueError(best.refusal)
     times = np.arange(len(samples)) / fs
@@ -195,83 +184,80 @@ def angle_from_vibration(
     return VibrationAngle(angle, velocity, Confidence(float(reliable.mean()), reliable))
 
 
-def _best_course(
-    signal: Array,
-    fs: float,
-    highest: float,
-    limits: tuple[float, float],
-    orders: Array | None,
-    shortest: float,
-    settings: SpeedSearchSettings,
-) -> Course:
-    """Return the course from frames of the duration with the most reliable seconds."""
-    longest = len(signal) / fs
-    lines = np.arange(1.0, settings.many_orders[-1] + 1) if orders is None else orders
-    best: Course | None = None
-    for number, (frame, n_rates, margin) in enumerate(settings.frames):
-        duration = max(min(frame, longest), shortest)
-        if number and not shortest < frame < longest:
-            continue
-        counts = settings.few_orders if number else settings.many_orders
-        white = whiten(signal, fs, highest, settings.broad / duration, settings=settings)
-        evidence = measure(
-            white, duration, limits, orders, n_rates=n_rates, counts=counts, settings=settings
-        )
-        course = _course(white, evidence, longest, limits, lines, margin, settings)
-        if best is None or course.reliable.sum() > best.reliable.sum():
-            best = course
-        if best.reliable.mean() >= settings.enough:
-            break
-    assert best is not None
-    return best
+class _Search:
+    """Search for the speed [Hz] of a shaft within limits, by lines at its orders."""
 
+    def __init__(
+        self,
+        signal: Array,
+        fs: float,
+        limits: tuple[float, float],
+        orders: Array | None,
+        settings: SpeedSearchSettings,
+    ) -> None:
+        self.signal, self.fs, self.limits, self.orders = signal, fs, limits, orders
+        self.settings = settings
+        self.lines = np.arange(1.0, settings.many_orders[-1] + 1) if orders is None else orders
+        self.highest = min(0.45 * fs, float(self.lines.max()) * limits[1])
+        self.longest = len(signal) / fs
+        self.shortest = settings.cycles / (limits[0] * float(np.diff(self.lines, prepend=0).min()))
 
-def _course(
-    white: Whitened,
-    evidence: Evidence,
-    longest: float,
-    limits: tuple[float, float],
-    lines: Array,
-    margin: float,
-    settings: SpeedSearchSettings,
-) -> Course:
-    path = _most_likely_path(evidence, evidence.ratios)
-    speeds = evidence.speeds[path]
-    frames = np.arange(len(path))
-    margins, sums, rivals = _margins(evidence, speeds, settings)
-    inside = (speeds > limits[0] * (1 + settings.same_speed)) & (
-        speeds < limits[1] * (1 - settings.same_speed)
-    )
-    needed = np.log(len(evidence.speeds))
-    trusted = (margins >= margin) & (sums >= needed) & inside
-    trusted &= evidence.ratios[frames, path] >= settings.alone
-    rates = evidence.rates[frames, path]
-    n_frame = round(evidence.duration * white.fs)
-    for number in np.flatnonzero(trusted):
-        start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
-        frame = white.signal[start : start + n_frame]
-        trusted[number] = orders_stand_out(
-            frame, speeds[number], rates[number], lines, white.fs, white.highest, settings=settings
+    def best_course(self) -> Course:
+        """Return the course from frames of the duration with the most reliable seconds."""
+        settings, courses = self.settings, []
+        for number, (frame, n_rates, margin) in enumerate(settings.frames):
+            if number and not self.shortest < frame < self.longest:
+                continue
+            duration = max(min(frame, self.longest), self.shortest)
+            smoothing = settings.broad / duration
+            white = whiten(self.signal, self.fs, self.highest, smoothing, settings=settings)
+            counts = settings.few_orders if number else settings.many_orders
+            options = {"n_rates": n_rates, "counts": counts, "settings": settings}
+            evidence = measure(white, duration, self.limits, self.orders, **options)
+            courses.append(self._course(white, evidence, margin))
+            if courses[-1].reliable.mean() >= settings.enough:
+                break
+        return max(courses, key=lambda course: course.reliable.sum())
+
+    def _course(self, white: Whitened, evidence: Evidence, margin: float) -> Course:
+        settings, (lowest, highest) = self.settings, self.limits
+        path = _most_likely_path(evidence, evidence.ratios)
+        speeds = evidence.speeds[path]
+        frames = np.arange(len(path))
+        margins, sums, rivals = _margins(evidence, speeds, settings)
+        needed = np.log(len(evidence.speeds))
+        trusted = (margins >= margin) & (sums >= needed)
+        trusted &= speeds > lowest * (1 + settings.same_speed)
+        trusted &= speeds < highest * (1 - settings.same_speed)
+        trusted &= evidence.ratios[frames, path] >= settings.alone
+        rates = evidence.rates[frames, path]
+        n_frame = round(evidence.duration * white.fs)
+        for number in np.flatnonzero(trusted):
+            start = max(0, round(evidence.times[number] * white.fs) - n_frame // 2)
+            frame = white.signal[start : start + n_frame]
+            motion = speeds[number], rates[number]
+            trusted[number] = orders_stand_out(
+                frame, *motion, self.lines, white.fs, white.highest, settings=settings
+            )
+        # A second is reliable if all frames whose nearest times lie in it are trusted.
+        edges = (evidence.times[1:] + evidence.times[:-1]) / 2
+        seconds = np.arange(max(1, int(np.ceil(self.longest - 0.05))))
+        first = np.searchsorted(edges, seconds)
+        last = np.searchsorted(edges, np.minimum(seconds + 1.0, self.longest) - 1e-9)
+        reliable = np.array([trusted[i : j + 1].all() for i, j in zip(first, last, strict=True)])
+        top = int(np.argmax(margins))
+        turn = 2 * np.pi
+        refusal = (
+            f"no second of the signal shows a speed between {lowest * turn:.4g} and "
+            f"{highest * turn:.4g} rad/s reliably. The best, {speeds[top] * turn:.5g} rad/s at "
+            f"{evidence.times[top]:.3g} s, has a log likelihood ratio of {margins[top]:.2g} to "
+            f"{rivals[top] * turn:.5g} rad/s, where {margin:g} is needed, and of {sums[top]:.2g} "
+            f"to noise, where {needed:.2g} is needed; few other lines may lie between its orders. "
+            f"Narrow speeds, state the orders of known lines, or use a shaft sensor."
         )
-    reliable = np.array(
-        [
-            _covered(evidence, trusted, second, min(second + 1.0, longest))
-            for second in range(max(1, int(np.ceil(longest - 0.05))))
-        ]
-    )
-    top = int(np.argmax(margins))
-    turn = 2 * np.pi
-    refusal = (
-        f"no second of the signal shows a speed between {limits[0] * turn:.4g} and "
-        f"{limits[1] * turn:.4g} rad/s reliably. The best, {speeds[top] * turn:.5g} rad/s at "
-        f"{evidence.times[top]:.3g} s, has a log likelihood ratio of {margins[top]:.2g} to "
-        f"{rivals[top] * turn:.5g} rad/s, where {margin:g} is needed, and of {sums[top]:.2g} to "
-        f"noise, where {needed:.2g} is needed; few other lines may lie between its orders. Narrow "
-        f"speeds, state the orders of known lines, or use a shaft sensor."
-    )
-    return Course(
-        white, evidence.times, speeds, rates, trusted, evidence.duration, reliable, refusal
-    )
+        return Course(
+            white, evidence.times, speeds, rates, trusted, evidence.duration, reliable, refusal
+        )
 
 
 def _most_likely_path(evidence: Evidence, scores: Array) -> NDArray[np.intp]:
@@ -306,44 +292,31 @@ def _margins(
     second = grid[_most_likely_path(evidence, np.maximum(elsewhere, -settings.excluded_score))]
     n_ratios = 2 * int(np.log(grid[-1] / grid[0]) / (step / grid[-1])) + 1
     ratios = np.exp(np.linspace(-1, 1, n_ratios) * np.log(grid[-1] / grid[0]))
-    others = [
-        _windowed(
-            evidence, _at(evidence.ratios, grid, ratios * speeds[:, np.newaxis], settings), settings
-        )
-    ]
+    rigid = _joined(evidence.ratios, grid, ratios * speeds[:, np.newaxis], settings)
     own = np.abs(ratios - 1) <= same
-    mine = np.where(own, others[0], -np.inf).max(axis=1)
-    rigid = np.where(own, -np.inf, others[0])
-    free = _windowed(evidence, _at(elsewhere, grid, second[:, np.newaxis], settings), settings)[
-        :, 0
-    ]
-    best = rigid.argmax(axis=1)
-    rival = np.where(free > rigid.max(axis=1), second, ratios[best] * speeds)
-    return mine - np.maximum(rigid.max(axis=1), free), mine, rival
+    mine = np.where(own, rigid, -np.inf).max(axis=1)
+    rigid[own] = -np.inf
+    free = _joined(elsewhere, grid, second[:, np.newaxis], settings)[:, 0]
+    best, most = rigid.argmax(axis=1), rigid.max(axis=1)
+    rival = np.where(free > most, second, ratios[best] * speeds)
+    return mine - np.maximum(most, free), mine, rival
 
 
-def _at(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSettings) -> Array:
-    """Return the scores of each frame at some speeds; those outside of the grid are excluded."""
+def _joined(scores: Array, grid: Array, speeds: Array, settings: SpeedSearchSettings) -> Array:
+    """Return the scores at some speeds, summed over neighbouring frames.
+
+    Neighbouring frames see the same lines and so count half. Speeds outside of the grid are
+    excluded.
+    """
     places = np.rint((speeds - grid[0]) / (grid[1] - grid[0])).astype(np.intp)
     inside = (places >= 0) & (places < len(grid))
     found = np.take_along_axis(scores, np.clip(places, 0, len(grid) - 1), axis=1)
-    return np.where(inside, np.maximum(found, -settings.excluded_score), settings.absent_score)
-
-
-def _windowed(evidence: Evidence, scores: Array, settings: SpeedSearchSettings) -> Array:
-    """Sum the scores of neighbouring frames, which see the same lines and so count half."""
-    width = min(settings.joined_frames, len(scores))
+    found = np.where(inside, np.maximum(found, -settings.excluded_score), settings.absent_score)
+    width = min(settings.joined_frames, len(found))
     if width < 2:
-        return scores
-    summed: Array = ndimage.uniform_filter1d(scores, width, axis=0, mode="nearest")
+        return found
+    summed: Array = ndimage.uniform_filter1d(found, width, axis=0, mode="nearest")
     return summed * (width / 2)
-
-
-def _covered(evidence: Evidence, trusted: NDArray[np.bool_], start: float, stop: float) -> bool:
-    """Tell whether all frames whose nearest times lie in a second are trusted."""
-    edges = (evidence.times[1:] + evidence.times[:-1]) / 2
-    first, last = np.searchsorted(edges, [start, stop - 1e-9])
-    return bool(np.all(trusted[first : last + 1]))
 
 
 def _checked_speeds(speeds: tuple[float, float], fs: float) -> tuple[float, float]:
@@ -360,15 +333,12 @@ def _checked_speeds(speeds: tuple[float, float], fs: float) -> tuple[float, floa
     return low / (2 * np.pi), high / (2 * np.pi)
 
 
-def _checked_orders(orders: Sequence[float]) -> Array:
+def _checked_orders(orders: Sequence[float] | None) -> Array | None:
+    if orders is None:
+        return None
     if isinstance(orders, str) or not isinstance(orders, Sequence | np.ndarray) or not len(orders):
         raise TypeError(f"orders must be a list of numbers such as [1, 2], got {orders!r}.")
     return np.unique([check_number(order, "an order", above=0) for order in orders])
-
-
-def _smallest_gap(orders: Array) -> float:
-    """Return the smallest distance of the orders from one another and from 0."""
-    return float(np.diff(orders, prepend=0.0).min())
 
 
 def orders_stand_out(
