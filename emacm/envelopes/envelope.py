@@ -10,7 +10,7 @@ resampled over the shaft angle, in which the repetition rate is constant.
 from __future__ import annotations
 
 import warnings
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -152,37 +152,6 @@ def analytic_filter(low: float, high: float, fs: float) -> NDArray[np.complexflo
     return taps
 
 
-@lru_cache(maxsize=8)
-def analytic_gain(low: float, high: float, fs: float, n_times: int) -> NDArray[np.floating]:
-    """Return the gain of `analytic_filter` at the frequencies of a transform.
-
-    Parameters
-    ----------
-    low, high : float
-        Edges of the band [Hz].
-    fs : float
-        Sampling rate [Hz].
-    n_times : int
-        Length of the transform, at least that of the filter.
-
-    Returns
-    -------
-    ndarray of shape (n_times // 2 + 1,)
-        Read-only; real, because the filter has no delay. At negative frequencies, it is below
-        -80 dB.
-
-    Examples
-    --------
-    >>> gain = analytic_gain(2000.0, 6000.0, 48_000.0, 480)
-    >>> [round(float(gain[k]), 2) for k in (10, 20, 40, 60, 70)]
-    [0.0, 1.0, 2.0, 1.0, 0.0]
-    """
-    taps = analytic_filter(low, high, fs)
-    gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
-    gain.flags.writeable = False
-    return gain
-
-
 class EnvelopeSeries(ComputedSeries):
     """The envelope of a signal of any length, computed slice by slice when it is read.
 
@@ -236,8 +205,7 @@ class EnvelopeSeries(ComputedSeries):
         # A prewhitened signal passes the filter while it is a spectrum.
         self._whitened: WhitenedBand | None = None
         if isinstance(self._signal, WhitenedSeries) and 2 * self.reach <= self._signal.fade:
-            gain = partial(analytic_gain, *self._band, self._fs)
-            self._whitened = WhitenedBand(self._signal, gain)
+            self._whitened = WhitenedBand(self._signal, taps)
 
     def __repr__(self) -> str:
         """Band and kind, of which digests are made."""
@@ -259,14 +227,7 @@ class EnvelopeSeries(ComputedSeries):
         return scipy.signal.oaconvolve(near, self._taps, mode="valid")
 
     def _size(self, analytic: NDArray[np.complexfloating]) -> NDArray[np.floating]:
-        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            size = analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
-        if not np.isfinite(size).all() or (analytic.any() and not size.any()):
-            raise ValueError(
-                f"the envelope exceeds the range of {self.dtype}. State the channel in another "
-                f"unit, or set squared=False."
-            )
-        return size
+        return analytic.real**2 + analytic.imag**2 if self.squared else np.abs(analytic)
 
 
 def envelope(
@@ -354,15 +315,11 @@ def warn_of_long_filter(low: float, high: float, fs: float, *, excessive: float 
     usual = _TRANSITION * (high - low)
     times = usual / min(usual, 2 * low, fs - 2 * high)
     if times > excessive:
-        edge, remedy = (
-            ("0", f"Raise its lower edge to {usual / 2:.3g} Hz")
-            if 2 * low < fs - 2 * high
-            else ("half the sampling rate", f"Lower its upper edge to {fs / 2 - usual / 2:.6g} Hz")
-        )
         warnings.warn(
-            f"the band {low:g} to {high:g} Hz is so near to {edge} that its filter lasts "
-            f"{filter_length(low, high, fs) / fs:.3g} s, {times:.3g} times as long as its width "
-            f"requires; impacts are smeared by as much. {remedy}.",
+            f"the band {low:g} to {high:g} Hz is so near to 0 or half the sampling rate that its "
+            f"filter lasts {filter_length(low, high, fs) / fs:.3g} s, {times:.3g} times as long as "
+            f"its width requires; impacts are smeared by as much. Keep it within {usual / 2:.3g} "
+            f"and {fs / 2 - usual / 2:.6g} Hz.",
             UserWarning,
             stacklevel=2,
         )

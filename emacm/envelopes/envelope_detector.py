@@ -173,12 +173,9 @@ class EnvelopeDetector(RecordingTransformer, auto_wrap_output_keys=None):  # typ
         detected = []
         for index, recording in enumerate(recordings):
             with located(partial(described, recording, index)):
-                bands = {
-                    channel: _selected(recording, channel)
-                    if select and band == "kurtogram"
-                    else band
-                    for channel, band in self.bands_.items()
-                }
+                bands = dict(self.bands_)
+                for channel in [c for c, band in bands.items() if select and band == "kurtogram"]:
+                    bands[channel] = _selected(recording, channel)
                 detected.append(envelope_recording(recording, bands, **options))
         return detected
 

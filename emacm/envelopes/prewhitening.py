@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import scipy  # scipy.fft is imported when it is used
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_finite, check_number, check_real_array, located
+from emacm._checks import located
 from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.inputs import as_recordings, check_channel_names, described
 from emacm.recordings.names import chosen_channels
@@ -48,7 +48,9 @@ class WhitenedSeries(ComputedSeries):
         """Cut the signal into segments; one begins every `_hop` samples, `fade` before that."""
         self.fade, self._hop = _segments(len(self), self._fs)
         self._n_segments = 1 + (len(self) - 1 + self.fade) // self._hop
-        self._n_group = _group_size(self._hop + self.fade, self._signal.dtype)
+        # About so many samples are whitened at once, for few calls. A segment is always in the same
+        # group: parts of a signal are equal to those of the whole.
+        self._n_group = max(1, (1 << 15) // (self._hop + self.fade))
         self._rise = _rise(self.fade, self._signal.dtype)
         self._kept: dict[int, NDArray[np.inexact]] = {}
 
@@ -126,15 +128,6 @@ def _segments(
     return fade, n_segment - fade
 
 
-def _group_size(n_segment: int, dtype: np.dtype[Any], *, n_times: int = 1 << 15) -> int:
-    """Return how many segments are whitened at once, about `n_times` samples for few calls.
-
-    A segment is always in the same group: parts of a signal are equal to those of the whole.
-    """
-    at_once = _rows_at_once(dtype)
-    return at_once * max(1, n_times // (at_once * n_segment))
-
-
 class WhitenedBand(WhitenedSeries):
     """The analytic signal of a band of a prewhitened signal, filtered segment by segment.
 
@@ -145,16 +138,17 @@ class WhitenedBand(WhitenedSeries):
     ----------
     whitened : WhitenedSeries
         The prewhitened signal.
-    gain : callable
-        Returns the gain of a filter as `whiten` takes it, for a number of samples of a segment. Its
-        taps reach no further than half of `fade`: no end of a segment reaches its beginning.
+    taps : ndarray of shape (n_taps,)
+        A filter without delay, which reaches no further than half of `fade`: no end of a segment
+        reaches its beginning.
     """
 
-    def __init__(
-        self, whitened: WhitenedSeries, gain: Callable[[int], NDArray[np.floating]]
-    ) -> None:
+    def __init__(self, whitened: WhitenedSeries, taps: NDArray[np.complexfloating]) -> None:
         super().__init__(whitened._signal, whitened._fs)
-        self._gain = gain(self._hop + self.fade).astype(self.dtype)
+        n_times = self._hop + self.fade
+        # Real, because the filter has no delay.
+        gain = scipy.fft.hfft(taps[len(taps) // 2 :], n_times)[: n_times // 2 + 1]
+        self._gain = gain.astype(self.dtype)
         self.dtype = np.result_type(self.dtype, np.complex64)
 
 
@@ -202,37 +196,22 @@ def whiten(
     1.0
     """
     rows = np.atleast_2d(segments)
-    n_rows, n_times = rows.shape
-    spectra = scipy.fft.rfft(_filled(rows))
-    lines = spectra[:n_rows]
+    n_times = rows.shape[1]
+    lines = scipy.fft.rfft(rows)
     lines[:, 0] = 0  # the mean is no vibration
-    power = lines.real**2
-    power += lines.imag**2
+    power = lines.real**2 + lines.imag**2
     # Rounding leaves some 8 times the resolution of the type beside the largest line.
     resolution = 8 * np.finfo(segments.dtype).eps
     largest = np.maximum(power.max(axis=-1), n_times * np.asarray(removed) ** 2)
     power[power <= resolution**2 * largest[:, np.newaxis]] = np.inf
-    scale = np.divide(rms, np.sqrt(power, out=power), out=power)
+    lines *= np.divide(rms, np.sqrt(power, out=power), out=power)
     if gain is None:
-        lines *= scale
-        white = scipy.fft.irfft(spectra, n_times, norm="ortho", overwrite_x=True)
+        white = scipy.fft.irfft(lines, n_times, norm="ortho", overwrite_x=True)
     else:
-        # Half of all lines are 0: even and odd samples are two transforms of the other half.
-        half = n_times // 2
-        scale *= gain / np.sqrt(n_times, dtype=gain.dtype)
-        parts = np.empty((n_rows, half, 2), lines.dtype)
-        np.multiply(lines[:, :half], scale[:, :half], out=parts[..., 0])
-        np.multiply(parts[..., 0], _one_sample(half, lines.dtype), out=parts[..., 1])
-        white = scipy.fft.ifft(parts, axis=1, norm="forward", overwrite_x=True)
-    return white[:n_rows].reshape(segments.shape)
-
-
-@lru_cache(maxsize=8)
-def _one_sample(n_lines: int, dtype: np.dtype[Any]) -> NDArray[np.complexfloating]:
-    """Return by what a spectrum of positive frequencies differs one sample later."""
-    factors = np.exp(1j * np.pi / n_lines * np.arange(n_lines)).astype(dtype)
-    factors.flags.writeable = False
-    return factors
+        positive = np.zeros((len(rows), n_times), lines.dtype)
+        np.multiply(lines[:, :-1], gain[:-1], out=positive[:, : n_times // 2])
+        white = scipy.fft.ifft(positive, norm="ortho", overwrite_x=True)
+    return white.reshape(segments.shape)
 
 
 @lru_cache(maxsize=8)
@@ -241,56 +220,6 @@ def _rise(fade: int, dtype: np.dtype[Any]) -> NDArray[np.floating]:
     rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / max(fade, 1)).astype(dtype)
     rise.flags.writeable = False
     return rise
-
-
-def _rows_at_once(dtype: np.dtype[Any]) -> int:
-    """Return how many rows SciPy transforms at once: as many as a register of 16 bytes holds."""
-    return max(1, 16 // dtype.itemsize)
-
-
-def _filled(rows: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return rows, and rows of zeros if several would be transformed one by one otherwise."""
-    at_once = _rows_at_once(rows.dtype)
-    if len(rows) % at_once < 2:
-        return rows
-    return np.concatenate([rows, np.zeros((-len(rows) % at_once, rows.shape[1]), rows.dtype)])
-
-
-def prewhitened(signal: ArrayLike, fs: float) -> NDArray[np.floating]:
-    """Set all frequencies of a signal to one level, as `CepstralPrewhitening` does.
-
-    Parameters
-    ----------
-    signal : array-like of shape (..., n_times)
-        Signal at uniform times, in any unit.
-    fs : float
-        Its sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray of shape (..., n_times)
-        Without unit; float32 stays float32.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the signal is not finite or has fewer than 2 samples.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> signal = np.cumsum(np.random.default_rng(0).standard_normal(1000))
-    >>> white = prewhitened(signal, 1000.0)
-    >>> bool(np.allclose(white, prewhitened(5 * signal, 1000.0)))
-    True
-    """
-    fs = check_number(fs, "fs", above=0, unit="Hz")
-    array = check_real_array(signal, "signal")
-    check_finite(array.reshape(-1), "signal")
-    if array.ndim == 0 or array.shape[-1] < 2:
-        raise ValueError(f"signal must hold at least 2 samples, got shape {array.shape}.")
-    rows = array.reshape(-1, array.shape[-1])
-    return np.stack([WhitenedSeries(row, fs)[:] for row in rows]).reshape(array.shape)
 
 
 class CepstralPrewhitening(  # type: ignore[call-arg]

@@ -1,7 +1,6 @@
 """Facts about envelopes of bands, and about recordings that hold them."""
 
 import pickle
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ from emacm.envelopes.envelope import (
     envelope,
     filter_length,
 )
-from emacm.envelopes.prewhitening import WhitenedSeries
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULT_ORDERS
 
@@ -69,17 +67,6 @@ def test_outside_of_the_band_a_tone_is_gone(frequency):
     assert envelope(tone(frequency), FS, BAND)[INNER].max() < 4.1e-8
 
 
-def test_at_an_edge_half_of_the_amplitude_passes():
-    for edge in BAND:
-        assert envelope(tone(edge), FS, BAND, squared=False)[INNER].mean() == pytest.approx(
-            0.5, 1e-3
-        )
-
-
-def test_a_constant_leaves_nothing():
-    assert envelope(np.full(20_000, 1e6), FS, BAND).max() < 1e-12
-
-
 def test_it_is_the_analytic_signal_of_what_a_filter_without_delay_lets_through():
     signal = noise(20_000)
     taps = analytic_filter(*BAND, FS)
@@ -97,11 +84,6 @@ def test_the_mean_of_the_squared_envelope_of_noise_is_twice_its_power_in_the_ban
     assert squared.mean() == pytest.approx(0.95 * 2 * 1000 / 5000, rel=0.015)
 
 
-def test_there_is_no_delay():
-    burst = np.exp(-(((TIMES - 1) / 0.01) ** 2)) * tone(2000)
-    assert TIMES[envelope(burst, FS, BAND).argmax()] == pytest.approx(1, abs=2e-4)
-
-
 def test_beyond_its_ends_the_signal_is_its_mirror_image():
     signal = noise(3000)
     mirrored = np.concatenate([signal[:0:-1], signal, signal[-2::-1]])
@@ -116,12 +98,6 @@ def test_float32_stays_float32():
     assert single.dtype == np.float32
     double = envelope(signal.astype(float), FS, BAND)
     np.testing.assert_allclose(single, double, atol=1e-5)
-
-
-def test_every_row_has_its_envelope():
-    rows = noise(2, 3, 2000)
-    stacked = envelope(rows, FS, BAND)
-    np.testing.assert_array_equal(stacked[1, 2], envelope(rows[1, 2], FS, BAND))
 
 
 # Computed when read
@@ -155,38 +131,6 @@ def test_what_is_read_in_part_is_what_the_whole_has_there(key):
 
 
 # What is refused
-
-
-@pytest.mark.parametrize(
-    ("band", "error", "match"),
-    [
-        ((2500, 1500), ValueError, r"from a lower to a higher frequency, got \(2500, 1500\)"),
-        ((0, 1500), ValueError, "edges of band must be a number of Hz, above 0, got 0"),
-        ((1500, 5000), ValueError, "of 10000 Hz the Nyquist frequency is 5000 Hz"),
-        ((1500, np.inf), ValueError, "edges of band must be a number"),
-        ("1500", TypeError, r"must be a pair \(low, high\)"),
-        (1500, TypeError, r"must be a pair \(low, high\)"),
-        ((1, 2, 3), TypeError, r"must be a pair \(low, high\)"),
-        ((2000, 2001), ValueError, r"needs a filter of 20\.1 s, but the signal lasts 2 s"),
-        ((1500, 4999.999999), ValueError, "and keep its edges away from 0 and 5000 Hz"),
-    ],
-)
-def test_bands_that_are_none_are_refused(band, error, match):
-    with pytest.raises(error, match=match):
-        envelope(tone(2000), FS, band)
-
-
-def test_a_gap_is_named():
-    signal = tone(2000)
-    signal[5] = np.inf
-    with pytest.raises(ValueError, match="signal must be finite, got inf at sample 5"):
-        envelope(signal, FS, BAND)
-
-
-@pytest.mark.parametrize("signal", [1.0, [1.0], []])
-def test_what_is_no_signal_is_refused(signal):
-    with pytest.raises(ValueError, match="at least 2 samples"):
-        envelope(signal, FS, BAND)
 
 
 # Recordings
@@ -277,13 +221,6 @@ def test_a_suffix_puts_the_envelope_beside_the_channel():
     assert "sound_envelope@3.125" in table.columns
 
 
-def test_each_channel_may_have_a_band_of_its_own():
-    bands = {"sound": BAND, "current": (100, 300)}
-    (heard,) = EnvelopeDetector(bands, squared=False).fit_transform([knocking()])
-    expected = envelope(knocking().signals["current"], FS / 10, (100, 300), squared=False)
-    np.testing.assert_array_equal(heard.signals["current"], expected)
-
-
 @pytest.mark.parametrize("antialias", [True, False])
 @pytest.mark.parametrize("dtype", [np.float32, float])
 def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
@@ -296,20 +233,6 @@ def test_over_the_angle_it_is_what_the_whole_envelope_is(antialias, dtype):
     expected = resampler.fit_transform([whole])[0].strokes[0].signals
     assert heard.dtype == dtype
     np.testing.assert_allclose(heard.strokes[0].signals, expected, rtol=1e-3, atol=1e-5)
-
-
-def test_a_long_recording_is_never_held_as_a_whole():
-    n_times = 2_500_000
-    sound = noise(n_times).astype(np.float32)
-    sound.flags.writeable = False
-    run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
-    pipe = spectrum(EnvelopeDetector(BAND)).fit([run])
-    pipe.transform([run])  # makes what is made once; compiled loops take memory of their own
-    tracemalloc.start()
-    pipe.transform([run])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < sound.nbytes
 
 
 def test_nothing_is_computed_before_it_is_read(monkeypatch):
@@ -347,41 +270,29 @@ def test_it_stands_in_a_search_over_bands():
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [
-        (
-            {"band": BAND},
-            ValueError,
-            r"recording 0 \(unit='A'\): channel 'current': band reaches to",
-        ),
+        ({"band": BAND}, ValueError, r"recording 0 \(unit='A'\): channel 'current': band reaches"),
         ({"band": (9, 1)}, ValueError, "from a lower to a higher"),
-        ({"band": {"sound": (9, 1)}}, ValueError, "band of 'sound' must run from a lower"),
-        ({"band": {"lvdt": BAND}}, ValueError, r"recording 0 .*has no channel 'lvdt'"),
-        (
-            {"band": {"sound": BAND}, "channels": ["current", "lvdt"]},
-            ValueError,
-            "^band names no band of channel 'current'",
-        ),
+        ({"band": (0, 1500)}, ValueError, "edges of band"),
+        ({"band": 1500}, TypeError, r"pair \(low, high\)"),
+        ({"band": {"sound": (9, 1)}}, ValueError, "band of 'sound'"),
+        ({"band": {"lvdt": BAND}}, ValueError, r"recording 0 .*no channel 'lvdt'"),
+        ({"band": {"sound": BAND}, "channels": ["current"]}, ValueError, "channel 'current'"),
         ({"band": {}}, ValueError, "at least one channel"),
-        ({"band": BAND, "channels": []}, ValueError, "at least one channel"),
-        (
-            {"band": BAND, "channels": "sound"},
-            TypeError,
-            "list of names such as .*, got '",
-        ),
-        ({"band": BAND, "channels": 3}, TypeError, "must be a list of names .*, got 3"),
-        (
-            {"band": {"sound": BAND}, "channels": ["current"]},
-            ValueError,
-            "no band of channel 'curr",
-        ),
+        ({"band": BAND, "channels": "sound"}, TypeError, "list of names"),
         ({"band": {"sound": BAND}, "squared": 2}, ValueError, "squared must be one of"),
-        ({"band": {"sound": BAND}, "suffix": ""}, TypeError, "suffix must be text"),
-        ({"band": {"sound": BAND}, "suffix": 7}, TypeError, "suffix must be text.* got 7"),
-        ({"band": {"sound": (2000, 2001)}}, ValueError, "channel 'sound': the band 2000 to 2001"),
+        ({"band": {"sound": BAND}, "suffix": 7}, TypeError, "suffix must be text"),
+        ({"band": {"sound": (2000, 2001)}}, ValueError, "needs a filter of 20.1 s"),
     ],
 )
-def test_wrong_parameters_are_told_at_fit(options, error, match):
+def test_wrong_parameters_are_refused_by_fit(options, error, match):
     with pytest.raises(error, match=match):
         EnvelopeDetector(**options).fit([knocking(unit="A")])
+
+
+@pytest.mark.parametrize("band", [(5, 3000), (2000, 4990)])
+def test_a_band_at_the_edge_with_a_long_filter_warns(band):
+    with pytest.warns(UserWarning, match=r"filter lasts .* Keep it within"):
+        EnvelopeDetector(band, channels=["sound"]).fit([knocking()])
 
 
 def test_a_name_that_is_there_already_is_refused():
@@ -395,20 +306,6 @@ def test_a_slower_recording_is_named_with_channel_and_rate():
     match = r"recording 1: channel 'sound': band reaches to 2500 Hz, but at a sampling rate of 4000"
     with pytest.raises(ValueError, match=match):
         detector.transform([knocking(), knocking(fs=4000.0)])
-
-
-def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():
-    low, high, fs = 2000.0, 6000.0, 48_000.0
-    taps = analytic_filter(low, high, fs)
-    times = (np.arange(len(taps)) - len(taps) // 2) / fs
-    frequencies = np.arange(-fs / 2, fs / 2, 12.5)
-    gain = np.abs(np.exp(-1j * TURN * np.outer(frequencies, times)) @ taps) / 2
-    eighth = (high - low) / 8
-    inside = (frequencies >= low + eighth) & (frequencies <= high - eighth)
-    outside = (frequencies <= low - eighth) | (frequencies >= high + eighth)
-    np.testing.assert_allclose(gain[inside], 1, atol=2e-4)
-    assert gain[outside].max() < 1e-4
-    assert gain[frequencies == low] == pytest.approx(0.5, abs=0.01)
 
 
 # Several bands, relative bands, bands at the edge
@@ -436,18 +333,6 @@ def test_the_full_band_follows_the_sampling_rate():
     )
 
 
-@pytest.mark.parametrize(
-    ("band", "match"),
-    [
-        ((5, 3000), "so near to 0 that its filter lasts .* Raise its lower edge to 374 Hz"),
-        ((2000, 4990), "so near to half the sampling rate .* Lower its upper edge to 4626.25 Hz"),
-    ],
-)
-def test_a_band_at_the_edge_with_a_long_filter_warns(band, match):
-    with pytest.warns(UserWarning, match=match):
-        EnvelopeDetector(band, channels=["sound"]).fit([knocking()])
-
-
 def test_the_quality_of_an_envelope_knows_its_bandwidth():
     run = Recording({"sound": noise(20_000)}, FS, velocity=np.full(20_000, TURN * 30))
     resampler = OrderResampler(TURN / 64)
@@ -456,20 +341,3 @@ def test_the_quality_of_an_envelope_knows_its_bandwidth():
     assert row["max_order"] == pytest.approx(100 / 30)
     assert "above order 3.333 at the highest speed (the width of the band" in row["warnings"]
     assert resampler.quality([run])["max_order"][0] == pytest.approx(5000 / 30)
-
-
-def test_an_envelope_of_a_whitened_signal_is_pickled():
-    series = EnvelopeSeries(WhitenedSeries(noise(9000), FS), FS, BAND)
-    again = pickle.loads(pickle.dumps(series))
-    assert again == series
-    np.testing.assert_array_equal(again[:], series[:])
-
-
-def test_kept_spectra_of_two_bands_are_not_confused(tmp_path):
-    def table(band, memory):
-        resampler = OrderResampler(TURN / 64, channels=["sound"])
-        steps = EnvelopeDetector({"sound": band}), resampler, OrderPSD(8, memory=memory)
-        return np.asarray(make_pipeline(*steps).fit_transform([knocking()]))
-
-    for band in (BAND, (1000, 3000), BAND):
-        np.testing.assert_array_equal(table(band, str(tmp_path)), table(band, None))

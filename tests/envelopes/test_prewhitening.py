@@ -13,12 +13,16 @@ from sklearn.pipeline import make_pipeline
 
 from emacm import CepstralPrewhitening, EnvelopeDetector, OrderPSD, OrderResampler, Recording
 from emacm.envelopes.envelope import EnvelopeSeries, envelope
-from emacm.envelopes.prewhitening import WhitenedSeries, prewhitened, whiten
+from emacm.envelopes.prewhitening import WhitenedSeries, whiten
 
 FS = 7_000.0
 N_TIMES = 30_011  # several segments, the last of which is no multiple of the others
 TIMES = np.arange(N_TIMES) / FS
 TURN = 2 * np.pi
+
+
+def prewhitened(signal, fs):
+    return WhitenedSeries(signal, fs)[:]
 
 
 def noise(n_times=N_TIMES, seed=0):
@@ -74,18 +78,12 @@ def test_a_tone_far_above_the_noise_comes_down_to_its_level():
         assert white.var() == pytest.approx(1, abs=0.2)
 
 
-@given(st.floats(1e-150, 1e150), st.booleans())
+@given(st.floats(1e-9, 1e9), st.booleans())
 def test_gain_changes_nothing(gain, negative):
     signal = coloured()[:9000]
     factor = -gain if negative else gain
     expected = prewhitened(signal, FS) * (-1 if negative else 1)
     np.testing.assert_allclose(prewhitened(factor * signal, FS), expected, atol=1e-6)
-
-
-def test_an_offset_changes_nothing():
-    np.testing.assert_allclose(
-        prewhitened(coloured() + 1e3, FS), prewhitened(coloured(), FS), atol=1e-6
-    )
 
 
 def test_impacts_are_more_impulsive_than_beside_a_strong_tone():
@@ -100,27 +98,6 @@ def test_impacts_stay_where_they_were():
     white = prewhitened(signal + 1e-3 * noise(), FS)
     assert white.argmax() == 15_000  # and has the same sign
     assert abs(white[15_000]) > 20 * white[14_000:14_900].std()
-
-
-def test_frequencies_without_power_stay_without_power():
-    lines = np.fft.rfft(noise(8192))
-    lines[1000:3000] = 0
-    empty = np.fft.irfft(lines)
-    found = np.abs(np.fft.rfft(whiten(empty)))
-    assert found[1000:3000].max() < 1e-9 * found[500]
-
-
-def test_silence_stays_silence():
-    np.testing.assert_array_equal(prewhitened(np.zeros(N_TIMES), FS), 0)
-    assert np.abs(prewhitened(np.full(N_TIMES, 3.7), FS)).max() == 0
-
-
-def test_a_change_elsewhere_does_not_reach_another_segment():
-    loud = coloured()
-    loud[:2000] *= 50
-    np.testing.assert_allclose(
-        prewhitened(loud, FS)[20_000:], prewhitened(coloured(), FS)[20_000:], atol=1e-12
-    )
 
 
 def test_between_segments_the_level_stays():
@@ -162,14 +139,6 @@ def test_what_is_read_in_part_is_what_the_whole_has_there(key, single):
     np.testing.assert_array_equal(series[key], prewhitened(signal, FS)[key])
 
 
-def test_beyond_its_ends_the_signal_is_its_mirror_image():
-    series = WhitenedSeries(np.arange(5.0), FS)
-    np.testing.assert_array_equal(series._mirrored(-2, 4), [2, 1, 0, 1, 2, 3])
-    np.testing.assert_array_equal(series._mirrored(3, 9), [3, 4, 3, 2, 1, 0])
-    np.testing.assert_array_equal(series._mirrored(-4, 9), np.abs(4 - np.abs(np.arange(-8, 5))))
-    np.testing.assert_array_equal(series._mirrored(1, 3), [1, 2])
-
-
 def test_float32_stays_float32():
     single = prewhitened(coloured().astype(np.float32), FS)
     assert single.dtype == np.float32
@@ -190,15 +159,20 @@ def test_the_chosen_channels_alone_are_whitened():
     assert dict(white.units) == {"sound": "1"}
 
 
-def test_channels_of_several_rates_are_each_whitened_at_their_own():
-    run = Recording(
-        {"sound": noise(20_000), "slow": noise(1_000)},
-        {"sound": 10_000, "slow": 500},
-        velocity=np.full(20_000, 9.0),
-        shaft_fs=10_000,
-    )
-    (white,) = CepstralPrewhitening().fit_transform([run])
-    np.testing.assert_array_equal(white.signals["slow"], prewhitened(noise(1_000), 500.0))
+def test_a_long_recording_is_never_held_as_a_whole():
+    n_times = 3_000_000
+    sound = noise(n_times).astype(np.float32)
+    sound.flags.writeable = False
+    run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
+    steps = OrderResampler(TURN / 64), OrderPSD(8, max_order=10)
+    for first in ([CepstralPrewhitening()], []):  # a whitened signal is filtered in its spectra
+        chain = make_pipeline(*first, EnvelopeDetector((300, 3200)), *steps).fit([run])
+        chain.transform([run])  # makes what is made once
+        tracemalloc.start()
+        chain.transform([run])
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < sound.nbytes
 
 
 def test_it_is_computed_when_read(monkeypatch):
@@ -225,25 +199,6 @@ def test_the_order_of_impacts_under_a_resonance_and_a_gear_stands_in_the_envelop
     assert orders[power.argmax()] == pytest.approx(order, abs=0.1)
 
 
-def test_a_long_recording_is_never_held_as_a_whole():
-    n_times = 3_000_000
-    sound = noise(n_times).astype(np.float32)
-    sound.flags.writeable = False
-    run = Recording({"sound": sound}, FS, velocity=np.full(n_times, 60.0, np.float32))
-    chain = make_pipeline(
-        CepstralPrewhitening(),
-        EnvelopeDetector((300, 3200)),
-        OrderResampler(TURN / 64),
-        OrderPSD(8, max_order=10),
-    ).fit([run])
-    chain.transform([run])  # makes what is made once
-    tracemalloc.start()
-    chain.transform([run])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < sound.nbytes
-
-
 @pytest.mark.parametrize(
     ("options", "X", "error", "match"),
     [
@@ -261,14 +216,6 @@ def test_a_long_recording_is_never_held_as_a_whole():
 def test_wrong_input_is_refused(options, X, error, match):
     with pytest.raises(error, match=match):
         CepstralPrewhitening(**options).fit(X)
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_mean_square_is_one_but_for_what_fading_takes(seed):
-    # Where two segments overlap, each has faded twice: sin^4 + cos^4 is 3/4 on average, if what
-    # they hold is not related. That is a quarter of a fade in each hop, of 15 fades.
-    white = prewhitened(noise(200_000, seed), FS)
-    assert 1 - 1 / 60 < np.mean(white**2) < 1
 
 
 # The envelope of a whitened signal, of which the spectra of the segments are filtered
@@ -302,15 +249,6 @@ def test_filtering_the_spectra_differs_little_from_whitening_and_then_filtering(
     expected = in_two_steps(signal, band, squared=False)[inner]
     differences = found[:][inner] - expected
     assert np.sqrt(np.mean(differences**2)) < most * np.sqrt(np.mean(expected**2))
-
-
-@pytest.mark.parametrize("n_times", [1200, 3001])
-def test_within_a_single_segment_the_order_of_whitening_and_filtering_is_irrelevant(n_times):
-    found = filtered(coloured()[:n_times], squared=False)
-    inner = slice(found.reach, -found.reach)
-    expected = in_two_steps(coloured()[:n_times], squared=False)[inner]
-    # But for negative frequencies, which the filter attenuates by 80 dB.
-    np.testing.assert_allclose(found[:][inner], expected, atol=5e-4 * expected.max())
 
 
 def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
