@@ -53,38 +53,12 @@ def test_velocity_in_float32_is_summed_in_float64():
     assert abs(angle[-1] - 999.99) < 1e-8
 
 
-@given(st.lists(st.floats(-100, 100), min_size=3, max_size=50))
-def test_velocity_of_chords_gives_back_the_angle(values):
-    angle = np.array(values)
-    speeds = np.diff(angle)
-    halves = np.repeat(speeds, 2)  # each chord sampled at its two ends, one trapezoid each
-    summed = angle_from_velocity(halves, 1)[1::2] - angle_from_velocity(halves, 1)[::2]
-    np.testing.assert_allclose(np.cumsum(summed), angle[1:] - angle[0], atol=1e-9)
-
-
 @given(st.lists(st.floats(-5, 5), min_size=1, max_size=3))
 def test_velocity_of_the_derivative_gives_back_the_motion(coefficients):
     motion = np.polynomial.Polynomial([0.5, *coefficients])
     t = np.linspace(0, 1, 1001)
     angle = angle_from_velocity(motion.deriv()(t), 1000, initial=0.5)
     np.testing.assert_allclose(angle, motion(t), rtol=0, atol=4e-6)
-
-
-def test_velocity_with_a_nan_names_the_sample():
-    with pytest.raises(ValueError, match=r"velocity must be finite, got nan at sample 2"):
-        angle_from_velocity([1, 2, np.nan], 1)
-
-
-def test_velocity_needs_a_positive_rate():
-    with pytest.raises(ValueError, match=r"fs must be a number of Hz, above 0, got 0"):
-        angle_from_velocity([1, 2], 0)
-
-
-def test_velocity_needs_a_numeric_initial_angle():
-    with pytest.raises(ValueError, match=r"initial must be .* at most 1e\+09, got 1e\+17"):
-        angle_from_velocity([1.0, 2.0, 3.0], 10, initial=1e17)
-    with pytest.raises(TypeError, match=r"initial must be a number"):
-        angle_from_velocity([1, 2], 1, initial="zero")
 
 
 # Wrapped angle
@@ -104,22 +78,11 @@ def test_wrapped_angle_in_degrees_or_counts_comes_out_in_radians(period):
     )
 
 
-def test_whole_counts_err_by_at_most_one_count():
-    counts = np.floor(np.mod(turned("ramp") / TURN * 4096, 4096)).astype(np.uint16)
-    error = np.abs(angle_from_wrapped(counts, period=4096) - turned("ramp"))
-    assert error.max() < TURN / 4096 + 1e-11
-
-
 @given(st.floats(-3, 3), st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=100))
 def test_wrapping_and_unwrapping_is_a_round_trip(start, steps):
     angle = start + np.concatenate(([0], np.cumsum(steps)))
     wrapped = np.angle(np.exp(1j * angle))
     np.testing.assert_allclose(angle_from_wrapped(wrapped), angle, atol=1e-10)
-
-
-def test_wrapped_angle_needs_a_positive_period():
-    with pytest.raises(ValueError, match=r"period must be a number above 0, got -360"):
-        angle_from_wrapped([1, 2], period=-360)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -131,11 +94,6 @@ def test_an_angle_wrapped_at_two_pi_or_at_pi_is_wrapped(dtype):
 @pytest.mark.parametrize("angle", [[0, 3, 6], [0, 4, 8], [1, 1], [0, TURN * (1 + 1e-6)]])
 def test_an_angle_with_small_steps_or_a_wide_span_is_not_wrapped(angle):
     assert not is_wrapped(angle)
-
-
-def test_is_wrapped_names_a_bad_sample():
-    with pytest.raises(ValueError, match=r"angle must be finite, got inf at sample 1"):
-        is_wrapped([0, np.inf])
 
 
 # Resolver
@@ -170,30 +128,6 @@ def test_resolver_faults_of_one_percent_err_as_stated(sine, cosine, first_order)
     assert np.abs(error - first_order).max() < 1e-4
 
 
-def test_a_resolver_dropout_names_the_sample():
-    sine, cosine = SINE.copy(), COSINE.copy()
-    sine[7] = cosine[7] = 0
-    with pytest.raises(ValueError, match=r"vanish together, got 0 and 0 at sample 7.* Demodulate"):
-        angle_from_resolver(sine, cosine)
-
-
-def test_a_dead_resolver_is_an_error():
-    with pytest.raises(ValueError, match=r"at sample 0"):
-        angle_from_resolver(np.zeros(5), np.zeros(5))
-
-
-def test_resolver_outputs_must_be_equally_long():
-    with pytest.raises(ValueError, match=r"equally long, got 2 and 3 samples"):
-        angle_from_resolver([0, 1], [1, 0, 1])
-
-
-def test_resolver_pole_pairs_must_be_whole():
-    with pytest.raises(
-        TypeError, match=r"pole_pairs must be a whole number of at least 1, got 1.5"
-    ):
-        angle_from_resolver([0, 1], [1, 0], pole_pairs=1.5)
-
-
 # Position
 
 
@@ -202,16 +136,6 @@ def test_resolver_pole_pairs_must_be_whole():
 def test_position_over_lead_gives_the_motion(motion, lead):
     position = turned(motion) / TURN * lead
     assert np.abs(angle_from_position(position, lead) - turned(motion)).max() < 1e-11
-
-
-def test_a_screw_without_lead_is_an_error():
-    with pytest.raises(ValueError, match=r"lead must be the travel per revolution.*not 0, got 0"):
-        angle_from_position([0, 1], 0)
-
-
-def test_position_must_be_one_dimensional():
-    with pytest.raises(ValueError, match=r"position must be one-dimensional, got shape \(1, 2\)"):
-        angle_from_position([[0, 1]], 5)
 
 
 # Currents
@@ -267,37 +191,6 @@ def test_a_current_that_is_weak_for_a_while_is_bridged():
     assert np.abs(relative(angle) - turned("constant")).max() < 1e-10
 
 
-def test_dead_currents_are_an_error():
-    with pytest.raises(
-        ValueError, match=r"angle at two samples at least, got 0 of 5. Is the motor"
-    ):
-        angle_from_currents(np.zeros((3, 5)), pole_pairs=4)
-
-
-def test_currents_in_columns_are_told_apart():
-    with pytest.raises(ValueError, match=r"one row a phase, got \(100, 3\). Transpose"):
-        angle_from_currents(np.zeros((100, 3)), pole_pairs=4)
-
-
-def test_a_bad_current_names_its_phase():
-    with pytest.raises(ValueError, match=r"current of phase b must be finite, got nan at sample 1"):
-        angle_from_currents([[1, 2, 3], [1, np.nan, 3]], pole_pairs=4)
-
-
-def test_weak_must_be_a_share():
-    with pytest.raises(ValueError, match=r"weak must be a number at least 0 and below 1, got 1"):
-        angle_from_currents(np.ones((2, 5)), pole_pairs=4, weak=1)
-
-
-def test_no_function_changes_its_input():
-    values = np.array([0.0, 1.0, 2.0, 3.5])
-    before = values.copy()
-    angle_from_velocity(values, 1)
-    angle_from_wrapped(values)
-    angle_from_position(values, 5)
-    np.testing.assert_array_equal(values, before)
-
-
 # Inputs that would give meaningless angles
 
 
@@ -327,39 +220,32 @@ def test_an_angle_that_is_cumulative_already_stays():
     np.testing.assert_allclose(angle_from_wrapped(turned), turned, rtol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: angle_from_velocity([1e308, 1e308, 1e308], fs=1e-3), "sample 1; velocity"),
-        (lambda: angle_from_position([0.0, 1e308], lead=1e-9), "sample 1; position and lead"),
-        (lambda: angle_from_position([1.0, 0.0], lead=5e-324), "sample 0; position and lead"),
-        (lambda: angle_from_wrapped([0.0, 1.0], period=1e-320), "spans|exceeds the range"),
-    ],
-)
-def test_an_angle_beyond_what_a_float_can_represent_is_refused(call, words):
-    with pytest.raises(ValueError, match=words):
-        call()
-
-
-@pytest.mark.parametrize("scale", [1e-300, 1e-165, 1e-20, 1e20, 1e160, 3e307])
-def test_the_scale_of_currents_changes_no_angle(scale):
-    electrical = 2 * np.pi * 13 * np.arange(500) / 1000
-    phases = np.array([np.cos(electrical - k * TURN / 3) for k in range(3)]) / 2
-    expected = angle_from_currents(phases, pole_pairs=3)
-    np.testing.assert_allclose(
-        angle_from_currents(scale * phases, pole_pairs=3), expected, atol=1e-9
-    )
-
-
-def test_phases_known_at_single_samples_only_go_on_by_the_shorter_way():
-    found = _unwrapped_over_gaps(np.array([0.5, 3.0, -3.0, 0.1]), np.array([0, 3, 6, 8]))
-    np.testing.assert_allclose(found, [0.5, 3.0, TURN - 3.0, TURN + 0.1])
-    back = _unwrapped_over_gaps(np.array([2.9, 0.0, -2.9]), np.array([0, 2, 5]))
-    np.testing.assert_allclose(back, [2.9, 0.0, -2.9])
-
-
 def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
     sample = np.array([0, 1, 2, 3, 8, 9, 10])
     phase = 1.3 * sample
     found = _unwrapped_over_gaps(np.angle(np.exp(1j * phase)), sample)
     np.testing.assert_allclose(found, phase)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: angle_from_velocity([1, 2, np.nan], 1), ValueError, "velocity .* at sample 2"),
+        (lambda: angle_from_velocity([1, 2], 0), ValueError, "fs must be"),
+        (lambda: angle_from_velocity([1, 2], 1, initial="zero"), TypeError, "initial must be"),
+        (lambda: angle_from_wrapped([1, 2], period=-360), ValueError, "period must be"),
+        (lambda: is_wrapped([0, np.inf]), ValueError, "angle must be .* at sample 1"),
+        (lambda: angle_from_resolver([1, 0], [1, 0]), ValueError, "sample 1.* Demodulate"),
+        (lambda: angle_from_resolver([0, 1], [1, 0, 1]), ValueError, "equally long, got 2 and 3"),
+        (lambda: angle_from_resolver([0, 1], [1, 0], pole_pairs=1.5), TypeError, "pole_pairs"),
+        (lambda: angle_from_position([0, 1], 0), ValueError, "lead must be"),
+        (lambda: angle_from_position([[0, 1]], 5), ValueError, "position must be one-dim"),
+        (lambda: angle_from_currents(np.zeros((3, 5)), pole_pairs=4), ValueError, "0 of 5"),
+        (lambda: angle_from_currents(np.zeros((9, 3)), pole_pairs=4), ValueError, "Transpose"),
+        (lambda: angle_from_currents([[1, 2], [1, np.nan]], pole_pairs=4), ValueError, "phase b"),
+        (lambda: angle_from_currents(np.ones((2, 5)), pole_pairs=4, weak=1), ValueError, "weak"),
+    ],
+)
+def test_wrong_input_is_refused(call, error, words):
+    with pytest.raises(error, match=words):
+        call()

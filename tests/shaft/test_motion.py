@@ -16,7 +16,6 @@ from emacm.shaft.motion import (
     JoinedTravel,
     Stroke,
     StrokeTravel,
-    blocks,
 )
 from emacm.shaft.paths import ShaftPath
 
@@ -55,24 +54,10 @@ def test_a_series_of_any_length_reads_like_an_array(series, n_times):
         lazy[n_times]
 
 
-def test_float32_velocities_are_integrated_in_float64():
-    velocity = np.full(100_000, 0.1, np.float32)
-    angle = IntegratedAngle(velocity, FS)
-    assert angle[:].dtype == np.float64
-    assert angle[-1] == pytest.approx(99_999 * float(np.float32(0.1)) / FS, rel=1e-12)
-
-
 def test_the_speed_limit_is_the_highest_speed():
     angle = IntegratedAngle(VELOCITY, FS)
     for start, stop in ((0, N_TIMES), (300, 301), (1000, 1500), (256, 512), (7, 255), (255, 257)):
         assert angle.speed_limit(start, stop) == np.abs(VELOCITY[start:stop]).max()
-
-
-def test_blocks_are_the_whole_in_order(monkeypatch):
-    monkeypatch.setattr("emacm.shaft.motion.BLOCK", 100)
-    pieces = list(blocks(VELOCITY, 50, 1234))
-    assert [first for first, _ in pieces] == list(range(50, 1234, 100))
-    np.testing.assert_array_equal(np.concatenate([p for _, p in pieces]), VELOCITY[50:1234])
 
 
 @pytest.mark.parametrize("block", [64, 1000])
@@ -94,13 +79,6 @@ def test_any_slice_of_joined_strokes_is_that_of_the_whole(limits):
     whole = np.asarray(travel)
     assert len(travel) == len(whole) == 2890
     np.testing.assert_allclose(travel[slice(*limits)], whole[slice(*limits)], atol=1e-12)
-
-
-def test_joined_strokes_stand_still_in_between():
-    angle = np.concatenate([np.arange(5.0), np.full(4, 4.5), np.arange(4.0, 0, -1)])
-    travel = JoinedTravel(angle, [Stroke(0, 5, 1), Stroke(9, 13, -1)])
-    expected = [0, 1, 2, 3, 4, 4, 4, 4, 4, 4, 5, 6, 7]
-    np.testing.assert_array_equal(np.asarray(travel), expected)
 
 
 def test_a_path_knows_how_far_the_shaft_turns_back():
@@ -196,29 +174,6 @@ def test_a_geared_shaft_turns_by_the_ratio_as_far():
     assert [getattr(turned, name) for name in known] == expected
 
 
-def test_paths_are_equal_if_travel_rate_start_and_direction_are():
-    def path(*, travel=(0.0, 1.0), fs=2.0, start=0.5, angle=3.0, direction=1):
-        return ShaftPath(np.array(travel), fs, start, angle, direction)
-
-    assert path() == path()
-    assert hash(path()) == hash(path())
-    others = [{"travel": (0, 2)}, {"fs": 3.0}, {"start": 0.0}, {"angle": 2.0}, {"direction": -1}]
-    assert all(path() != path(**other) for other in others)
-    assert path() != 3
-
-
-def test_a_slice_of_any_step_and_single_samples_are_those_of_the_whole():
-    series = DifferentiatedVelocity(ANGLE, FS)
-    whole = np.asarray(series)
-    np.testing.assert_array_equal(series[5:50:7], whole[5:50:7])
-    np.testing.assert_array_equal(series[::-1], whole[::-1])
-    assert series[-3] == whole[-3]
-    assert (series[9:9].shape, series[9:9].dtype) == ((0,), np.float64)
-    assert np.asarray(series, np.float32).dtype == np.float32
-    with pytest.raises(IndexError):
-        series[N_TIMES]
-
-
 def test_the_travel_since_another_angle_is_shifted():
     angle = np.array([0.0, 1, 3, 6, 5])
     travel = StrokeTravel(angle, Stroke(1, 4, 1), monotonic=False)
@@ -230,7 +185,3 @@ def test_the_travel_since_another_angle_is_shifted():
     back = StrokeTravel(angle, Stroke(3, 5, -1), monotonic=True, start_angle=7.0)
     np.testing.assert_array_equal(back, [1, 2])
     assert back.known == {"n_times": 2, "length": 2, "max_reversal": 0}
-
-
-def test_properties_of_a_path_are_documented():
-    assert "start to end" in ShaftPath.length.__doc__

@@ -151,12 +151,3 @@ def test_families_count_where_their_lines_stand_out_of_the_noise(own, other, cle
     others = np.add.outer(orders, [0.2, 0.4, 0.7]).ravel()
     signal = tones(40 * orders, times, own) + tones(40 * others, times, other) + noise(8000)
     assert orders_stand_out(signal, 40.0, 0.0, orders, 2000, 1000) is clear
-
-
-def test_families_need_room_and_a_spectrum_that_holds_them():
-    times = np.arange(8000) / 2000
-    signal = tones(20 * np.arange(1.0, 9), times) + 0.1 * noise(8000)
-    orders = np.arange(1.0, 9)
-    assert orders_stand_out(signal, 20.0, 0.0, orders, 2000, 1000)
-    assert not orders_stand_out(signal[:1599], 20.0, 0.0, orders, 2000, 1000)  # 16 bins apart
-    assert not orders_stand_out(signal, 20.0, 0.0, orders + 60, 2000, 1000)
