@@ -26,7 +26,7 @@ DIRECTIONS = ("strokes", "forward", "reverse", "travel")
 _WANTED = {"strokes": (1, -1), "forward": (1,), "reverse": (-1,)}
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class ShaftPath:
     """Travel of the shaft over time: the angle covered since the start of the path.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -212,7 +212,7 @@ class _Search:
             smoothing = settings.broad / duration
             white = whiten(self.signal, self.fs, self.highest, smoothing, settings=settings)
             counts = settings.few_orders if number else settings.many_orders
-            options = {"n_rates": n_rates, "counts": counts, "settings": settings}
+            options: Any = {"n_rates": n_rates, "counts": counts, "settings": settings}
             evidence = measure(white, duration, self.limits, self.orders, **options)
             courses.append(self._course(white, evidence, margin))
             if courses[-1].reliable.mean() >= settings.enough:
