@@ -87,27 +87,6 @@ def single_recordings(codes: Indices, X: Any, max_folds: int = 10) -> Indices:
     return np.unique(rows, axis=0, return_inverse=True)[1].ravel() % max_folds
 
 
-def units_left_out(
-    groups: Any, rows: Indices, n_recordings: int, codes: Indices, X: Any
-) -> Indices:
-    """Return the number of the group of some recordings; without groups, of single ones.
-
-    Parameters
-    ----------
-    groups : array-like of shape (n_recordings,) or None
-        Labels of recordings that were measured together.
-    rows : ndarray of int, shape (n_rows,)
-        The recordings.
-    n_recordings : int
-        Number of all recordings.
-    codes, X
-        Of these recordings, as for `single_recordings`.
-    """
-    if groups is None:
-        return single_recordings(codes, X)
-    return group_codes(groups, n_recordings)[rows]
-
-
 def check_judged(judged: NDArray[np.bool_]) -> None:
     """Raise a ValueError if no recording could be judged by others of its class."""
     if not judged.any():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_table
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import units_left_out
 from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import (
     agreed_classes,
@@ -24,17 +22,16 @@ from emacm.decisions.fit_checks import (
     check_parameters,
     check_seen,
     check_unknown_rate,
-    check_unweighted,
     warn_without_groups,
 )
 from emacm.decisions.gaussians import GaussianClasses, class_gaussians
 from emacm.decisions.labels import check_classes, label_positions
-from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin
+from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin, Training
 from emacm.decisions.metrics import check_weights, positive_weights
 from emacm.decisions.moments import ClassMoments, class_moments
 from emacm.decisions.risks import LeastRiskMixin
 from emacm.decisions.truths import truth_priors
-from emacm.decisions.typicality import fit_typicality
+from emacm.decisions.typicality import Typicality, fit_typicality
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -195,9 +192,7 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         check_table(X)
         X, y = validate_data(self, X, y, dtype=np.float64, ensure_min_samples=2)
         check_classification_targets(y)
-        weight = as_counts(positive_weights(sample_weight, len(X)))
-        if self.shrinkage == "auto":
-            check_unweighted(weight)
+        weight = as_counts(positive_weights(sample_weight, len(X)), self.shrinkage)
         classes, codes = np.unique(y, return_inverse=True)
         empty = np.bincount(codes, weight) <= 0
         if empty.any():
@@ -212,27 +207,18 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         self._checked = True
         if groups is not None or self.unknown is not None or isinstance(self.temperature, str):
             warn_without_groups(groups, stacklevel=2)
-            rows = np.flatnonzero(weight > 0)
-            X, codes, weight = X[rows], codes[rows], weight[rows]
-            units = units_left_out(groups, rows, len(y), codes, X)
-            judge = partial(self._judge, X, codes, units, weight) if self._needs_densities else None
-            typicality = fit_typicality(X, codes, units, weight)
-            self._calibrate(codes, units, weight, typicality, judge)
+            self._leave_out(X, codes, groups, weight, {})
         return self
 
-    def _judge(
-        self,
-        X: Array,
-        codes: Indices,
-        units: Indices,
-        weight: Array,
-        others: Indices,
-        rows: Indices,
-    ) -> Array:
+    def _fit_typicality(self, training: Training) -> Typicality:
+        return fit_typicality(*training[:4])
+
+    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
         """Return the log densities of some recordings under classes fitted to others.
 
         Singular covariances are raised to the floor. -inf for classes of which too few remain.
         """
+        X, codes, _, weight, _ = training
         kind, some = (self.covariance, self.shrinkage), (X[others], codes[others])
         moments = class_moments(*some, len(self.classes_), weight[others], *kind)
         seen = (moments.counts > 0) & (moments.divisors > 0)

@@ -12,9 +12,6 @@ from sklearn.utils.validation import column_or_1d
 from emacm._checks import check_choice, check_number
 from emacm.decisions.moments import ClassMoments, diagonals
 
-_FEWER = "Use fewer features (by PCA), or more recordings, at least two per class."
-_REMEDY = 'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings.'
-
 
 def check_densities(
     moments: ClassMoments,
@@ -55,8 +52,7 @@ def check_densities(
             "The largest variance of the features is 0: all recordings have the same features, so "
             "classes cannot be separated. Check the features."
         )
-    scattered = diagonals(moments.scatter).any(axis=1)
-    thin = (moments.divisors <= 0) & scattered
+    thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
     if thin.any():
         raise ValueError(
             f"sample_weight is the number of times a recording is counted, and a covariance is "
@@ -64,18 +60,20 @@ def check_densities(
             f"weight of {moments.group_counts[thin].tolist()}. Multiply the weights by a constant."
         )
     useless = singular & (moments.group_counts > 0)
-    if useless.any() and shrinkage is not None:
-        raise ValueError(
-            f"The covariance of {_named(useless, moments, classes)} is singular with "
-            f"shrinkage={shrinkage!r}. {_FEWER if shrinkage in ('oas', 'auto') else _REMEDY}"
-        )
-    if useless.any():
-        warnings.warn(
-            f"The covariance of {_named(useless, moments, classes)} is singular; its eigenvalues "
-            f"were raised to 1e-9 of the largest feature variance. {_REMEDY}",
-            UserWarning,
-            stacklevel=stacklevel + 1,
-        )
+    if not useless.any():
+        return
+    what = f"The covariance of {_named(useless, moments, classes)} is singular"
+    remedy = (
+        'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least two '
+        "per class."
+    )
+    if shrinkage is not None:
+        raise ValueError(f"{what} with shrinkage={shrinkage!r}. {remedy}")
+    warnings.warn(
+        f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. {remedy}",
+        UserWarning,
+        stacklevel=stacklevel + 1,
+    )
 
 
 def check_seen(
@@ -165,19 +163,16 @@ def check_unknown_rate(rate: Any, unknown: Any) -> None:
             raise ValueError('unknown_rate needs the label of an unknown state: unknown="unknown".')
 
 
-def as_counts(weight: Array) -> Array:
-    """Return weights as counts; those whose sum is 1 are relative."""
-    return weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
-
-
-def check_unweighted(weight: Array) -> None:
-    """Raise a ValueError if a weight differs from 1."""
-    if not np.allclose(weight, 1, rtol=1e-9):
+def as_counts(weight: Array, shrinkage: Any) -> Array:
+    """Return weights as counts; those whose sum is 1 are relative. "auto" needs counts of 1."""
+    counts = weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
+    if shrinkage == "auto" and not np.allclose(counts, 1, rtol=1e-9):
         raise ValueError(
             'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
             "needs fourth moments of the recordings, for which weights have no meaning. "
             'Use "oas" or a number.'
         )
+    return counts
 
 
 def agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_softmax
-from sklearn import get_config
 from sklearn.base import ClassifierMixin, MetaEstimatorMixin, clone
 from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
-from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import units_left_out
 from emacm.decisions.costs import cost_table
 from emacm.decisions.fit_checks import check_temperature, check_unknown_rate, warn_without_groups
 from emacm.decisions.labels import check_classes
 from emacm.decisions.left_out_calibration import (
+    DetectorTypicality,
     LeftOutCalibration,
     LeftOutMixin,
+    Training,
     fit_detector,
 )
 from emacm.decisions.metrics import positive_weights
@@ -153,8 +151,7 @@ class LeastRiskClassifier(
             the estimator if it learns from groups, or if there is neither a detector nor
             ``temperature="groups"``.
         **fit_params : dict
-            Further arguments of the estimator's `fit`; with metadata routing enabled, what
-            it requests.
+            Further arguments of the estimator's `fit`.
 
         Returns
         -------
@@ -181,8 +178,10 @@ class LeastRiskClassifier(
         self._check_calibration_parameters()
         calibrated = isinstance(self.temperature, str) or self.detector is not None
         if groups is not None and (self.needs_groups or not calibrated):
-            fit_params = self._groups_of_estimator(groups) | fit_params
-        fit_params = self._fit_params(sample_weight, fit_params)
+            named = groups_options(self.estimator, groups) or {"groups": groups}
+            fit_params = named | fit_params
+        if sample_weight is not None:
+            fit_params = {**fit_params, weight_parameter(self.estimator): sample_weight}
         weights = [value for name, value in fit_params.items() if name.endswith("sample_weight")]
         weight = positive_weights(weights[-1] if weights else None, len(y))
         counts = np.bincount(codes, weight).astype(np.float64)
@@ -205,27 +204,18 @@ class LeastRiskClassifier(
         check_possible(self.priors_, self.estimator_priors_, classes)
         if calibrated:
             warn_without_groups(groups, stacklevel=2)
-            rows = np.flatnonzero(weight > 0)
-            some, codes, weight = chosen_rows(as_rows(X), rows), codes[rows], weight[rows]
-            units = units_left_out(groups, rows, len(y), codes, some)
-            fit_params = parameters_of_rows(fit_params, rows, len(y))
-            judge = partial(self._judge, some, codes, fit_params) if self._needs_densities else None
-            typicality = None
-            if self.detector is not None:
-                typicality = fit_detector(self.detector, some, codes, units, weight)
-            self._calibrate(codes, units, weight, typicality, judge)
+            self._leave_out(as_rows(X), codes, groups, weight, fit_params)
         return self
 
-    def _judge(
-        self, X: Any, codes: Indices, fit_params: Any, others: Indices, rows: Indices
-    ) -> Array:
-        """Return logarithms of posterior over prior of some recordings, by a fit to others.
+    def _fit_typicality(self, training: Training) -> DetectorTypicality | None:
+        return None if self.detector is None else fit_detector(self.detector, training)
 
-        -inf for classes of which none remain.
-        """
+    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
+        """Return logarithms of posterior over prior of some recordings, by a fit to others."""
+        X, codes = training[:2]
         logs, seen = np.full((len(rows), len(self.classes_)), -np.inf), np.unique(codes[others])
         if len(seen) >= min(2, len(self.classes_)):
-            options = parameters_of_rows(fit_params, others, len(codes))
+            options = parameters_of_rows(training.options, others, len(codes))
             other = LeastRiskClassifier(self.estimator)
             other.fit(chosen_rows(X, others), self.classes_[codes[others]], **options)
             found = other.estimator_log_posterior(chosen_rows(X, rows))
@@ -310,12 +300,6 @@ class LeastRiskClassifier(
         """Names of the features, as the estimator knows them."""
         return self._of_the_estimator("feature_names_in_")
 
-    def get_metadata_routing(self):
-        """Return the routing of arguments: those of `fit` are the estimator's."""
-        mapping = MethodMapping().add(caller="fit", callee="fit")
-        router = MetadataRouter(owner=type(self).__name__)
-        return router.add(estimator=self.estimator, method_mapping=mapping)
-
     def __sklearn_tags__(self):
         tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
         tags.input_tags = inner.input_tags
@@ -352,17 +336,3 @@ class LeastRiskClassifier(
         if "estimator_" not in vars(self):
             raise AttributeError(f"{type(self).__name__} has no {name} before it is fitted.")
         return getattr(self.estimator_, name)
-
-    def _groups_of_estimator(self, groups: Any) -> dict[str, Any]:
-        """Return the arguments by which the estimator is given groups."""
-        routed = get_config()["enable_metadata_routing"]
-        named = {} if routed else groups_options(self.estimator, groups)
-        return named or {"groups": groups}
-
-    def _fit_params(self, sample_weight: Any, fit_params: dict[str, Any]) -> dict[str, Any]:
-        given = {} if sample_weight is None else {"sample_weight": sample_weight}
-        if get_config()["enable_metadata_routing"]:
-            return dict(process_routing(self, "fit", **fit_params, **given).estimator.fit)
-        if given:
-            return {**fit_params, weight_parameter(self.estimator): sample_weight}
-        return fit_params

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,11 +13,12 @@ from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
-from emacm._checks import located
-from emacm.calibration.left_out import check_judged, left_out
+from emacm._checks import group_codes, located
+from emacm.calibration.left_out import check_judged, left_out, single_recordings
 from emacm.calibration.tails import StudentTail, student_tail
 from emacm.calibration.temperature import fit_temperature
 from emacm.decisions.fit_checks import check_temperature, has_unknown
+from emacm.decisions.pipelines import parameters_of_rows
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import Typicality, positive, unknown_probability
 from emacm.recordings.meta import chosen_rows
@@ -49,21 +50,15 @@ class DetectorTypicality:
         return positive(self.tail.survival(_distances(self.detector, X)))
 
 
-def fit_detector(
-    detector: Any, X: Any, codes: Indices, units: Indices, weight: Array
-) -> DetectorTypicality:
+def fit_detector(detector: Any, training: Training) -> DetectorTypicality:
     """Calibrate an outlier detector on left-out groups, by fitting it again without each of them.
 
     Parameters
     ----------
     detector : estimator
         Not fitted yet.
-    X : list of Recording, or table
-        Recordings.
-    codes, units : ndarray of int, shape (n_recordings,)
-        As for `emacm.calibration.left_out.left_out`.
-    weight : ndarray of shape (n_recordings,)
-        Number of times each recording is counted, positive.
+    training : Training
+        Recordings, from which each group is left out.
 
     Returns
     -------
@@ -74,6 +69,7 @@ def fit_detector(
     ValueError
         If no class has recordings in two groups.
     """
+    X, codes, units, weight, _ = training
 
     def fitted(rows: Indices) -> Any:
         """Fit the detector to some recordings, with their weights if it accepts weights."""
@@ -96,6 +92,28 @@ def fit_detector(
 def _distances(detector: Any, X: Any) -> Array:
     """Return the negative scores of an outlier detector."""
     return -np.asarray(detector.score_samples(X), dtype=np.float64)
+
+
+class Training(NamedTuple):
+    """Recordings of the training that have a weight.
+
+    Attributes
+    ----------
+    X : list of Recording, or table
+        Features, or the input of an estimator.
+    codes, units : ndarray of int, shape (n_recordings,)
+        Number of the class, and of the group.
+    weight : ndarray of shape (n_recordings,)
+        Number of times each recording is counted, positive.
+    options : mapping of str to any
+        Further arguments of `fit`.
+    """
+
+    X: Any
+    codes: Indices
+    units: Indices
+    weight: Array
+    options: Mapping[str, Any]
 
 
 class LeftOutDensities(NamedTuple):
@@ -225,29 +243,39 @@ class LeftOutMixin:
         """Whether a temperature or a rate is to be found by leaving groups out."""
         return isinstance(self.temperature, str) or self.unknown_rate is not None
 
-    def _calibrate(
-        self,
-        codes: Indices,
-        units: Indices,
-        weight: Array,
-        typicality: Typicality | DetectorTypicality | None,
-        judge: Callable[[Indices, Indices], Array] | None,
-    ) -> None:
-        """Set what is found by leaving each group out.
+    def _fit_typicality(self, training: Training) -> Typicality | DetectorTypicality | None:
+        raise NotImplementedError
 
-        ``judge(others, rows)`` fits the classifier to some recordings and returns the log
-        densities of others, or the logarithms of their posterior over prior; None: not needed.
+    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
+        """Return log densities (or of posterior over prior) of some recordings, by a fit to others.
+
+        Shape (n_rows, n_classes); -inf for classes of which too few others remain.
         """
+        raise NotImplementedError
+
+    def _leave_out(
+        self, X: Any, codes: Indices, groups: Any, weight: Array, options: Mapping[str, Any]
+    ) -> None:
+        """Set what is found by leaving each group out; without groups, single recordings."""
+        rows = np.flatnonzero(weight > 0)
+        X, known = chosen_rows(X, rows), codes[rows]
+        if groups is None:
+            units = single_recordings(known, X)
+        else:
+            units = group_codes(groups, len(codes))[rows]
+        some = parameters_of_rows(options, rows, len(codes))
+        training = Training(X, known, units, weight[rows], some)
+        typicality = self._fit_typicality(training)
         self._calibration = LeftOutCalibration(typicality)
-        if judge is None:
+        if not self._needs_densities:
             return
-        logs = np.full((len(codes), len(self.classes_)), -np.inf)
-        for others, rows in left_out(codes, units):
-            logs[rows] = judge(others, rows)
-        unlike = np.full(len(codes), np.nan) if typicality is None else typicality.left_out
-        left = LeftOutDensities(unlike, logs, codes, units, weight)
-        best = left.fit_temperature() if isinstance(self.temperature, str) else None
-        self._calibration = LeftOutCalibration(typicality, best, left)
+        logs = np.full((len(rows), len(self.classes_)), -np.inf)
+        for others, left in left_out(known, units):
+            logs[left] = self._judge(training, others, left)
+        unlike = np.full(len(rows), np.nan) if typicality is None else typicality.left_out
+        judged = LeftOutDensities(unlike, logs, *training[1:4])
+        best = judged.fit_temperature() if isinstance(self.temperature, str) else None
+        self._calibration = LeftOutCalibration(typicality, best, judged)
 
     def typicality(self, X):
         """Return the fraction of left-out training recordings that are at least as far away.

@@ -17,6 +17,7 @@ from emacm.calibration.quantiles import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, shrinkage_coefficients
 from emacm.decisions.labels import label_list, label_positions
+from emacm.decisions.left_out_calibration import Training
 from emacm.decisions.moments import class_moments
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
@@ -293,10 +294,11 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         shrinkage = shrinkage_coefficients(moments, self.shrinkage, (X, codes))
         return fit_unit_levels(X, codes, units, plain, *shrinkage)
 
-    def _judge(self, X, codes, units, weight, others, rows):
+    def _judge(self, training: Training, others: Indices, rows: Indices) -> Array:
         """Return log densities of classes estimated without the units of some recordings."""
         if self._without_units:
-            return super()._judge(X, codes, units, weight, others, rows)
+            return super()._judge(training, others, rows)
+        X, codes, units = training[:3]
         logs = np.full((len(rows), len(self.classes_)), -np.inf)
         known, numbers = np.unique(codes[others], return_inverse=True)
         remaining = np.unique(units[others], return_inverse=True)[1]

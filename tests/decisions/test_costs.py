@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from sklearn.dummy import DummyClassifier
 from sklearn.ensemble import VotingClassifier
-from sklearn.metrics import confusion_matrix, make_scorer
+from sklearn.metrics import confusion_matrix
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
@@ -34,13 +34,6 @@ def test_an_array_is_read_with_rows_as_decisions_in_the_order_of_the_classes():
     decisions, matrix = cost_table(MATRIX.tolist(), CLASSES)
     assert decisions.tolist() == CLASSES
     np.testing.assert_array_equal(matrix, MATRIX)
-
-
-def test_a_frame_keeps_the_order_of_its_index():
-    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES).iloc[::-1]
-    decisions, matrix = cost_table(frame, CLASSES)
-    assert decisions.tolist() == CLASSES[::-1]
-    np.testing.assert_array_equal(matrix, MATRIX[::-1])
 
 
 def test_a_frame_need_not_offer_the_classes_as_decisions():
@@ -78,11 +71,6 @@ def test_decisions_keep_a_plain_dtype_where_one_holds_them_all(classes, extra, k
     assert decisions.tolist() == [*classes, extra]
 
 
-def test_classes_named_twice_are_refused():
-    with pytest.raises(ValueError, match=r"classes must be unique.*\['a'\]"):
-        cost_table(None, ["a", "a"])
-
-
 def test_the_mean_cost_is_the_product_with_the_transposed_confusion_matrix():
     rng = np.random.default_rng(0)
     truth, decision = rng.integers(0, 3, 200), rng.integers(0, 3, 200)
@@ -110,19 +98,6 @@ def test_the_mean_cost_is_the_same_for_every_form_of_cost():
         expected_cost(truth, decision, cost=mapping, labels=CLASSES[::-1]),
     }
     assert means == {(5 + 7 + 3) / 3}
-
-
-def test_a_decision_that_is_not_a_class_has_its_own_costs():
-    inspect = {("inspect", 0): 0.2, ("inspect", 1): 0.4}
-    assert expected_cost([0, 1, 1], ["inspect", "inspect", 0], cost=inspect) == pytest.approx(
-        1.6 / 3
-    )
-
-
-def test_the_mean_cost_serves_make_scorer():
-    healthy = DummyClassifier(strategy="constant", constant=0).fit(np.zeros((2, 1)), [0, 1])
-    scorer = make_scorer(expected_cost, greater_is_better=False, cost=[[0, 10], [1, 0]])
-    assert scorer(healthy, np.zeros((4, 1)), [0, 1, 1, 0]) == -5
 
 
 SQUARE = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
@@ -199,14 +174,6 @@ def test_a_cost_is_narrowed_to_the_classes_that_occur(cost, expected):
     else:
         np.testing.assert_array_equal(found, expected)
     assert cost_of_some(cost, CLASSES, CLASSES) is cost
-
-
-def test_a_frame_is_narrowed_in_its_columns_only():
-    frame = pd.DataFrame(MATRIX, index=CLASSES, columns=CLASSES)
-    found = cost_of_some(frame, ["ball", "screw"], CLASSES)
-    pd.testing.assert_frame_equal(found, frame[["ball", "screw"]])
-    known = frame[["ball", "screw"]]
-    pd.testing.assert_frame_equal(cost_of_some(known, ["ball", "screw"], CLASSES), known)
 
 
 def member(cost=None, **options):

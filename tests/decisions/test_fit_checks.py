@@ -9,10 +9,8 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
 from emacm.decisions.fit_checks import (
     agreed_classes,
-    as_counts,
     check_densities,
     check_parameters,
-    check_seen,
 )
 from emacm.decisions.moments import ClassMoments
 
@@ -81,14 +79,6 @@ def test_parameters_have_limits(parameters, message):
         check_parameters(*parameters)
 
 
-def test_weights_that_add_up_to_1_are_relative():
-    np.testing.assert_allclose(as_counts(np.array([0.5, 0.25, 0.25])), [1.5, 0.75, 0.75])
-    np.testing.assert_allclose(as_counts(np.full(3, (1 + 5e-10) / 3)), 1)
-    for total in (1 + 1.12e-8, 2.0, 0.5):
-        weight = np.array([0.5, 0.5]) * total
-        assert as_counts(weight) is weight
-
-
 def test_classes_are_sorted_and_stay_the_same():
     assert agreed_classes(["new", "dry", "new"], None).tolist() == ["dry", "new"]
     assert agreed_classes(None, CLASSES) is CLASSES
@@ -118,30 +108,7 @@ def test_a_class_that_varies_counts_more_than_once(counts, scatter, pooled, name
         check_densities(moments(counts, scatter, pooled), singular, CLASSES, 0.1, stacklevel=1)
 
 
-def test_one_recording_alone_has_no_scatter_and_is_singular():
-    singular = np.array([True, False])
-    one = moments([1.0, 4.0], [0.0, 2.0])
-    message = "The covariance of class 'dry' is singular; .* raised to 1e-9 .* Use shrinkage="
-    with pytest.warns(UserWarning, match=message):
-        check_densities(one, singular, CLASSES, None, stacklevel=1)
-    for shrinkage, remedy in ((0.0, "Use shrinkage="), ("oas", "Use fewer"), ("auto", "Use fewer")):
-        with pytest.raises(
-            ValueError, match=rf"is singular with shrinkage={shrinkage!r}. {remedy}"
-        ):
-            check_densities(one, singular, CLASSES, shrinkage, stacklevel=1)
-    check_densities(one, ~singular & False, CLASSES, None, stacklevel=1)
-    # A class without recordings has no covariance, which is no defect.
-    check_densities(moments([0.0, 4.0], [0.0, 2.0]), singular, CLASSES, 0.1, stacklevel=1)
-
-
 def test_equal_recordings_cannot_be_separated():
     equal = ClassMoments(np.ones(2), np.full((2, 1), 3.0), np.zeros((2, 1, 1)), False)
     with pytest.raises(ValueError, match="all recordings have the same features"):
         check_densities(equal, np.ones(2, bool), CLASSES, None, stacklevel=1)
-
-
-def test_a_prior_without_recordings_is_refused_and_no_prior_is_not():
-    with pytest.raises(ValueError, match=r"class \['new'\] has had no recordings yet"):
-        check_seen(np.array([0.5, 0.5]), np.array([2.0, 0.0]), CLASSES)
-    check_seen(np.array([1.0, 0.0]), np.array([2.0, 0.0]), CLASSES)
-    check_seen(np.array([0.5, 0.5]), np.array([2.0, 1e-3]), CLASSES)

@@ -6,7 +6,7 @@ from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.preprocessing import StandardScaler
 
 from emacm import (
     BinTransformer,
@@ -130,12 +130,3 @@ def test_a_search_stands_for_its_best_estimator_once_it_is_fitted():
     assert search_estimator(LeastRiskClassifier(GaussianNB())).estimator is not None
     plain = GaussianNB()
     assert search_estimator(plain) is plain
-
-
-def test_one_step_before_the_last_is_enough_to_change_the_input():
-    model = make_pipeline(FunctionTransformer(np.square), GaussianNB()).fit(X, Y)
-    final, table = before_the_last_step(model, X)
-    np.testing.assert_array_equal(table, X**2)
-    assert final is model[-1]
-    longer = make_pipeline(FunctionTransformer(np.square), FunctionTransformer(np.sqrt), model)
-    np.testing.assert_allclose(before_the_last_step(longer.fit(X, Y), X)[1], X**2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from scipy.stats import norm
 
 from emacm.calibration.tails import Peaks, peaks_over_threshold, student_tail
@@ -52,13 +52,6 @@ def test_few_peaks_give_a_heavier_tail_than_many():
     assert few.survival(np.array([20.0])) > 100 * many.survival(np.array([20.0]))
 
 
-def test_few_peaks_near_the_threshold_do_not_make_the_tail_short():
-    values = np.append(np.arange(8.0), [7.01, 7.02])
-    tail = student_tail(values, np.ones(10), expected=1.5)
-    assert tail.peaks.mean_excess == pytest.approx((20 * 1.5 + 0.03) / 22)
-    assert tail.survival(np.array([8.5])) > 0.05
-
-
 @given(values=VALUES, at=st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=10))
 @example(values=[-2.2250738585e-313], at=[0.0, 0.0])
 def test_survival_lies_in_0_to_1_and_never_rises(values, at):
@@ -85,12 +78,6 @@ def test_weights_equal_repetitions():
     repeated = student_tail(np.repeat(values, weight), np.ones(weight.sum()))
     at = np.linspace(-3, 6, 50)
     assert_allclose(weighted.survival(at), repeated.survival(at), rtol=1e-12)
-
-
-def test_equal_values_have_a_survival_that_still_falls():
-    tail = student_tail(np.full(6, 2.0), np.ones(6))
-    assert_array_equal(tail.survival(np.array([1.0, 2.0])), 1)
-    assert tail.survival(np.array([3.0])) < 0.01
 
 
 def test_the_threshold_is_the_least_value_above_which_a_fifth_of_the_weight_lies():

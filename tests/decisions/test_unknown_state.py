@@ -114,13 +114,6 @@ def test_costs_and_priors_set_later_equal_those_of_a_refit(covariance, shrinkage
         np.testing.assert_array_equal(getattr(model, method)(X), getattr(anew, method)(X))
 
 
-def test_numbers_stay_numbers_unless_unknown_is_decided():
-    X, y, units = draw(6)
-    model = fitted().fit(X, np.searchsorted(CLASSES, y), groups=units)
-    assert model.predict(X[:3]).dtype.kind == "i"
-    assert model.predict(np.vstack([X[:1], FAR])).tolist() == [2, "unknown"]
-
-
 # Costs and priors
 
 
@@ -170,14 +163,6 @@ def test_what_is_stated_of_the_unknown_state_replaces_its_defaults(form):
     }
 
 
-def test_a_square_frame_without_the_unknown_decision_is_given_it():
-    cost = pd.DataFrame(np.arange(16.0).reshape(4, 4), list("abcd"), [*CLASSES, "new"])
-    decisions, table = cost_table(cost, CLASSES, "new")
-    assert decisions.tolist() == [*"abcd", "new"]
-    np.testing.assert_array_equal(table[:4], cost)
-    assert table[4].tolist() == [1, 1, 1, 0]
-
-
 def test_only_what_is_the_cheapest_for_some_class_is_wrong_of_the_unknown_state():
     cost = pd.DataFrame(
         [[0, 2, 3], [5, 0.5, 0.2], [1.5, 0.6, 0.1], [4, 0.7, 0.9]], list("abcd"), CLASSES
@@ -214,13 +199,6 @@ def test_priors_may_contain_the_unknown_state():
     assert of_classes.tolist() == [1, 0, 0]
     for priors in (None, "uniform", [0.2, 0.3, 0.5], {"worn": 0.5, "dry": 0.2, "healthy": 0.3}):
         assert truth_priors(priors, CLASSES, np.ones(3), "new")[1] == 0.01
-
-
-def test_priors_with_the_unknown_state_add_up_to_1():
-    with pytest.raises(ValueError, match="add up to 1"):
-        truth_priors({"worn": 0.5, "dry": 0.2, "healthy": 0.3, "new": 0.1}, CLASSES, None, "new")
-    with pytest.raises(ValueError, match="no class any"):
-        truth_priors([0, 0, 0, 1.0], CLASSES, None, "new")
 
 
 # Compositions
@@ -335,20 +313,6 @@ def test_partial_fit_discards_an_earlier_calibration():
     model = CostSensitiveGaussianBayes(shrinkage=0.1).fit(X, y, groups=units)
     with pytest.raises(ValueError, match="groups="):
         model.partial_fit(X, y).typicality(X)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"temperature": 0}, "temperature"),
-        ({"temperature": "group"}, "temperature"),
-        ({"temperature": -1.0}, "temperature"),
-        ({"temperature": np.nan}, "temperature"),
-    ],
-)
-def test_an_invalid_temperature_is_an_error(options, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        CostSensitiveGaussianBayes(**options).fit(*draw(14)[:2])
 
 
 def test_a_number_as_temperature_scales_the_log_densities():
