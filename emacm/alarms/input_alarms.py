@@ -71,8 +71,7 @@ class InputAlarm:
             Introduction to Probability Theory, vol. 1, section XIII.7.
         """
         p, length = self.typicality, self.consecutive
-        likelihood = p**length  # 0 for a run that is too long to happen
-        return (1 - likelihood) / ((1 - p) * likelihood) if likelihood else np.inf
+        return (1 - p**length) / ((1 - p) * p**length)
 
     def update(self, readings: pd.DataFrame) -> pd.DataFrame:
         """Continue with one or several readings.

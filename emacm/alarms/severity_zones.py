@@ -148,8 +148,6 @@ def vibration_velocity(
     signal = check_signal(acceleration, "acceleration").astype(np.float64)
     fs = check_number(fs, "fs", above=0, unit="Hz")
     check_choice(unit, "unit", tuple(_TO_MM_PER_S2))
-    if np.shape(band) != (2,):
-        raise TypeError(f"band must be a pair (low, high) of frequencies [Hz], got {band!r}.")
     low = check_number(band[0], "the lowest frequency of band", above=0, unit="Hz")
     high = check_number(band[1], "the highest frequency of band", above=low, unit="Hz")
     if high > fs / 2:

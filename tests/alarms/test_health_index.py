@@ -297,18 +297,6 @@ def test_the_picture_has_a_panel_for_each_unit_and_states_the_false_alarm_rate()
     assert single.get_ylabel() == "health index"
 
 
-def test_an_invalid_table_is_refused():
-    table = pd.DataFrame({"unit": ["A"], "time": [1], "index": [2.0], "limit": [1.0]})
-    with pytest.raises(ValueError, match=r"it has no \['alarm'\]"):
-        TrendDisplay(table)
-    table = table.assign(alarm=True)
-    with pytest.raises(ValueError, match="no index of unit 'B'; known are"):
-        TrendDisplay(table, units=["B"])
-    many = pd.concat([table.assign(unit=str(k)) for k in range(9)])
-    with pytest.raises(ValueError, match="9 units do not fit"):
-        TrendDisplay(many)
-
-
 def test_a_limit_needs_more_than_one_group():
     X = np.random.default_rng(0).normal(size=(30, 3))
     index = HealthIndex().fit(X, groups=["run 1"] * 30)

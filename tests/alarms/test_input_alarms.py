@@ -25,16 +25,6 @@ def test_the_nominal_run_length_is_that_of_a_simulation():
     assert alarm.arl() == pytest.approx(110)
 
 
-def test_a_run_that_is_too_long_to_happen_has_no_run_length():
-    assert InputAlarm(consecutive=1000).arl() == np.inf
-
-
-def test_a_reading_without_typicality_is_not_untypical():
-    alarm = InputAlarm(consecutive=1)
-    table = pd.DataFrame({"typicality": [None, np.nan, 0.001]}, dtype=object)
-    assert alarm.update(table)["alarm"].astype(bool).tolist() == [False, False, True]
-
-
 def test_unknown_states_warnings_and_errors_give_alarms_at_once():
     readings = pd.DataFrame(
         {

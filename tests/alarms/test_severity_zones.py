@@ -63,9 +63,6 @@ def test_a_recording_is_judged_by_its_acceleration_channels():
 
 
 def test_unsuitable_input_is_refused():
-    for band in (10, (10,), (10, 100, 1000), "10-1000"):
-        with pytest.raises(TypeError, match="band must be a pair"):
-            vibration_velocity(np.zeros(4000), 4000, band=band)
     with pytest.raises(ValueError, match=r"half the sampling rate, 800 Hz, got 1000 Hz"):
         vibration_velocity(np.ones(5000), 1600.0)
     with pytest.raises(ValueError, match=r"at least 1 s, ten periods of 10 Hz, got 0.1 s"):
@@ -77,6 +74,3 @@ def test_unsuitable_input_is_refused():
     bare = Recording({"radial": np.ones(9000)}, 3000.0, velocity=9.0)
     with pytest.raises(ValueError, match="no channel of \\['radial'\\] has a unit of acceleration"):
         vibration_severity(bare, "class I")
-    silent = Recording({"radial": np.ones(900)}, 3000.0, velocity=9.0, units={"radial": "g"})
-    with pytest.raises(ValueError, match="channel 'radial': acceleration must last at least 1 s"):
-        vibration_severity(silent, "class I")

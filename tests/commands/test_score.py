@@ -4,10 +4,6 @@ import io
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -213,28 +209,6 @@ def test_a_killed_run_is_continued_and_ends_with_the_same_table(here, monkeypatc
     assert Path("table.csv").read_text() == "".join(lines)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_a_process_that_is_killed_has_written_its_rows(here):
-    for number in range(300):
-        shutil.copy(here / "files" / "ok_00.npz", here / "files" / f"ok_1{number:03d}.npz")
-    arguments = ["score", "model.emacm", "files", "--layout", "layout.toml", "--out", "table.csv"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "emacm", *arguments],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.DEVNULL,
-    )
-    deadline = time.monotonic() + 60
-    while not (here / "table.csv").is_file() or (here / "table.csv").read_text().count("\n") < 20:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert main(arguments) == 0
-    assert main([*arguments[:-1], "whole.csv"]) == 0
-    assert (here / "table.csv").read_text() == (here / "whole.csv").read_text()
-
-
 def test_a_table_with_other_columns_is_refused(here, capsys):
     Path("table.csv").write_text("file,state\na,ok\n")
     assert run("--out", "table.csv") == 2
@@ -256,29 +230,6 @@ def test_watching_decides_on_files_as_they_come(here, monkeypatch):
     assert run("--out", "table.jsonl", "--watch", "7") == 130
     rows = [json.loads(line) for line in Path("table.jsonl").read_text().splitlines()]
     assert [row["decision"] for row in rows if row["recording"] == "files/new_9.npz"] == ["worn"]
-
-
-def test_watching_tries_a_failed_file_again_only_when_it_changes(here, monkeypatch):
-    bad = here / "files" / "bad_9.npz"
-    bad.write_bytes(b"PK")
-    for path in (here / "files").iterdir():
-        os.utime(path, (1, 1))
-    scored, rounds = counted(monkeypatch), []
-
-    def sleep(seconds):
-        rounds.append(list(scored))
-        scored.clear()
-        if len(rounds) == 3:
-            raise KeyboardInterrupt
-        if len(rounds) == 2:
-            write(bad, True, 9)
-            os.utime(bad, (2, 2))
-
-    monkeypatch.setattr(command.time, "sleep", sleep)
-    assert run("--out", "table.csv", "--watch", "1", paths=["files", "later.npz"]) == 130
-    assert [len(names) for names in rounds] == [14, 0, 1]
-    table = pd.read_csv("table.csv")
-    assert table["recording"][table["error"].notna()].tolist() == ["later.npz"]
 
 
 def test_the_help_states_the_exit_statuses(capsys):
