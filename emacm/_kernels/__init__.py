@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 
 from emacm._checks import check_choice
@@ -56,14 +55,6 @@ def __getattr__(name: str) -> ModuleType:
 def _use(module: ModuleType) -> None:
     global loops
     loops = module
-
-
-def needs_compiler() -> bool:
-    """Tell whether loops are compiled at their first call, as none are on the disk yet."""
-    module = globals().get("loops") or __getattr__("loops")
-    compiled = getattr(module.decimate, "stats", None)
-    folder = None if compiled is None else compiled.cache_path
-    return folder is not None and not any(Path(folder).glob("numba.*.nbi"))
 
 
 @contextmanager

@@ -4,7 +4,6 @@ import importlib.util
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -245,15 +244,3 @@ def test_numba_is_imported_only_when_a_recording_is_processed():
     )
     found = in_a_new_process(code, EMACM_KERNELS="numba")
     assert found.returncode == 0, found.stderr
-
-
-def test_a_compiler_is_needed_where_no_compiled_loop_is_on_the_disk(tmp_path, monkeypatch):
-    with _kernels.using("numpy"):
-        assert not _kernels.needs_compiler()
-    loop = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
-    monkeypatch.setattr(_kernels, "loops", SimpleNamespace(decimate=loop))
-    assert _kernels.needs_compiler()
-    (tmp_path / "numba.decimate-1.py311.nbi").touch()
-    assert not _kernels.needs_compiler()
-    loop.stats.cache_path = None  # no folder can be written to
-    assert not _kernels.needs_compiler()
