@@ -360,7 +360,15 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         check_channels(recordings, self.channels_, others=self.channels is not None)
         theta_s = check_angle_step(self.theta_s)
-        rows = [self._over_angle(recording, theta_s) for recording in recordings]
+        options: dict[str, Any] = {
+            "interpolation": self.interpolation,
+            "antialias": bool(self.antialias),
+            "direction": self.direction,
+            "min_speed": float(self.min_speed),
+            "ratio": float(self.ratio),
+            "max_rest": self.max_rest,
+        }
+        rows = [AngleRecording(r, self.channels_, theta_s, **options) for r in recordings]
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
                 self._check_motion(row)
@@ -412,12 +420,8 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         recordings = self._recordings(X)
         check_channels(recordings, self.channels_, others=self.channels is not None)
         qualities = self._qualities(recordings, self.channels_)
-        known = self.training_range_, self._training_units
-        return [outside_range(quality, *known) for quality in qualities]
-
-    @property
-    def _training_units(self) -> dict[str, tuple[str, ...]]:
-        return getattr(self, "training_units_", {})  # which older model files do not have
+        units = getattr(self, "training_units_", {})  # which older model files do not have
+        return [outside_range(quality, self.training_range_, units) for quality in qualities]
 
     def _qualities(self, recordings: list[Recording], channels: Sequence[str]) -> list[Quality]:
         quality = partial(
@@ -444,9 +448,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         check_choice(self.direction, "direction", DIRECTIONS)
         check_number(self.min_speed, "min_speed", at_least=0, unit="rad/s")
         longest_gap(self.max_rest, 1.0)
-        check_number(
-            self.ratio, "ratio", at_least=1e-6, at_most=1e6
-        )  # as of the parts of a machine
+        check_number(self.ratio, "ratio", at_least=1e-6, at_most=1e6)
         check_choice(self.reference_kind, "reference_kind", ("velocity", "angle"))
         if isinstance(self.reference, bool) or not isinstance(
             self.reference, str | int | np.integer | None
@@ -490,19 +492,6 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         if self.reference_kind == "velocity":
             return Recording(channels, self.fs, velocity=shaft)
         return Recording(channels, self.fs, angle=shaft)
-
-    def _over_angle(self, recording: Recording, theta_s: float) -> AngleRecording:
-        return AngleRecording(
-            recording,
-            self.channels_,
-            theta_s,
-            self.interpolation,
-            bool(self.antialias),
-            self.direction,
-            float(self.min_speed),
-            float(self.ratio),
-            self.max_rest,
-        )
 
     def _check_motion(self, row: AngleRecording) -> None:
         """Check that the shaft turns, and that its reference has no impossible jump."""

@@ -115,10 +115,8 @@ def _quality(
         direction = "strokes"  # which is what travel joins
     paths = [path.geared(ratio) for path in recording.paths(direction, min_speed, max_rest)]
     starts = [round(path.start_time * fs) for path in paths]
-    speeds = [
-        _speed_range(velocity[start : start + path.n_times])
-        for start, path in zip(starts, paths, strict=True)
-    ]
+    sections = [velocity[k : k + path.n_times] for k, path in zip(starts, paths, strict=True)]
+    speeds = [(float(speed.min()), float(speed.max())) for speed in map(np.abs, sections)]
     turned = [path.length / (2 * np.pi) for path in paths]
     fastest = ratio * max((high for _, high in speeds), default=0.0)
     limits = {name: _highest_frequency(recording, name) for name in channels}
@@ -168,39 +166,31 @@ def _highest_frequency(recording: Recording, channel: str) -> float:
     return min(recording.fs[channel] / 2, float(bandwidth))
 
 
-def _speed_range(velocity: NDArray[np.floating]) -> tuple[float, float]:
-    """Return the smallest and the largest magnitude; two passes where the sign is constant."""
-    low, high = float(velocity.min()), float(velocity.max())
-    if low <= 0 <= high:
-        return float(np.abs(velocity).min()), max(-low, high)
-    return (low, high) if low > 0 else (-high, -low)
-
-
 def _findings(
     row: dict[str, float], slowest: str, reason: str, n_short: int, step: float, theta_s: float
 ) -> list[Finding]:
-    found = []
-    if not row["strokes"]:
-        found.append(Finding("standstill", "the shaft never turns"))
-    if DESIGN.flat * np.pi / theta_s > row["max_order"]:
-        text = (
+    defects = [
+        ("standstill", not row["strokes"], "the shaft never turns"),
+        (
+            "order",
+            DESIGN.flat * np.pi / theta_s > row["max_order"],
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
-            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"
-        )
-        found.append(Finding("order", text))
-    if n_short > 10:  # so many look like noise
-        text = (
+            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}",
+        ),
+        (
+            "short strokes",
+            n_short > 10,  # so many look like noise
             f"{n_short} strokes of less than a revolution: raise min_speed above the noise at "
-            f"standstill"
-        )
-        found.append(Finding("short strokes", text))
-    if step > np.pi:
-        text = (
+            f"standstill",
+        ),
+        (
+            "speed",
+            step > np.pi,
             "the shaft turns by more than half a revolution between its samples: "
-            "is the angle in rad, and its rate right?"
-        )
-        found.append(Finding("speed", text))
-    return found
+            "is the angle in rad, and its rate right?",
+        ),
+    ]
+    return [Finding(kind, text) for kind, is_there, text in defects if is_there]
 
 
 @dataclass(frozen=True)

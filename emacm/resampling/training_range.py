@@ -144,12 +144,9 @@ def warn_of_statements(
         if texts
     ]
     if lines:
-        more = (
-            [f"and {len(lines) - LIMITS.listed} more recordings"]
-            if len(lines) > LIMITS.listed
-            else []
-        )
-        text = "\n".join([*lines[: LIMITS.listed], *more, *([note] if note else [])])
+        n_more = len(lines) - LIMITS.listed
+        more = f"and {n_more} more recordings" if n_more > 0 else ""
+        text = "\n".join(filter(None, [*lines[: LIMITS.listed], more, note]))
         warnings.warn(text, UserWarning, stacklevel=stacklevel + 1)
 
 
@@ -159,11 +156,8 @@ def _speed(row: Mapping[str, float], known: Mapping[str, Range]) -> list[Stateme
     if low / LIMITS.factor <= fastest <= high * LIMITS.factor:
         return []
     factor = fastest / high if fastest > high else fastest / low
-    units = [
-        unit
-        for unit, size in LIMITS.speed_units
-        if abs(np.log(factor / size)) < np.log(LIMITS.factor)
-    ]
+    near = np.log(LIMITS.factor)
+    units = [unit for unit, size in LIMITS.speed_units if abs(np.log(factor / size)) < near]
     hint = f": is it in {units[0]}?" if units else ""
     way = "above" if fastest > high else "below"
     if row["slowest"] > high or fastest < least:  # no speed in common
@@ -267,18 +261,12 @@ def _levels(levels: Mapping[str, float], known: Mapping[str, Range]) -> list[Sta
     ranges = {channel: known[f"level of {channel}"] for channel in levels}
     beyond = {name: _decibels(levels[name], *ranges[name]) for name in levels}
     found = {name: value for name, value in beyond.items() if abs(value) >= LIMITS.level}
-    swapped = [
-        pair
-        for pair in combinations(found, 2)
-        if all(
-            abs(_decibels(levels[one], *ranges[other])) < LIMITS.level
-            for one, other in (pair, pair[::-1])
-        )
-    ]
     severe = any(abs(value) >= LIMITS.far_level for value in found.values())
-    if swapped:
-        text = f"levels of {_channels(swapped[0])} as if exchanged: are they swapped?"
-        return [Statement(text, True)]
+    for one, other in combinations(found, 2):
+        crossed = _decibels(levels[one], *ranges[other]), _decibels(levels[other], *ranges[one])
+        if max(map(abs, crossed)) < LIMITS.level:
+            text = f"levels of {_channels((one, other))} as if exchanged: are they swapped?"
+            return [Statement(text, True)]
     gain = _common_gain(levels, ranges) if len(found) == len(levels) > 1 else None
     if gain is not None:
         return [Statement(f"all channels {in_decibels(gain)}: gain or unit?", severe)]
