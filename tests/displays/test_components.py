@@ -64,13 +64,6 @@ def test_the_loadings_of_one_channel_are_signed_bars():
     assert bars == [(0, 1, 0.6), (3, 2, -0.8)]
 
 
-def test_bins_and_named_bands_together_are_drawn_by_name():
-    (ax,) = axes()
-    LoadingsDisplay(["a@0-1", "b@BPFI"], [[0.5, -0.5]]).plot(ax=ax)
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["a@0-1", "b@BPFI"]
-    assert [bar.get_height() for bar in ax.patches] == [0.5, -0.5]
-
-
 def test_missing_column_names_are_an_error_with_a_remedy():
     with pytest.raises(ValueError, match="pass columns, or give FunctionTransformer"):
         LoadingsDisplay.from_estimator(fitted(FunctionTransformer(np.log10)))

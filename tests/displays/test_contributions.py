@@ -1,7 +1,5 @@
 """Contributions are drawn over the bins, beside the predicted fault orders."""
 
-import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from emacm.displays import ContributionsDisplay
@@ -35,22 +33,6 @@ def test_evidence_against_is_hatched():
     assert down.get_hatch()
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert legend == ["evidence for worn screw", "evidence against worn screw"]
-
-
-def test_bins_without_edges_are_drawn_under_their_names():
-    table = pd.DataFrame(
-        {
-            "column": ["v@BPFO", "v@BPFI"],
-            "channel": ["v", "v"],
-            "low": [np.nan, np.nan],
-            "high": [np.nan, np.nan],
-            "contribution": [0.5, 2.0],
-        }
-    )
-    (ax,) = axes()
-    ContributionsDisplay.from_table(table, fault_orders={"BPFI": 6.1}, ax=ax)
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["BPFO", "BPFI"]
-    assert [height for _, _, height in bars(ax)] == [0.5, 2.0]
 
 
 def test_predicted_fault_orders_are_marked_and_set_beside_the_bins():

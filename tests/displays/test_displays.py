@@ -186,16 +186,6 @@ def test_names_of_fault_orders_do_not_cover_each_other():
     assert all(one.x1 <= other.x0 for one, other in pairwise(boxes))
 
 
-@pytest.mark.parametrize("names", [["a"], ["a long name", "another long name"]])
-def test_the_legend_stands_above_the_names_of_fault_orders(names):
-    ax = Figure(layout="constrained").subplots()
-    orders = {name: 1 + 0.01 * i for i, name in enumerate(names)}
-    OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}, fault_orders=orders).plot(ax=ax)
-    ax.figure.draw_without_rendering()
-    tops = [Text.get_window_extent(text).y1 for text in ax.texts]
-    assert ax.get_legend().get_window_extent().y0 > max(tops) > ax.get_window_extent().y1
-
-
 @pytest.mark.slow
 def test_without_matplotlib_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)

@@ -67,22 +67,6 @@ def areas(ax):
     return [drawn for drawn in ax.collections if getattr(drawn, "filled", False)]
 
 
-def regions(numbers, decisions):
-    numbers = np.asarray(numbers)
-    axis = np.arange(len(numbers), dtype=float)
-    return DecisionRegionsDisplay(axis, axis, numbers, decisions, np.zeros((1, 2)), ["a"])
-
-
-def test_between_two_regions_lies_no_third(ax):
-    # Decision 1 lies nowhere, though its number lies between the numbers of the neighbours.
-    numbers = np.repeat([[0, 0, 2, 2]], 4, axis=0)
-    regions(numbers, ["a", "b", "c"]).plot(ax=ax)
-    first, third = areas(ax)
-    assert first.get_paths()[0].contains_point((0.5, 2))
-    assert not first.get_paths()[0].contains_point((2.5, 2))
-    assert third.get_paths()[0].contains_point((2.5, 2))
-
-
 def test_the_unknown_state_is_drawn_in_grey_around_the_recordings(ax):
     rng = np.random.default_rng(5)
     points = rng.normal(size=(60, 2)) * [1, 30] + np.repeat([[0, 0], [7, 0], [0, 200]], 20, axis=0)

@@ -353,19 +353,6 @@ def test_the_model_of_the_bearing_channel_is_confirmed(rig, rig_models, predicte
     assert matched.attrs["predicted_share"] > 0.5 > 3 * matched.attrs["predicted_bins"]
 
 
-@pytest.mark.parametrize(("channel", "orders"), [("position", NOISE), ("vibration", DEFECT)])
-def test_every_decision_has_its_largest_contributions_in_the_same_bins(
-    rig, rig_models, channel, orders
-):
-    recordings, states = rig
-    for recording in (recordings[0], recordings[-1]):
-        table = explain_decision(rig_models[channel], recording)
-        assert holds_exactly(table[: len(orders)], orders)
-        assert (table["contribution"][: len(orders)] > 0).all()
-        assert table.attrs["decision"] == states[recordings.index(recording)]
-        adds_up(table)
-
-
 def test_the_noise_is_identified_as_electrical(rig, rig_models):
     table = explain_model(rig_models["position"], *rig)
     matched = match_fault_orders(table, fault_orders(Motor(6), harmonics=6))

@@ -26,12 +26,6 @@ def test_a_fault_order_is_matched_within_its_slip():
     assert wide["fault"].tolist() == ["BPFI"] * 3
 
 
-def test_the_predicted_share_refers_to_the_rows_that_are_given():
-    table = explained([6.0, 6.2, 6.4], [0.1, 0.2, 0.05], width=0.1)
-    matched = match_fault_orders(table, {"BPFI": 6.05}, slip=0.0)
-    assert matched.attrs["predicted_share"] == pytest.approx(0.1 / 0.35)
-
-
 def test_the_nearest_of_several_orders_in_a_bin_is_named_and_all_are_counted():
     table = explained([6.0, 12.0], [0.6, 0.4])
     matched = match_fault_orders(table, {"supply": 6.0, "BPFI": 6.4}, slip=0.0, harmonics=2)

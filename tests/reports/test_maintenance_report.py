@@ -106,14 +106,6 @@ def test_the_index_states_decision_since_action_and_doubt_of_every_page(folder):
     assert not any("check the measurement" in row for row in listed[:2])
 
 
-def test_an_html_file_has_one_section_for_each_recording(tmp_path):
-    new = [recording("outer race", 99), recording("healthy", 93, n=900)]
-    (file,) = maintenance_report(bins_model(), new, tmp_path / "all.html")
-    html = file.read_text(encoding="utf-8")
-    parsed(html)
-    assert html.count("<article>") == 2
-
-
 def test_a_saved_model_states_its_note_and_digest(tmp_path):
     pytest.importorskip("skops", reason="skops is not installed (extra 'models')")
     save_model(bins_model(), tmp_path / "model.emacm", note="bench <3>")

@@ -21,7 +21,6 @@ from sklearn.pipeline import FeatureUnion, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from emacm import (
-    BinTransformer,
     ConditionRouter,
     CostSensitiveGaussianBayes,
     FaultLines,
@@ -30,7 +29,6 @@ from emacm import (
     RecordingStatistics,
     bearing_recipe,
     family_costs,
-    order_bands,
 )
 from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
@@ -179,17 +177,6 @@ def test_an_improbable_decision_states_that_its_reason_are_the_costs():
 # Models of other kinds
 
 
-def decibels(power):
-    return 10 * np.log10(power)
-
-
-@pytest.mark.parametrize("function", [np.log, np.log2, decibels])
-def test_a_logarithm_of_the_user_changes_no_statement(function):
-    new = recording("outer race", 99)
-    model = fitted(make_pipeline(*steps(FunctionTransformer(function), StandardScaler())))
-    assert page(model, new).rows == page(bins_model(), new).rows
-
-
 @pytest.mark.parametrize("parts", [None, BEARING])
 def test_fault_lines_name_the_component(parts):
     lines = FaultLines(BEARING, harmonics=2)
@@ -202,14 +189,6 @@ def test_fault_lines_name_the_component(parts):
     assert first.raised == f"+{levels[-1] - levels[:-1].mean():.0f} dB"
     # The third line of BPFO is where the second one of BPFI may be; the spectrum decides.
     assert any("no series of raised lines of" in text and "BPFI" in text for text in found.normal)
-
-
-def test_named_bands_name_their_lines_without_parts():
-    bands = order_bands({"BPFO": 3.5848, "BPFI": 5.4152}, slip=0.03)
-    table = BinTransformer(edges=bands)
-    model = fitted(make_pipeline(*steps(FunctionTransformer(np.log), table=table)))
-    found = page(model, recording("outer race", 99), parts=None)
-    assert [(row.orders, row.channel) for row in found.rows] == [("BPFO", "vib")]
 
 
 def test_projected_features_need_healthy_recordings():
