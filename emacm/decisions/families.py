@@ -154,7 +154,7 @@ def family_costs(
     -------
     DataFrame
         Index = decisions, columns = states; the form that `CostSensitiveGaussianBayes`,
-        `expected_cost` and `emacm.decisions.risks.least_risk` accept as `cost`.
+        `expected_cost` and the classifiers accept as `cost`.
 
     Raises
     ------
