@@ -118,13 +118,9 @@ def test_the_cost_of_a_member_is_not_the_cost_of_the_product():
 BY_STATE = {state: family for family, states in FAMILIES.items() for state in states}
 FORMS = {
     "families of lists": FAMILIES,
-    "families of tuples": {family: tuple(states) for family, states in FAMILIES.items()},
-    "families of Index": {family: pd.Index(states) for family, states in FAMILIES.items()},
     "families of Series": {family: pd.Series(states) for family, states in FAMILIES.items()},
     "families of arrays": {family: np.array(states) for family, states in FAMILIES.items()},
     "family of each state": BY_STATE,
-    "Series by state": pd.Series(BY_STATE),
-    "Series of lists": pd.Series(FAMILIES),
 }
 
 
@@ -176,10 +172,6 @@ AMBIGUOUS = {
     "a family without states": FAMILIES | {"none": []},
     "no family": {},
     "no mapping": ["spall", "worn", "dry", "new"],
-    "a missing family": pd.Series(BY_STATE | {"dry": None}),
-    "one state with two families": pd.Series(
-        ["stop", "grease", "grease", "fly"], ["spall", "dry", "spall", "new"]
-    ),
 }
 
 
