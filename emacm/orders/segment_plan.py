@@ -22,14 +22,12 @@ from emacm.resampling.angle_recording import AngleRecording, AngleStroke
 
 # Whole, or in consecutive blocks; shape (n_channels, n_angles).
 Signal = NDArray[np.floating] | Iterable[NDArray[np.floating]]
-# Samples, the start of the first segment among them, and the number of segments.
-Section = tuple[NDArray[np.floating], int, int]
+# Samples, and the number of segments, the first of which begins with them.
+Section = tuple[NDArray[np.floating], int]
 Lines = NDArray[np.complexfloating]  # shape (n_channels, n_segments, n_lines)
 WeightedLines = tuple[Lines, float]
 # Signals that are averaged together: place in the result, what to call one, and their lengths.
 _Part = tuple[tuple[Any, int], str, list[Signal], list[int]]
-
-_SECTION_BYTES = 1 << 19  # of the transforms of a section
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +158,9 @@ class SegmentPlan:
         """
         collected: list[NDArray[np.floating]] = []
         count = 0
-        for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
+        for section, n_segments in sections(signals, self.n_per_segment, self.step):
             count += n_segments
-            powers = self.section_powers(section, first, n_segments)
+            powers = self.section_powers(section, n_segments)
             del section  # before the next one is made
             if collected and self.average == "mean":
                 powers += collected.pop()
@@ -197,31 +195,30 @@ class SegmentPlan:
             Their weight.
         """
         factor = self.window_factor(self.weights)
-        for section, first, n_segments in sections(signals, self.n_per_segment, self.step):
-            for transforms in self._transforms(section, first, n_segments):
+        for section, n_segments in sections(signals, self.n_per_segment, self.step):
+            for transforms in self._transforms(section, n_segments):
                 lines = transforms[..., : self.n_orders]
                 yield lines, factor * lines.shape[1]
             del section  # before the next one is made
 
     def section_powers(
-        self, section: NDArray[np.floating], first: int, n_segments: int
+        self, section: NDArray[np.floating], n_segments: int
     ) -> NDArray[np.floating]:
         """Return squared lines, summed over the segments of a section or, for the median, of each.
 
         Parameters
         ----------
         section : ndarray of shape (n_channels, n_angles)
-            As `sections` yields it, with the start of its first segment and the number of its
-            segments.
-        first, n_segments : int
-            These two numbers.
+            As `sections` yields it.
+        n_segments : int
+            Number of its segments.
 
         Returns
         -------
         ndarray of shape (n_channels, n_orders) or (n_channels, n_segments, n_orders)
         """
         if self.average == "median":
-            batches = self._transforms(section, first, n_segments)
+            batches = self._transforms(section, n_segments)
             lines = (transforms[..., : self.n_orders] for transforms in batches)
             return np.concatenate([part.real**2 + part.imag**2 for part in lines], axis=1)
         loops, length = _kernels.loops, self.n_per_segment
@@ -231,7 +228,7 @@ class SegmentPlan:
         n_rows = max(1, loops.BLOCKS.segment_bytes // (8 * n_kept))  # less memory for long segments
         for row in range(0, len(section), n_rows):
             rows = slice(row, row + n_rows)
-            for transforms in self._transforms(section[rows], first, n_segments, taps, n_kept):
+            for transforms in self._transforms(section[rows], n_segments, taps, n_kept):
                 loops.add_powers(transforms, total[rows])
                 del transforms  # before the next ones are made
         return total * gains
@@ -239,7 +236,6 @@ class SegmentPlan:
     def _transforms(
         self,
         section: NDArray[np.floating],
-        first: int,
         n_segments: int,
         taps: NDArray[np.floating] | None = None,
         n_kept: int | None = None,
@@ -250,13 +246,12 @@ class SegmentPlan:
         """
         loops, length, linear = _kernels.loops, self.n_per_segment, self.detrend == "linear"
         if section.dtype != np.float64 or not section.flags.c_contiguous:  # what is read only
-            stop = first + (n_segments - 1) * self.step + length
-            section, first = np.ascontiguousarray(section[:, first:stop], np.float64), 0
+            section = np.ascontiguousarray(section, np.float64)
         at_once = max(1, loops.BLOCKS.segment_bytes // (8 * (n_kept or length) * len(section)))
         window = np.ones(length) if linear else self.weights
         for start in range(0, n_segments, at_once):
             segments = np.empty((len(section), min(at_once, n_segments - start), n_kept or length))
-            cut = first + start * self.step, self.step, window, self.detrend == "constant"
+            cut = start * self.step, self.step, window, self.detrend == "constant"
             loops.set_segments(section, *cut, taps, segments)
             if linear:
                 segments = detrended(segments, self.detrend) * self.weights
@@ -273,7 +268,7 @@ class SegmentPlan:
 
 
 def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Section]:
-    """Yield sections of signals, the start of the first segment in each, and how many there are.
+    """Yield sections of signals that hold whole segments, and how many each holds.
 
     Segments have `length` samples; each begins `step` samples after the one before. No segment
     spans two signals, which are read one at a time; shorter signals are skipped.
@@ -283,13 +278,10 @@ def sections(signals: Iterable[Signal], length: int, step: int) -> Iterator[Sect
         for block in [signal] if isinstance(signal, np.ndarray) else signal:
             yield from cutter.add(block)
             del block  # before the next one is made
-        yield from cutter.finish()
 
 
 class SectionCutter:
-    """Cuts a signal that comes block by block into sections of an equal number of segments.
-
-    A sum over segments is therefore the same bit for bit, whatever the blocks are.
+    """Cuts a signal that comes block by block into sections of whole segments.
 
     Parameters
     ----------
@@ -307,42 +299,12 @@ class SectionCutter:
         self.rest: list[NDArray[np.floating]] = []
 
     def add(self, block: NDArray[np.floating]) -> Iterator[Section]:
-        """Yield the sections that are complete with the next samples."""
-        # An even number, as two segments may be transformed together.
-        n_bytes = 16 * self._length * len(block)
-        # Longer segments: up to three pairs, if 1 MiB suffices, as each section takes about 50 us.
-        few = min(3, (1 << 20) // n_bytes)
-        n_segments = 2 * max(1, few, _SECTION_BYTES // n_bytes)
-        onward = n_segments * self._step
-        whole, n_rest = onward - self._step + self._length, self._n_rest
-        n_complete = (n_rest + block.shape[1] - whole) // onward + 1
-        if n_complete < 1:
-            self.rest.append(block.copy())
-            return
-        start = -n_rest  # of the next section, in the block
-        if self.rest:
-            # Sections that begin in the rest; only their samples are copied.
-            n_joined = min(n_complete, -(-n_rest // onward))
-            stop = start + (n_joined - 1) * onward + whole
-            joined = np.concatenate([*self.rest, block[:, :stop]], axis=1)
-            for k in range(n_joined):
-                yield joined, k * onward, n_segments
-            start += n_joined * onward
-            self.rest = [joined[:, n_joined * onward : n_rest].copy()]
-            del joined
-        for first in range(start, n_complete * onward - n_rest, onward):
-            yield block, first, n_segments
-        self.rest = [*self.rest, block[:, max(0, n_complete * onward - n_rest) :].copy()]
-
-    def finish(self) -> Iterator[Section]:
-        """Yield the last section, which may be shorter."""
-        count = (self._n_rest - self._length) // self._step + 1
-        if count > 0:
-            yield np.concatenate(self.rest, axis=1), 0, count
-
-    @property
-    def _n_rest(self) -> int:
-        return sum(part.shape[1] for part in self.rest)
+        """Yield the section that is complete with the next samples, if there is one."""
+        joined = np.concatenate([*self.rest, block], axis=1) if self.rest else block
+        n_segments = max((joined.shape[1] - self._length) // self._step + 1, 0)
+        if n_segments:
+            yield joined, n_segments
+        self.rest = [joined[:, n_segments * self._step :].copy()]
 
 
 def _parts_of(

@@ -140,17 +140,9 @@ class PowerSum:
 
     def add(self, block: NDArray[np.floating]) -> None:
         """Add the segments that are complete with the next samples."""
-        for section in self._cutter.add(block):
-            self._add(*section)
-
-    def finish(self) -> None:
-        """Add the last segments."""
-        for section in self._cutter.finish():
-            self._add(*section)
-
-    def _add(self, section: NDArray[np.floating], first: int, n_segments: int) -> None:
-        self.total = self.total + self._plan.section_powers(section, first, n_segments)
-        self.count += n_segments
+        for section, n_segments in self._cutter.add(block):
+            self.total = self.total + self._plan.section_powers(section, n_segments)
+            self.count += n_segments
 
     def state(self) -> dict[str, Any]:
         """Return all that `restore` needs."""
@@ -202,7 +194,6 @@ class StrokeStream:
             for block in spreading.outputs(rows, path, complete=complete):
                 powers.add(block)
             if complete:
-                powers.finish()
                 return powers
         return None
 

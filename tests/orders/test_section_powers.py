@@ -23,7 +23,7 @@ def segment_powers(name, signals, first, step, window, n_segments, n_lines, remo
     options = window, window, detrend, "density", "mean", n_lines
     plan = SegmentPlan(1.0, len(window), step, *options)
     with using(name):
-        return plan.section_powers(signals, first, n_segments)
+        return plan.section_powers(signals[:, first:], n_segments)
 
 
 def by_scipy(signals, first, step, window, n_segments, remove_mean):

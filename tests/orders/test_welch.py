@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -12,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal as filters
 
 from emacm import OrderPSD, OrderResampler, Recording
-from emacm.orders import segment_plan as plans
 from emacm.orders.segment_plan import padded
 from emacm.orders.welch import (
     order_psd,
@@ -280,11 +277,10 @@ def reversing_recording(fault):
     length=st.integers(8, 300),
     overlap=st.sampled_from([0.0, 0.25, 0.5, 0.9]),
     average=st.sampled_from(["mean", "median"]),
-    at_once=st.sampled_from([0, 10_000, 1 << 20]),  # bytes of the segments of a section
 )
-@example(sizes=[100, 100], length=100, overlap=0.5, average="mean", at_once=0)
-@example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median", at_once=0)
-def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average, at_once):
+@example(sizes=[100, 100], length=100, overlap=0.5, average="mean")
+@example(sizes=[100, 70, 30], length=60, overlap=0.25, average="median")
+def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap, average):
     signal = np.random.default_rng(sum(sizes)).standard_normal((2, sum(sizes)))
     plan = segment_plan(32.0, n_per_segment=length, overlap=overlap, average=average)
     cuts = np.cumsum(sizes)[:-1]
@@ -294,12 +290,8 @@ def test_a_signal_in_blocks_has_the_spectrum_of_the_whole(sizes, length, overlap
             plan.average_of([iter(blocks)])
         return
     expected = plan.average_of([signal])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plans, "_SECTION_BYTES", at_once)
-        whole = plan.average_of([signal])
-        found = plan.average_of([iter(blocks)])
-    np.testing.assert_allclose(whole, expected, rtol=1e-9, atol=1e-15)
-    np.testing.assert_array_equal(found, whole)
+    found = plan.average_of([iter(blocks)])
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
 
 
 def test_by_direction_a_fault_of_forward_strokes_stands_in_forward_columns_only():
@@ -434,29 +426,3 @@ def test_signals_without_a_segment_are_refused(average):
     plan = segment_plan(32, revolutions=4, average=average)
     with pytest.raises(ValueError, match="no signal holds a segment of 128 samples"):
         plan.average_of([np.ones((1, 127))])
-
-
-@pytest.mark.parametrize("n_angles", [60_000, 70_000])
-@pytest.mark.parametrize("step", [500, 999])
-@pytest.mark.parametrize(
-    "sizes", [(33_000, 1), (32_500,), (64_500,), (70_000,), (16_250,), (1, 69_998), (7_777,)]
-)
-def test_sections_do_not_depend_on_the_blocks_of_a_signal(sizes, step, n_angles):
-    signal = np.arange(2.0 * n_angles).reshape(2, -1)
-
-    def cut(blocks):
-        found = plans.sections([iter(blocks)], 1000, step)
-        return [
-            (count, part[:, first : first + (count - 1) * step + 1000].copy())
-            for part, first, count in found
-        ]
-
-    edges = [0, *np.cumsum(np.resize(sizes, n_angles // min(sizes[0], 8_000) + 1)), n_angles]
-    edges = sorted({min(int(edge), n_angles) for edge in edges})
-    blocks = [signal[:, start:stop].copy() for start, stop in pairwise(edges)]
-    whole, parts = cut([signal]), cut(blocks)
-    assert sum(count for count, _ in whole) == (n_angles - 1000) // step + 1
-    assert len(whole) > 1
-    assert [count for count, _ in whole] == [count for count, _ in parts]
-    for (_, one), (_, other) in zip(whole, parts, strict=True):
-        np.testing.assert_array_equal(one, other)

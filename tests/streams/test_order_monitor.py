@@ -142,7 +142,6 @@ def small_parts(monkeypatch):
     """Everything that happens after thousands of samples, after hundreds."""
     design = replace(emacm.resampling.spreading.DESIGN, part=700, mean_of=300)
     monkeypatch.setattr(emacm.resampling.spreading, "DESIGN", design)
-    monkeypatch.setattr(emacm.orders.segment_plan, "_SECTION_BYTES", 9000)
     settings = partial(Settings, waiting=100)
     monkeypatch.setattr(emacm.streams.order_monitor, "Settings", settings)
 
@@ -213,7 +212,9 @@ def test_blocks_of_single_samples_and_rows_of_an_array():
     for k in range(rows.shape[1]):
         assert monitor.push(rows[:, k : k + 1], velocity=recording.velocity[k : k + 1]) == []
     (reading,) = monitor.flush()
-    np.testing.assert_array_equal(reading.features, model[:-1].transform([recording])[0])
+    np.testing.assert_allclose(
+        reading.features, model[:-1].transform([recording])[0], rtol=1e-12, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("reference", ["velocity", "angle"])
@@ -482,7 +483,7 @@ def test_after_a_gap_the_next_samples_begin_another_recording(fitted):
     for signals, shaft in blocks(recording, [1.0]):
         monitor.push(signals, **shaft, time=None if monitor.time > 100 else 100.0)
     (again,) = monitor.flush()
-    np.testing.assert_array_equal(again.features, first[0].features)
+    np.testing.assert_allclose(again.features, first[0].features, rtol=1e-12)
     assert (again.start, again.time) == pytest.approx((100.0, 106.0))
 
 
