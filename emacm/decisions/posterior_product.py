@@ -15,7 +15,7 @@ from emacm._saved import SavedEstimator
 from emacm.decisions.least_risk import LeastRiskClassifier
 from emacm.decisions.pipelines import groups_are_units, uses_groups
 from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_equal_priors, check_possible, class_priors
+from emacm.decisions.truths import check_possible, class_priors
 
 Array = NDArray[np.float64]
 
@@ -201,7 +201,11 @@ class PosteriorProduct(LeastRiskMixin, ClassifierMixin, SavedEstimator):
 
     def _check_priors(self) -> None:
         own = {name: member.priors_ for name, member in self._members.items()}
-        if self.priors is None:
-            check_equal_priors(own, self.classes_)
+        if self.priors is None and np.ptp(self.member_priors_, axis=0).max() > 1e-6:
+            listed = {name: prior.round(6).tolist() for name, prior in own.items()}
+            raise ValueError(
+                f"members have different priors of {self.classes_.tolist()}: {listed}. "
+                f"Give priors=..., those in service."
+            )
         for name, prior in own.items():
             check_possible(self.priors_, prior, self.classes_, f"member {name!r}")

@@ -68,11 +68,10 @@ def class_priors(
     if isinstance(priors, Mapping | pd.Series):
         named = dict(priors.items())
         unknown = [label for label in named if label not in known]
-        missing = [label for label in known if label not in named]
-        if unknown or missing:
+        if unknown or len(named) < len(known):
             raise ValueError(
-                f"priors must name every class of {known} and no other; "
-                f"unknown: {unknown}, missing: {missing}."
+                f"priors must name every class of {known} and no other; unknown: {unknown}, "
+                f"missing: {[label for label in known if label not in named]}."
                 f"{numbered_hint(known, unknown)}"
             )
         priors = [named[label] for label in known]
@@ -114,26 +113,6 @@ def check_possible(
             f"carries no information about it, but priors give it {priors[code]:g}. Give {name} "
             f"another prior."
         )
-
-
-def check_equal_priors(own: Mapping[str, NDArray[np.float64]], classes: NDArray[Any]) -> None:
-    """Raise a ValueError if estimators have different priors.
-
-    Parameters
-    ----------
-    own : mapping of str to ndarray of shape (n_classes,)
-        The prior within the posterior of each estimator, by its name.
-    classes : ndarray of shape (n_classes,)
-        The classes.
-    """
-    (first, prior), *others = own.items()
-    for name, other in others:
-        if np.abs(other - prior).max() > 1e-6:
-            raise ValueError(
-                f"members have different priors of {classes.tolist()}: {first!r} has "
-                f"{prior.round(6).tolist()}, {name!r} has {other.round(6).tolist()}. "
-                f"Give priors=..., those in service."
-            )
 
 
 Array = NDArray[np.float64]

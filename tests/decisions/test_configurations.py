@@ -44,3 +44,31 @@ def expected_failures(model):
 @parametrize_with_checks(CONFIGURATIONS, expected_failed_checks=expected_failures)
 def test_every_check_of_scikit_learn_passes(estimator, check):
     check(estimator)
+
+
+WITH_CALIBRATION = [
+    CostSensitiveGaussianBayes(unknown="unknown"),
+    CostSensitiveGaussianBayes(temperature="groups"),
+    CostSensitiveGaussianBayes(temperature=2.5),
+    CostSensitiveGaussianBayes(covariance="tied", shrinkage=0.1, unknown=-7, temperature="groups"),
+    CostSensitiveGaussianBayes(covariance="diag", unknown="new", temperature=3.0),
+]
+
+
+@pytest.mark.filterwarnings("ignore:The covariance of .* is singular:UserWarning")
+@pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
+@parametrize_with_checks(WITH_CALIBRATION)
+def test_every_check_passes_with_an_unknown_state_or_a_temperature(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.filterwarnings("ignore:fit was called without groups:UserWarning")
+@pytest.mark.parametrize("covariance", ["full", "tied", "diag"])
+def test_every_check_passes_with_ledoit_wolf(covariance):
+    model = CostSensitiveGaussianBayes(
+        covariance=covariance, shrinkage="auto", unknown="unknown", temperature="groups"
+    )
+    checks = parametrize_with_checks([model]).args[1]
+    for estimator, check in checks:
+        if "sample_weight" not in str(check):  # weights are refused, with the reason
+            check(estimator)

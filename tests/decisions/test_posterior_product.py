@@ -176,7 +176,7 @@ def test_the_prior_of_a_member_is_its_own_or_the_shares_in_training(member, prio
 def test_different_priors_of_members_are_refused_unless_one_is_stated():
     X, y = table(8)
     fused = product().set_params(position__costsensitivegaussianbayes__priors=[0.4, 0.2, 0.2, 0.2])
-    message = r"'current' has \[0.25, .*'position' has \[0.4, .* Give priors=\.\.\."
+    message = r"'current': \[0.25, .*'position': \[0.4, .* Give priors=\.\.\."
     with pytest.raises(ValueError, match=message):
         fused.fit(X, y)
     fused.set_params(priors="uniform").fit(X, y)
