@@ -241,16 +241,6 @@ def test_inspection_is_chosen_exactly_where_its_risk_is_least():
     assert 0 < inspected.sum() < len(X)
 
 
-def test_families_of_classes_can_be_the_only_decisions():
-    X, y = draw(12)
-    cost = pd.DataFrame([[9, 0, 9], [0, 1, 0]], index=["fly", "ground"], columns=NAMES)
-    model = CostSensitiveGaussianBayes(cost).fit(X, y)
-    fly = model.predict(X) == "fly"
-    healthy = model.predict_proba(X)[:, 1]
-    np.testing.assert_array_equal(fly, 9 * (1 - healthy) <= healthy)
-    assert model.risk(X).shape == (90, 2)
-
-
 STATES = ["backlash 1", "backlash 2", "dry 1", "dry 2", "healthy"]
 FAMILY = {state: state.split()[0] for state in STATES}
 FAMILIES = pd.DataFrame(
@@ -301,18 +291,6 @@ def test_families_are_cross_validated_scored_and_searched_for():
     search.fit(X, y)
     assert search.cv_results_["mean_test_score"][0] == pytest.approx(-cost.mean())
     assert search.score(X, y) == -by_hand(search.predict(X), y)[0].mean()
-
-
-def test_accuracy_counts_decisions_that_are_not_classes_as_wrong():
-    X, y = draw(11)
-    numbers = np.searchsorted(NAMES, y)
-    model = CostSensitiveGaussianBayes({("inspect", k): 0.2 for k in range(3)}).fit(X, numbers)
-    decided = model.predict(X)
-    assert decided.dtype == object
-    right = np.array([d == k for d, k in zip(decided, numbers, strict=True)])
-    assert model.score(X, numbers) == right.mean() < 1 - np.mean(decided == "inspect")
-    weight = np.arange(90.0)
-    assert model.score(X, numbers, weight) == pytest.approx(np.average(right, weights=weight))
 
 
 @pytest.mark.parametrize("covariance", ["full", "tied", "diag"])

@@ -8,9 +8,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
 from emacm.decisions.fit_checks import (
-    agreed_classes,
     check_densities,
-    check_parameters,
 )
 from emacm.decisions.moments import ClassMoments
 
@@ -63,32 +61,6 @@ def test_two_recordings_are_enough_and_one_is_not():
     assert one.partial_fit([[3.0]], ["new"]).covariances_[0].tolist() == [[2.0]]
 
 
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        (("spherical", None, None), "covariance must be one of 'full', 'tied', 'diag'"),
-        (("full", "lw", None), "shrinkage as a word must be one of 'oas', 'auto'"),
-        (("full", 1.01, None), 'shrinkage, if not None, "oas" or "auto", must be a number at lea'),
-        (("full", -0.01, None), "at least 0 and at most 1, got -0.01"),
-        (("full", None, "units"), "temperature as a word must be one of 'groups'"),
-        (("full", None, 0), 'temperature, if not None or "groups", must be a number above 0'),
-    ],
-)
-def test_parameters_have_limits(parameters, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        check_parameters(*parameters)
-
-
-def test_classes_are_sorted_and_stay_the_same():
-    assert agreed_classes(["new", "dry", "new"], None).tolist() == ["dry", "new"]
-    assert agreed_classes(None, CLASSES) is CLASSES
-    assert agreed_classes(["new", "dry"], CLASSES).tolist() == ["dry", "new"]
-    with pytest.raises(ValueError, match="classes must be given in the first call"):
-        agreed_classes(None, None)
-    with pytest.raises(ValueError, match=r"got \['new'\], previously \['dry', 'new'\]"):
-        agreed_classes(["new"], CLASSES)
-
-
 def moments(counts, scatter, pooled=False):
     means = np.array([[0.0], [3.0]])
     return ClassMoments(np.array(counts), means, np.array(scatter)[:, None, None], pooled)
@@ -106,9 +78,3 @@ def test_a_class_that_varies_counts_more_than_once(counts, scatter, pooled, name
     singular = np.zeros(len(scatter), bool)
     with pytest.raises(ValueError, match=re.escape(named)):
         check_densities(moments(counts, scatter, pooled), singular, CLASSES, 0.1, stacklevel=1)
-
-
-def test_equal_recordings_cannot_be_separated():
-    equal = ClassMoments(np.ones(2), np.full((2, 1), 3.0), np.zeros((2, 1, 1)), False)
-    with pytest.raises(ValueError, match="all recordings have the same features"):
-        check_densities(equal, np.ones(2, bool), CLASSES, None, stacklevel=1)

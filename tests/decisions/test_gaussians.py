@@ -104,11 +104,6 @@ def test_the_oas_coefficient_is_that_of_scikit_learn(shape):
     assert oas_coefficient(centred.T @ centred, shape[0]) == pytest.approx(expected, rel=1e-10)
 
 
-def test_the_oas_coefficient_of_a_sphere_is_one_and_of_nothing_is_zero():
-    assert oas_coefficient(np.eye(3) * 1e9, 10) == 1
-    assert oas_coefficient(np.zeros((3, 3)), 10) == 0
-
-
 def test_shrinkage_by_a_number_is_that_of_scikit_learn():
     X, codes = draw(6)
     covariances = fit(X, codes).covariances
@@ -225,17 +220,3 @@ def test_eigenvalues_are_corrected_by_the_inverse_of_their_bias():
     kept = 1 + (apart - 1) * (1 - 0.01 / 0.15**2)
     np.testing.assert_allclose(population_eigenvalues(3 * apart, 1000), 3 * kept)
     assert population_eigenvalues([2, 4], 1).tolist() == [3.0, 3.0]
-
-
-def test_eigenvalues_within_noise_are_shrunk_by_the_share_of_noise_in_their_variance():
-    values, ratio = np.array([1.6, 1.1, 1.0, 0.9, 0.4]), 5 / 50
-    expected = 1 + (1 - ratio / np.mean((values - 1) ** 2)) * (values - 1)
-    np.testing.assert_allclose(population_eigenvalues(values, 50), expected)
-
-
-def test_eigenvalues_are_corrected_alike_in_any_unit():
-    for values in ([9.0, 1.4, 1.1, 0.9, 0.6], [5.0, 4.0, 3.0, 2.0, 0.1, 0.05], [3.0, 1.0]):
-        expected = population_eigenvalues(values, 12)
-        for unit in (1e-9, 1e-3, 1e3, 1e9):
-            found = population_eigenvalues(unit * np.array(values), 12)
-            np.testing.assert_allclose(found, unit * expected, rtol=1e-10)

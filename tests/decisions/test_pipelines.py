@@ -27,20 +27,6 @@ X = np.array([[0.0, 3.0], [2.0, 1.0], [5.0, 4.0], [9.0, 8.0]])
 Y = np.array(["new", "new", "worn", "worn"])
 
 
-@pytest.mark.parametrize(
-    "nested",
-    [
-        make_pipeline(GaussianNB()),
-        make_pipeline(make_pipeline(GaussianNB())),
-        GridSearchCV(make_pipeline(GaussianNB()), {}, cv=2),
-    ],
-)
-def test_without_other_steps_the_input_is_unchanged(nested):
-    final, table = before_the_last_step(nested.fit(X, Y), X)
-    assert isinstance(final, GaussianNB)
-    np.testing.assert_array_equal(table, X)
-
-
 def test_the_input_of_the_last_step_is_transformed_by_all_others():
     inner = make_pipeline(StandardScaler(with_mean=False), GaussianNB())
     model = GridSearchCV(make_pipeline(StandardScaler(with_std=False), inner), {}, cv=2).fit(X, Y)
@@ -67,12 +53,6 @@ def test_groups_are_passed_to_all_steps_that_leave_them_out():
         assert {name.removesuffix("__groups") for name in found} == names
         assert all(groups == ["a", "b"] for groups in found.values())
         assert groups_options(model, None) == {}
-
-
-def test_the_last_step_of_an_unfitted_search_is_that_of_its_estimator():
-    inner = GaussianNB(var_smoothing=0.5)
-    search = GridSearchCV(make_pipeline(StandardScaler(), inner), {"gaussiannb__priors": [None]})
-    assert final_estimator(search) is inner
 
 
 def test_the_name_of_weights_contains_all_steps():

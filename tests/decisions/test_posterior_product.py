@@ -14,13 +14,10 @@ from sklearn.ensemble import (
     StackingClassifier,
     VotingClassifier,
 )
-from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LogisticRegression, RidgeClassifier
 from sklearn.model_selection import (
     GridSearchCV,
-    StratifiedKFold,
     cross_val_predict,
-    cross_val_score,
 )
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
@@ -37,7 +34,6 @@ from emacm import (
     PosteriorProduct,
     Recording,
     explain_decision,
-    neg_expected_cost,
 )
 
 STATES = ["dry 1", "dry 2", "healthy", "spall"]
@@ -204,23 +200,6 @@ def test_decisions_are_those_of_least_risk():
     assert set(fused.predict(X)) == {"fly", "grease", "change"}
 
 
-def test_scores_in_cross_validation_are_those_of_costs_and_correct_families():
-    X, y = table(10)
-    fused, cv = product(cost=FAMILIES), StratifiedKFold(3)
-    decided = cross_val_predict(fused, X, y, cv=cv)
-    right = FAMILIES.to_numpy()[FAMILIES.index.get_indexer(decided), np.searchsorted(STATES, y)]
-    costs = cross_val_score(fused, X, y, cv=cv, scoring=neg_expected_cost, error_score="raise")
-    assert -costs.mean() == pytest.approx(right.mean())
-    shares = cross_val_score(fused, X, y, cv=cv, error_score="raise")
-    assert shares.mean() == pytest.approx((right == 0).mean())
-    weight = np.arange(len(y))
-    fused.fit(X, y)
-    found = FAMILIES.to_numpy()[
-        FAMILIES.index.get_indexer(fused.predict(X)), np.searchsorted(STATES, y)
-    ]
-    assert fused.score(X, y, weight) == pytest.approx(np.average(found == 0, weights=weight))
-
-
 # Composition
 
 
@@ -382,12 +361,6 @@ def test_invalid_parameters_are_refused(options, error, message):
     X, y = table(20)
     with pytest.raises(error, match=message):
         product().set_params(**options).fit(X, y)
-
-
-@pytest.mark.parametrize("method", ["predict", "predict_log_proba", "risk"])
-def test_before_fit_nothing_is_combined(method):
-    with pytest.raises(NotFittedError, match="PosteriorProduct instance is not fitted"):
-        getattr(product(), method)(table(20)[0])
 
 
 def test_errors_of_a_member_contain_its_name():
