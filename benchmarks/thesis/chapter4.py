@@ -9,15 +9,7 @@ import pandas as pd
 from chapter4_inputs import inputs_table
 from chapter4_pictures import draw_condition, draw_summary
 from chapter4_spectra import READINGS, SIGNALS, run_campaign
-from chapter4_study import (
-    GROUPS,
-    OUTCOMES,
-    SCHEMES,
-    Study,
-    classified,
-    outcome_shares,
-    study,
-)
+from chapter4_study import GROUPS, OUTCOMES, SCHEMES, Study, classified, outcome_shares, study
 from chapter4_tables import (
     conditions_table,
     lines_table,
@@ -184,10 +176,7 @@ def _result(decisions: pd.DataFrame) -> str:
     parts = [
         f"{words} " + ", ".join(f"{SIGNALS[c]} {correct[scheme, c]:.0f} %" for c in SIGNALS)
         for scheme, words in (
-            (
-                "per condition",
-                "correct decisions of a classifier for each condition:",
-            ),
+            ("per condition", "correct decisions of a classifier for each condition:"),
             ("single", "of one classifier for all conditions:"),
         )
     ]
