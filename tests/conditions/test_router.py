@@ -426,7 +426,7 @@ BAD_FITS = [
     (ConditionRouter(LOGISTIC), bare(unit="A"), ["a"], "recording 0 .* no meta key 'load'"),
     (ConditionRouter(LOGISTIC), bare(load=np.nan), ["a"], "its meta key 'load' is nan"),
     (ConditionRouter(LOGISTIC), "recordings", ["a"], "X must be a list of recordings, got"),
-    (ConditionRouter(LOGISTIC, n_jobs=0), LOADED, STATES, "n_jobs must"),
+    (ConditionRouter(LOGISTIC, n_jobs=0), LOADED, STATES, "n_jobs"),
     (UNSEEN, LOADED, STATES, "unseen must be one of 'raise', 'nearest', 'pooled'"),
     (NEAREST, WORDS, STATES, "conditions that are numbers, but there is load='high'"),
     (
