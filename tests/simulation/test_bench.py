@@ -176,6 +176,11 @@ def test_a_jam_takes_current_at_its_place():
     assert np.abs(more[place < 1.0].mean()) < 0.1
 
 
+def test_vibration_grows_with_severity():
+    sizes = [rms(record(4, faults=(("inner ring", s),))) for s in (0.0, 0.3, 0.6, 1.0)]
+    assert np.all(np.diff(sizes) > 0.005)
+
+
 def test_vibration_grows_with_speed():
     # Triangles of 3.6 and 17.5 in/s. Of the load alone it would grow by a sixth.
     slow, fast = (rms(record(c, faults=(("inner ring", 1.0),))) for c in (2, 3))
