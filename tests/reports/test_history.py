@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from emacm.reports.history import as_times, check_history, since
-from emacm.reports.maintenance import add_since
+from emacm.reports.maintenance import add_since, as_times, check_history, since
 from emacm.reports.pages import Page
 
 
