@@ -341,3 +341,29 @@ def test_the_quality_of_an_envelope_knows_its_bandwidth():
     assert row["max_order"] == pytest.approx(100 / 30)
     assert "above order 3.333 at the highest speed (the width of the band" in row["warnings"]
     assert resampler.quality([run])["max_order"][0] == pytest.approx(5000 / 30)
+
+
+def test_at_an_edge_half_of_the_amplitude_passes():
+    for edge in BAND:
+        assert envelope(tone(edge), FS, BAND, squared=False)[INNER].mean() == pytest.approx(
+            0.5, 1e-3
+        )
+
+
+def test_there_is_no_delay():
+    burst = np.exp(-(((TIMES - 1) / 0.01) ** 2)) * tone(2000)
+    assert TIMES[envelope(burst, FS, BAND).argmax()] == pytest.approx(1, abs=2e-4)
+
+
+def test_the_filter_of_a_band_is_flat_inside_and_80_db_down_outside():
+    low, high, fs = 2000.0, 6000.0, 48_000.0
+    taps = analytic_filter(low, high, fs)
+    times = (np.arange(len(taps)) - len(taps) // 2) / fs
+    frequencies = np.arange(-fs / 2, fs / 2, 12.5)
+    gain = np.abs(np.exp(-1j * TURN * np.outer(frequencies, times)) @ taps) / 2
+    eighth = (high - low) / 8
+    inside = (frequencies >= low + eighth) & (frequencies <= high - eighth)
+    outside = (frequencies <= low - eighth) | (frequencies >= high + eighth)
+    np.testing.assert_allclose(gain[inside], 1, atol=2e-4)
+    assert gain[outside].max() < 1e-4
+    assert gain[frequencies == low] == pytest.approx(0.5, abs=0.01)

@@ -259,3 +259,17 @@ def test_a_pickled_envelope_of_a_whitened_signal_is_the_same():
     again = pickle.loads(pickle.dumps(series))
     assert again == series
     np.testing.assert_array_equal(again[:], before)
+
+
+def test_an_offset_changes_nothing():
+    np.testing.assert_allclose(
+        prewhitened(coloured() + 1e3, FS), prewhitened(coloured(), FS), atol=1e-6
+    )
+
+
+def test_frequencies_without_power_stay_without_power():
+    lines = np.fft.rfft(noise(8192))
+    lines[1000:3000] = 0
+    empty = np.fft.irfft(lines)
+    found = np.abs(np.fft.rfft(whiten(empty)))
+    assert found[1000:3000].max() < 1e-9 * found[500]

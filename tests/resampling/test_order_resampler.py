@@ -573,3 +573,10 @@ def test_min_speed_refers_to_the_measured_shaft():
     assert len(strokes[0]) == len(strokes[1]) > 0
     for stroke, slower in zip(*strokes, strict=True):
         np.testing.assert_allclose(slower.revolutions, stroke.revolutions / 10)
+
+
+def test_what_transform_returns_survives_pickle():
+    over_angle = OrderResampler(THETA_S).fit_transform([run(0), run(1)])
+    again = pickle.loads(pickle.dumps(over_angle))
+    assert again == over_angle
+    assert_equal(again, over_angle)

@@ -509,3 +509,20 @@ def test_a_theta_s_that_would_make_too_many_samples_is_refused(resample):
     message = r"would make .* samples of a stroke of 20 rev.*2 \* np.pi / 128"
     with pytest.raises(ValueError, match=message):
         resample(np.zeros(1000), 1000.0, path, theta_s=1e-12)
+
+
+@pytest.mark.parametrize("direction", ["strokes", "forward", "reverse"])
+def test_a_tone_has_its_power_in_either_direction(direction):
+    recording = Recording(
+        {"x": tone("reversing", 27, 10_000)}, 10_000, **shaft("reversing", "angle", 10_000)
+    )
+    (power,) = tone_power(recording, 27, direction=direction)
+    assert power == pytest.approx(AMPLITUDE**2 / 2, rel=0.003)
+
+
+def test_tones_do_not_fold_while_the_speed_varies():
+    orders = [78.2, 100, 130.5, 200, 400]
+    _, _, path = varying(48_000.0, 10, 4, 0.25, 4.0)
+    signals = np.sin(np.outer(orders, path.travel))
+    _, resampled = spread_to_angle(signals, 48_000.0, path, theta_s=THETA_S)
+    assert decibel(power_up_to(LAST_FLAT, resampled, 128) / 0.5).max() < -60

@@ -249,3 +249,9 @@ def test_phases_go_on_across_a_gap_as_fast_as_on_either_side():
 def test_wrong_input_is_refused(call, error, words):
     with pytest.raises(error, match=words):
         call()
+
+
+def test_whole_counts_err_by_at_most_one_count():
+    counts = np.floor(np.mod(turned("ramp") / TURN * 4096, 4096)).astype(np.uint16)
+    error = np.abs(angle_from_wrapped(counts, period=4096) - turned("ramp"))
+    assert error.max() < TURN / 4096 + 1e-11

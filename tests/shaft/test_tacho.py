@@ -279,3 +279,10 @@ REGULAR = np.arange(9.0)
 def test_wrong_input_is_refused(function, arguments, options, error, words):
     with pytest.raises(error, match=words):
         function(*arguments, **options)
+
+
+def test_square_pulses_err_by_half_a_sample():
+    expected = (np.arange(30) + 0.12345) / 10
+    square = np.mod(10 * TIME - 0.12345, 1) < 0.2
+    times = pulse_times(square[TIME > 0.005], FS) + np.argmax(TIME > 0.005) / FS
+    assert np.abs(times - expected).max() <= 0.5 / FS + 1e-12
