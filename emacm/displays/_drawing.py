@@ -36,8 +36,6 @@ STOP_BAND = "stop band"
 MISSING = "0.85"  # grey hatch: not measured, or removed by a filter
 LETTER = 0.58 * SMALL  # points; mean width of a letter
 
-LEADER = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}  # from name to place
-
 _WRAP = 34  # letters of a line in a legend
 _HANDLE = 42  # points; line sample of a legend entry, with its margins
 
@@ -263,9 +261,9 @@ def mark_orders(ax: Any, lines: pd.DataFrame, *, named: bool = True) -> float:
     style = {"xycoords": ax.get_xaxis_transform(), "ha": "center", "va": "bottom"}
     for name, order, shift in zip(inside.index, inside["order"], shifts, strict=True):
         moved = abs(shift) > 1
-        look = style | ({"arrowprops": LEADER} if moved else {})
+        look = style | {"leader": moved, "rotation": 90 if upright else 0}
         offset = (shift, 12 if moved else 3)
-        _annotate(ax, name, (order, 1), offset, rotation=90 if upright else 0, **look)
+        _annotate(ax, name, (order, 1), offset, **look)
     return float(16 + 1.1 * widths.max() if upright else SMALL + 6)
 
 
@@ -281,7 +279,7 @@ def mark_orders_beside(ax: Any, lines: pd.DataFrame) -> None:
         look = {"transform": ax.get_yaxis_transform(), "clip_on": False, "color": "0.5"}
         ends = np.clip([row.low, row.high], *ax.get_ylim())
         ax.plot([1.008] * 2, ends, linewidth=2, solid_capstyle="butt", **look)
-        _annotate(ax, row.Index, (1.01, row.order), (10, shift), arrowprops=LEADER, **style)
+        _annotate(ax, row.Index, (1.01, row.order), (10, shift), leader=True, **style)
 
 
 def spread(places: NDArray[np.floating], gap: float) -> NDArray[np.floating]:
@@ -339,8 +337,10 @@ def _within(
     return inside, inside["order"].to_numpy() * length / (high - low)
 
 
-def _annotate(ax: Any, name: str, place: Any, offset: Any, **style: Any) -> None:
-    """Write a name outside of the axes."""
+def _annotate(ax: Any, name: str, place: Any, offset: Any, *, leader: bool, **style: Any) -> None:
+    """Write a name outside of the axes, with a line to its place if it was moved."""
+    if leader:
+        style["arrowprops"] = {"arrowstyle": "-", "color": "0.5", "shrinkA": 0, "shrinkB": 0}
     style |= {"textcoords": "offset points", "fontsize": SMALL, "annotation_clip": False}
     ax.annotate(name, place, offset, **style)
 
