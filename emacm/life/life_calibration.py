@@ -428,8 +428,6 @@ class LifeCalibration:
         Which of the two it is.
     fit : callable
         Models fitted on some of the units.
-    max_folds : int
-        Units are left out one by one up to this number, else in this many folds.
     """
 
     def __init__(
@@ -438,11 +436,10 @@ class LifeCalibration:
         lives: Array,
         failed: Bools,
         fit: Callable[[NDArray[np.intp]], LifeModels],
-        max_folds: int = 20,
     ) -> None:
         self.units: dict[str, list[Levels]] = {BEFORE_ONSET: [], DAMAGE: []}
         numbers = np.arange(len(histories))
-        for others, rows in left_out(np.zeros_like(numbers), numbers, max_folds):
+        for others, rows in left_out(np.zeros_like(numbers), numbers):
             models = fit(others)
             for k in rows:
                 self._add(models, histories[k], lives[k], bool(failed[k]))

@@ -237,30 +237,6 @@ class RemainingLife(RegressorMixin, SavedEstimator):
         self._range.warn_outside(units, n_rows)
         return self._quantiles(units, np.broadcast_to(wanted, (n_rows, len(wanted))))
 
-    def failure_probability(self, X: Any, horizon: float, groups: ArrayLike | None = None) -> Array:
-        """Return the predicted probability to fail within a time, which is not calibrated.
-
-        Parameters
-        ----------
-        X, groups
-            As for `predict`.
-        horizon : float
-            Time from each reading on.
-
-        Returns
-        -------
-        ndarray of shape (n_readings,)
-            Probabilities.
-        """
-        horizon = check_number(horizon, "horizon", at_least=0)
-        units, n_rows = self._followed(X, groups)
-        self._range.warn_outside(units, n_rows)
-        found = np.empty(n_rows)
-        for unit in units:
-            remaining = np.full((len(unit.rows), 1), horizon)
-            found[unit.rows] = self.models_.cdf(unit, remaining)[:, 0]
-        return found
-
     def predict_interval(
         self, X: Any, groups: ArrayLike | None = None, *, coverage: float | None = None
     ) -> pd.DataFrame:

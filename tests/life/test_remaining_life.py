@@ -292,7 +292,6 @@ def test_what_is_outside_the_fit_is_stated():
     "asked",
     [
         lambda fitted, X: fitted.predict(X),
-        lambda fitted, X: fitted.failure_probability(X, 10.0),
         lambda fitted, X: fitted.decide(X, COSTS),
     ],
 )
@@ -377,11 +376,3 @@ def test_dearer_failures_stop_earlier_and_dearer_lost_life_later():
         return fitted.decide(X, costs, units)["decision"].eq("stop").sum()
 
     assert stops(failure=50_000) > stops() > stops(early=100)
-
-
-def test_the_probability_of_failure_is_that_of_the_quantiles():
-    X, y, groups, _ = followed(range(30))
-    fitted = model("weibull").fit(X, y, groups=groups)
-    row = [[80.0, -20.0]]
-    life = fitted.predict_quantiles(row, [0.3])[0, 0]
-    assert fitted.failure_probability(row, life) == pytest.approx([0.3])
