@@ -86,15 +86,6 @@ def check_table(values: Any) -> None:
         raise TypeError(f"X must be numeric, got {values.dtype} values.")
 
 
-@contextmanager
-def within_float64() -> Iterator[None]:
-    """Raise a ValueError in place of the OverflowError of an integer in X beyond float64."""
-    try:
-        yield
-    except OverflowError as error:
-        raise ValueError("X has an integer beyond the range of float64.") from error
-
-
 def check_finite(array: NDArray[np.floating], name: str) -> None:
     """Raise a ValueError with the place of the first NaN or infinity in a 1-D array."""
     bad = ~np.isfinite(array)
@@ -133,10 +124,7 @@ def check_number(
     """Return `value` as a finite float within the stated limits."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         raise TypeError(f"{_wanted(name, unit, above, at_least, below, at_most)}, got {value!r}.")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = np.inf
+    number = float(value)
     if (
         not isfinite(number)
         or (above is not None and not number > above)

@@ -23,7 +23,6 @@ from emacm._checks import (
     check_finite_table,
     check_table,
     check_unique_columns,
-    within_float64,
 )
 from emacm._saved import SavedEstimator
 
@@ -431,14 +430,13 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         """Check the spectra passed to `fit`, and store the names of their columns."""
         names = self._checked_names(X)
         options = {"dtype": np.float64, "ensure_min_features": 2, "ensure_all_finite": False}
-        with within_float64():
-            if names is not None and _names_orders(names):
-                psd = check_array(X, **options)
-                # validate_data would not see the names of every container.
-                self.n_features_in_ = psd.shape[1]
-                self.feature_names_in_ = np.array(names, dtype=object)
-            else:
-                psd = validate_data(self, X, **options)
+        if names is not None and _names_orders(names):
+            psd = check_array(X, **options)
+            # validate_data would not see the names of every container.
+            self.n_features_in_ = psd.shape[1]
+            self.feature_names_in_ = np.array(names, dtype=object)
+        else:
+            psd = validate_data(self, X, **options)
         check_finite_table(psd, "recording", names)
         return psd
 
@@ -447,11 +445,10 @@ class OrderTableTransformer(TransformerMixin, SavedEstimator):
         check_is_fitted(self)
         names = self._checked_names(X)
         options = {"dtype": [np.float64, np.float32], "ensure_all_finite": False}
-        with within_float64():
-            if self._same_axis(names):
-                psd = check_array(X, **options)
-            else:
-                psd = validate_data(self, X, reset=False, **options)
+        if self._same_axis(names):
+            psd = check_array(X, **options)
+        else:
+            psd = validate_data(self, X, reset=False, **options)
         check_finite_table(psd, "recording", names)
         return psd
 

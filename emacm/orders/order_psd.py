@@ -16,7 +16,6 @@ from emacm._checks import (
     check_finite_table,
     check_signal,
     check_table,
-    within_float64,
 )
 from emacm._progress import run
 from emacm.orders.columns import BARE_CHANNEL, OrderTable, order_columns
@@ -265,16 +264,15 @@ class OrderPSD(WelchEstimator):
         refuse_single(X)
         self._refuse_direction()
         check_table(X)
-        with within_float64():
-            table = validate_data(
-                self,
-                X,
-                reset=reset,
-                dtype=[np.float64, np.float32],
-                # After fit, a wrong number of columns is the better message.
-                ensure_min_features=2 if reset else 1,
-                ensure_all_finite=False,
-            )
+        table = validate_data(
+            self,
+            X,
+            reset=reset,
+            dtype=[np.float64, np.float32],
+            # After fit, a wrong number of columns is the better message.
+            ensure_min_features=2 if reset else 1,
+            ensure_all_finite=False,
+        )
         check_finite_table(table, "row")
         return table
 
