@@ -1,24 +1,14 @@
-"""New units: coverage and size of prediction sets after 0, 1, 3 and 10 healthy recordings.
+"""New units: coverage and size of prediction sets of units that were not in training.
 
-`NewUnitClassifier`, which is given healthy recordings of each test unit (`for_unit`), beside
-`CostSensitiveGaussianBayes` with a tied covariance, which cannot use them. Sets of both contain
-the classes above a threshold from training units that were left out, for a coverage of 90 %.
+`NewUnitClassifier` beside `CostSensitiveGaussianBayes` with a tied covariance, which knows no
+difference between units. Sets of both contain the classes above a threshold from training units
+that were left out, for a coverage of 90 %.
 
 Fleets: Gaussian units with random covariances between and within units (50 units, 5 recordings
 each), each unit in one state, or every unit in all states; simulated actuators on the bench
-(51 units of three states, 4 recordings each; a test unit is healthy first and then has its
-state). Real recordings, Cranfield: one actuator. Seven runs are the groups, one is left out at
-a time, and six runs support sets of 80 % only: it shows differences between runs, not units. Of
-the five healthy recordings of a run and load two are known, also in the columns of 3 and 10.
-
-On the bench, after three healthy recordings, sets have 1.00 classes at severities of 0.05 to 0.2
-(coverage 0.92), and 1.46 at 0.02 to 0.1 (coverage 0.83; of 48 test units, with a standard error of
-0.05). The latter cannot be near 1: at a severity of 0.02 a fault changes no feature by more than
-0.7 (inner ring) or 2.2 (screw) standard deviations of the runs of one healthy unit, at 0.04 by 1.6
-and 5.2. A linear detector that is given the direction of each fault, and its scatter between units,
-then separates healthy from faulty by 0.7 to 2.0 standard deviations after three healthy recordings.
-Sets of an ideal classifier of these two values would have 1.20, 1.27 and 1.35 classes for a
-coverage of 88, 90 and 92 %; at 0.05 to 0.2 they would have less than one.
+(51 units of three states, 4 recordings each). Real recordings, Cranfield: one actuator. Seven runs
+are the groups, one is left out at a time, and six runs support sets of 80 % only: it shows
+differences between runs, not units.
 
     python benchmarks/new_units.py [--data FILE] [--quick]
 """
@@ -44,20 +34,18 @@ from emacm.decisions.new_units import classes_above, probability_threshold
 from emacm.simulation.fleet import simulate_actuator, simulate_fleet
 
 Array = NDArray[np.float64]
-COUNTS = (0, 1, 3, 10)
 STATES = np.array(["healthy", "screw", "inner ring"])
 SEVERITIES = (0.02, 0.1), (0.05, 0.2)  # of incipient faults; larger ones are recognised anyway
 
 
 class Trial(NamedTuple):
-    """Training recordings, and test recordings each with ten healthy ones of the same unit."""
+    """Training recordings, and test recordings of other units."""
 
     X: Array
     y: NDArray[Any]
     units: NDArray[Any]
     later: Array
     truth: NDArray[Any]
-    healthy: Array  # (n_recordings, 10, n_features)
 
 
 def gaussian_fleets(n_fleets: int, *, crossed: bool) -> Iterator[Trial]:
@@ -76,8 +64,7 @@ def gaussian_fleets(n_fleets: int, *, crossed: bool) -> Iterator[Trial]:
         X = draw(codes, (rng.normal(size=(50, 8)) @ scales[1].T)[units])
         truth = np.arange(120) % 3
         offsets = rng.normal(size=(120, 8)) @ scales[1].T
-        later, healthy = draw(truth, offsets), draw(0, np.repeat(offsets[:, np.newaxis], 10, 1))
-        yield Trial(X, STATES[codes], units, later, STATES[truth], healthy)
+        yield Trial(X, STATES[codes], units, draw(truth, offsets), STATES[truth])
 
 
 def bench_fleets(
@@ -88,29 +75,21 @@ def bench_fleets(
     for seed in range(n_fleets):
         recordings, y, units = simulate_fleet(n_units, 4, severity=severity, seed=seed)
         X = np.asarray(pipeline.fit_transform(recordings))
-        truth, later, healthy = STATES[np.arange(n_test) % 3], [], []
+        truth, later = STATES[np.arange(n_test) % 3], []
         for unit, state in enumerate(truth, start=5000):
             size = np.random.default_rng([seed, unit]).uniform(*severity)
-            common = {"unit": unit, "seed": seed}
-            first = [simulate_actuator(run=run, **common) for run in range(1, 11)]
-            later.append(simulate_actuator(state, severity=size, run=11, **common))
-            healthy.append(np.asarray(pipeline.transform(first)))
-        yield Trial(X, y, units, np.asarray(pipeline.transform(later)), truth, np.array(healthy))
+            later.append(simulate_actuator(state, severity=size, unit=unit, run=11, seed=seed))
+        yield Trial(X, y, units, np.asarray(pipeline.transform(later)), truth)
 
 
 def cranfield_runs(file: Path, *, quick: bool) -> Iterator[Trial]:
-    """Leave out one run at a time; healthy recordings of this run are those not tested."""
+    """Leave out one run at a time."""
     data = cranfield(file, phase=False, quick=quick)
     for load in np.unique(data.load):
         here = data.take(data.load == load)
         for run in np.unique(here.run):
             train, test = here.take(here.run != run), here.take(here.run == run)
-            normal = np.flatnonzero(test.state == "normal")
-            known, tested = normal[: len(normal) // 2], np.arange(len(test.state))
-            tested = np.setdiff1d(tested, known)
-            healthy = np.repeat(test.X[known][np.newaxis], len(tested), axis=0)
-            later, truth = test.X[tested], test.family[tested]
-            yield Trial(train.X, train.family, train.run, later, truth, healthy)
+            yield Trial(train.X, train.family, train.run, test.X, test.family)
 
 
 def plain_sets(trial: Trial, coverage: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -127,41 +106,30 @@ def plain_sets(trial: Trial, coverage: float) -> tuple[Array, NDArray[np.bool_]]
     return posterior, classes_above(posterior, threshold)
 
 
-def new_unit_sets(trial: Trial, coverage: float) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
-    """Yield posteriors and sets after each number of healthy recordings."""
-    fitted = NewUnitClassifier(priors="uniform").fit(trial.X, trial.y, groups=trial.units)
-    label = trial.y[np.isin(trial.y, ("healthy", "normal"))][0]
-    for count in COUNTS:
-        rows = []
-        for z, healthy in zip(trial.later[:, np.newaxis], trial.healthy, strict=True):
-            model = fitted.for_unit(healthy[:count], label) if count else fitted
-            rows.append((model.predict_proba(z)[0], model.prediction_sets(z, coverage)[0]))
-        yield tuple(np.array(part) for part in zip(*rows, strict=True))
+def new_unit_sets(trial: Trial, coverage: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return posteriors and sets of the classifier with a model of units."""
+    model = NewUnitClassifier(priors="uniform").fit(trial.X, trial.y, groups=trial.units)
+    return model.predict_proba(trial.later), model.prediction_sets(trial.later, coverage)
+
+
+METHODS = {"no unit model": plain_sets, "NewUnitClassifier": new_unit_sets}
 
 
 def rows(name: str, trials: Iterator[Trial], coverage: float = 0.9) -> list[dict[str, Any]]:
     """Return means over trials, one row for each method."""
-    found: dict[str, list[list[float]]] = {"no unit model": [], "NewUnitClassifier": []}
+    found: dict[str, list[Any]] = {method: [] for method in METHODS}
     for trial in trials:
-        plain = [plain_sets(trial, coverage)] * len(COUNTS)
-        for method, results in zip(found, (plain, new_unit_sets(trial, coverage)), strict=True):
-            place = np.searchsorted(np.unique(trial.y), trial.truth)[:, np.newaxis]
-            figures = [
-                (
-                    np.take_along_axis(sets, place, 1).mean(),
-                    sets.sum(axis=1).mean(),
-                    (posterior.argmax(axis=1) == place[:, 0]).mean(),
-                )
-                for posterior, sets in results
-            ]
-            found[method].append(figures)
+        place = np.searchsorted(np.unique(trial.y), trial.truth)[:, np.newaxis]
+        for method, function in METHODS.items():
+            posterior, sets = function(trial, coverage)
+            correct = posterior.argmax(axis=1) == place[:, 0]
+            covered = np.take_along_axis(sets, place, 1)
+            found[method].append((covered.mean(), sets.sum(axis=1).mean(), correct.mean()))
     table_rows = []
     for method, values in found.items():
         row: dict[str, Any] = {"fleet": name, "method": method, "sets": f"{100 * coverage:g} %"}
-        for count, (covered, size, right) in zip(COUNTS, np.mean(values, axis=0), strict=True):
-            row[f"cover {count}"] = f"{covered:.3f}"
-            row[f"size {count}"] = f"{size:.2f}"
-            row[f"accuracy {count}"] = f"{right:.3f}"
+        means = dict(zip(("cover", "size", "accuracy"), np.mean(values, axis=0), strict=True))
+        row |= {figure: f"{mean:.3f}" for figure, mean in means.items()}
         table_rows.append(row)
     return table_rows
 
@@ -188,7 +156,6 @@ def main() -> None:
         if file:
             runs = cranfield_runs(file, quick=options.quick)
             found += rows("Cranfield, runs of one unit", runs, 0.5 if options.quick else 0.8)
-    print("cover, size, accuracy n: of the sets after n healthy recordings of the unit")
     print(table(found))
     if not file:
         print("no recordings of the Cranfield actuator: give --data, or set EMACM_DATA")

@@ -1,11 +1,10 @@
-"""Gaussian classifier for units that were not in training, with an offset of each unit."""
+"""Gaussian classifier for units that were not in training, which differ by an offset."""
 
 from __future__ import annotations
 
-import copy
 import warnings
 from contextlib import suppress
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from emacm._checks import check_number, group_codes
 from emacm.calibration.quantiles import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
 from emacm.decisions.gaussians import class_gaussians, shrinkage_coefficients
-from emacm.decisions.labels import label_list, label_positions
 from emacm.decisions.left_out_calibration import Training
 from emacm.decisions.moments import class_moments
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
@@ -29,10 +27,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     """Gaussian Bayes classifier for new units: units differ by an offset common to all classes.
 
     The scatter within a class is divided into a covariance between units and one within a unit
-    (a mixed model with a random effect of each unit). The first recording of a new unit is judged
-    with the sum of both covariances. `for_unit` takes recordings of that unit whose state is known,
-    usually healthy ones, and returns a classifier that subtracts the expected offset and has
-    narrower densities; with many recordings they are those within a unit.
+    (a mixed model with a random effect of each unit). A recording of a new unit is judged with the
+    sum of both covariances.
 
     Parameters
     ----------
@@ -43,39 +39,31 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     shrinkage : None, float in [0, 1], "oas" or "auto", default="auto"
         As for `CostSensitiveGaussianBayes` with ``covariance="tied"``.
     unknown : label, default=None
-        As for `CostSensitiveGaussianBayes`. Typicality is that of first recordings of new units;
-        of a unit with known recordings it is judged without the expected offset, by the same
-        scale, so that an unknown state is recognised less easily than it could be.
+        As for `CostSensitiveGaussianBayes`. Typicality is that of recordings of new units.
     temperature : None, float or "groups", default=None
         As for `CostSensitiveGaussianBayes`; "groups": from the densities of left-out units.
 
     Attributes
     ----------
     between_covariance_ : ndarray of shape (n_features, n_features)
-        Covariance of the offset of a unit, about `unit_offset_`.
+        Covariance of the offset of a unit.
     within_covariance_ : ndarray of shape (n_features, n_features)
         Covariance of the recordings of one unit in one class.
     means_ : ndarray of shape (n_classes, n_features)
-        Mean of each class over the units (generalised least squares); after `for_unit`, the
-        expected level of that unit in each class.
+        Mean of each class over the units (generalised least squares).
     covariances_ : ndarray of shape (n_classes, n_features, n_features)
-        Covariance of a recording of the unit about `means_`; as in `CostSensitiveGaussianBayes` if
-        no difference between units is found.
-    unit_offset_ : ndarray of shape (n_features,)
-        Expected offset of the unit; 0 before recordings of it are given.
-    n_unit_recordings_ : int
-        Number of recordings of the unit that `for_unit` was given.
+        Covariance of a recording of a new unit about `means_`; as in `CostSensitiveGaussianBayes`
+        if no difference between units is found.
     classes_, truths_, decisions_, cost_, priors_, ...
         As of `CostSensitiveGaussianBayes`.
 
     Notes
     -----
     Class means of different units differ by chance. The part of this that is caused by the units
-    widens the densities too, and remains after `for_unit` unless units were recorded in several
-    classes. Covariances are estimated from mean squares (`emacm.decisions.unit_effects`); with few
-    units they are uncertain, which the densities do not contain; ``temperature="groups"`` and
-    `prediction_sets` determine this uncertainty from left-out units. `evaluate` passes `runs` as
-    groups if `runs` are given: give `units` only.
+    widens the densities too. Covariances are estimated from mean squares
+    (`emacm.decisions.unit_effects`); with few units they are uncertain, which the densities do not
+    contain; ``temperature="groups"`` and `prediction_sets` determine this uncertainty from left-out
+    units. `evaluate` passes `runs` as groups if `runs` are given: give `units` only.
 
     Examples
     --------
@@ -85,10 +73,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
     >>> offsets = 3 * rng.normal(size=(21, 1))
     >>> X = 4.0 * (y == "worn")[:, np.newaxis] + offsets[units] + rng.normal(size=(100, 1))
     >>> model = NewUnitClassifier().fit(X, y, groups=units)
-    >>> model.predict_proba([[6.0]]).round(2)  # first recording of a new unit
+    >>> model.predict_proba([[6.0]]).round(2)  # of a new unit
     array([[0.1, 0.9]])
-    >>> model.for_unit([[5.5], [6.5], [5.0]], "healthy").predict_proba([[6.0]]).round(2)
-    array([[0.95, 0.05]])
     """
 
     covariance = "tied"
@@ -166,18 +152,8 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         raise AttributeError("NewUnitClassifier has no partial_fit: all units are needed at once.")
 
     @property
-    def unit_offset_(self) -> Array:
-        """Expected offset of the unit, shape (n_features,)."""
-        return self._unit().offset
-
-    @property
-    def n_unit_recordings_(self) -> int:
-        """Number of recordings of the unit that `for_unit` was given."""
-        return self._unit().n_recordings
-
-    @property
     def between_covariance_(self) -> Array:
-        """Covariance of the offset of the unit, shape (n_features, n_features)."""
+        """Covariance of the offset of a unit, shape (n_features, n_features)."""
         return self._unit().between
 
     @property
@@ -185,47 +161,12 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         """Covariance of the recordings of a unit in a class, shape (n_features, n_features)."""
         return self._unit().within
 
-    def for_unit(self, X, y) -> Self:
-        """Return the classifier for one unit, of which some recordings are known.
-
-        Parameters
-        ----------
-        X : array-like of shape (n_recordings, n_features)
-            Features of the recordings of that unit.
-        y : label, or array-like of shape (n_recordings,)
-            Their class ("healthy"), or that of each of them.
-
-        Returns
-        -------
-        NewUnitClassifier
-            A fitted copy. Further recordings of the same unit may be given to its `for_unit`, with
-            the same result as all at once; recordings of another unit to that of this classifier.
-
-        Raises
-        ------
-        ValueError
-            If an input is invalid, a label is not a class, or `fit` had no groups.
-        """
-        table = self._checked_features(X)
-        labels = [y] * len(table) if np.ndim(y) == 0 else label_list(y)
-        if len(labels) != len(table):
-            raise ValueError(
-                f"y must have one class for each of {len(table)} recordings, or one for all, got "
-                f"{len(labels)}."
-            )
-        codes = label_positions(labels, self.classes_.tolist(), "y", "class")
-        model = copy.copy(self)
-        model._set_levels(self._unit().given(table, np.array(codes)))
-        return model
-
     def prediction_sets(self, X, coverage=0.9):
         """Return the classes that cannot be excluded for each recording.
 
         The set has the most probable class, and every class that is at least as probable as a
         threshold: the one with which the sets of units that were left out in training contain the
-        true class with probability `coverage`, for present priors. It applies to first recordings
-        of new units; after `for_unit`, posteriors are more certain and sets contain the true class
-        more often.
+        true class with probability `coverage`, for present priors.
 
         Parameters
         ----------
@@ -261,12 +202,6 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
         )
         return classes_above(posterior, threshold)
 
-    def typicality(self, X):
-        """As of `CostSensitiveGaussianBayes`, without the expected offset of the unit."""
-        X = self._checked_features(X)
-        offset = 0.0 if self._levels is None else self._levels.offset
-        return self._calibrated("typicality")(X - offset)
-
     @property
     def _needs_densities(self) -> bool:
         """Also for prediction sets."""
@@ -283,7 +218,7 @@ class NewUnitClassifier(CostSensitiveGaussianBayes):
 
     def _set_levels(self, levels: UnitLevels) -> None:
         self._levels = levels
-        if levels.covariances.any():  # otherwise exactly as without units
+        if levels.variances.any():  # otherwise exactly as without units
             self._gaussians = levels.gaussians()
             self.means_, self.covariances_ = self._gaussians.means, self._gaussians.covariances
 

@@ -16,7 +16,6 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,90 +29,47 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class UnitLevels:
-    """Estimates for one unit: its level m_k + b in each class, and its offset b.
+class UnitLevels(NamedTuple):
+    """Estimates for a new unit: its level m_k + b in each class.
 
     Attributes
     ----------
     directions : ndarray of shape (n_features, n_features)
         D, with W = D D' and B diagonal: coordinates along its columns are independent.
-    means : ndarray of shape (n_features, n_classes + 1)
-        Expected coordinate, along each direction, of the level in each class, and of the offset.
-    covariances : ndarray of shape (n_features, n_classes + 1, n_classes + 1)
-        Their covariance along each direction, where that within a unit is 1.
-    n_recordings : int
-        Number of recordings of the unit that this is based on.
+    ratios : ndarray of shape (n_features,)
+        Variance of the offset b along each direction, where that within a unit is 1.
+    means : ndarray of shape (n_features, n_classes)
+        Expected coordinate, along each direction, of the level in each class.
+    variances : ndarray of shape (n_features, n_classes)
+        Its variance along each direction, where that within a unit is 1.
     """
 
     directions: Array
+    ratios: Array
     means: Array
-    covariances: Array
-    n_recordings: int = 0
-
-    @property
-    def offset(self) -> Array:
-        """Expected offset of the unit, shape (n_features,)."""
-        return self.directions @ self.means[:, -1]
+    variances: Array
 
     @property
     def between(self) -> Array:
-        """Covariance of the offset, shape (n_features, n_features): B if no recording is known."""
-        return (self.directions * self.covariances[:, -1, -1]) @ self.directions.T
+        """Covariance B of the offset of a unit, shape (n_features, n_features)."""
+        return (self.directions * self.ratios) @ self.directions.T
 
     @property
     def within(self) -> Array:
         """Covariance W of the recordings of one unit in one class."""
         return self.directions @ self.directions.T
 
-    def given(self, X: Array, codes: Indices) -> UnitLevels:
-        """Return what is known after further recordings of the unit, by Gaussian conditioning.
-
-        The result is the best linear unbiased prediction, [1]_ of the module; it is the same
-        whether recordings come one at a time or together.
-
-        Parameters
-        ----------
-        X : ndarray of shape (n_recordings, n_features)
-            Recordings of the unit.
-        codes : ndarray of int, shape (n_recordings,)
-            Number of the class of each.
-
-        Returns
-        -------
-        UnitLevels
-
-        Examples
-        --------
-        >>> level = UnitLevels(np.eye(1), np.zeros((1, 2)), np.full((1, 2, 2), 4.0))
-        >>> known = level.given(np.array([[1.0], [2.0]]), np.array([0, 0]))
-        >>> known.offset.round(3), known.between.round(3)  # 2 * 4 / (1 + 2 * 4) * 1.5
-        (array([1.333]), array([[0.444]]))
-        """
-        coordinates = np.linalg.solve(self.directions, X.T)
-        means, covariances = self.means, self.covariances
-        for k in np.unique(codes):
-            seen = coordinates[:, codes == k]
-            column = covariances[:, :, k]
-            gain = column / (column[:, [k]] + 1 / seen.shape[1])
-            means = means + gain * (seen.mean(axis=1, keepdims=True) - means[:, [k]])
-            covariances = covariances - gain[:, :, np.newaxis] * column[:, np.newaxis, :]
-        n_recordings = self.n_recordings + len(X)
-        return replace(self, means=means, covariances=covariances, n_recordings=n_recordings)
-
     def gaussians(self) -> GaussianClasses:
         """Return the densities of a recording of the unit in each class."""
-        n_classes = self.means.shape[1] - 1
-        levels = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :n_classes].T
-        total = 1 + np.maximum(levels, 0.0)[:, np.newaxis, :]  # rounding may leave -1e-17
+        total = 1 + np.maximum(self.variances.T, 0.0)[:, np.newaxis, :]  # rounding leaves -1e-17
         inverse = np.linalg.inv(self.directions).T
         determinants = 2 * np.linalg.slogdet(self.directions)[1] + np.log(total).sum(axis=(1, 2))
         return GaussianClasses(
-            self.means[:, :n_classes].T @ self.directions.T,
+            self.means.T @ self.directions.T,
             (self.directions * total) @ self.directions.T,
             inverse / np.sqrt(total),
             determinants,
-            np.zeros(n_classes, bool),
+            np.zeros(len(total), bool),
         )
 
 
@@ -173,7 +129,16 @@ def unit_scatter(X: Array, codes: Indices, units: Indices) -> UnitScatter:
     explained = deviations - rest
     rank += len(counts)  # of the classes and the units together
     within, between = len(X) - int(rank), int(rank) - len(totals)
-    _check_divisors(within, between)
+    if between < 1:
+        raise ValueError(
+            "no class was recorded on two units, so that units and classes cannot be told apart. "
+            "Record one class on two units, or use CostSensitiveGaussianBayes."
+        )
+    if within < 1:
+        raise ValueError(
+            "no unit has recordings beyond one, so that the variance within units is unknown. "
+            "Record units several times, or use CostSensitiveGaussianBayes."
+        )
     shared = float(np.sum(counts**2 / totals))
     return UnitScatter(
         rest.T @ rest / within,
@@ -224,13 +189,13 @@ def fit_unit_levels(
     values = population_eigenvalues(values, parts.between_divisor)
     ratios = np.maximum(values - 1, 0) / parts.multiplicity
     directions = within @ white[0] @ vectors if ratios.any() else plain @ of_plain[0]
-    return UnitLevels(directions, *_class_levels(directions, ratios, X, codes, units))
+    return UnitLevels(directions, ratios, *_class_levels(directions, ratios, X, codes, units))
 
 
 def _class_levels(
     directions: Array, ratios: Array, X: Array, codes: Indices, units: Indices
 ) -> tuple[Array, Array]:
-    """Return means and covariances of `UnitLevels` by generalised least squares.
+    """Return means and variances of `UnitLevels` by generalised least squares.
 
     The uncertainty of the class means counts as far as it stems from the units: without it, classes
     recorded on different units would seem to differ by the offsets of these units.
@@ -244,8 +209,7 @@ def _class_levels(
     prior = _contrast_precision(information, sums)
     means = np.einsum("jkl,lj->jk", np.linalg.inv(information + prior), sums)
     excess = np.linalg.inv(information + prior) - np.linalg.inv(np.diag(totals) + prior)
-    covariances = np.pad(excess, ((0, 0), (0, 1), (0, 1))) + ratios[:, np.newaxis, np.newaxis]
-    return np.pad(means, ((0, 0), (0, 1))), covariances
+    return means, np.diagonal(excess, axis1=1, axis2=2) + ratios[:, np.newaxis]
 
 
 def _sums(rows: NDArray[Any], numbers: Indices) -> Array:
@@ -277,16 +241,3 @@ def _contrast_precision(information: Array, sums: Array) -> Array:
     if excess(smallest) <= 0:  # no difference is proven
         return centring / smallest
     return centring / brentq(excess, smallest, squares.mean())
-
-
-def _check_divisors(within: int, between: int) -> None:
-    if between < 1:
-        raise ValueError(
-            "no class was recorded on two units, so that units and classes cannot be told apart. "
-            "Record one class on two units, or use CostSensitiveGaussianBayes."
-        )
-    if within < 1:
-        raise ValueError(
-            "no unit has recordings beyond one, so that the variance within units is unknown. "
-            "Record units several times, or use CostSensitiveGaussianBayes."
-        )

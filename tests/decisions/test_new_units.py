@@ -55,10 +55,8 @@ def test_without_variance_between_units_all_results_are_those_of_the_tied_classi
     plain = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto", unknown="new")
     plain.fit(X, y, groups=units)
     later = fleet(seed=1)[0]
-    known = new.for_unit(later[:7], "healthy")
-    for one in (new, known):
-        np.testing.assert_array_equal(one.predict_proba(later), plain.predict_proba(later))
-        np.testing.assert_array_equal(one.typicality(later), plain.typicality(later))
+    np.testing.assert_array_equal(new.predict_proba(later), plain.predict_proba(later))
+    np.testing.assert_array_equal(new.typicality(later), plain.typicality(later))
     assert not new.between_covariance_.any()
     np.testing.assert_allclose(new.within_covariance_, plain.covariances_, atol=1e-12)
 
@@ -115,7 +113,6 @@ def test_levels_are_those_of_generalised_least_squares_with_dense_matrices(cross
     np.testing.assert_allclose(levels.within, W if ratios.any() else plain)
     D, contrasts = levels.directions, np.array([[1, -1, 0], [1, 1, -2]]).T / np.sqrt([2, 6])
     np.testing.assert_allclose(levels.between, D @ np.diag(ratios) @ D.T, atol=1e-12)
-    np.testing.assert_allclose(levels.offset, 0)
     weights = [np.linalg.inv(np.eye(18) + r * Z @ Z.T) for r in ratios]
     information = [C.T @ V @ C for V in weights]
     sums = [C.T @ V @ y for V, y in zip(weights, np.linalg.solve(D, X.T), strict=True)]
@@ -132,28 +129,22 @@ def test_levels_are_those_of_generalised_least_squares_with_dense_matrices(cross
     prior = contrasts @ contrasts.T / variance
     for j, matrix in enumerate(information):
         means = np.linalg.solve(matrix + prior, sums[j])
-        np.testing.assert_allclose(levels.means[j], [*means, 0], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(levels.means[j], means, rtol=1e-6, atol=1e-9)
         excess_variance = np.linalg.inv(matrix + prior) - np.linalg.inv(C.T @ C + prior)
-        expected = np.pad(excess_variance, (0, 1)) + ratios[j]
-        np.testing.assert_allclose(levels.covariances[j], expected, rtol=1e-5, atol=1e-8)
+        expected = np.diagonal(excess_variance) + ratios[j]
+        np.testing.assert_allclose(levels.variances[j], expected, rtol=1e-5, atol=1e-8)
 
 
 def test_densities_of_a_unit_are_those_of_scipy():
     X, codes, units, *_ = dense(n_features=3)
     levels = fit_unit_levels(X, codes, units, np.eye(3), 0.3)
-    for known in (levels, levels.given(X[:4], codes[:4])):
-        gaussians, D = known.gaussians(), known.directions
-        for k in range(3):
-            covariance = D @ np.diag(1 + known.covariances[:, k, k]) @ D.T
-            expected = multivariate_normal(D @ known.means[:, k], covariance).logpdf(X)
-            np.testing.assert_allclose(gaussians.log_densities(X)[:, k], expected, rtol=1e-8)
-            np.testing.assert_allclose(gaussians.covariances[k], covariance)
-    assert (levels.n_recordings, known.n_recordings) == (0, 4)
+    gaussians, D = levels.gaussians(), levels.directions
+    for k in range(3):
+        covariance = D @ np.diag(1 + levels.variances[:, k]) @ D.T
+        expected = multivariate_normal(D @ levels.means[:, k], covariance).logpdf(X)
+        np.testing.assert_allclose(gaussians.log_densities(X)[:, k], expected, rtol=1e-8)
+        np.testing.assert_allclose(gaussians.covariances[k], covariance)
     assert gaussians.singular.tolist() == [False] * 3
-    again = known.given(X[4:6], codes[4:6])
-    together = levels.given(X[:6], codes[:6])
-    np.testing.assert_allclose(again.covariances, together.covariances, atol=1e-12)
-    np.testing.assert_allclose(again.means, together.means, atol=1e-12)
 
 
 @pytest.mark.parametrize("n_features", [1, 3])
@@ -165,11 +156,11 @@ def test_units_without_a_difference_have_the_covariance_within_classes(n_feature
     X += 5 * codes[:, np.newaxis]
     plain = np.cov(rng.normal(size=(9, n_features)).T).reshape(n_features, n_features)
     levels = fit_unit_levels(X, codes, units, plain, 0.0)
-    assert not levels.covariances.any()
+    assert not levels.variances.any()
     assert not levels.between.any()
     np.testing.assert_allclose(levels.within, plain)
     # Differences between classes are shrunk, the level of all of them is not.
-    levels_of_classes = levels.directions @ levels.means[:, :2]
+    levels_of_classes = levels.directions @ levels.means
     np.testing.assert_allclose(levels_of_classes.mean(axis=1), 2.5)
     fitted = NewUnitClassifier().fit(X, codes, groups=units)
     tied = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, codes)
@@ -177,95 +168,21 @@ def test_units_without_a_difference_have_the_covariance_within_classes(n_feature
     np.testing.assert_array_equal(fitted.predict_proba(X), tied.predict_proba(X))
 
 
-def test_conditioning_is_that_of_the_joint_gaussian():
-    X, _, units = fleet(40, 6, crossed=True)
-    codes = np.tile(np.arange(6) % 3, 40)
-    fitted = NewUnitClassifier().fit(X, STATES[codes], groups=units)
-    later, _ = draw(np.array([0, 0, 1, 2]), np.zeros(4, int), 3)
-    known = fitted.for_unit(later[:3], STATES[[0, 0, 1]])
-    # All recordings of the unit have one offset, and class means one uncertainty, in common.
-    levels = fitted._levels
-    D, prior = levels.directions, levels.covariances
-    places = [list(fitted.classes_).index(STATES[k]) for k in (0, 0, 1, 2)]
-    joint = np.zeros((12, 12))
-    for i, j in np.ndindex(4, 4):
-        shared = (D * prior[:, places[i], places[j]]) @ D.T
-        joint[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = shared + (i == j) * D @ D.T
-    mean = np.concatenate([fitted.means_[place] for place in places])
-    whole = multivariate_normal(mean, joint).logpdf(later.ravel())
-    part = multivariate_normal(mean[:9], joint[:9, :9]).logpdf(later[:3].ravel())
-    density = known._gaussians.log_densities(later[3:])[0, places[3]]
-    assert density == pytest.approx(whole - part, rel=1e-9)
-    with_offset = np.hstack([(D * prior[:, -1, place]) @ D.T for place in places[:3]])
-    gain = with_offset @ np.linalg.inv(joint[:9, :9])
-    np.testing.assert_allclose(known.unit_offset_, gain @ (later[:3].ravel() - mean[:9]))
-    remaining = fitted.between_covariance_ - gain @ with_offset.T
-    np.testing.assert_allclose(known.between_covariance_, remaining, rtol=1e-7)
-
-
-def test_recordings_of_a_unit_may_come_one_at_a_time(model):
-    X = fleet(seed=4)[0]
-    at_once = model.for_unit(X[:5], STATES[[0, 0, 2, 0, 1]])
-    stepwise = model
-    for row, code in enumerate([0, 0, 2, 0, 1]):
-        stepwise = stepwise.for_unit(X[[row]], STATES[code])
-    np.testing.assert_allclose(stepwise.predict_proba(X), at_once.predict_proba(X), rtol=1e-9)
-    np.testing.assert_allclose(stepwise.unit_offset_, at_once.unit_offset_)
-    assert stepwise.n_unit_recordings_ == at_once.n_unit_recordings_ == 5
-    assert model.n_unit_recordings_ == 0
-
-
-def test_densities_narrow_with_every_recording(model):
-    X = draw(np.zeros(10, int), np.zeros(10, int), 1)[0]
-    spreads = [np.linalg.det(model.between_covariance_)]
-    for count in (1, 2, 5, 10):
-        known = model.for_unit(X[:count], "healthy")
-        spreads.append(np.linalg.det(known.between_covariance_))
-        healthy = known.covariances_[2]
-        assert (np.linalg.eigvalsh(healthy - known.within_covariance_) > -1e-12).all()
-        assert (np.linalg.eigvalsh(model.covariances_[2] - healthy) > 0).all()
-    assert (np.diff(spreads) < 0).all()
-
-
-@pytest.mark.slow
-def test_known_recordings_of_a_unit_improve_its_posteriors():
-    fitted = NewUnitClassifier(priors="uniform").fit(*fleet(30, 6))
-    codes, losses = np.arange(200) % 3, []
-    later, offsets = draw(codes, np.arange(200), 5)
-    healthy = CENTRES[0] + offsets[:, np.newaxis] + np.random.default_rng(0).multivariate_normal(
-        np.zeros(3), WITHIN, (200, 10))  # fmt: skip
-    places = np.searchsorted(fitted.classes_, STATES[codes])
-    for count in (0, 1, 3, 10):
-        models = [fitted.for_unit(h[:count], "healthy") if count else fitted for h in healthy]
-        rows = zip(models, later, places, strict=True)
-        losses.append(np.mean([-model.predict_log_proba([z])[0, k] for model, z, k in rows]))
-    assert (np.diff(losses) < 0).all()
-    assert losses[3] < losses[0] / 4
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("crossed", [False, True])
-def test_sets_of_50_units_cover_90_percent_and_have_one_class_after_three_recordings(crossed):
-    between, first, after = 3 * WITHIN + BETWEEN, [], []
+def test_sets_of_50_units_cover_90_percent(crossed):
+    between, found = 3 * WITHIN + BETWEEN, []
     for seed in range(60):
         X, y, units = fleet(50, 6, seed, between, crossed)
         fitted = NewUnitClassifier(priors="uniform").fit(X, y, groups=units)
         codes = np.arange(240) % 3
-        later, offsets = draw(codes, np.arange(240), 1000 + seed, between)
+        later, _ = draw(codes, np.arange(240), 1000 + seed, between)
         places = np.searchsorted(fitted.classes_, STATES[codes])
         sets = fitted.prediction_sets(later)
-        first.append((sets[np.arange(240), places].mean(), sets.sum(axis=1).mean()))
-        rng = np.random.default_rng(seed)
-        for unit in range(0, 240, 4):
-            healthy = CENTRES[0] + offsets[unit] + rng.multivariate_normal(np.zeros(3), WITHIN, 3)
-            known = fitted.for_unit(healthy, "healthy").prediction_sets(later[[unit]])[0]
-            after.append((known[places[unit]], known.sum()))
-    coverage, size = np.mean(first, axis=0)
+        found.append((sets[np.arange(240), places].mean(), sets.sum(axis=1).mean()))
+    coverage, size = np.mean(found, axis=0)
     assert 0.88 <= coverage <= 0.92
     assert size > 1.2
-    coverage, size = np.mean(after, axis=0)
-    assert coverage >= 0.9
-    assert size <= 1.1
 
 
 def test_sets_follow_priors_and_coverage(model):
@@ -321,22 +238,12 @@ def test_unknown_states_and_temperature():
     assert fitted.predict(far).tolist() == ["new"]
     assert fitted.truths_[-1] == "new"
     assert 0.5 < fitted.temperature_ < 2
-    assert fitted.for_unit(X[:3], y[0]).predict(far).tolist() == ["new"]
     frame = pd.DataFrame(X, columns=["level", "ratio", "phase"])
     named = NewUnitClassifier(unknown="new").fit(frame, y, groups=units)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        known = named.for_unit(frame[:4], "healthy")
-        assert known.unknown_proba(frame[4:6]).shape == (2,)
-        assert known.prediction_sets(frame[4:6]).shape == (2, 3)
-
-
-def test_the_offset_of_a_unit_is_no_unknown_state():
-    fitted = NewUnitClassifier(unknown="new").fit(*fleet(crossed=True))
-    offset = np.array([9.0, 5.0, 9.0])  # a unit unlike the others
-    X = CENTRES[0] + offset + np.random.default_rng(0).normal(scale=0.5, size=(8, 3))
-    known = fitted.for_unit(X[:5], "healthy")
-    assert (known.typicality(X[5:]) > 10 * fitted.typicality(X[5:])).all()
+        assert named.unknown_proba(frame[4:6]).shape == (2,)
+        assert named.prediction_sets(frame[4:6]).shape == (2, 3)
 
 
 @pytest.mark.parametrize(
@@ -356,12 +263,6 @@ def test_fleets_that_reveal_no_variance_between_units(units, states, message):
 
 def test_invalid_input(model):
     X, y, _ = fleet()
-    with pytest.raises(ValueError, match="'worn' at position 0, which is not a known class"):
-        model.for_unit(X[:2], "worn")
-    with pytest.raises(ValueError, match="y must have one class for each of 2 recordings"):
-        model.for_unit(X[:2], ["healthy"] * 3)
-    with pytest.raises(ValueError, match="X has 2 features, but NewUnitClassifier is expecting 3"):
-        model.for_unit(X[:2, :2], "healthy")
     with pytest.raises(ValueError, match=r"coverage must be .* below 1"):
         model.prediction_sets(X, 1.0)
     with pytest.raises(ValueError, match=r"9 units cannot support a coverage of 0.95, .* least 19"):
@@ -379,16 +280,12 @@ def test_without_groups_there_are_no_units():
         fitted = NewUnitClassifier().fit(X, y)
     plain = CostSensitiveGaussianBayes(covariance="tied", shrinkage="auto").fit(X, y)
     np.testing.assert_array_equal(fitted.predict_proba(X), plain.predict_proba(X))
-    for call in (
-        lambda: fitted.for_unit(X, "healthy"),
-        lambda: fitted.prediction_sets(X),
-        lambda: fitted.between_covariance_,
-    ):
+    for call in (lambda: fitted.prediction_sets(X), lambda: fitted.between_covariance_):
         with pytest.raises(
             ValueError, match=r"it was fitted without groups. Call fit with groups="
         ):
             call()
-    for name in ("unit_offset_", "n_unit_recordings_", "between_covariance_", "within_covariance_"):
+    for name in ("between_covariance_", "within_covariance_"):
         assert not hasattr(NewUnitClassifier(), name)
 
 
