@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from emacm._checks import located
 from emacm.files.file_columns import recording_arguments
 from emacm.files.layout import Layout
 from emacm.files.readers import READERS, read_columns
-from emacm.recordings.digests import Recent
+from emacm.recordings.digests import Recent, digest_of_file
 from emacm.recordings.recording import CONTENT, Recording
 from emacm.shaft.motion import LazySeries, Series
 
@@ -28,11 +29,15 @@ Step = tuple[Callable[..., dict[str, Any]], tuple[Any, ...]]
 
 
 class FileState(NamedTuple):
-    """Path, size [bytes] and time of writing [ns] of a file, to notice that it was changed."""
+    """What a file was when it was opened, to notice that it was changed.
+
+    Its size [bytes] and time of writing [ns]; in other processes, the digest of its content.
+    """
 
     path: str
-    size: int
-    written: int
+    size: int = 0
+    written: int = 0
+    digest: str = ""
 
     @classmethod
     def of(cls, path: str) -> FileState:
@@ -52,18 +57,25 @@ class FileState(NamedTuple):
     def check(self) -> None:
         """Raise a ValueError if the file has changed since it was opened."""
         found = FileState.of(self.path)
+        if self.digest:
+            found = FileState(self.path, digest=digest_of_file(self.path))
         if found != self:
             raise ValueError(
-                f"{self.path}: the file was replaced or changed since it was opened: it had "
-                f"{self.size} bytes, written at {self.written} ns, and has {found.size} bytes, "
-                f"written at {found.written} ns. Open it again."
+                f"{self.path}: the file was replaced or changed since it was opened. Open it again."
             )
+
+    def with_digest(self) -> FileState:
+        """Return path and digest, by which any process can check the content of the file."""
+        with suppress(OSError, ValueError):  # gone or changed: an error where samples are read
+            self.check()
+            return FileState(self.path, digest=digest_of_file(self.path))
+        return self
 
 
 class FileRecording(Recording):
     """A recording in a file: its samples are read when they are needed, and not kept for long.
 
-    It is pickled as path, layout, size and time of the file, and meta. See `open_recording`.
+    It is pickled as path, layout, digest of the file, and meta. See `open_recording`.
 
     Attributes
     ----------
@@ -149,9 +161,9 @@ class FileRecording(Recording):
         return _opened(self.layout, self._state, self._meta, steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return path, layout, size and time of the file, and meta; no samples."""
+        """Return path, layout, digest of the file, and meta; no samples."""
         layout = replace(self.layout, meta=None)
-        return _opened, (layout, self._state, self._meta, self._steps)
+        return _opened, (layout, self._state.with_digest(), self._meta, self._steps)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the content."""
@@ -199,11 +211,11 @@ def open_recording(path: str | os.PathLike[str], layout: Layout) -> Recording:
     """Open a recording in a file: its samples are read and checked when they are first needed.
 
     It is a `Recording` like any other, with the same results bit by bit. It is pickled as its
-    absolute path, layout, size and time of the file, and meta (less than 1 kB), so that worker
-    processes read the file themselves; on other computers it must have the same path, size and
-    time (a shared folder, or ``cp -p``). The last recordings are kept in memory (256 MiB);
-    a file is read as a whole, and must not be changed as long as the recording is used: if its
-    size or time has changed when it is read again, this is an error.
+    absolute path, layout, digest of the file, and meta (less than 1 kB), so that worker processes
+    read the file themselves; there, and on other computers, it must have the same path and
+    content. The last recordings are kept in memory (256 MiB); a file is read as a whole, and must
+    not be changed as long as the recording is used: if its size or time has changed when it is
+    read again, this is an error.
 
     Parameters
     ----------

@@ -165,6 +165,19 @@ def test_a_replaced_file_is_an_error(npz, later):
     assert len(open_recording(npz, LAYOUT).signals["current"]) == len(later)
 
 
+def test_other_processes_check_the_content_of_a_file_and_not_its_time(npz):
+    pickled, content = pickle.dumps(open_recording(npz, LAYOUT)), npz.read_bytes()
+    npz.unlink()
+    npz.write_bytes(content)  # a copy
+    os.utime(npz, ns=(1, 1))
+    assert pickle.loads(pickled) == in_memory()
+    np.savez(npz, vibration=-SIGNALS["vibration"], current=SIGNALS["current"], speed=SPEED)
+    assert npz.stat().st_size == len(content)
+    os.utime(npz, ns=(2, 2))
+    with pytest.raises(ValueError, match=r"B7_worn.npz: the file was replaced or changed"):
+        assert pickle.loads(pickled).digest
+
+
 def test_a_file_that_is_gone_is_an_error(npz):
     opened = open_recording(npz, LAYOUT)
     npz.unlink()
