@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from emacm.displays import OrderSpectrumDisplay, RecordingDisplay
+from emacm.displays import RecordingDisplay
 from emacm.displays._drawing import COLOURS, PLAIN, label_axes, legend_above, offscreen_panels
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.welch import order_psd
@@ -178,11 +178,9 @@ def _draw_smearing(
         stroke.angles, stroke.signals[0], ".-", color=PLAIN, linewidth=0.6, markersize=3
     )
     label_axes(axes[0, 0], "cumulative motor angle [rad]", "x1 [1]")
-    display = OrderSpectrumDisplay(
-        over_orders[0], {"resampled": over_orders[1]}, channel="x1", unit="1", scale="linear"
-    ).plot(ax=axes[1, 0])
-    display.ax_.get_legend().remove()
-    display.ax_.set_ylabel("PSD of x1 [1/order]")
+    axes[1, 0].plot(*over_orders, color=PLAIN, linewidth=1.2)
+    axes[1, 0].set(xlim=(0, over_orders[0][-1]), ylim=(0, None))
+    label_axes(axes[1, 0], "order [cycles per revolution]", "PSD of x1 [1/order]")
     chapter.draw("Fig. 2.7", figure, "In orders it is one narrow peak at order 6.")
 
 

@@ -71,7 +71,7 @@ def draw_features(chapter: Chapter) -> None:
     caption = "Explained variance of each component, and cumulative sum."
     chapter.draw("Fig. 3.6", figure, caption)
     figure, axes = offscreen_panels(2, height=5.0)
-    LoadingsDisplay.from_estimator(pca, list(bins.columns), ax=axes[:, 0])
+    LoadingsDisplay.from_estimator(pca, ax=axes[:, 0])
     chapter.draw(
         "Fig. 3.7",
         figure,

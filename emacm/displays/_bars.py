@@ -15,7 +15,6 @@ from emacm.displays._drawing import (
     MISSING,
     ORDER_LABEL,
     SMALL,
-    STOP_BAND,
     colour_of,
     label_x,
     line_style,
@@ -24,34 +23,15 @@ from emacm.displays._drawing import (
     tint,
     wrapped,
 )
-from emacm.orders.bins import Band, check_stop_bands
+from emacm.orders.bins import Band
 from emacm.orders.columns import BinBlock, parse_bin_columns
 
 
 def bin_blocks(columns: Sequence[Any]) -> list[BinBlock]:
-    """Return the bins of each channel; names of another form are the bins of one channel.
-
-    Parameters
-    ----------
-    columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`, other
-        names, or bands [orders] of one channel.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an entry is not a band.
-    """
-    entries = list(columns)
-    if not any(isinstance(entry, str) for entry in entries):
-        check_stop_bands(entries)  # raises an error for what is not a band
-        bands = np.array([[float(edge) for edge in band] for band in entries])
-        names = tuple(f"{low:g}-{high:g}" for low, high in bands)
-        return [BinBlock("signal", names, bands, np.arange(len(bands)))]
-    blocks = parse_bin_columns(entries)
-    if blocks is None:
-        return [BinBlock("signal", tuple(entries), None, np.arange(len(entries)))]
-    return list(blocks)
+    """Return the bins of each channel; names of another form are the bins of one channel."""
+    names = tuple(map(str, columns))
+    one = [BinBlock("signal", names, None, np.arange(len(names)))]
+    return list(parse_bin_columns(names) or one)
 
 
 def has_order_axis(block: BinBlock) -> bool:
@@ -80,10 +60,7 @@ def bin_frame(blocks: Sequence[BinBlock], values: dict[str, NDArray[np.floating]
 
 def share_an_axis(blocks: Sequence[BinBlock]) -> bool:
     """Return whether all blocks have an order axis, or the same named bins."""
-    over_order = {has_order_axis(block) for block in blocks}
-    return over_order == {True} or (
-        over_order == {False} and len({block.names for block in blocks}) == 1
-    )
+    return len({() if has_order_axis(block) else block.names for block in blocks}) == 1
 
 
 def bin_panels(ax: Any, blocks: Sequence[BinBlock], n_rows: int = 1) -> NDArray[np.object_]:
@@ -150,14 +127,10 @@ def _draw_steps(ax: Any, places: NDArray[Any], values: NDArray[Any], **style: An
 
 
 def draw_stop_bands(ax: Any, stop_bands: Sequence[Band]) -> None:
-    """Hatch the orders that a filter removed, as far as they are within the limits."""
-    left, right = ax.get_xlim()
-    label: str | None = STOP_BAND
-    for low, high in stop_bands:
-        if high > left and low < right:
-            style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}
-            ax.axvspan(low, high, label=label, **style)
-            label = None
+    """Hatch the orders that a filter removed."""
+    style = {"facecolor": "white", "edgecolor": MISSING, "hatch": "////", "zorder": 0}
+    for number, (low, high) in enumerate(stop_bands):
+        ax.axvspan(low, high, label="" if number else "stop band", **style)
 
 
 def mark_panels(

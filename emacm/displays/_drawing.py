@@ -32,7 +32,6 @@ PLAIN = COLOURS[2]  # of what is not a state
 WIDTH = 6.3  # inches: 16 cm, the text width of a page, so that font sizes are those on paper
 SMALL = 8  # points; font size of everything except axis labels
 ORDER_LABEL = "order [cycles per revolution]"
-STOP_BAND = "stop band"
 MISSING = "0.85"  # grey hatch: not measured, or removed by a filter
 LETTER = 0.58 * SMALL  # points; mean width of a letter
 
@@ -117,7 +116,7 @@ def panel_axes(
     ------
     ImportError
         If matplotlib is not installed.
-    TypeError, ValueError
+    ValueError
         If `ax` does not hold `n_panels` Axes.
     """
     if ax is None:
@@ -126,8 +125,6 @@ def panel_axes(
         figure = pyplot().figure(figsize=size, layout="constrained")
         return figure.subplots(n_panels, **options).reshape(-1)
     given = np.asarray(ax, dtype=object).reshape(-1)
-    if not all(hasattr(each, "transAxes") for each in given):
-        raise TypeError(f"ax must be matplotlib Axes, or a sequence of them; got {ax!r}.")
     if len(given) != n_panels:
         raise ValueError(
             f"this display has {n_panels} panels and needs as many Axes, got {len(given)}. "
@@ -187,22 +184,15 @@ def legend_above(ax: Any, gap: float = 0.0, **options: Any) -> None:
         As for ``Axes.legend``: handles, labels, title.
     """
     if "labels" not in options:
-        pairs = zip(*ax.get_legend_handles_labels(), strict=True)
-        entries = sorted(pairs, key=lambda entry: entry[1] == STOP_BAND)  # after the states
-        options["handles"], options["labels"] = ([entry[i] for entry in entries] for i in (0, 1))
+        options["handles"], options["labels"] = ax.get_legend_handles_labels()
     if not options["labels"]:
         return
     place = {"loc": "lower left", "bbox_to_anchor": (0, 1), "bbox_transform": _above(ax, gap)}
     look = {"fontsize": SMALL, "title_fontsize": SMALL, "handlelength": 3, "frameon": False}
     spaces = {"labelspacing": 0.35, "columnspacing": 1.2, "borderpad": 0.2, "borderaxespad": 0.3}
-    columns = _columns(options["labels"], _extent(ax, "width"))
+    longest = max(len(line) for label in options["labels"] for line in label.split("\n"))
+    columns = int(max(1, _extent(ax, "width") // (_HANDLE + LETTER * longest)))
     ax.legend(ncols=columns, alignment="left", **place, **look, **spaces, **options)
-
-
-def _columns(labels: Sequence[str], width: float) -> int:
-    """Return the number of legend columns that fit into a width [points], for the longest label."""
-    longest = max(len(line) for label in labels for line in label.split("\n"))
-    return int(np.clip(width // (_HANDLE + LETTER * longest), 1, len(labels)))
 
 
 def _above(ax: Any, gap: float) -> Any:

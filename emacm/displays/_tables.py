@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.pipeline import Pipeline
 
-from emacm._checks import check_number, check_real_array
+from emacm._checks import check_number
 from emacm.displays._drawing import Display, squared
 from emacm.envelopes.envelope import EnvelopeSeries
 from emacm.envelopes.envelope_detector import EnvelopeDetector, envelope_names
@@ -33,22 +33,20 @@ def check_values(
 
     Raises
     ------
-    TypeError
-        If they are not numeric.
     ValueError
-        If the shape differs, or a value is not finite or too low; the message gives its index.
+        If the shape differs, or a value is not a number, not finite or too low; the message gives
+        its index.
     """
-    array = check_real_array(values, name)
-    if array.shape != tuple(
-        n if m is None else m for m, n in zip_longest(shape, array.shape, fillvalue=-1)
-    ):
-        wanted = tuple("n" if length is None else length for length in shape)
-        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}.")
-    for place in np.argwhere(~np.isfinite(array) | (array < least)):
-        limit = f" and at least {least:g}" if np.isfinite(least) else ""
-        index = ", ".join(map(str, place))
-        value = array[tuple(place)]
-        raise ValueError(f"{name} must be finite{limit}, got {value} at [{index}]. Leave it out.")
+    array = np.asarray(values, np.float64)
+    lengths = zip_longest(shape, array.shape, fillvalue=-1)
+    if any(wanted not in (None, found) for wanted, found in lengths):
+        raise ValueError(f"{name} must have shape {shape} (None: any), got {array.shape}.")
+    invalid = np.argwhere(~np.isfinite(array) | (array < least)).tolist()
+    if invalid:
+        value = array[tuple(invalid[0])]
+        raise ValueError(
+            f"{name} must be finite and at least {least:g}, got {value} at {invalid[0]}."
+        )
     return array
 
 
@@ -238,16 +236,12 @@ def means_by_label(
     Raises
     ------
     ValueError
-        If there is no recording, a value is not finite, or a label is missing.
+        If a value is not finite, or the number of labels differs.
     """
     table = check_values(values, "the table", (None, None))
-    if not len(table):
-        raise ValueError("the table holds no recording; at least one is needed.")
     groups = check_labels([otherwise] * len(table) if labels is None else labels, len(table))
-    if pd.isna(groups).any():
-        missing = int(pd.isna(groups).argmax())
-        raise ValueError(f"labels must name every recording, got none for recording {missing}.")
-    return {str(name): table[groups == name].mean(axis=0) for name in np.unique(groups)}
+    means = pd.DataFrame(table).groupby(groups, dropna=False).mean()
+    return dict(zip(means.index.map(str), means.to_numpy(), strict=True))
 
 
 def pipeline_until(

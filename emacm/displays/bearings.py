@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from emacm._checks import check_number
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.envelopes.kurtogram import Kurtogram, kurtogram
@@ -77,10 +76,7 @@ class FaultLinesDisplay(Display):
     channel: str = field(default="signal", kw_only=True)
 
     def __post_init__(self) -> None:
-        self.orders = _tables.check_values(self.orders, "orders", (None,), least=0)
-        shape = (len(self.orders),)
-        self.spectrum = _tables.check_values(self.spectrum, "spectrum", shape, least=0)
-        check_number(self.slip, "slip", at_least=0, below=0.2)
+        self.orders, self.spectrum = np.asarray(self.orders), np.asarray(self.spectrum)
         series = fault_series(self.parts, self.harmonics)
         known = [fault.name for fault in series]
         for name in self.faults or ():
@@ -98,7 +94,6 @@ class FaultLinesDisplay(Display):
         channel: str | None = None,
         harmonics: int = 3,
         slip: float = 0.02,
-        revolutions: float = 25,
         faults: Sequence[str] | None = None,
         ax: Any = None,
     ) -> FaultLinesDisplay:
@@ -112,8 +107,6 @@ class FaultLinesDisplay(Display):
             As for the class.
         channel : str, optional
             Default: the first one.
-        revolutions : float
-            Length of a segment of the spectra.
         ax : matplotlib Axes, optional
             Where to draw.
 
@@ -128,7 +121,7 @@ class FaultLinesDisplay(Display):
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
         known: dict[str, Any] = {"harmonics": harmonics, "slip": slip}
-        recipe = bearing_recipe(parts, revolutions=revolutions, channels=[chosen], **known)
+        recipe = bearing_recipe(parts, revolutions=25, channels=[chosen], **known)
         table = recipe[:-1].fit_transform([recording])
         (block,) = parse_order_columns(column_names(table) or ()) or ()
         spectrum = np.asarray(table)[0, block.columns]
@@ -181,9 +174,6 @@ class FaultLinesDisplay(Display):
         return ax
 
 
-_MAP = "viridis"
-
-
 @dataclass(eq=False, repr=False)
 class KurtogramDisplay(Display):
     """Spectral kurtosis of the bands of a signal; the band with the largest one is outlined.
@@ -202,11 +192,6 @@ class KurtogramDisplay(Display):
     colorbar_ : Colorbar
         Its colour bar.
 
-    Raises
-    ------
-    TypeError
-        If `found` is not a result of `kurtogram`.
-
     Notes
     -----
     Source of this kind of figure: J. Antoni, Mech. Syst. Signal Process. 21(1), 108-124, 2007.
@@ -223,25 +208,15 @@ class KurtogramDisplay(Display):
     found: Kurtogram
     channel: str = field(default="signal", kw_only=True)
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.found, Kurtogram):
-            raise TypeError(f"found must be the result of kurtogram, got {self.found!r}.")
-
     @classmethod
     def from_signal(
-        cls,
-        signal: ArrayLike,
-        fs: float,
-        *,
-        levels: int | None = None,
-        channel: str = "signal",
-        ax: Any = None,
+        cls, signal: ArrayLike, fs: float, *, channel: str = "signal", ax: Any = None
     ) -> KurtogramDisplay:
         """Compute the kurtogram of a signal, and draw it.
 
         Parameters
         ----------
-        signal, fs, levels
+        signal, fs
             As for `kurtogram`.
         channel : str
             Name of the channel, for the label.
@@ -252,7 +227,7 @@ class KurtogramDisplay(Display):
         -------
         KurtogramDisplay
         """
-        return cls(kurtogram(signal, fs, levels=levels), channel=channel).plot(ax=ax)
+        return cls(kurtogram(signal, fs), channel=channel).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return one row per band: "width" and "centre" [Hz], "kurtosis"."""
@@ -265,7 +240,7 @@ class KurtogramDisplay(Display):
         (ax,) = _drawing.panel_axes(ax, height=3.0)
         found = self.found
         highest = max(float(values.max()) for values in found.kurtosis)
-        scale = {"vmin": 0.0, "vmax": max(highest, 0.1), "cmap": _MAP, "rasterized": True}
+        scale = {"vmin": 0.0, "vmax": max(highest, 0.1), "cmap": "viridis", "rasterized": True}
         for level, (width, centres, values) in enumerate(
             zip(found.widths, found.centres, found.kurtosis, strict=True)
         ):

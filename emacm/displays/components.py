@@ -32,11 +32,6 @@ class ExplainedVarianceDisplay(Display):
     ax_, figure_
         Axes and figure, set when the display is drawn.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If shares are negative or not finite.
-
     Notes
     -----
     Source of this kind of figure: Chirico, Fig. 3.6.
@@ -49,9 +44,6 @@ class ExplainedVarianceDisplay(Display):
 
     shares: Any
     n_shown: int = field(default=20, kw_only=True)
-
-    def __post_init__(self) -> None:
-        self.shares = _tables.check_values(self.shares, "shares", (None,), least=0)
 
     @classmethod
     def from_estimator(
@@ -109,9 +101,8 @@ class LoadingsDisplay(Display):
 
     Parameters
     ----------
-    columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
-        edges [orders] of the bins of one channel.
+    columns : sequence of str
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
     loadings : array-like of shape (n_components, n_columns)
         Components of the eigenvectors, signed, without unit.
     titles : sequence of str, optional
@@ -154,21 +145,14 @@ class LoadingsDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        columns: Sequence[Any] | None = None,
-        *,
-        n_components: int = 2,
-        ax: Any = None,
+        cls, estimator: Any, *, n_components: int = 2, ax: Any = None
     ) -> LoadingsDisplay:
         """Draw the first components of a fitted principal component analysis.
 
         Parameters
         ----------
         estimator : PCA, or Pipeline with such a step
-            Fitted; anything with `components_`.
-        columns : sequence of str or of (low, high), optional
-            Its input. Default: the column names of the steps before it.
+            Fitted on columns with names.
         n_components : int
             Number of components to draw, from the first.
         ax : matplotlib Axes or sequence of Axes, optional
@@ -184,14 +168,16 @@ class LoadingsDisplay(Display):
             If there is no such step, it has fewer components, or names are not known.
         """
         step, before = _tables.pipeline_until(
-            estimator, lambda s: hasattr(s, "components_"), "a fitted PCA"
+            estimator, lambda s: hasattr(s, "explained_variance_ratio_"), "a fitted PCA"
         )
         check_count(n_components, "n_components", at_most=len(step.components_))
-        names = _names_into(step, before) if columns is None else columns
-        shares = getattr(step, "explained_variance_ratio_", None)
-        titles = None
-        if shares is not None:
-            titles = [f"component {i + 1} ({100 * shares[i]:.3g} %)" for i in range(n_components)]
+        shares = 100 * step.explained_variance_ratio_[:n_components]
+        titles = [f"component {i} ({share:.3g} %)" for i, share in enumerate(shares, 1)]
+        names = getattr(step, "feature_names_in_", None)
+        if names is None:
+            if before is None:
+                raise ValueError("the PCA was fitted without column names; fit it on a DataFrame.")
+            names = before.get_feature_names_out()
         return cls(names, step.components_[:n_components], titles=titles).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
@@ -223,16 +209,3 @@ def _joined(blocks: Sequence[BinBlock]) -> BinBlock:
     """Return the bins of several channels as one row of named bins."""
     names = [f"{block.channel}@{name}" for block in blocks for name in block.names]
     return BinBlock("", tuple(names), None, np.concatenate([block.columns for block in blocks]))
-
-
-def _names_into(step: Any, before: Any) -> Sequence[str]:
-    """Return the names of the columns that a fitted step was given."""
-    if hasattr(step, "feature_names_in_"):
-        return list(step.feature_names_in_)
-    try:
-        return list(before.get_feature_names_out())
-    except (AttributeError, ValueError) as error:
-        raise ValueError(
-            "the steps before the PCA do not give the names of its columns; pass columns, or give "
-            "FunctionTransformer feature_names_out='one-to-one'."
-        ) from error

@@ -12,9 +12,6 @@ import pandas as pd
 from emacm.displays import _bars, _drawing, _tables
 from emacm.displays._bars import bar_style
 from emacm.displays._tables import OrderDisplay
-from emacm.orders.columns import number_name
-
-_COLUMNS = ("channel", "low", "high", "contribution")
 
 
 @dataclass(eq=False, repr=False)
@@ -23,9 +20,8 @@ class ContributionsDisplay(OrderDisplay):
 
     Parameters
     ----------
-    columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
-        edges [orders] of the bins of one channel.
+    columns : sequence of str
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
     contributions : array-like of shape (n_columns,)
         Contribution of each bin, signed: positive values are evidence for the decision.
     fault_orders : DataFrame of `emacm.fault_orders`, or mapping of str to float, optional
@@ -48,14 +44,14 @@ class ContributionsDisplay(OrderDisplay):
     Raises
     ------
     TypeError, ValueError
-        If columns are neither names nor bands, contributions do not fit them or are not finite,
-        or an option is invalid.
+        If contributions do not fit the columns or are not finite, or an option is invalid.
 
     Examples
     --------
-    >>> display = ContributionsDisplay([(0, 1), (3, 4)], [-0.5, 2.0], fault_orders={"screw": 3.125})
+    >>> names = ["torque@0-1", "torque@3-4"]
+    >>> display = ContributionsDisplay(names, [-0.5, 2.0], fault_orders={"screw": 3.125})
     >>> display.frame().to_numpy().tolist()
-    [['signal', '0-1', -0.5, ''], ['signal', '3-4', 2.0, 'screw']]
+    [['torque', '0-1', -0.5, ''], ['torque', '3-4', 2.0, 'screw']]
     """
 
     columns: InitVar[Sequence[Any]]
@@ -79,8 +75,7 @@ class ContributionsDisplay(OrderDisplay):
         ----------
         table : DataFrame
             Result of `explain_decision` or `explain_model`: one row per bin, with columns
-            "channel", "low" and "high" [orders], and "contribution". Bins without edges (NaN)
-            are drawn under their name, "column".
+            "column" (its name) and "contribution".
         ax : matplotlib Axes or sequence of Axes, optional
             Where to draw: one Axes for each channel.
         **options
@@ -95,18 +90,15 @@ class ContributionsDisplay(OrderDisplay):
         TypeError, ValueError
             If a column is missing or has invalid values, or an option is invalid.
         """
-        _tables.check_columns(table, _COLUMNS)
-        names = [_bin_name(row, table.iloc[row]) for row in range(len(table))]
-        return cls(names, table["contribution"], **options).plot(ax=ax)
+        _tables.check_columns(table, ("column", "contribution"))
+        return cls(table["column"], table["contribution"], **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the contributions, one row per bin, and the names of the fault orders in it."""
         rows = [
             (block.channel, name, self.contributions[column], self._faults_within(band))
             for block in self.blocks
-            for name, band, column in zip(
-                block.names, _bands(block), block.columns.tolist(), strict=True
-            )
+            for name, band, column in zip(block.names, _bands(block), block.columns, strict=True)
         ]
         return pd.DataFrame(rows, columns=["channel", "bin", "contribution", "fault_orders"])
 
@@ -142,14 +134,3 @@ class ContributionsDisplay(OrderDisplay):
 
 def _bands(block: Any) -> Sequence[Any]:
     return [None] * len(block.names) if block.bands is None else list(block.bands)
-
-
-def _bin_name(number: int, row: pd.Series) -> str:
-    """Return the column name of one row of an explanation."""
-    low, high = row["low"], row["high"]
-    if pd.isna(low) and "column" in row:
-        return str(row["column"])
-    low, high = _tables.check_values([low, high], f"low and high of row {number}", (2,), least=0)
-    if low >= high:
-        raise ValueError(f"low must be below high, got {low} and {high} in row {number}.")
-    return f"{row['channel']}@{number_name(low)}-{number_name(high)}"

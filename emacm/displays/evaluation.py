@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from sklearn.metrics import roc_auc_score, roc_curve
 
 from emacm.displays import _drawing, _tables
@@ -23,7 +22,7 @@ class UnknownRocDisplay(Display):
     """Fraction of unknown recordings that are flagged over that of known ones.
 
     A recording is flagged if its typicality is at most a threshold; the curve is over all
-    thresholds, the marker at `threshold`.
+    thresholds, the marker at a typicality of 0.01.
 
     Parameters
     ----------
@@ -32,8 +31,6 @@ class UnknownRocDisplay(Display):
         family), "typicality" (0 to 1) and "is_unknown" (whether the recording is of this family).
     intervals : DataFrame, optional
         Rows named by the families; columns "auroc_low" and "auroc_high", for the legend.
-    threshold : float
-        Typicality of the marker.
 
     Attributes
     ----------
@@ -59,7 +56,6 @@ class UnknownRocDisplay(Display):
 
     table: pd.DataFrame
     intervals: pd.DataFrame | None = None
-    threshold: float = field(default=0.01, kw_only=True)
 
     def __post_init__(self) -> None:
         _tables.check_columns(self.table, _COLUMNS)
@@ -72,9 +68,7 @@ class UnknownRocDisplay(Display):
                 )
 
     @classmethod
-    def from_evaluation(
-        cls, evaluation: UnknownEvaluation, *, ax: Any = None, **options: Any
-    ) -> UnknownRocDisplay:
+    def from_evaluation(cls, evaluation: UnknownEvaluation, *, ax: Any = None) -> UnknownRocDisplay:
         """Draw the families of faults that an evaluation left out of training.
 
         Parameters
@@ -83,8 +77,6 @@ class UnknownRocDisplay(Display):
             Result of `emacm.evaluation.novelty.evaluate_unknown`.
         ax : matplotlib Axes, optional
             Where to draw.
-        **options
-            As for the class: threshold.
 
         Returns
         -------
@@ -95,12 +87,7 @@ class UnknownRocDisplay(Display):
         ValueError
             If no family was left out.
         """
-        table = evaluation.predictions
-        if table.empty:
-            raise ValueError(
-                "evaluation left no family of faults out of training; its caveats say why."
-            )
-        return cls(table[[*_COLUMNS]], evaluation.table, **options).plot(ax=ax)
+        return cls(evaluation.predictions, evaluation.table).plot(ax=ax)
 
     def areas(self) -> dict[str, float]:
         """Return the area under the ROC curve of each family."""
@@ -128,17 +115,24 @@ class UnknownRocDisplay(Display):
         ax.plot([0, 100], [0, 100], color="0.6", linestyle=(0, (1, 2)), linewidth=1)
         areas, frame = self.areas(), self.frame()
         numbers = {name: n for n, name in enumerate(sorted(areas), 1)}  # 0 is the healthy state
+        is_flagged = self.table["typicality"] <= 0.01
+        flagged = is_flagged.groupby([self.table["left_out"], self.table["is_unknown"]]).mean()
         for family, curve in frame.groupby("left_out", sort=False):
             number = numbers[str(family)]
             style = _drawing.line_style(number)
             x, y = 100 * curve[["known_flagged", "unknown_flagged"]].to_numpy().T
             label = f"{family}: AUROC {areas[str(family)]:.3f}{self._limits(family)}"
             ax.plot(x, y, label=label, linewidth=1.6, **style)
-            point = 100 * self._at_threshold(family)
             marker = _drawing.style_of(_drawing.MARKERS, number)
-            ax.plot(*point, marker, color=style["color"], markeredgecolor="black", zorder=3)
-        flagged = f"flagged at typicality ≤ {self.threshold:g}"
-        ax.plot([], [], "o", color="white", markeredgecolor="black", label=flagged)
+            ax.plot(
+                *100 * flagged[family],
+                marker,
+                color=style["color"],
+                markeredgecolor="black",
+                zorder=3,
+            )
+        text = "flagged at typicality ≤ 0.01"
+        ax.plot([], [], "o", color="white", markeredgecolor="black", label=text)
         ax.set(xlim=(-2, 102), ylim=(-2, 102))
         ax.grid(color="0.9", linewidth=0.6)
         _drawing.label_axes(ax, "known recordings flagged [%]", "unknown recordings flagged [%]")
@@ -151,18 +145,10 @@ class UnknownRocDisplay(Display):
         low, high = self.intervals.loc[family, ["auroc_low", "auroc_high"]]
         return "" if np.isnan(low) else f" ({low:.3f} to {high:.3f})"
 
-    def _at_threshold(self, family: Any) -> NDArray[np.float64]:
-        """Return the fractions of known and unknown recordings flagged at the threshold."""
-        part = self.table[self.table["left_out"] == family]
-        flagged = (part["typicality"] <= self.threshold).to_numpy(float)
-        is_unknown = part["is_unknown"].to_numpy(bool)
-        return np.array([flagged[~is_unknown].mean(), flagged[is_unknown].mean()])
-
 
 # Rate: label, colour and marker.
 RATES = {
     "balanced_accuracy": ("balanced accuracy", _drawing.PLAIN, "o"),
-    "accuracy": ("accuracy", _drawing.COLOURS[5], "D"),
     "false_alarm_rate": ("false alarms (of healthy)", _drawing.COLOURS[4], "s"),
     "inspection_rate": ("inspections (of healthy)", "0.4", "v"),
     "missed_detection_rate": ("missed detections (of faulty)", _drawing.COLOURS[1], "^"),
@@ -178,9 +164,10 @@ class EvaluationDisplay(Display):
     Parameters
     ----------
     table : DataFrame
-        One row for each hold-out scheme; columns ``balanced_accuracy``,
-        ``balanced_accuracy_low``, ``balanced_accuracy_high`` and so on, from 0 to 1, NaN where
-        they are not known.
+        One row for each hold-out scheme. Rates from 0 to 1 are drawn, of "balanced_accuracy",
+        "false_alarm_rate", "inspection_rate" and "missed_detection_rate" those it has, each with
+        its interval, such as "balanced_accuracy_low" and "balanced_accuracy_high"; NaN where they
+        are not known.
     confusion : DataFrame
         Counts: rows are the decisions (families, if there are any), columns the true classes.
     calibration : DataFrame, optional
@@ -189,10 +176,6 @@ class EvaluationDisplay(Display):
         NaN), and "count". Without it there is no third panel.
     scheme : str
         Scheme of `confusion` and `calibration`.
-    figures : sequence of str, optional
-        Rates to draw, among "balanced_accuracy", "accuracy", "false_alarm_rate",
-        "inspection_rate" and "missed_detection_rate". Default: all but "accuracy", as far as
-        `table` has them.
     healthy : str
         The healthy class: first row and column of the confusion matrix.
 
@@ -205,53 +188,39 @@ class EvaluationDisplay(Display):
 
     Raises
     ------
-    TypeError, ValueError
-        If a column is missing, or a value is not a rate or a count.
+    KeyError
+        If a column is missing.
 
     Examples
     --------
     >>> import pandas as pd
     >>> table = pd.DataFrame(
-    ...     {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [0.95]}, index=["by run"]
+    ...     {"inspection_rate": [0.2], "inspection_rate_low": 0.1, "inspection_rate_high": 0.3},
+    ...     index=["by run"],
     ... )
     >>> confusion = pd.DataFrame([[9, 1], [1, 9]], index=["new", "worn"], columns=["new", "worn"])
-    >>> EvaluationDisplay(table, confusion, figures=["accuracy"]).frame()
-       scheme    figure  value  low  high
-    0  by run  accuracy    0.9  0.8  0.95
+    >>> EvaluationDisplay(table, confusion).frame()
+       scheme           figure  value  low  high
+    0  by run  inspection_rate    0.2  0.1   0.3
     """
 
     table: pd.DataFrame
     confusion: pd.DataFrame
     calibration: pd.DataFrame | None = None
     scheme: str = field(default="", kw_only=True)
-    figures: Any = field(default=None, kw_only=True)
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
-        if self.figures is None:
-            shown = [name for name in RATES if name in self.table]
-            self.figures = [name for name in shown if name != "accuracy"] or shown
-        if isinstance(self.figures, str):
-            self.figures = [self.figures]
-        ends = ("", "_low", "_high")
-        _tables.check_columns(self.table, [f"{f}{end}" for f in self.figures for end in ends])
-        _tables.check_values(self.confusion, "confusion", (None, None), least=0)
+        self.figures = [name for name in RATES if name in self.table]
         rows, classes = (
             sorted(names, key=lambda name: str(name) != str(self.healthy))
             for names in (self.confusion.index, self.confusion.columns)
         )
         self.confusion = self.confusion.loc[rows, classes]
-        if self.calibration is not None:
-            _tables.check_columns(self.calibration, CURVE, "calibration")
 
     @classmethod
     def from_evaluation(
-        cls,
-        evaluation: Evaluation,
-        *,
-        scheme: str | None = None,
-        ax: Any = None,
-        **options: Any,
+        cls, evaluation: Evaluation, *, scheme: str | None = None, ax: Any = None, **options: Any
     ) -> EvaluationDisplay:
         """Draw the result of `evaluate`.
 
@@ -265,7 +234,7 @@ class EvaluationDisplay(Display):
         ax : sequence of matplotlib Axes, optional
             Where to draw: two Axes, or three if there are probabilities.
         **options
-            As for the class: figures, healthy. Default of `healthy`: that of the evaluation.
+            As for the class: healthy. Default: that of the evaluation.
 
         Returns
         -------
@@ -273,19 +242,13 @@ class EvaluationDisplay(Display):
 
         Raises
         ------
-        TypeError
-            If `evaluation` is not such a result.
         ValueError
             If `scheme` was not scored.
         """
-        if not isinstance(evaluation, Evaluation):
-            raise TypeError(
-                f"evaluation must be the result of evaluate, got {type(evaluation).__name__}."
-            )
         scored = list(evaluation.confusions)
-        if not scored or (scheme is not None and scheme not in scored):
+        chosen = next(iter(scored[1:] + scored), None) if scheme is None else scheme
+        if chosen not in scored:
             raise ValueError(f"scheme must be one that was scored: {scored}; got {scheme!r}.")
-        chosen = scored[min(1, len(scored) - 1)] if scheme is None else scheme
         curve = evaluation.calibration
         curve = curve[curve["scheme"] == chosen] if len(curve) else None
         confusion = evaluation.confusions[chosen]
@@ -337,7 +300,7 @@ class EvaluationDisplay(Display):
             heights = places + (number - (len(self.figures) - 1) / 2) * 0.6 / len(self.figures)
             panel.hlines(heights, low, high, linewidth=1.6, color=colour, zorder=3)
             panel.plot(value, heights, marker, label=label, color=colour, zorder=3)
-        for height in places[self.table[list(self.figures)].isna().all(axis=1)]:
+        for height in places[self.table[self.figures].isna().all(axis=1)]:
             panel.text(50, height, "cannot be scored", **CENTRED)
         panel.set_yticks(places, [_scheme_label(name, row) for name, row in self.table.iterrows()])
         panel.tick_params(axis="y", labelsize=_drawing.SMALL, length=0)

@@ -10,9 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_number
 from emacm.alarms.control_charts import CUSUM, EWMA
-from emacm.alarms.health_index import HealthIndex
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 from emacm.life.life_calibration import BEFORE_ONSET, DAMAGE
@@ -43,11 +41,6 @@ class AlarmDisplay(Display):
     ax_, figure_
         Axes and figure, set when the display is drawn.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the lengths differ, a value is not finite, or the limit is not positive.
-
     Examples
     --------
     >>> AlarmDisplay([0, 1, 2], [0.5, 2.0, 5.5], 5.0).frame()["alarm"].tolist()
@@ -61,21 +54,9 @@ class AlarmDisplay(Display):
     name: str = field(default="statistic", kw_only=True)
     time_label: str = field(default="number of the reading", kw_only=True)
 
-    def __post_init__(self) -> None:
-        self.times = _tables.check_values(self.times, "times", (None,))
-        self.statistic = _tables.check_values(self.statistic, "statistic", (len(self.times),))
-        check_number(self.limit, "limit", above=0)
-
     @classmethod
     def from_estimator(
-        cls,
-        estimator: EWMA | CUSUM,
-        X: Any,
-        times: ArrayLike | None = None,
-        *,
-        column: int = 0,
-        ax: Any = None,
-        **options: Any,
+        cls, estimator: EWMA | CUSUM, X: Any, times: Any = None, *, ax: Any = None, **options: Any
     ) -> AlarmDisplay:
         """Compute the chart of readings, from its start, and draw it.
 
@@ -84,11 +65,9 @@ class AlarmDisplay(Display):
         estimator : EWMA or CUSUM
             Fitted; its state is neither used nor changed.
         X : array-like or DataFrame of shape (n_readings, n_columns)
-            Readings.
+            Readings; the chart of the first column is drawn.
         times : array-like of shape (n_readings,), optional
             Default: the number of each reading, from 1.
-        column : int
-            Column to draw.
         ax : matplotlib Axes, optional
             Where to draw.
         **options
@@ -105,14 +84,12 @@ class AlarmDisplay(Display):
         """
         check_is_fitted(estimator)
         state = estimator.state()
-        statistic = estimator.reset().update(X).statistic[:, column]
+        statistic = estimator.reset().update(X).statistic[:, 0]
         estimator.restore(state)
-        known: dict[str, Any] = {
-            "two_sided": isinstance(estimator, EWMA),
-            "name": type(estimator).__name__ + " [standard deviations]",
-        }
+        options.setdefault("name", type(estimator).__name__ + " [standard deviations]")
         times = np.arange(1, len(statistic) + 1) if times is None else times
-        return cls(times, statistic, estimator.limit_, **(known | options)).plot(ax=ax)
+        options["two_sided"] = isinstance(estimator, EWMA)
+        return cls(times, statistic, estimator.limit_, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return one row per reading: "time", "statistic", "alarm"."""
@@ -149,11 +126,9 @@ class TrendDisplay(Display):
     ----------
     table : DataFrame
         As of `HealthIndex.trend`: columns "unit", "time", "index", "limit" (NaN if there is none)
-        and "alarm". Rows without an index are not drawn.
+        and "alarm", of at most 8 units. Rows without an index are not drawn.
     time_label : str
         Label of the time axis, with its unit.
-    units : sequence of label, optional
-        Units to be drawn, in this order. Default: all; at most 8.
 
     Attributes
     ----------
@@ -175,60 +150,19 @@ class TrendDisplay(Display):
 
     table: Any
     time_label: str = field(default="time", kw_only=True)
-    units: Any = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         _tables.check_columns(self.table, ("unit", "time", "index", "limit", "alarm"))
-        known = self.table["unit"][self.table["index"].notna()].unique().tolist()
-        chosen = known if self.units is None else list(self.units)
-        unknown = [unit for unit in chosen if unit not in known]
-        if unknown or not chosen:
-            raise ValueError(f"no index of unit {(unknown or ['any'])[0]!r}; known are {known}.")
-        if len(chosen) > 8:
+        self._units = self.frame()["unit"].unique().tolist()
+        if not 1 <= len(self._units) <= 8:
             raise ValueError(
-                f"{len(chosen)} units do not fit into one figure. Choose at most 8 by units=."
+                f"a figure shows 1 to 8 units; the table has an index of {len(self._units)}. "
+                f"Choose the rows of some units."
             )
-        self._units = chosen
-
-    @classmethod
-    def from_estimator(
-        cls,
-        estimator: HealthIndex,
-        X: Any,
-        times: ArrayLike,
-        units: ArrayLike | None = None,
-        *,
-        time_label: str = "time",
-        ax: Any = None,
-    ) -> TrendDisplay:
-        """Compute the trend of recordings, and draw it.
-
-        Parameters
-        ----------
-        estimator : HealthIndex
-            Fitted.
-        X, times, units
-            As for `HealthIndex.trend`.
-        time_label : str
-            As for the class.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each unit.
-
-        Returns
-        -------
-        TrendDisplay
-
-        Raises
-        ------
-        ValueError
-            As `HealthIndex.trend`.
-        """
-        return cls(estimator.trend(X, times, units), time_label=time_label).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the rows that are drawn."""
-        drawn = self.table["unit"].isin(self._units) & self.table["index"].notna()
-        return self.table[drawn].reset_index(drop=True)
+        return self.table[self.table["index"].notna()].reset_index(drop=True)
 
     def _draw(self, ax: Any) -> Any:
         axes = _drawing.panel_axes(ax, len(self._units))
@@ -290,8 +224,8 @@ class RemainingLifeDisplay(Display):
 
     Raises
     ------
-    TypeError, ValueError
-        If a column is missing, or `true` has another length.
+    ValueError
+        If a column is missing.
 
     Examples
     --------
@@ -310,18 +244,10 @@ class RemainingLifeDisplay(Display):
 
     def __post_init__(self) -> None:
         _tables.check_columns(self.table, ("age", "stage", "median", "lower", "upper"))
-        if self.true is not None:
-            self.true = _tables.check_values(self.true, "true", (len(self.table),), least=0)
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: RemainingLife,
-        X: Any,
-        y: ArrayLike | None = None,
-        *,
-        ax: Any = None,
-        **options: Any,
+        cls, estimator: RemainingLife, X: Any, y: Any = None, *, ax: Any = None, **options: Any
     ) -> RemainingLifeDisplay:
         """Predict the remaining life of one unit as it ages, and draw it.
 
@@ -348,8 +274,7 @@ class RemainingLifeDisplay(Display):
             If `estimator` is no fitted `RemainingLife`, or X is invalid.
         """
         table = estimator.predict_interval(X, np.zeros(len(X)))
-        known: dict[str, Any] = {"coverage": estimator.coverage}
-        return cls(table, y, **(known | options)).plot(ax=ax)
+        return cls(table, y, coverage=estimator.coverage, **options).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the table, with the column "true" if it is known."""
@@ -358,8 +283,7 @@ class RemainingLifeDisplay(Display):
     def _draw(self, ax: Any) -> Any:
         (ax,) = _drawing.panel_axes(ax, height=3.0)
         table = self.frame()
-        shown = [table["median"].max()] + ([table["true"].max()] if "true" in table else [])
-        top = 2.0 * max(float(np.max(shown)), 1e-300)
+        top = 2.0 * table.filter(["median", "true"]).to_numpy().max()
         damaged = (table["stage"] == DAMAGE).to_numpy()
         first = int(np.argmax(damaged)) if damaged.any() else len(table)
         for stage, rows, colour in (
@@ -373,10 +297,9 @@ class RemainingLifeDisplay(Display):
                 # Before the onset, the interval is that of the last reading until the next one.
                 step = "post" if stage == BEFORE_ONSET else None
                 ax.fill_between(rows["age"], rows["lower"], upper, step=step, **look)
-                median = rows if stage == DAMAGE or first == len(table) else rows.iloc[:-1]
-                ax.plot(
-                    median["age"], median["median"], color=colour, label=f"median, {_NAMES[stage]}"
-                )
+                known = rows if stage == DAMAGE or first == len(table) else rows.iloc[:-1]
+                label = f"median, {_NAMES[stage]}"
+                ax.plot(known["age"], known["median"], color=colour, label=label)
         if "true" in table:
             style = {"color": "black", "linestyle": "--", "linewidth": 1}
             ax.plot(table["age"], table["true"], label="true remaining life", **style)

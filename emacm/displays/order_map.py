@@ -63,7 +63,7 @@ class OrderMapDisplay(OrderDisplay):
     Raises
     ------
     TypeError, ValueError
-        If shapes do not fit, a value is not finite, a power is negative, or an option is invalid.
+        If an option is invalid.
 
     Examples
     --------
@@ -88,11 +88,8 @@ class OrderMapDisplay(OrderDisplay):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.psd = _tables.check_values(self.psd, "psd", (None, None), least=0)
-        n_segments, n_orders = self.psd.shape
-        self.orders = _tables.check_values(self.orders, "orders", (n_orders,), least=0)
-        self.intervals = _tables.check_values(self.intervals, "intervals", (n_segments, 2))
-        self.speeds = _tables.check_values(self.speeds, "speeds", (n_segments,))
+        self.orders, self.psd = np.asarray(self.orders), np.asarray(self.psd)
+        self.intervals, self.speeds = np.asarray(self.intervals), np.asarray(self.speeds)
         check_choice(self.over, "over", ("time", "speed"))
 
     @classmethod
@@ -103,9 +100,6 @@ class OrderMapDisplay(OrderDisplay):
         *,
         theta_s: float = 2 * np.pi / 128,
         revolutions: float = 4,
-        overlap: float = 0.5,
-        window: Any = "hann",
-        direction: str = "strokes",
         min_speed: float = 0.0,
         max_order: float | None = None,
         ax: Any = None,
@@ -119,9 +113,9 @@ class OrderMapDisplay(OrderDisplay):
             One run.
         channel : str, optional
             Channel to draw. Default: the first.
-        theta_s, direction, min_speed
+        theta_s, min_speed
             As for `OrderResampler`.
-        revolutions, overlap, window
+        revolutions
             As for `OrderPSD`. Long segments resolve orders, short ones resolve time.
         max_order : float, optional
             Highest order to draw.
@@ -141,12 +135,10 @@ class OrderMapDisplay(OrderDisplay):
             segment.
         """
         chosen = _tables.chosen_channels(recording, channel and [channel])[0]
-        resampler = OrderResampler(
-            theta_s, channels=[chosen], direction=direction, min_speed=min_speed
-        )
+        resampler = OrderResampler(theta_s, channels=[chosen], min_speed=min_speed)
         strokes = resampler.fit_transform([recording])[0].strokes
-        welch = {"revolutions": revolutions, "window": window, "max_order": max_order}
-        plan = segment_plan(samples_per_revolution(theta_s), overlap=overlap, **welch)
+        welch: dict[str, Any] = {"revolutions": revolutions, "max_order": max_order}
+        plan = segment_plan(samples_per_revolution(theta_s), **welch)
         segments = [
             _segments(stroke, plan.step, plan.n_per_segment, welch)
             for stroke in strokes

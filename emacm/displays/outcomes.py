@@ -24,7 +24,6 @@ OUTCOMES = {
     "wrong fault": (_drawing.tint(_drawing.COLOURS[3], 0.9), "----"),
     "missed detection": (_drawing.COLOURS[1], "xxxx"),
 }
-_ALL = "all recordings"
 
 
 @dataclass(eq=False, repr=False)
@@ -91,7 +90,6 @@ class OutcomesDisplay(Display):
         families: Mapping[Any, Any] | None = None,
         classes: Sequence[Any] | None = None,
         conditions: ArrayLike | None = None,
-        signals: ArrayLike | None = None,
         ax: Any = None,
     ) -> OutcomesDisplay:
         """Count the outcomes of decisions, and draw them.
@@ -114,10 +112,8 @@ class OutcomesDisplay(Display):
             and `families`.
         conditions : array-like of shape (n_recordings,), optional
             Operating condition of each recording. Default: a single row.
-        signals : array-like of shape (n_recordings,), optional
-            Signal that each decision is based on. Default: a single panel.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each signal.
+        ax : matplotlib Axes, optional
+            Where to draw.
 
         Returns
         -------
@@ -155,12 +151,11 @@ class OutcomesDisplay(Display):
             "wrong fault",
         )
         if conditions is None:
-            conditions = np.full(len(truths), _ALL)
-        keys = {} if signals is None else {"signal": signals}
-        keys["condition"] = conditions
-        index = [_tables.check_labels(own, len(truths), f"{name}s") for name, own in keys.items()]
+            conditions = np.full(len(truths), "all recordings")
+        conditions = _tables.check_labels(conditions, len(truths), "conditions")
         rows = pd.DataFrame({name: outcome == name for name in OUTCOMES}).astype(int)
-        return cls(rows.groupby(index, sort=False).sum().rename_axis(list(keys))).plot(ax=ax)
+        counts = rows.groupby(conditions, sort=False).sum().rename_axis("condition")
+        return cls(counts).plot(ax=ax)
 
     def frame(self) -> pd.DataFrame:
         """Return the outcomes in per cent, one row per bar, and the sum ``n`` of its counts."""

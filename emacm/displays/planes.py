@@ -11,7 +11,6 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
-from emacm._checks import check_number
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 
@@ -40,48 +39,34 @@ class PlaneDisplay(Display):
     def _draw_points(self, ax: Any) -> dict[str, Any]:
         """Draw the recordings of each state; states unknown to the classifier in grey."""
         truths = np.array([str(label) for label in self.labels])
-        return {
-            name: ax.scatter(
-                *self.points[truths == name].T,
-                s=20,
-                marker=_drawing.style_of(_drawing.MARKERS, number),
-                color=_drawing.colour_of(number) if name in self._known else "0.3",
-                edgecolor="white",
-                linewidth=0.4,
-                zorder=2,
-            )
-            for name, number in self._numbers.items()
-            if name in truths
-        }
+        markers = {}
+        for name, number in self._numbers.items():
+            if name in truths:
+                colour = _drawing.colour_of(number) if name in self._known else "0.3"
+                look = {"color": colour, "edgecolor": "white", "linewidth": 0.4, "zorder": 2}
+                look["marker"] = _drawing.style_of(_drawing.MARKERS, number)
+                markers[name] = ax.scatter(*self.points[truths == name].T, s=20, **look)
+        return markers
 
     def _name_states(
         self, ax: Any, markers: Mapping[str, Any], others: Mapping[str, Any], title: str
     ) -> None:
         """Label the axes, and put a legend above with one entry per state that is drawn."""
         ax.set(xlabel=self.names[0], ylabel=self.names[1])
-        handles = {
-            name: tuple(each[name] for each in (others, markers) if name in each)
-            for name in self._numbers
-            if name in markers or name in others
-        }
-        _drawing.legend_above(ax, handles=[*handles.values()], labels=[*handles], title=title)
+        drawn = [name for name in self._numbers if name in markers or name in others]
+        pairs = [tuple(own[k] for own in (others, markers) if k in own) for k in drawn]
+        _drawing.legend_above(ax, handles=pairs, labels=drawn, title=title)
 
 
-def plane_points(X: ArrayLike, estimator: Any, attribute: str) -> NDArray[np.floating]:
+def plane_points(X: ArrayLike, estimator: Any) -> NDArray[np.floating]:
     """Return the recordings to be drawn, shape (n_recordings, 2), for a fitted classifier.
 
     Raises
     ------
-    TypeError, ValueError
-        If there are not two features, a value is not finite, or the classifier has no such
-        attribute.
+    ValueError
+        If there are not two features, or a value is not finite.
     """
     check_is_fitted(estimator)
-    if not hasattr(estimator, attribute):
-        raise TypeError(
-            f"estimator must be a CostSensitiveGaussianBayes, got {estimator!r}; it has no "
-            f"{attribute}."
-        )
     if estimator.n_features_in_ != 2:
         raise ValueError(
             f"two features are drawn, but the classifier was fitted on {estimator.n_features_in_}. "
@@ -124,7 +109,7 @@ class FeatureDensityDisplay(PlaneDisplay):
     Raises
     ------
     TypeError, ValueError
-        If shapes do not fit, a value is not finite, or a share is not between 0 and 1.
+        If shapes do not fit, or a value is not finite.
 
     Notes
     -----
@@ -152,10 +137,7 @@ class FeatureDensityDisplay(PlaneDisplay):
     healthy: Any = field(default=_drawing.HEALTHY, kw_only=True)
 
     def __post_init__(self) -> None:
-        n_classes = len(self.classes)
-        self.means = _tables.check_values(self.means, "means", (n_classes, 2))
-        self.covariances = _tables.check_values(self.covariances, "covariances", (n_classes, 2, 2))
-        self.shares = [check_number(p, "a share", above=0, below=1) for p in self.shares]
+        self.means, self.covariances = np.asarray(self.means), np.asarray(self.covariances)
         self._check_points(self.classes)
 
     @classmethod
@@ -186,7 +168,7 @@ class FeatureDensityDisplay(PlaneDisplay):
         TypeError, ValueError
             If there are not two features, a value is not finite, or an option is invalid.
         """
-        points = plane_points(X, estimator, "covariances_")
+        points = plane_points(X, estimator)
         means = np.asarray(estimator.means_)
         covariances = np.asarray(estimator.covariances_)
         if estimator.covariance == "diag":
@@ -296,25 +278,18 @@ class DecisionRegionsDisplay(PlaneDisplay):
     unknown: Any = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        self.first = _tables.check_values(self.first, "first", (None,))
-        self.second = _tables.check_values(self.second, "second", (None,))
-        shape = (len(self.second), len(self.first))
-        self.regions = _tables.check_values(self.regions, "regions", shape, least=0).astype(int)
+        self.first, self.second = np.asarray(self.first), np.asarray(self.second)
+        self.regions = np.asarray(self.regions)
         self._check_points(self.decisions)
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        X: ArrayLike,
-        y: ArrayLike,
-        *,
-        n_grid: int = 300,
-        margin: float | None = None,
-        ax: Any = None,
-        **options: Any,
+        cls, estimator: Any, X: Any, y: Any, *, n_grid: int = 300, ax: Any = None, **options: Any
     ) -> DecisionRegionsDisplay:
         """Draw the decisions of a fitted classifier of two features.
+
+        The grid extends 8 % beyond the range of the recordings, or 100 % for a classifier with an
+        unknown state, which is decided far from them.
 
         Parameters
         ----------
@@ -326,9 +301,6 @@ class DecisionRegionsDisplay(PlaneDisplay):
             Their true classes.
         n_grid : int
             Number of points along each axis at which the classifier decides.
-        margin : float, optional
-            Space around the recordings, as a fraction of their range. Default: 0.08, and 1 for a
-            classifier with an unknown state, which is decided far from the recordings.
         ax : matplotlib Axes, optional
             Where to draw.
         **options
@@ -343,11 +315,9 @@ class DecisionRegionsDisplay(PlaneDisplay):
         TypeError, ValueError
             If there are not two features, a value is not finite, or an option is invalid.
         """
-        points = plane_points(X, estimator, "decisions_")
+        points = plane_points(X, estimator)
         unknown = options.setdefault("unknown", getattr(estimator, "unknown", None))
-        if margin is None:
-            margin = 0.08 if unknown is None else 1.0
-        check_number(margin, "margin", at_least=0)
+        margin = 0.08 if unknown is None else 1.0
         low, high = points.min(axis=0), points.max(axis=0)
         # Points on a line still have a plane around them.
         width = np.where(high > low, high - low, np.maximum(1e-9, np.abs(high)))

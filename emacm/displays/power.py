@@ -14,7 +14,7 @@ from emacm._checks import check_choice
 from emacm.displays import _bars, _drawing, _tables
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.bins import check_stop_bands
-from emacm.orders.columns import BinBlock, column_names, parse_order_columns
+from emacm.orders.columns import BinBlock, column_names, parse_bin_columns, parse_order_columns
 from emacm.orders.order_psd import OrderPSD
 from emacm.orders.welch import SCALINGS
 
@@ -28,22 +28,59 @@ class PowerDisplay(_tables.OrderDisplay):
 
     _step: ClassVar[type]
     _from_step: ClassVar[tuple[str, ...]]
+    _parse: ClassVar[Any]  # parser of the column names
 
     unit: str | Mapping[str, str] = "unit"
     envelopes: Any = None
     healthy: Any = _drawing.HEALTHY
-    scale: str = "dB"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.envelopes = dict(self.envelopes or {})
-        check_choice(self.scale, "scale", ("dB", "linear"))
 
     @classmethod
     def from_table(
-        cls, table: Any, channel: str | Sequence[str] | None = None, **options: Any
+        cls,
+        table: Any,
+        channel: str | Sequence[str] | None = None,
+        *,
+        labels: ArrayLike | None = None,
+        ax: Any = None,
+        **options: Any,
     ) -> Self:
-        """Draw the mean of the recordings of each label; see the subclasses."""
+        """Draw the mean of the recordings of each label.
+
+        Parameters
+        ----------
+        table : OrderTable or DataFrame of shape (n_recordings, n_columns)
+            Result of `OrderPSD`, or of `BinTransformer` under ``set_output(transform="pandas")``.
+        channel : str or sequence of str, optional
+            Channels to draw, as in the column names. Default: all.
+        labels : array-like of shape (n_recordings,), optional
+            Label of each recording. Default: the mean of all.
+        ax : matplotlib Axes or sequence of Axes, optional
+            Where to draw: one Axes for each channel.
+        **options
+            As for the class.
+
+        Returns
+        -------
+        OrderSpectrumDisplay or OrderBinsDisplay
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the table has no order axis or no such channel, labels do not fit it, or an option
+            is invalid.
+        """
+        blocks = _tables.channel_blocks(cls._parse(column_names(table) or ()), channel)
+        single = channel if isinstance(channel, str) else None
+        means = _tables.means_by_label(table, labels, single or "all recordings")
+        return cls._of_means(means, blocks, single, **options).plot(ax=ax)
+
+    @classmethod
+    def _of_means(cls, means: Any, blocks: Any, single: str | None, **options: Any) -> Self:
+        """Return the display of the columns of some channels, or of a single one."""
         raise NotImplementedError
 
     @classmethod
@@ -84,9 +121,9 @@ class PowerDisplay(_tables.OrderDisplay):
         TypeError, ValueError
             If the pipeline has no such step, and as for `from_table`.
         """
-        name = cls._step.__name__
-        wanted = f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
-        step, before = _tables.pipeline_until(estimator, lambda s: isinstance(s, cls._step), wanted)
+        step, before = _tables.pipeline_until(
+            estimator, lambda s: isinstance(s, cls._step), cls._step.__name__
+        )
         values = step.transform(X if before is None else before.transform(X))
         table = pd.DataFrame(np.asarray(values), columns=step.get_feature_names_out())
         known = {option: getattr(step, option) for option in cls._from_step}
@@ -94,14 +131,10 @@ class PowerDisplay(_tables.OrderDisplay):
         known["unit"] = _tables.units_in(X) or "unit"
         return cls.from_table(table, channel, labels=labels, ax=ax, **(known | options))
 
-    def _scaled(self, power: NDArray[np.floating]) -> NDArray[np.floating]:
-        return _drawing.decibels(power) if self.scale == "dB" else power
-
     def _label_power(self, panel: Any, channel: str, quantity: str, per: str = "") -> None:
         """Label the y axis with quantity, channel and unit."""
         words, unit = _tables.quantity_of(quantity, channel, self.unit, self.envelopes)
-        reference = "dB re 1 " if self.scale == "dB" else ""
-        _drawing.label_y(panel, words, f"{reference}{_drawing.squared(unit)}{per}")
+        _drawing.label_y(panel, words, f"dB re 1 {_drawing.squared(unit)}{per}")
 
 
 @dataclass(eq=False, repr=False)
@@ -130,8 +163,6 @@ class OrderSpectrumDisplay(PowerDisplay):
         order, and this range is shaded. In a mapping every order may slip.
     healthy : str
         Label of the healthy state: it is first in the legend and always has the same colour.
-    scale : {"dB", "linear"}
-        Scale of the power. In dB nothing is drawn where it is 0.
     scaling : {"density", "spectrum"}
         As for `OrderPSD`: unit²/order or unit².
 
@@ -158,6 +189,7 @@ class OrderSpectrumDisplay(PowerDisplay):
 
     _step = OrderPSD
     _from_step = ("scaling",)
+    _parse = staticmethod(parse_order_columns)
 
     orders: Any
     spectra: Any
@@ -178,57 +210,20 @@ class OrderSpectrumDisplay(PowerDisplay):
         check_choice(self.scaling, "scaling", SCALINGS)
 
     @classmethod
-    def from_table(
-        cls,
-        table: Any,
-        channel: str | Sequence[str] | None = None,
-        *,
-        labels: ArrayLike | None = None,
-        ax: Any = None,
-        **options: Any,
-    ) -> OrderSpectrumDisplay:
-        """Draw the mean spectrum of the recordings of each label.
-
-        Parameters
-        ----------
-        table : OrderTable or DataFrame of shape (n_recordings, n_columns)
-            Result of `OrderPSD`.
-        channel : str or sequence of str, optional
-            Channels to draw, as in the column names. Default: all.
-        labels : array-like of shape (n_recordings,), optional
-            Label of each recording. Default: the mean of all.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each channel.
-        **options
-            As for the class: unit, envelopes, max_order, fault_orders, slip, healthy, scale,
-            scaling.
-
-        Returns
-        -------
-        OrderSpectrumDisplay
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the table has no order axis or no such channel, labels do not fit it, or an option
-            is invalid.
-        """
-        names = column_names(table)
-        parsed = None if names is None else parse_order_columns(names)
-        blocks = _tables.channel_blocks(parsed, channel)
-        orders = blocks[0].orders
+    def _of_means(cls, means: Any, blocks: Any, single: str | None, **options: Any) -> Self:
         for block in blocks:
-            if not np.array_equal(block.orders, orders):
+            if not np.array_equal(block.orders, blocks[0].orders):
                 raise ValueError(
                     f"channels {blocks[0].channel!r} and {block.channel!r} have different orders; "
                     f"draw each in a display of its own."
                 )
-        single = channel if isinstance(channel, str) else None
-        means = _tables.means_by_label(table, labels, single or "all recordings")
-        rows = {name: [mean[b.columns] for b in blocks] for name, mean in means.items()}
-        spectra = {name: each[0] if single else np.stack(each) for name, each in rows.items()}
-        channels = single or [block.channel for block in blocks]
-        return cls(orders, spectra, channel=channels, **options).plot(ax=ax)
+        spectra = {
+            label: np.stack([mean[b.columns] for b in blocks]) for label, mean in means.items()
+        }
+        if single:
+            spectra = {label: values[0] for label, values in spectra.items()}
+        channel = single or [block.channel for block in blocks]
+        return cls(blocks[0].orders, spectra, channel=channel, **options)
 
     def frame(self) -> pd.DataFrame:
         """Return the spectra: one row per order, one column per label (or channel and label)."""
@@ -250,8 +245,6 @@ class OrderSpectrumDisplay(PowerDisplay):
             for label, number in _drawing.state_numbers(self.spectra, self.healthy).items():
                 self._draw_line(panel, np.atleast_2d(self.spectra[label])[i], label, number)
             panel.set_xlim(0, self.orders[-1] if self.max_order is None else self.max_order)
-            if self.scale == "linear":
-                panel.set_ylim(bottom=0)
             density = self.scaling == "density"
             self._label_power(panel, channel, *(("PSD", "/order") if density else ("power",)))
             gap = max(gap, _drawing.mark_orders(panel, self.fault_orders, named=i == 0))
@@ -263,7 +256,7 @@ class OrderSpectrumDisplay(PowerDisplay):
         top = self.orders[-1] if self.max_order is None else self.max_order
         # Detrending changes the line at order 0, which is not the order of any fault.
         drawn = (self.orders > 0) & (self.orders <= top)
-        power = self._scaled(values[drawn])
+        power = _drawing.decibels(values[drawn])
         if not np.all(np.isnan(power)):
             style = {"label": _drawing.wrapped(label), **_drawing.line_style(number)}
             if len(self.spectra) == 1:
@@ -280,17 +273,14 @@ class OrderBinsDisplay(PowerDisplay):
 
     Parameters
     ----------
-    columns : sequence of str or of (low, high)
-        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`; or the
-        edges [orders] of the bins of one channel.
+    columns : sequence of str
+        Names ``channel@low-high`` or ``channel@name``, as written by `BinTransformer`.
     powers : mapping of str to ndarray of shape (n_columns,)
         Mean square in each bin [unit²], by label.
     stop_bands : sequence of (low, high)
         Orders that were removed; hatched.
     unit, envelopes, fault_orders, slip, healthy
         As for `OrderSpectrumDisplay`. Fault orders outside of the bins are not drawn.
-    scale : {"dB", "linear"}
-        Scale of the power. In dB nothing is drawn where it is 0.
 
     Attributes
     ----------
@@ -302,7 +292,7 @@ class OrderBinsDisplay(PowerDisplay):
     Raises
     ------
     TypeError, ValueError
-        If columns are neither names nor bands, powers do not fit them, are negative or not
+        If powers do not fit the columns, are negative or not
         finite, or an option is invalid.
 
     Notes
@@ -311,13 +301,14 @@ class OrderBinsDisplay(PowerDisplay):
 
     Examples
     --------
-    >>> display = OrderBinsDisplay([(0, 1), (1, 2)], {"healthy": [0.5, 2.0]})
+    >>> display = OrderBinsDisplay(["torque@0-1", "torque@1-2"], {"healthy": [0.5, 2.0]})
     >>> display.frame()["healthy"].to_dict()
-    {('signal', '0-1'): 0.5, ('signal', '1-2'): 2.0}
+    {('torque', '0-1'): 0.5, ('torque', '1-2'): 2.0}
     """
 
     _step = BinTransformer
     _from_step = ("stop_bands",)
+    _parse = staticmethod(parse_bin_columns)
 
     columns: InitVar[Sequence[Any]]
     powers: Any
@@ -334,45 +325,10 @@ class OrderBinsDisplay(PowerDisplay):
         self.stop_bands = check_stop_bands(self.stop_bands)
 
     @classmethod
-    def from_table(
-        cls,
-        table: Any,
-        channel: str | Sequence[str] | None = None,
-        *,
-        labels: ArrayLike | None = None,
-        ax: Any = None,
-        **options: Any,
-    ) -> OrderBinsDisplay:
-        """Draw the mean bins of the recordings of each label.
-
-        Parameters
-        ----------
-        table : DataFrame of shape (n_recordings, n_columns)
-            Result of `BinTransformer` under ``set_output(transform="pandas")``.
-        channel : str or sequence of str, optional
-            Channels to draw, as in the column names. Default: all.
-        labels : array-like of shape (n_recordings,), optional
-            Label of each recording. Default: the mean of all, as bars.
-        ax : matplotlib Axes or sequence of Axes, optional
-            Where to draw: one Axes for each channel.
-        **options
-            As for the class: stop_bands, unit, envelopes, fault_orders, slip, healthy, scale.
-
-        Returns
-        -------
-        OrderBinsDisplay
-
-        Raises
-        ------
-        TypeError, ValueError
-            If the table has no column names or no such channel, labels do not fit it, or an
-            option is invalid.
-        """
-        names = column_names(table)
-        blocks = _tables.channel_blocks(None if names is None else _bars.bin_blocks(names), channel)
-        chosen = np.concatenate([block.columns for block in blocks])
-        means = _tables.means_by_label(np.asarray(table)[:, chosen], labels, "all recordings")
-        return cls([(names or ())[i] for i in chosen], means, **options).plot(ax=ax)
+    def _of_means(cls, means: Any, blocks: Any, single: str | None, **options: Any) -> Self:
+        names = [f"{block.channel}@{name}" for block in blocks for name in block.names]
+        columns = np.concatenate([block.columns for block in blocks])
+        return cls(names, {label: mean[columns] for label, mean in means.items()}, **options)
 
     def frame(self) -> pd.DataFrame:
         """Return the powers: one row per channel and bin, one column per label."""
@@ -381,9 +337,9 @@ class OrderBinsDisplay(PowerDisplay):
     def _draw(self, ax: Any) -> Any:
         axes = _bars.bin_panels(ax, self.blocks)
         for panel, block in zip(axes, self.blocks, strict=True):
-            if _bars.has_order_axis(block):
-                _bars.draw_stop_bands(panel, self.stop_bands)
             self._draw_block(panel, block)
+            if _bars.has_order_axis(block):
+                _bars.draw_stop_bands(panel, self.stop_bands)  # last in the legend
             self._label_power(panel, block.channel, "power")
         _drawing.legend_above(axes[0], gap=_bars.mark_panels(axes, self.blocks, self.fault_orders))
         return axes
@@ -392,11 +348,11 @@ class OrderBinsDisplay(PowerDisplay):
         numbers = _drawing.state_numbers(self.powers, self.healthy)
         places = _bars.bin_places(block)
         groups = [
-            _bars.Group(label, number, places, self._scaled(self.powers[label][block.columns]))
+            _bars.Group(label, number, places, _drawing.decibels(self.powers[label][block.columns]))
             for label, number in numbers.items()
         ]
         known = groups[0].heights[np.isfinite(groups[0].heights)]
-        if len(groups) > 1 or self.scale == "linear" or not len(known):
+        if len(groups) > 1 or not len(known):
             _bars.draw_groups(panel, groups)
             return
         # Decibel bars have no natural zero; start below the minimum.

@@ -27,19 +27,13 @@ class RecordingDisplay(Display):
 
     Parameters
     ----------
-    times : mapping of str to array-like of shape (n_times,)
-        Time of each sample [s], by channel.
-    signals : mapping of str to array-like of shape (n_times,)
-        The channels, by name.
-    shaft_times : array-like of shape (n_shaft_times,)
-        Time of each sample of the shaft speed [s].
-    speed : array-like of shape (n_shaft_times,)
-        Shaft speed [rad/s], signed.
+    recording : Recording
+        The channels to be drawn, and the shaft speed.
+    start : float
+        Time of the first sample [s].
     units : mapping of str to str, optional
-        Unit of each channel.
-    envelopes : mapping of str to {"amplitude", "squared"}, optional
-        Channels that are envelopes, see `EnvelopeDetector`. `units` holds the unit of the measured
-        channel.
+        Unit of each channel. Default: those of the recording. Of an envelope, see
+        `EnvelopeDetector`, this is the unit of the measured channel.
     strokes : sequence of (start, stop, direction)
         Strokes to be shaded: times [s], and 1 (forward) or -1 (reverse).
 
@@ -50,41 +44,17 @@ class RecordingDisplay(Display):
     figure_ : Figure
         Figure of these Axes.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If a channel has no times or another length, a value is not finite, or an option is
-        invalid.
-
     Examples
     --------
-    >>> display = RecordingDisplay({"current": [0, 1]}, {"current": [5.0, 6.0]}, [0, 1], [1.0, 1.0])
-    >>> display.frame().loc["current", "value"].tolist()
-    [5.0, 6.0]
+    >>> recording = Recording({"current": [5.0, 6.0]}, 10, velocity=[1.0, 1.0])
+    >>> RecordingDisplay(recording).frame().loc["current", "value"].to_dict()
+    {0.0: 5.0, 0.1: 6.0}
     """
 
-    times: Any
-    signals: Any
-    shaft_times: Any
-    speed: Any
-    units: Any = field(default=None, kw_only=True)
-    envelopes: Any = field(default=None, kw_only=True)
+    recording: Recording
+    start: float = field(default=0.0, kw_only=True)
+    units: Mapping[str, str] | None = field(default=None, kw_only=True)
     strokes: Sequence[tuple[float, float, int]] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        if list(self.times) != list(self.signals) or not self.signals:
-            raise ValueError(
-                f"times and signals must name the same channels, and at least one; got "
-                f"{list(self.times)} and {list(self.signals)}."
-            )
-        check, self.times, self.signals = _tables.check_values, dict(self.times), dict(self.signals)
-        for name in self.signals:
-            self.signals[name] = check(self.signals[name], f"channel {name!r}", (None,))
-            shape = self.signals[name].shape
-            self.times[name] = check(self.times[name], f"times of channel {name!r}", shape)
-        self.speed = check(self.speed, "speed", (None,))
-        self.shaft_times = check(self.shaft_times, "shaft_times", self.speed.shape)
-        self.units, self.envelopes = self.units or {}, self.envelopes or {}
 
     @classmethod
     def from_recording(
@@ -136,38 +106,38 @@ class RecordingDisplay(Display):
             part = part.cut(*between)
         fs, speed = part.shaft_fs, part.velocity
         found = find_strokes(speed, min_speed=min_speed) if shade_strokes else []
-        display = cls(
-            {name: start + np.arange(len(part.signals[name])) / part.fs[name] for name in part.fs},
-            dict(part.signals),
-            start + np.arange(len(speed)) / fs,
-            speed,
-            units=part.units if units is None else units,
-            envelopes=_tables.envelopes_in(part),
-            strokes=[(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found],
-        )
-        return display.plot(ax=ax)
+        strokes = [(start + s.start / fs, start + (s.stop - 1) / fs, s.direction) for s in found]
+        return cls(part, start=start, units=units, strokes=strokes).plot(ax=ax)
+
+    def _lines(self) -> dict[str, Line]:
+        """Return the times and values of each channel, and of the shaft speed."""
+        part = self.recording
+        sampled = {name: (part.fs[name], values) for name, values in part.signals.items()}
+        sampled["shaft speed"] = (part.shaft_fs, part.velocity)
+        return {
+            name: (self.start + np.arange(len(values)) / fs, values)
+            for name, (fs, values) in sampled.items()
+        }
 
     def frame(self) -> pd.DataFrame:
         """Return a column ``value``, indexed by channel (or "shaft speed") and time [s]."""
-        series = [(name, self.times[name], values) for name, values in self.signals.items()]
-        series.append(("shaft speed", self.shaft_times, self.speed))
-        tables = [
-            pd.DataFrame({"value": values}, index=pd.Index(times, name="time"))
-            for _, times, values in series
-        ]
-        return pd.concat(tables, keys=[name for name, _, _ in series], names=["quantity"])
+        tables = {
+            name: pd.DataFrame({"value": values}, index=pd.Index(times, name="time"))
+            for name, (times, values) in self._lines().items()
+        }
+        return pd.concat(tables, names=["quantity"])
 
     def _draw(self, ax: Any) -> Any:
-        axes = _drawing.panel_axes(ax, len(self.signals) + 1, height=1.3)
-        for panel, (name, values) in zip(axes[:-1], self.signals.items(), strict=True):
-            self._draw_line(panel, self.times[name], values)
-            _drawing.label_y(panel, *_tables.quantity_of("", name, self.units, self.envelopes))
-        self._draw_line(axes[-1], self.shaft_times, self.speed)
+        lines = self._lines()
+        axes = _drawing.panel_axes(ax, len(lines), height=1.3)
+        units = self.recording.units if self.units is None else self.units
+        envelopes = _tables.envelopes_in(self.recording)
+        for panel, (name, line) in zip(axes, lines.items(), strict=True):
+            self._draw_line(panel, *line)
+            panel.set_xlim(self.start, max(times[-1] for times, _ in lines.values()))
+            _drawing.label_y(panel, *_tables.quantity_of("", name, units, envelopes))
         axes[-1].axhline(0, color="0.4", linewidth=0.6)
         _drawing.label_y(axes[-1], "shaft speed", "rad/s")
-        last = max(float(times[-1]) for times in (self.shaft_times, *self.times.values()))
-        for panel in axes:
-            panel.set_xlim(self.shaft_times[0], last)
         _drawing.label_x(axes, "time [s]")
         _drawing.legend_above(axes[0])
         return axes

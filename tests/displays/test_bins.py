@@ -9,7 +9,6 @@ from emacm import BinTransformer, OrderPSD, OrderResampler
 from emacm.displays import OrderBinsDisplay
 from emacm.simulation.fleet import simulate_actuator
 
-EDGES = [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)]
 NAMES = ["current@0-0.5", "current@0.5-2", "current@3-4"]
 
 
@@ -21,31 +20,25 @@ def table():
     return pd.DataFrame([[1.0, 10, 100], [3.0, 10, 100]], columns=NAMES)
 
 
-def test_one_group_is_bars_between_exact_edges():
-    (ax,) = axes()
-    OrderBinsDisplay.from_table(table(), unit="A", scale="linear", ax=ax)
-    bars = [(bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in ax.patches]
-    assert bars == [(0.0, 0.5, 2.0), (0.5, 2.0, 10.0), (3.0, 4.0, 100.0)]
-    assert ax.get_ylabel() == "power of current [A²]"
-    assert ax.get_xlabel() == "order [cycles per revolution]"
-
-
-def test_bars_in_db_end_at_their_level():
+def test_one_group_is_bars_between_exact_edges_that_end_at_their_level():
     (ax,) = axes()
     OrderBinsDisplay.from_table(table(), unit="A", ax=ax)
+    bars = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in ax.patches]
+    assert bars == [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)]
+    assert ax.get_xlabel() == "order [cycles per revolution]"
     tops = [bar.get_y() + bar.get_height() for bar in ax.patches]
     assert np.allclose(tops, 10 * np.log10([2, 10, 100]))
     assert ax.get_ylim()[0] < min(tops) < max(tops) < ax.get_ylim()[1]
-    assert "dB re 1 A²" in ax.get_ylabel()
+    assert ax.get_ylabel() == "power of current [dB re 1 A²]"
 
 
 def test_several_groups_are_steps_that_end_where_a_bin_is_missing():
     (ax,) = axes()
-    OrderBinsDisplay.from_table(table(), labels=["new", "worn"], scale="linear", ax=ax)
+    OrderBinsDisplay.from_table(table(), labels=["new", "worn"], ax=ax)
     new, worn = ax.lines
     x, y = worn.get_data()
     assert x.tolist() == [0, 0.5, 0.5, 2, 3, 3, 4]
-    assert y[:4].tolist() == [3, 3, 10, 10]
+    assert np.allclose(y[:4], 10 * np.log10([3, 3, 10, 10]))
     assert np.isnan(y[4])
     assert [line.get_label() for line in (new, worn)] == ["new", "worn"]
     assert new.get_linestyle() != worn.get_linestyle()
@@ -63,18 +56,19 @@ def test_stop_bands_are_hatched_and_named():
 def test_bins_that_overlap_are_drawn_side_by_side_under_their_names():
     (ax,) = axes()
     columns = ["a@5.9-6.3", "a@6.1-6.5", "a@2-2.5"]
-    OrderBinsDisplay(columns, {"all": [1.0, 2.0, 4.0]}, scale="linear").plot(ax=ax)
+    OrderBinsDisplay(columns, {"all": [1.0, 10.0, 100.0]}).plot(ax=ax)
     bars = sorted(
-        (bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in ax.patches
+        (bar.get_x(), bar.get_x() + bar.get_width(), bar.get_y() + bar.get_height())
+        for bar in ax.patches
     )
-    assert np.allclose(bars, [(-0.4, 0.4, 1), (0.6, 1.4, 2), (1.6, 2.4, 4)])
+    assert np.allclose(bars, [(-0.4, 0.4, 0), (0.6, 1.4, 10), (1.6, 2.4, 20)])
     assert [t.get_text() for t in ax.get_xticklabels()] == ["5.9-6.3", "6.1-6.5", "2-2.5"]
     assert ax.get_xlabel() == "bin, order [cycles per revolution]"
     (ax,) = axes()
-    OrderBinsDisplay(columns, {"a": [1, 2, 4], "b": [4, 2, 1]}, scale="linear").plot(ax=ax)
+    OrderBinsDisplay(columns, {"a": [1, 10, 100], "b": [4, 2, 1]}).plot(ax=ax)
     _, y = ax.lines[0].get_data()
     assert np.isnan(y).sum() == 2  # three lines that do not touch
-    assert y[~np.isnan(y)].tolist() == [1, 1, 2, 2, 4, 4]
+    assert y[~np.isnan(y)].tolist() == [0, 0, 10, 10, 20, 20]
 
 
 def test_a_pipeline_draws_its_bins_and_its_stop_bands():

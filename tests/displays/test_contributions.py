@@ -27,7 +27,7 @@ def test_each_channel_has_bars_between_the_edges_of_its_bins():
 
 def test_evidence_against_is_hatched():
     (ax,) = axes()
-    ContributionsDisplay([(0, 1), (1, 2)], [1.0, -1.0], decision="worn screw").plot(ax=ax)
+    ContributionsDisplay(["a@0-1", "a@1-2"], [1.0, -1.0], decision="worn screw").plot(ax=ax)
     up, down = sorted(ax.patches, key=lambda bar: -bar.get_height())
     assert not up.get_hatch()
     assert down.get_hatch()

@@ -44,8 +44,8 @@ from emacm.displays._tables import predicted_lines
 from emacm.envelopes.kurtogram import Kurtogram
 
 POINTS = np.array([[0.0, 0.0], [1.0, 2.0]])
-BINS = [(0, 1), (1, 2)]
-RATE = {"accuracy": [0.9], "accuracy_low": [0.8], "accuracy_high": [1.0]}
+BINS = ["a@0-1", "a@1-2"]
+RATE = {f"inspection_rate{end}": [0.9] for end in ("", "_low", "_high")}
 TYPICALITY = pd.DataFrame(
     {
         "typicality": [0.5, 0.001],
@@ -70,7 +70,7 @@ ONE_OF_EACH = [
     OrderMapDisplay([0, 1, 2], np.ones((2, 3)), [[0, 1], [1, 2]], [1.0, 2.0]),
     OrderSpectrumDisplay([0, 1, 2], {"a": [1.0, 2.0, 3.0]}),
     OutcomesDisplay(pd.DataFrame({"correct": [1]}, index=["all"])),
-    RecordingDisplay({"a": [0, 1]}, {"a": [1, 2]}, [0, 1], [1, 1]),
+    RecordingDisplay(Recording({"a": [1.0, 2.0]}, 10, velocity=[1.0, 1.0])),
     RemainingLifeDisplay(
         pd.DataFrame(REMAINING | {"lower": [5.0, 7.0], "upper": [np.inf, 19.0]}), true=[20.0, 11.0]
     ),
@@ -211,9 +211,7 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA), "different orders"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "c"), "'c'"),
         (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=["x"]), "labels"),
-        (lambda: OrderSpectrumDisplay.from_table(SPECTRA, "a", labels=[1, np.nan]), "recording 1"),
         (lambda: OrderSpectrumDisplay.from_estimator(ExplainedVarianceDisplay, []), "OrderPSD"),
-        (lambda: OrderMapDisplay([0, 1], [[1, -1]], [[0, 1]], [1.0]), "psd"),
         (lambda: OrderMapDisplay.from_recording([RUN]), "one Recording"),
         (lambda: OrderMapDisplay.from_recording(RUN, revolutions=500), "of 500 revolutions"),
         (lambda: RecordingDisplay.from_recording(RUN, between=(2, 1)), "start and stop"),
@@ -221,9 +219,8 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: RecordingDisplay.from_recording(RUN, ax=Figure().subplots()), "2 panels"),
         (lambda: ExplainedVarianceDisplay([0.5]).plot(ax=Figure().subplots(2)), "1 panels"),
         (lambda: LoadingsDisplay(BINS, [[1.0]]), "loadings"),
-        (lambda: ContributionsDisplay.from_table(pd.DataFrame({"low": [1.0]})), "channel"),
+        (lambda: ContributionsDisplay.from_table(pd.DataFrame({"low": [1.0]})), "column"),
         (lambda: FeatureDensityDisplay.from_estimator(LogisticRegression(), POINTS, [0, 1]), "fit"),
-        (lambda: EvaluationDisplay(pd.DataFrame(RATE), SPECTRA, figures=["speed"]), "speed"),
         (lambda: UnknownRocDisplay(TYPICALITY), "left_out"),
         (lambda: UnknownRocDisplay(TYPICALITY.assign(left_out=["a", "b"])), "'a'"),
         (lambda: OutcomesDisplay(pd.DataFrame({"good": [1]})), "good"),
@@ -232,8 +229,6 @@ LABELS = {"healthy": "new", "y_true": ["new", "worn"]}
         (lambda: OutcomesDisplay.from_predictions(["new"], ["dry"], healthy="new"), "Give classes"),
         (lambda: FaultLinesDisplay(FINE, np.ones(100), {"mesh": 30.0}), "mesh"),
         (lambda: FaultLinesDisplay([0, 1, 2], np.ones(3), {"mesh": 1.0}, faults=["x"]), "'x'"),
-        (lambda: KurtogramDisplay([1.0]), "kurtogram"),
-        (lambda: AlarmDisplay([0.0, 1.0], [2.0], 3.0), "statistic"),
         (lambda: RemainingLifeDisplay(pd.DataFrame(REMAINING)), "lower"),
     ],
 )

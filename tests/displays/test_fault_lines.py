@@ -47,8 +47,8 @@ def test_symbols_stand_on_the_spectrum_and_ranges_at_the_predicted_orders():
 
 def test_the_outline_is_the_band_of_the_largest_kurtosis():
     signal = struck().signals["foot"]
-    found = kurtogram(signal, FS, levels=5)
-    display = KurtogramDisplay.from_signal(signal, FS, levels=5, channel="foot")
+    found = kurtogram(signal, FS)
+    display = KurtogramDisplay.from_signal(signal, FS, channel="foot")
     (outline,) = display.ax_.lines
     assert (min(outline.get_xdata()), max(outline.get_xdata())) == found.band
     best = display.frame().iloc[display.frame()["kurtosis"].argmax()]

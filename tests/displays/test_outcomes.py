@@ -1,5 +1,6 @@
 """Outcomes are counted by signal and condition: false alarms, inspections and so on."""
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from emacm.displays import OutcomesDisplay
@@ -92,10 +93,9 @@ def test_bars_are_the_shares_of_each_condition_in_per_cent():
 
 def test_each_signal_has_a_panel_with_its_own_conditions():
     panels = axes(2)
-    truths, chosen = [HEALTHY, WORN] * 2, [HEALTHY, WORN, WORN, WORN]
-    display = counted(
-        truths, chosen, signals=["LVDT"] * 2 + ["current"] * 2, conditions=[1, 1, 1, 2], ax=panels
-    )
+    rows = [("LVDT", 1), ("current", 1), ("current", 2)]
+    counts = pd.DataFrame({"correct": [2, 0, 1], "false alarm": [0, 1, 0]})
+    display = OutcomesDisplay(counts.set_axis(pd.MultiIndex.from_tuples(rows))).plot(ax=panels)
     assert [panel.get_title(loc="left") for panel in panels] == ["LVDT", "current"]
     assert [len(panel.get_yticks()) for panel in panels] == [1, 2]
     assert display.frame().loc[("current", 1), "false alarm"] == 100

@@ -40,7 +40,7 @@ def test_unknown_recordings_flagged_are_drawn_over_known_ones(ax):
 
 
 def test_the_marker_stands_at_the_threshold(ax):
-    UnknownRocDisplay(TABLE, threshold=0.01).plot(ax=ax)
+    UnknownRocDisplay(TABLE).plot(ax=ax)
     marks = [line.get_xydata() for line in ax.lines if line.get_marker() not in ("None", "")]
     assert [mark[0].tolist() for mark in marks if len(mark)] == [[25, 50], [0, 50]]
     names = [text.get_text() for text in ax.get_legend().get_texts()]
