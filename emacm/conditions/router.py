@@ -155,7 +155,10 @@ class ConditionRouter(ClassifierMixin, MetaEstimatorMixin, SavedEstimator):
             a single class, or a classifier raises an error (the message gives the condition).
         """
         check_choice(self.unseen, "unseen", ("raise", "nearest", "pooled"))
-        if not hasattr(self.estimator, "get_params") or not is_classifier(self.estimator):
+        is_estimator = hasattr(self.estimator, "get_params") and not isinstance(
+            self.estimator, type
+        )
+        if not is_estimator or not is_classifier(self.estimator):
             raise TypeError(
                 f"estimator must be a classifier or a pipeline that ends in one; got "
                 f"{self.estimator!r}."

@@ -227,7 +227,8 @@ def scoring_rule(
     # A class without costs has those of its family.
     further = {name: label_of(name, correct) for name in correct if name not in table.index}
     further = {name: label for name, label in further.items() if label in table.index}
-    table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
+    if further:
+        table = pd.concat([table, table.loc[[*further.values()]].set_axis([*further])])
     if priors is not None:
         known_priors, _ = truth_priors(priors, classes, np.ones(len(classes)), unknown)
         priors = dict(zip(names, known_priors.tolist(), strict=True))

@@ -282,7 +282,8 @@ def add_since(
         both = as_times([*known["time"], *decided["time"]])
         known["time"], decided["time"] = both[: len(known)], both[len(known) :]
         is_decided = [page.kind != "error" for page in pages]
-        known = pd.concat([known, decided[is_decided]], ignore_index=True)
+        rows = known.to_dict("records") + decided[is_decided].to_dict("records")
+        known = pd.DataFrame(rows, columns=decided.columns)
     for page, (_, unit, time) in zip(pages, decided.itertuples(index=False), strict=True):
         if page.kind != "error":
             own = known if units is None else known[known["unit"].astype(str) == str(unit)]
