@@ -242,3 +242,44 @@ def group_codes(groups: Any, n_recordings: int) -> NDArray[np.intp]:
             f"{int(np.argmax(codes < 0))} is missing."
         )
     return codes
+
+
+def check_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+    """Return one finite, non-negative weight per recording; None is a weight of 1 each.
+
+    Raises
+    ------
+    ValueError
+        If the shape differs, or a weight is negative or not finite, with its position.
+    TypeError
+        If the weights are not numeric.
+
+    Examples
+    --------
+    >>> check_weights(None, 3)
+    array([1., 1., 1.])
+    """
+    if sample_weight is None:
+        return np.ones(n_recordings)
+    weight = check_real_array(sample_weight, "sample_weight").astype(np.float64)
+    if weight.shape != (n_recordings,):
+        raise ValueError(
+            f"sample_weight must have one weight per recording, shape ({n_recordings},), "
+            f"got shape {weight.shape}."
+        )
+    bad = ~(np.isfinite(weight) & (weight >= 0))
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise ValueError(
+            f"sample_weight must be finite and at least 0, got {weight[first]} at "
+            f"recording {first}."
+        )
+    return weight
+
+
+def positive_weights(sample_weight: ArrayLike | None, n_recordings: int) -> NDArray[np.float64]:
+    """As `check_weights`; raises a ValueError if all weights are zero."""
+    weight = check_weights(sample_weight, n_recordings)
+    if not weight.sum() > 0:
+        raise ValueError("sample_weight must not be zero for every recording.")
+    return weight

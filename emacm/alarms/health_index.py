@@ -17,8 +17,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from emacm._checks import check_count, check_number, check_table
 from emacm._saved import SavedEstimator
-from emacm.calibration.left_out import left_out
-from emacm.calibration.quantiles import groups_needed
+from emacm.calibration.left_out import groups_needed, left_out
 from emacm.recordings.inputs import as_list
 from emacm.recordings.meta import read_grouping, read_meta
 

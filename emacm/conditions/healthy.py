@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import located
-from emacm.decisions.labels import label_list
+from emacm.decisions.truths import label_list
 from emacm.recordings.inputs import described, entry_name, received
 from emacm.recordings.meta import (
     called,

@@ -2,39 +2,58 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted, column_or_1d, validate_data
 
-from emacm._checks import check_table
+from emacm._checks import check_choice, check_number, check_table, check_weights, positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
-from emacm.decisions.fit_checks import (
-    agreed_classes,
-    as_counts,
-    can_add_recordings,
-    check_densities,
-    check_parameters,
-    check_seen,
+from emacm.decisions.gaussians import (
+    ClassMoments,
+    GaussianClasses,
+    class_gaussians,
+    class_moments,
+    diagonals,
+)
+from emacm.decisions.left_out_calibration import (
+    LeftOutCalibration,
+    LeftOutMixin,
+    Training,
+    check_temperature,
     check_unknown_rate,
     warn_without_groups,
 )
-from emacm.decisions.gaussians import GaussianClasses, class_gaussians
-from emacm.decisions.labels import check_classes, label_positions
-from emacm.decisions.left_out_calibration import LeftOutCalibration, LeftOutMixin, Training
-from emacm.decisions.metrics import check_weights, positive_weights
-from emacm.decisions.moments import ClassMoments, class_moments
 from emacm.decisions.risks import LeastRiskMixin
-from emacm.decisions.truths import truth_priors
+from emacm.decisions.truths import check_classes, label_positions, truth_priors
 from emacm.decisions.typicality import Typicality, fit_typicality
 
 Array = NDArray[np.float64]
+
+
 Indices = NDArray[np.intp]
+
+
+def can_add_recordings(classifier: Any) -> bool:
+    """Return True if `partial_fit` is available; otherwise an AttributeError states the reason."""
+    if isinstance(classifier.shrinkage, str) and classifier.shrinkage == "auto":
+        raise AttributeError(
+            'partial_fit is not available with shrinkage="auto": Ledoit-Wolf needs fourth '
+            "moments of the recordings, which are not kept. "
+            'Use "oas" or a number, or fit all recordings at once.'
+        )
+    if classifier.unknown is not None or isinstance(classifier.temperature, str):
+        raise AttributeError(
+            'partial_fit is not available with unknown= or temperature="groups": both are found by '
+            "leaving groups out, for which all recordings are needed at once. Use fit."
+        )
+    return True
 
 
 class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, SavedEstimator):
@@ -379,3 +398,123 @@ class CostSensitiveGaussianBayes(LeftOutMixin, LeastRiskMixin, ClassifierMixin, 
         check_densities(
             self._moments, singular, self.classes_, self.shrinkage, stacklevel=stacklevel
         )
+
+
+def check_densities(
+    moments: ClassMoments,
+    singular: NDArray[np.bool_],
+    classes: NDArray[Any],
+    shrinkage: Any,
+    *,
+    stacklevel: int,
+) -> None:
+    """Raise or warn if a covariance cannot be used.
+
+    Parameters
+    ----------
+    moments : ClassMoments
+        Moments of the classes.
+    singular : ndarray of bool, shape (n_groups,)
+        Of `GaussianClasses`.
+    classes : ndarray of shape (n_classes,)
+        The classes.
+    shrinkage : None, float or str
+        As for `CostSensitiveGaussianBayes`.
+    stacklevel : int
+        Of the warning, counted from this function.
+
+    Raises
+    ------
+    ValueError
+        If no feature varies, weights count less than two recordings, or a covariance is singular
+        with `shrinkage`.
+
+    Warns
+    -----
+    UserWarning
+        If a covariance was singular and its eigenvalues were raised to the floor.
+    """
+    if not moments.feature_variances.max() > 0:
+        raise ValueError(
+            "The largest variance of the features is 0: all recordings have the same features, so "
+            "classes cannot be separated. Check the features."
+        )
+    thin = (moments.divisors <= 0) & diagonals(moments.scatter).any(axis=1)
+    if thin.any():
+        raise ValueError(
+            f"sample_weight is the number of times a recording is counted, and a covariance is "
+            f"divided by their sum minus one, but {_named(thin, moments, classes)} has a total "
+            f"weight of {moments.group_counts[thin].tolist()}. Multiply the weights by a constant."
+        )
+    useless = singular & (moments.group_counts > 0)
+    if not useless.any():
+        return
+    what = f"The covariance of {_named(useless, moments, classes)} is singular"
+    remedy = (
+        'Use shrinkage="oas" or "auto", fewer features (by PCA), or more recordings, at least two '
+        "per class."
+    )
+    if shrinkage is not None:
+        raise ValueError(f"{what} with shrinkage={shrinkage!r}. {remedy}")
+    warnings.warn(
+        f"{what}; its eigenvalues were raised to 1e-9 of the largest feature variance. {remedy}",
+        UserWarning,
+        stacklevel=stacklevel + 1,
+    )
+
+
+def check_seen(
+    priors: NDArray[np.float64], counts: NDArray[np.float64], classes: NDArray[Any]
+) -> None:
+    """Raise a ValueError if a class has a prior, but no recordings."""
+    unseen = (priors > 0) & ~(counts > 0)
+    if unseen.any():
+        raise ValueError(
+            f"priors are given, but class {classes[unseen].tolist()} has had no recordings yet. "
+            f"Call partial_fit with recordings of it, or use priors=None, which gives it the "
+            f"prior 0."
+        )
+
+
+def _named(groups: NDArray[np.bool_], moments: ClassMoments, classes: NDArray[Any]) -> str:
+    if moments.pooled:
+        return "all classes"
+    return "class " + ", ".join(repr(label) for label in classes[groups].tolist())
+
+
+def check_parameters(covariance: Any, shrinkage: Any, temperature: Any) -> None:
+    """Raise if a parameter of `CostSensitiveGaussianBayes` is invalid."""
+    check_choice(covariance, "covariance", ("full", "tied", "diag"))
+    if isinstance(shrinkage, str):
+        check_choice(shrinkage, "shrinkage as a word", ("oas", "auto"))
+    elif shrinkage is not None:
+        name = 'shrinkage, if not None, "oas" or "auto",'
+        check_number(shrinkage, name, at_least=0, at_most=1)
+    check_temperature(temperature)
+
+
+def as_counts(weight: Array, shrinkage: Any) -> Array:
+    """Return weights as counts; those whose sum is 1 are relative. "auto" needs counts of 1."""
+    counts = weight * len(weight) if np.isclose(weight.sum(), 1, rtol=1e-9) else weight
+    if shrinkage == "auto" and not np.allclose(counts, 1, rtol=1e-9):
+        raise ValueError(
+            'shrinkage="auto" cannot be used with sample weights other than 1: Ledoit-Wolf '
+            "needs fourth moments of the recordings, for which weights have no meaning. "
+            'Use "oas" or a number.'
+        )
+    return counts
+
+
+def agreed_classes(classes: ArrayLike | None, known: NDArray[Any] | None) -> NDArray[Any]:
+    """Return the classes of all calls of `partial_fit`."""
+    if classes is None:
+        if known is None:
+            raise ValueError("classes must be given in the first call of partial_fit.")
+        return known
+    labels = np.unique(column_or_1d(classes))
+    if known is not None and not np.array_equal(labels, known):
+        raise ValueError(
+            f"classes must be the same in every call of partial_fit: got {labels.tolist()}, "
+            f"previously {known.tolist()}."
+        )
+    return labels

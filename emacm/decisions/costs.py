@@ -21,8 +21,13 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number
-from emacm.decisions.labels import check_distinct, label_array, numbered_hint, plain_labels
-from emacm.decisions.truths import truth_labels
+from emacm.decisions.truths import (
+    check_distinct,
+    label_array,
+    numbered_hint,
+    plain_labels,
+    truth_labels,
+)
 
 
 def cost_table(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, located
 from emacm.decisions.costs import cost_table
-from emacm.decisions.labels import label_array, label_list, plain_labels
+from emacm.decisions.truths import label_array, label_list, plain_labels
 
 _FORMS = (
     "families must map each state to its family, as {'worn1': 'worn'}, or each family to its "

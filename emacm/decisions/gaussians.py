@@ -1,7 +1,7 @@
 """Gaussian densities of the classes: covariances, log densities and their gradients.
 
-`class_gaussians` computes densities from the moments of the classes
-(`emacm.decisions.moments`); `GaussianClasses.log_densities` evaluates them, Eq. (2.44) of [1]_.
+`class_moments` collects counts, means and scatter, which merge exactly; `class_gaussians` computes
+densities from them, shrunk if wanted; `GaussianClasses.log_densities` evaluates Eq. (2.44) of [1]_.
 
 References
 ----------
@@ -17,9 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
-
-from emacm.decisions.moments import ClassMoments, diagonals
-from emacm.decisions.shrinkage import ledoit_wolf_coefficients, oas_coefficient, shrink
 
 Array = NDArray[np.float64]
 
@@ -126,7 +123,7 @@ def class_gaussians(
     Parameters
     ----------
     moments : ClassMoments
-        Of `emacm.decisions.moments.class_moments` with the same `covariance` and `shrinkage`.
+        Of `class_moments` with the same `covariance` and `shrinkage`.
     covariance, shrinkage : str and None, float or str
         As for `CostSensitiveGaussianBayes`.
     recordings : tuple of (X, codes)
@@ -142,7 +139,6 @@ def class_gaussians(
 
     Examples
     --------
-    >>> from emacm.decisions.moments import class_moments
     >>> X, codes = np.array([[0.0], [2.0], [5.0], [7.0]]), np.array([0, 0, 1, 1])
     >>> gaussians = class_gaussians(class_moments(X, codes, 2))
     >>> gaussians.log_densities(np.array([[1.0]])).round(3)
@@ -232,3 +228,319 @@ def _raised(covariance: Array, least: float) -> tuple[Array, tuple[Array, float]
     root = vectors * np.sqrt(eigenvalues)
     factor = vectors / np.sqrt(eigenvalues), float(np.log(eigenvalues).sum())
     return root @ root.T, factor
+
+
+def oas_coefficient(scatter: ArrayLike, count: float) -> float:
+    """Return the coefficient of Oracle Approximating Shrinkage, from second moments only [1]_.
+
+    Parameters
+    ----------
+    scatter : array-like of shape (n_features, n_features)
+        Scatter or covariance, in any scale.
+    count : float
+        Number of recordings.
+
+    Returns
+    -------
+    coefficient : float
+        Fraction of the spherical target, 0 to 1, as in `sklearn.covariance.oas`.
+
+    References
+    ----------
+    .. [1] Chen, Wiesel, Eldar and Hero, Shrinkage algorithms for MMSE covariance
+       estimation, IEEE Trans. Signal Process. 58 (2010), Eq. (23), without its terms 2/p
+       as in scikit-learn.
+
+    Examples
+    --------
+    >>> round(oas_coefficient([[3.0, 1.0], [1.0, 1.0]], 10), 6)
+    0.636364
+    """
+    S = np.asarray(scatter, dtype=np.float64)
+    n_features = len(S)
+    mean_square, squared_mean = np.mean(S**2), (np.trace(S) / n_features) ** 2
+    excess = (count + 1) * (mean_square - squared_mean / n_features)
+    if n_features == 1 or mean_square == 0:
+        return 0.0
+    return float(min(1.0, (mean_square + squared_mean) / excess)) if excess > 0 else 1.0
+
+
+def ledoit_wolf_coefficients(
+    X: Array, codes: NDArray[np.intp], means: Array, *, pooled: bool
+) -> tuple[Array, Array]:
+    """Return Ledoit-Wolf coefficients of standardised features, as in scikit-learn's LDA.
+
+    The coefficient depends on fourth moments of the recordings.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes : ndarray of shape (n_recordings,)
+        Number of the class of each recording.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class.
+    pooled : bool
+        One coefficient for the deviations from the class means, all classes together.
+
+    Returns
+    -------
+    coefficients : ndarray of shape (n_groups,)
+        Fraction of the target in each covariance, 0 to 1.
+    squared_scales : ndarray of shape (n_groups, n_features)
+        Variances by which the features were standardised; 1 for a constant feature.
+
+    Examples
+    --------
+    >>> X = np.random.default_rng(0).normal(size=(8, 3))
+    >>> ledoit_wolf_coefficients(X, np.zeros(8, int), X.mean(axis=0)[None], pooled=False)[0]
+    array([1.])
+    """
+    # Imported here: it takes 0.1 s and is rarely needed.
+    from sklearn.covariance import ledoit_wolf_shrinkage
+    from sklearn.preprocessing import StandardScaler
+
+    groups = [X - means[codes]] if pooled else [X[codes == k] for k in range(len(means))]
+    coefficients, squared_scales = np.zeros(len(groups)), np.ones((len(groups), X.shape[1]))
+    for group, rows in enumerate(groups):
+        if len(rows) > 1:
+            scaler = StandardScaler().fit(rows)
+            coefficients[group] = ledoit_wolf_shrinkage(scaler.transform(rows))
+            squared_scales[group] = scaler.scale_**2
+    return coefficients, squared_scales
+
+
+def population_eigenvalues(values: ArrayLike, divisor: int) -> Array:
+    """Correct the eigenvalues of a covariance that has few degrees of freedom.
+
+    The largest of a sample are too large, the smallest too small. Those beyond the range of
+    eigenvalues of uncorrelated features of one variance are moved to the value that would have
+    caused them [1]_; the others are shrunk towards their mean, as far as their variance is that of
+    equal ones [2]_. Their sum, which is unbiased, is kept. That variance is the mean of the
+    corrected others; it is iterated until it stays the same.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_features,)
+        Eigenvalues, at least 0, in any order.
+    divisor : int
+        Degrees of freedom of the covariance.
+
+    Returns
+    -------
+    corrected : ndarray of shape (n_features,)
+        In the same order.
+
+    References
+    ----------
+    .. [1] Donoho, Gavish and Johnstone, Optimal shrinkage of eigenvalues in the spiked covariance
+       model, Annals of Statistics 46 (4), 2018, Eq. (1.10).
+    .. [2] Ledoit and Wolf, A well-conditioned estimator for large-dimensional covariance
+       matrices, Journal of Multivariate Analysis 88 (2004).
+
+    Examples
+    --------
+    >>> population_eigenvalues([9.0, 1.4, 1.1, 0.9, 0.6], 20).round(3)
+    array([8.693, 1.077, 1.077, 1.077, 1.077])
+    """
+    values = np.asarray(values)
+    ratio, level = len(values) / divisor, values.mean()  # of the features that are equal
+    corrected = np.empty(len(values))
+    while True:
+        above = values > level * (1 + np.sqrt(ratio)) ** 2
+        half = (values[above] / level + 1 - ratio) / 2
+        corrected[above] = level * (half + np.sqrt(half**2 - values[above] / level))
+        before, level = level, (values.sum() - corrected[above].sum()) / np.count_nonzero(~above)
+        if before - level <= 1e-12 * values.mean():  # it only decreases
+            break
+    corrected[~above] = level
+    spread = values[~above] - values[~above].mean()
+    variance = np.mean(spread**2)
+    if variance > ratio * level**2:  # more than equal features would show
+        corrected[~above] += (1 - ratio * level**2 / variance) * spread
+    return corrected
+
+
+def shrink(
+    covariances: Array,
+    coefficients: ArrayLike,
+    squared_scales: ArrayLike = 1.0,
+    factors: ArrayLike = 1.0,
+) -> Array:
+    """Shrink covariances towards uncorrelated features of equal (scaled) variance.
+
+    (1 - c) f S + c m diag(v), where m is the mean over the features of f S_jj / v_j. With
+    f = v = 1 this is `sklearn.covariance.shrunk_covariance`.
+
+    Parameters
+    ----------
+    covariances : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
+        S, or the diagonals.
+    coefficients : float or array-like of shape (n_groups,)
+        c, 0..1.
+    squared_scales : float or array-like of shape (n_groups, n_features), default=1.0
+        v, in squared units of the features.
+    factors : float or array-like of shape (n_groups,), default=1.0
+        f, such as the inverse of the divisor if S is a scatter.
+
+    Returns
+    -------
+    shrunk : ndarray of the shape of `covariances`
+        Shrunk covariances, or their diagonals.
+
+    Examples
+    --------
+    >>> shrink(np.array([[[3.0, 1.0], [1.0, 1.0]]]), 0.5)
+    array([[[2.5, 0.5],
+            [0.5, 1.5]]])
+    """
+    share, factors = (np.atleast_1d(each)[:, np.newaxis] for each in (coefficients, factors))
+    scaled = diagonals(covariances) * (factors / squared_scales)
+    target = share * (scaled.sum(axis=1, keepdims=True) / scaled.shape[1]) * squared_scales
+    kept = (1 - share) * factors
+    if covariances.ndim == 2:
+        return kept * covariances + target
+    shrunk = kept[:, :, np.newaxis] * covariances
+    shrunk.reshape(len(shrunk), -1)[:, :: shrunk.shape[-1] + 1] += target
+    return shrunk
+
+
+@dataclass(frozen=True)
+class ClassMoments:
+    """Counts, means and scatter of the recordings of each class.
+
+    Attributes
+    ----------
+    counts : ndarray of shape (n_classes,)
+        Sum of the weights of the recordings; their number if every weight is 1.
+    means : ndarray of shape (n_classes, n_features)
+        Mean of each class, Eq. (2.45); zero for a class without recordings.
+    scatter : ndarray of shape (n_groups, n_features, n_features) or (n_groups, n_features)
+        Sum of the outer products of the deviations from the mean of the class; in the second
+        shape, of their squares only.
+    pooled : bool
+        If True, the scatter is summed over all classes (`n_groups` = 1).
+    """
+
+    counts: Array
+    means: Array
+    scatter: Array
+    pooled: bool
+
+    def merge(self, other: ClassMoments) -> ClassMoments:
+        """Return the moments of both sets of recordings together, exactly [1]_.
+
+        References
+        ----------
+        .. [1] Chan, Golub and LeVeque, Updating formulae and a pairwise algorithm for
+           computing sample variances, COMPSTAT 1982.
+        """
+        if self.scatter.shape != other.scatter.shape or self.pooled != other.pooled:
+            raise ValueError(
+                f"Moments can be merged if they have the same kind of scatter, got the shapes "
+                f"{self.scatter.shape} and {other.scatter.shape}."
+            )
+        counts = self.counts + other.counts
+        share = np.divide(other.counts, counts, out=np.zeros_like(counts), where=counts > 0)
+        step = other.means - self.means  # a class without recordings has the mean 0, of no weight
+        means = self.means + share[:, np.newaxis] * step
+        between = _scatter_of_rows(step, self.counts * share, self.scatter.ndim)
+        if self.pooled:
+            between = between.sum(axis=0, keepdims=True)
+        return ClassMoments(counts, means, self.scatter + other.scatter + between, self.pooled)
+
+    @property
+    def group_counts(self) -> Array:
+        """Number of recordings of each scatter, shape (n_groups,)."""
+        return self.counts.sum(keepdims=True) if self.pooled else self.counts
+
+    @property
+    def divisors(self) -> Array:
+        """N - 1 of each class, Eq. (2.46); if pooled, N - K of the K classes with recordings."""
+        if self.pooled:
+            return self.group_counts - np.count_nonzero(self.counts)
+        return self.counts - 1
+
+    @property
+    def feature_variances(self) -> Array:
+        """Variance of each feature over the recordings of all classes, divided by N."""
+        shares = self.counts / self.counts.sum()
+        spread = self.means - shares @ self.means
+        return diagonals(self.scatter).sum(axis=0) / self.counts.sum() + shares @ spread**2
+
+
+def class_moments(
+    X: Array,
+    codes: NDArray[np.intp],
+    n_classes: int,
+    weight: Array | None = None,
+    covariance: str = "full",
+    shrinkage: Any = None,
+) -> ClassMoments:
+    """Return the moments that a kind of covariance and of shrinkage needs.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_recordings, n_features)
+        Features.
+    codes : ndarray of shape (n_recordings,)
+        Number of the class of each recording, 0..n_classes-1.
+    n_classes : int
+        Number of classes, including those without recordings.
+    weight : ndarray of shape (n_recordings,), default=None
+        How often each recording counts; None: once.
+    covariance, shrinkage : str and None, float or str
+        As for `CostSensitiveGaussianBayes`. "tied": the scatter is summed over the classes. "diag":
+        without products of different features, unless "oas" needs them.
+
+    Returns
+    -------
+    ClassMoments
+
+    Examples
+    --------
+    >>> X, codes = np.array([[0.0], [2.0], [5.0], [9.0]]), np.array([0, 0, 1, 1])
+    >>> moments = class_moments(X, codes, 2)
+    >>> moments.counts, moments.means.ravel(), moments.scatter.ravel()
+    (array([2., 2.]), array([1., 7.]), array([2., 8.]))
+    >>> class_moments(X, codes, 2, covariance="tied").scatter
+    array([[[10.]]])
+    """
+    weight = np.ones(len(X)) if weight is None else weight
+    n_features, pooled = X.shape[1], covariance == "tied"
+    variances_only = covariance == "diag" and shrinkage != "oas"
+    counts, means = np.zeros(n_classes), np.zeros((n_classes, n_features))
+    shape = (n_features,) if variances_only else (n_features, n_features)
+    scatter = np.zeros((1 if pooled else n_classes, *shape))
+    for k in range(n_classes):
+        chosen = (codes == k) & (weight > 0)
+        if not chosen.any():
+            continue
+        rows, w = X[chosen], weight[chosen]
+        counts[k] = w.sum()
+        means[k] = w @ rows / counts[k]
+        means[k] += w @ (rows - means[k]) / counts[k]
+        constant = (rows == rows[0]).all(axis=0)
+        means[k, constant] = rows[0, constant]  # without rounding, so that it has no spread
+        scaled = (rows - means[k]) * np.sqrt(w)[:, np.newaxis]
+        spread = np.sum(scaled**2, axis=0) if variances_only else scaled.T @ scaled
+        scatter[0 if pooled else k] += spread
+    return ClassMoments(counts, means, scatter, pooled)
+
+
+def diagonals(matrices: Array) -> Array:
+    """Return the diagonals of a stack of matrices; a stack of diagonals is returned unchanged.
+
+    Examples
+    --------
+    >>> diagonals(np.array([[[1.0, 2.0], [3.0, 4.0]]]))
+    array([[1., 4.]])
+    """
+    return matrices if matrices.ndim == 2 else np.diagonal(matrices, axis1=1, axis2=2)
+
+
+def _scatter_of_rows(rows: Array, weight: Array, ndim: int) -> Array:
+    """Return one weighted outer product (or square, if `ndim` is 2) per row."""
+    if ndim == 2:
+        return weight[:, np.newaxis] * rows**2
+    return weight[:, np.newaxis, np.newaxis] * rows[:, :, np.newaxis] * rows[:, np.newaxis, :]

@@ -12,18 +12,19 @@ from sklearn.utils import assert_all_finite, check_consistent_length, get_tags
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
+from emacm._checks import positive_weights
 from emacm._saved import SavedEstimator
 from emacm.decisions.costs import cost_table
-from emacm.decisions.fit_checks import check_temperature, check_unknown_rate, warn_without_groups
-from emacm.decisions.labels import check_classes
 from emacm.decisions.left_out_calibration import (
     DetectorTypicality,
     LeftOutCalibration,
     LeftOutMixin,
     Training,
+    check_temperature,
+    check_unknown_rate,
     fit_detector,
+    warn_without_groups,
 )
-from emacm.decisions.metrics import positive_weights
 from emacm.decisions.pipelines import (
     as_rows,
     final_estimator,
@@ -34,7 +35,7 @@ from emacm.decisions.pipelines import (
     weight_parameter,
 )
 from emacm.decisions.risks import LeastRiskMixin, pooled_log_posterior
-from emacm.decisions.truths import check_possible, truth_priors
+from emacm.decisions.truths import check_classes, check_possible, truth_priors
 from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -13,11 +14,15 @@ from sklearn.base import clone
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted, has_fit_parameter
 
-from emacm._checks import group_codes, located
-from emacm.calibration.left_out import check_judged, left_out, single_recordings
-from emacm.calibration.tails import StudentTail, student_tail
-from emacm.calibration.temperature import fit_temperature
-from emacm.decisions.fit_checks import check_temperature, has_unknown
+from emacm._checks import check_choice, check_number, group_codes, located
+from emacm.calibration.left_out import (
+    StudentTail,
+    check_judged,
+    fit_temperature,
+    left_out,
+    single_recordings,
+    student_tail,
+)
 from emacm.decisions.pipelines import parameters_of_rows
 from emacm.decisions.truths import states_unknown, truth_priors
 from emacm.decisions.typicality import Typicality, positive, unknown_probability
@@ -25,6 +30,44 @@ from emacm.recordings.meta import chosen_rows
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+
+def has_unknown(classifier: Any) -> bool:
+    """Return True if there is an unknown state; otherwise an AttributeError states the remedy."""
+    if classifier.unknown is None:
+        raise AttributeError(
+            'unknown_proba needs the label of an unknown state, such as unknown="unknown".'
+        )
+    return True
+
+
+def warn_without_groups(groups: Any, *, stacklevel: int) -> None:
+    """Warn if single recordings are left out."""
+    if groups is None:
+        warnings.warn(
+            "fit was called without groups, so single recordings are left out. Recordings that "
+            "were measured together (of one unit, in one run) are near-duplicates and make the "
+            "model over-confident: give their labels, in a pipeline as "
+            "costsensitivegaussianbayes__groups=units.",
+            UserWarning,
+            stacklevel=stacklevel + 1,
+        )
+
+
+def check_temperature(temperature: Any) -> None:
+    """Raise if a temperature is neither None, "groups" nor a positive number."""
+    if isinstance(temperature, str):
+        check_choice(temperature, "temperature as a word", ("groups",))
+    elif temperature is not None:
+        check_number(temperature, 'temperature, if not None or "groups",', above=0)
+
+
+def check_unknown_rate(rate: Any, unknown: Any) -> None:
+    """Raise an error if the rate is no share, or there is no unknown state."""
+    if rate is not None:
+        check_number(rate, "unknown_rate", above=0, below=1)
+        if unknown is None:
+            raise ValueError('unknown_rate needs the label of an unknown state: unknown="unknown".')
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ from scipy.special import softmax
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_number, group_codes
-from emacm.calibration.quantiles import grouped_quantile
+from emacm.calibration.left_out import grouped_quantile
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.gaussians import class_gaussians, shrinkage_coefficients
+from emacm.decisions.gaussians import class_gaussians, class_moments, shrinkage_coefficients
 from emacm.decisions.left_out_calibration import Training
-from emacm.decisions.moments import class_moments
 from emacm.decisions.unit_effects import UnitLevels, fit_unit_levels
 
 Array = NDArray[np.float64]
@@ -265,7 +264,7 @@ def probability_threshold(
 ) -> float:
     """Return the largest threshold for which `classes_above` contains the true class often enough.
 
-    Units are pooled with equal weights (`emacm.calibration.quantiles`), and the classes have the
+    Units are pooled with equal weights (`emacm.calibration.left_out`), and the classes have the
     weights of the priors [1]_.
 
     Parameters

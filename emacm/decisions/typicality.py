@@ -17,10 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.calibration.left_out import check_judged, left_out
-from emacm.calibration.tails import Peaks, StudentTail, peaks_over_threshold, student_tail
-from emacm.decisions.gaussians import class_gaussians
-from emacm.decisions.moments import class_moments
+from emacm.calibration.left_out import (
+    Peaks,
+    StudentTail,
+    check_judged,
+    left_out,
+    peaks_over_threshold,
+    student_tail,
+)
+from emacm.decisions.gaussians import class_gaussians, class_moments
 
 Array = NDArray[np.float64]
 

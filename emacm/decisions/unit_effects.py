@@ -22,8 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from emacm.decisions.gaussians import GaussianClasses, inverse_factor
-from emacm.decisions.shrinkage import population_eigenvalues, shrink
+from emacm.decisions.gaussians import (
+    GaussianClasses,
+    inverse_factor,
+    population_eigenvalues,
+    shrink,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

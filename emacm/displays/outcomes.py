@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from emacm.decisions.families import family_mapping
-from emacm.decisions.labels import label_list
 from emacm.decisions.metrics import are_correct, correct_families, label_of
+from emacm.decisions.truths import label_list
 from emacm.displays import _drawing, _tables
 from emacm.displays._drawing import Display
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm.decisions.labels import label_array
+from emacm.decisions.truths import label_array
 from emacm.evaluation.bootstrap import GroupBootstrap, Tally, gap_of_cells
 from emacm.evaluation.scoring import ScoringRule
 

@@ -25,9 +25,9 @@ from scipy.stats import binom
 from sklearn.base import clone
 
 from emacm._checks import check_number, located
-from emacm.decisions.labels import label_array, label_list, label_positions
 from emacm.decisions.pipelines import before_the_last_step, final_estimator, groups_options
 from emacm.decisions.risks import decide, risks_of
+from emacm.decisions.truths import label_array, label_list, label_positions
 from emacm.evaluation.bootstrap import GroupBootstrap
 from emacm.evaluation.figures import tallies
 from emacm.evaluation.held_out import group_folds, why_impossible

@@ -14,7 +14,6 @@ from sklearn.utils.multiclass import check_classification_targets
 from emacm.conditions.router import check_labels
 from emacm.decisions.costs import cost_table
 from emacm.decisions.families import family_mapping
-from emacm.decisions.labels import label_array
 from emacm.decisions.metrics import (
     Correct,
     are_correct,
@@ -22,7 +21,7 @@ from emacm.decisions.metrics import (
     correct_families,
     label_of,
 )
-from emacm.decisions.truths import truth_priors
+from emacm.decisions.truths import label_array, truth_priors
 from emacm.recordings.meta import listed_recordings
 
 

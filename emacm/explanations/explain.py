@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import softmax
 
 from emacm.decisions.classifier import CostSensitiveGaussianBayes
-from emacm.decisions.labels import label_list, label_positions
+from emacm.decisions.truths import label_list, label_positions
 from emacm.explanations.deviations import (
     PROJECTED,
     find_deviations,

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emacm.calibration.left_out import left_out
-from emacm.calibration.quantiles import groups_needed
+from emacm.calibration.left_out import groups_needed, left_out
 from emacm.life.life_models import WeibullLife, WeibullRegression, WienerProcess
 from emacm.recordings.meta import plain_label, read_grouping
 

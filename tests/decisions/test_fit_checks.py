@@ -7,10 +7,8 @@ import pytest
 from sklearn.base import BaseEstimator, ClassifierMixin
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier, evaluate
-from emacm.decisions.fit_checks import (
-    check_densities,
-)
-from emacm.decisions.moments import ClassMoments
+from emacm.decisions.classifier import check_densities
+from emacm.decisions.gaussians import ClassMoments
 
 CLASSES = np.array(["dry", "new"])
 

@@ -8,9 +8,10 @@ from scipy.stats import multivariate_normal
 from sklearn.covariance import ledoit_wolf, oas, shrunk_covariance
 from sklearn.preprocessing import StandardScaler
 
-from emacm.decisions.gaussians import class_gaussians, inverse_factor
-from emacm.decisions.moments import class_moments
-from emacm.decisions.shrinkage import (
+from emacm.decisions.gaussians import (
+    class_gaussians,
+    class_moments,
+    inverse_factor,
     oas_coefficient,
     population_eigenvalues,
     shrink,

@@ -14,8 +14,8 @@ from sklearn.covariance import shrunk_covariance
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from emacm import CostSensitiveGaussianBayes, NewUnitClassifier
+from emacm.decisions.gaussians import population_eigenvalues
 from emacm.decisions.new_units import probability_threshold
-from emacm.decisions.shrinkage import population_eigenvalues
 from emacm.decisions.unit_effects import fit_unit_levels, unit_scatter
 
 STATES = np.array(["healthy", "backlash", "dry"])  # not in alphabetical order

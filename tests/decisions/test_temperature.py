@@ -9,7 +9,7 @@ from scipy.special import log_softmax
 from sklearn.base import clone
 
 from emacm import CostSensitiveGaussianBayes, LeastRiskClassifier
-from emacm.calibration.temperature import fit_temperature
+from emacm.calibration.left_out import fit_temperature
 
 
 def draw(seed, confidence=1.0, n_recordings=300, n_classes=3):

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import logsumexp, pseudo_huber
 
-from emacm.calibration.tails import peaks_over_threshold, student_tail
-from emacm.decisions.gaussians import class_gaussians
-from emacm.decisions.moments import class_moments
+from emacm.calibration.left_out import peaks_over_threshold, student_tail
+from emacm.decisions.gaussians import class_gaussians, class_moments
 from emacm.decisions.typicality import fit_typicality
 
 
