@@ -15,7 +15,7 @@ NUMBERS = st.one_of(
     st.integers(-5, 50),
     # No sizes between what is quick and what is absurd.
     st.floats(-50, 50).map(lambda number: round(number, 3)),
-    st.sampled_from([np.nan, np.inf, -np.inf, 1e300, 1e-300, 5e-324, 10**400, 2**63, 1e-12]),
+    st.sampled_from([np.nan, np.inf, -np.inf, 1e300, 1e-300, 5e-324, 2**63, 1e-12]),
 )
 ARRAYS = st.one_of(
     *(

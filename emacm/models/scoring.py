@@ -24,7 +24,7 @@ from emacm.models.outside_training import training_statements
 from emacm.orders.new_lines import collected_statements
 from emacm.recordings.inputs import as_list, received
 from emacm.recordings.recording import Recording
-from emacm.resampling.order_resampler import OrderResampler, check_angle_step
+from emacm.resampling.order_resampler import OrderResampler
 from emacm.resampling.quality import Quality, recording_quality
 
 Row = dict[str, Any]
@@ -250,7 +250,5 @@ def measured_quality(model: Any, recording: Recording) -> tuple[OrderResampler, 
     """
     for part in fitted_resamplers(model)[:1]:
         known = [name for name in part.channels_ if name in recording.channels]
-        options = (check_angle_step(part.theta_s), float(part.min_speed), part.direction)
-        more = (float(part.ratio), part.max_rest)
-        return part, recording_quality(recording, known or recording.channels, *options, *more)
+        return part, recording_quality(part.over_angle(recording, known or recording.channels))
     return None

@@ -31,7 +31,7 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
-from emacm.resampling.quality import Quality, recording_quality
+from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
     Statement,
     outside_range,
@@ -319,10 +319,9 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             If a parameter or a recording is invalid; the message names the recording.
         """
         self._check_parameters()
-        recordings = self._recordings(X)
-        self.channels_ = chosen_channels(self.channels, recordings[0].channels)
-        check_channels(recordings, self.channels_, others=self.channels is not None)
-        qualities = self._qualities(recordings, self.channels_)
+        rows = self._rows(X)
+        self.channels_ = rows[0].channels
+        qualities = run(recording_quality, rows, n_jobs=self.n_jobs)
         self.training_range_ = training_range(qualities)
         self.training_units_ = training_units(qualities)
         kinds = {finding.kind for quality in qualities for finding in quality.findings}
@@ -357,18 +356,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
         """
         check_is_fitted(self)
         self._check_parameters()
-        recordings = self._recordings(X)
-        check_channels(recordings, self.channels_, others=self.channels is not None)
-        theta_s = check_angle_step(self.theta_s)
-        options: dict[str, Any] = {
-            "interpolation": self.interpolation,
-            "antialias": bool(self.antialias),
-            "direction": self.direction,
-            "min_speed": float(self.min_speed),
-            "ratio": float(self.ratio),
-            "max_rest": self.max_rest,
-        }
-        rows = [AngleRecording(r, self.channels_, theta_s, **options) for r in recordings]
+        rows = self._rows(X, self.channels_)
         for index, row in enumerate(rows):
             with located(partial(described, row, index)):
                 self._check_motion(row)
@@ -397,10 +385,7 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             - ``warnings`` [text]: description of the defects; empty if there are none.
         """
         self._check_parameters()
-        recordings = self._recordings(X)
-        channels = chosen_channels(self.channels, recordings[0].channels)
-        check_channels(recordings, channels, others=self.channels is not None)
-        qualities = self._qualities(recordings, channels)
+        qualities = run(recording_quality, self._rows(X), n_jobs=self.n_jobs)
         return pd.DataFrame([q.row | {"warnings": q.warnings} for q in qualities])
 
     def outside_training(self, X: Any) -> list[list[Statement]]:
@@ -417,23 +402,30 @@ class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type:
             For each recording, see `emacm.resampling.training_range.outside_range`.
         """
         check_is_fitted(self)
-        recordings = self._recordings(X)
-        check_channels(recordings, self.channels_, others=self.channels is not None)
-        qualities = self._qualities(recordings, self.channels_)
+        qualities = run(recording_quality, self._rows(X, self.channels_), n_jobs=self.n_jobs)
         units = getattr(self, "training_units_", {})  # which older model files do not have
         return [outside_range(quality, self.training_range_, units) for quality in qualities]
 
-    def _qualities(self, recordings: list[Recording], channels: Sequence[str]) -> list[Quality]:
-        quality = partial(
-            recording_quality,
-            channels=channels,
-            theta_s=check_angle_step(self.theta_s),
-            min_speed=float(self.min_speed),
+    def over_angle(self, recording: Recording, channels: Sequence[str]) -> AngleRecording:
+        """Return channels of one recording over the shaft angle, without any check of it."""
+        return AngleRecording(
+            recording,
+            tuple(channels),
+            check_angle_step(self.theta_s),
+            interpolation=self.interpolation,
+            antialias=bool(self.antialias),
             direction=self.direction,
+            min_speed=float(self.min_speed),
             ratio=float(self.ratio),
             max_rest=self.max_rest,
         )
-        return run(quality, recordings, n_jobs=self.n_jobs)
+
+    def _rows(self, X: Any, known: Sequence[str] | None = None) -> list[AngleRecording]:
+        """Return recordings over the shaft angle; channels are those of `fit`, or of the first."""
+        recordings = self._recordings(X)
+        channels = known or chosen_channels(self.channels, recordings[0].channels)
+        check_channels(recordings, channels, others=self.channels is not None)
+        return [self.over_angle(recording, channels) for recording in recordings]
 
     def __sklearn_tags__(self) -> Any:
         """Tell scikit-learn that X may be bare arrays."""

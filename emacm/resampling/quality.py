@@ -7,9 +7,8 @@ than memory costs no more than a short one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import jump_warning
+from emacm.resampling.angle_recording import AngleRecording, jump_warning
 from emacm.resampling.fine_grid import DESIGN
 from emacm.shaft.motion import LazySeries, Series, blocks
 from emacm.shaft.paths import ShaftPath
@@ -65,92 +64,54 @@ class Quality(NamedTuple):
         return "; ".join(finding.text for finding in self.findings)
 
 
-def recording_quality(
-    recording: Recording,
-    channels: Sequence[str],
-    theta_s: float,
-    min_speed: float,
-    direction: str,
-    ratio: float = 1.0,
-    max_rest: float | None = None,
-) -> Quality:
-    """Return the properties of a recording; they are computed once.
+def recording_quality(row: AngleRecording) -> Quality:
+    """Return the properties of a recording; they are computed once, and nothing is resampled.
 
     Parameters
     ----------
-    recording : Recording
-        The recording.
-    channels : sequence of str
-        Channels that are resampled.
-    theta_s : float
-        Angle between samples [rad].
-    min_speed : float
-        Speed up to which the shaft counts as standing still [rad/s].
-    direction : {"strokes", "forward", "reverse", "travel"}
-        What counts as a stroke.
-    ratio : float
-        Revolutions of the shaft of interest per revolution of the measured shaft.
-    max_rest : float or None
-        Longest time at standstill that does not end a stroke [s].
+    row : AngleRecording
+        The recording, and how it is to be resampled.
 
     Returns
     -------
     Quality
     """
-    options = (tuple(channels), theta_s, min_speed, direction, ratio, max_rest)
-    return recording.once(("quality", *options), partial(_quality, recording, *options))
+    options = (row.channels, row.theta_s, row.min_speed, row.direction, row.ratio, row.max_rest)
+    return row.measured.once(("quality", *options), lambda: _quality(row))
 
 
-def _quality(
-    recording: Recording,
-    channels: tuple[str, ...],
-    theta_s: float,
-    min_speed: float,
-    direction: str,
-    ratio: float,
-    max_rest: float | None,
-) -> Quality:
-    velocity, fs = recording.velocity, recording.shaft_fs
-    if direction == "travel":
-        direction = "strokes"  # which is what travel joins
-    paths = [path.geared(ratio) for path in recording.paths(direction, min_speed, max_rest)]
-    starts = [round(path.start_time * fs) for path in paths]
-    sections = [velocity[k : k + path.n_times] for k, path in zip(starts, paths, strict=True)]
-    speeds = [(float(speed.min()), float(speed.max())) for speed in map(np.abs, sections)]
+def _quality(over_angle: AngleRecording) -> Quality:
+    recording, names, ratio = over_angle.measured, over_angle.channels, over_angle.ratio
+    velocity, fs, low = recording.velocity, recording.shaft_fs, over_angle.min_speed
+    # What "travel" joins is judged stroke by stroke.
+    joined = over_angle.direction == "travel"
+    paths = (replace(over_angle, direction="strokes") if joined else over_angle).paths
+    spans = [(start := round(path.start_time * fs), start + path.n_times) for path in paths]
+    speeds = [np.abs(velocity[start:stop]) for start, stop in spans]
     turned = [path.length / (2 * np.pi) for path in paths]
-    fastest = ratio * max((high for _, high in speeds), default=0.0)
-    limits = {name: _highest_frequency(recording, name) for name in channels}
-    slowest = min(channels, key=limits.__getitem__)
-    max_order = limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf
-    n_turning = np.count_nonzero(velocity > min_speed) + np.count_nonzero(velocity < -min_speed)
+    fastest = ratio * max((float(speed.max()) for speed in speeds), default=0.0)
+    limits = {name: _highest_frequency(recording, name) for name in names}
+    slowest = min(names, key=limits.__getitem__)
+    n_turning = np.count_nonzero(velocity > low) + np.count_nonzero(velocity < -low)
     row: dict[str, float] = {
         "revolutions": float(sum(turned)),
         "strokes": len(paths),
         "longest_stroke": float(max(turned, default=0.0)),
         "standing": (len(velocity) - n_turning) / len(velocity),
-        "slowest": ratio * min((low for low, _ in speeds), default=0.0),
+        "slowest": ratio * min((float(speed.min()) for speed in speeds), default=0.0),
         "fastest": fastest,
-        "max_order": max_order,
+        "max_order": limits[slowest] / (fastest / (2 * np.pi)) if fastest else np.inf,
     }
+    parts = [(start / len(velocity), stop / len(velocity)) for start, stop in spans]
+    checks = {name: check_channel(recording.series[name], name, parts) for name in names}
     n_short = sum(length < 1 for length in turned)
-    reason = "half its sampling rate"
-    if limits[slowest] < recording.fs[slowest] / 2:
-        reason = "the width of the band of the envelope"
-    found = _findings(row, slowest, reason, n_short, fastest / ratio / fs, theta_s)
-    jump, text = jump_warning(recording)
-    if jump * ratio > theta_s:
-        found.append(Finding("jump", text))
-    duration = len(velocity) / fs
-    turning = [
-        (path.start_time / duration, (path.start_time + path.n_times / fs) / duration)
-        for path in paths
-    ]
-    checks = {name: check_channel(recording.series[name], name, turning) for name in channels}
-    found += [Finding(check.defect, check.text) for check in checks.values() if check.defect]
-    rates = {name: recording.fs[name] for name in channels}
+    defects = [*_motion_findings(over_angle, row, slowest, n_short)]
+    defects += [Finding(check.defect, check.text) for check in checks.values() if check.defect]
+    rates = {name: recording.fs[name] for name in names}
     levels = {name: check.level for name, check in checks.items()}
-    units = {name: unit for name, unit in recording.units.items() if name in channels}
-    return Quality(row, rates, levels, units, tuple(found), jump > 0, forward_share(paths))
+    units = {name: unit for name, unit in recording.units.items() if name in names}
+    has_jump = recording.jump is not None
+    return Quality(row, rates, levels, units, tuple(defects), has_jump, forward_share(paths))
 
 
 def forward_share(paths: Sequence[ShaftPath]) -> float:
@@ -166,31 +127,31 @@ def _highest_frequency(recording: Recording, channel: str) -> float:
     return min(recording.fs[channel] / 2, float(bandwidth))
 
 
-def _findings(
-    row: dict[str, float], slowest: str, reason: str, n_short: int, step: float, theta_s: float
-) -> list[Finding]:
-    defects = [
-        ("standstill", not row["strokes"], "the shaft never turns"),
-        (
-            "order",
-            DESIGN.flat * np.pi / theta_s > row["max_order"],
+def _motion_findings(
+    over_angle: AngleRecording, row: dict[str, float], slowest: str, n_short: int
+) -> Iterator[Finding]:
+    recording, theta_s = over_angle.measured, over_angle.theta_s
+    if not row["strokes"]:
+        yield Finding("standstill", "the shaft never turns")
+    if DESIGN.flat * np.pi / theta_s > row["max_order"]:
+        is_envelope = _highest_frequency(recording, slowest) < recording.fs[slowest] / 2
+        reason = (
+            "the width of the band of the envelope" if is_envelope else "half its sampling rate"
+        )
+        text = (
             f"channel {slowest!r} has no content above order {row['max_order']:.4g} at the highest "
-            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}",
-        ),
-        (
-            "short strokes",
-            n_short > 10,  # so many look like noise
-            f"{n_short} strokes of less than a revolution: raise min_speed above the noise at "
-            f"standstill",
-        ),
-        (
-            "speed",
-            step > np.pi,
-            "the shaft turns by more than half a revolution between its samples: "
-            "is the angle in rad, and its rate right?",
-        ),
-    ]
-    return [Finding(kind, text) for kind, is_there, text in defects if is_there]
+            f"speed ({reason}), though theta_s reaches order {np.pi / theta_s:.4g}"
+        )
+        yield Finding("order", text)
+    if n_short > 10:  # so many look like noise
+        text = "strokes of less than a revolution: raise min_speed above the noise at standstill"
+        yield Finding("short strokes", f"{n_short} {text}")
+    if row["fastest"] / over_angle.ratio / recording.shaft_fs > np.pi:
+        text = "the shaft turns by more than half a revolution between its samples: "
+        yield Finding("speed", text + "is the angle in rad, and its rate right?")
+    jump, text = jump_warning(recording)
+    if jump * over_angle.ratio > theta_s:
+        yield Finding("jump", text)
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def test_the_first_broken_recording_is_the_one_named(transform):
 
 
 @FUZZ
-@given(st.lists(NUMBERS, min_size=2, max_size=12), NUMBERS, st.booleans())
+@given(st.lists(NUMBERS, min_size=2, max_size=12), st.floats(1e-3, 1e9), st.booleans())
 def test_the_quality_of_any_motion_is_told_in_numbers(shaft, fs, as_angle):
     name = "angle" if as_angle else "velocity"
 
