@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
 from typing import Any
 
-from sklearn.pipeline import FeatureUnion, Pipeline
+from sklearn.pipeline import Pipeline
 
 from emacm._statements import Statement
 from emacm.conditions.router import ConditionRouter
@@ -70,46 +70,62 @@ def outside_training(model: Any, recordings: Sequence[Any]) -> list[list[str]]:
     12.73 revolutions, in the training at least 95.48
     channel 'vibration' 60 dB above training, 0.7071 (root mean square)
     """
-    X = as_list(recordings)
-    found = training_statements(model, X)
+    return [_outside_training(model, recording) for recording in as_list(recordings)]
+
+
+def _outside_training(model: Any, recording: Any) -> list[str]:
+    found = training_statements(model, recording)
     if found is None:
         raise TypeError(
             f"{type(model).__name__} contains no OrderResampler, which stores the range of the "
             f"training recordings."
         )
     # Another speed, gain or rate changes all lines.
-    lines = [[] if own else new_lines(model, x) for own, x in zip(found, X, strict=True)]
-    return [[s.text for s in own] or new for own, new in zip(found, lines, strict=True)]
+    return [statement.text for statement in found] or _new_lines(model, recording)
 
 
-def new_lines(model: Any, recording: Any) -> list[str]:
+def _new_lines(model: Any, recording: Any) -> list[str]:
     """Return the statements of each `BinTransformer` in a model about one recording."""
     with collected_statements() as found, suppress(ValueError):  # it may be too short, or so
-        for part in filter(_has_bins, [search_estimator(model)]):
-            _state_lines(part, [recording])
+        for part, X in parts_with_input(model, [recording], BinTransformer):
+            part.transform(X)
     return found
 
 
-def _has_bins(model: Any) -> bool:
-    return any(isinstance(part, BinTransformer) for part in parts_of(model))
+def training_statements(model: Any, recording: Any) -> list[Statement] | None:
+    """Return what `outside_training` states of a recording; None without an `OrderResampler`."""
+    kinds = (OrderResampler, StrokeFeatures)
+    found = [part.outside_training(X)[0] for part, X in parts_with_input(model, [recording], kinds)]
+    return list(dict.fromkeys(chain.from_iterable(found))) if found else None
 
 
-def _state_lines(model: Any, X: Any) -> None:
-    """Apply what leads to the bins of a fitted model, and these; they state new lines."""
-    if isinstance(model, Pipeline):
-        steps = [step for _, step in model.steps if step not in (None, "passthrough")]
-        while not _has_bins(steps[-1]):
-            steps.pop()
-        for step in steps[:-1]:
-            X = step.transform(X)
-        _state_lines(steps[-1], X)
+def parts_with_input(model: Any, X: Any, kinds: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the fitted parts of a model that are of some kinds, with their input.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted.
+    X : list of Recording
+        Of one condition, if the model has several.
+    kinds : type or tuple of types
+        A pipeline is followed up to the first step that contains one of them.
+    """
+    model = search_estimator(model)
+    if isinstance(model, kinds):
+        yield model, X
     elif isinstance(model, ConditionRouter):
-        _state_lines(model.models_of(X)[0], X)
-    elif hasattr(model, "transform") and not isinstance(model, FeatureUnion):
-        model.transform(X)
-    else:
-        for part in filter(_has_bins, _members(model)):
-            _state_lines(part, X)
+        yield from parts_with_input(model.models_of(X)[0], X, kinds)
+    elif not isinstance(model, Pipeline):
+        for part in _members(model):
+            yield from parts_with_input(part, X, kinds)
+    elif any(isinstance(part, kinds) for part in parts_of(model)):
+        for _, step in model.steps:
+            found = list(parts_with_input(step, X, kinds))
+            yield from found
+            if found:
+                return
+            X = step.transform(X) if hasattr(step, "transform") else X
 
 
 def _members(model: Any) -> list[Any]:
@@ -117,41 +133,3 @@ def _members(model: Any) -> list[Any]:
     parts = [step for _, step in getattr(model, "transformer_list", ())]
     parts += [*getattr(model, "estimators_", ()), getattr(model, "estimator_", None)]
     return [part for part in parts if hasattr(part, "fit")]
-
-
-def training_statements(model: Any, X: list[Any]) -> list[list[Statement]] | None:
-    """Return what `outside_training` states, and whether it is severe.
-
-    Returns
-    -------
-    list of list of Statement, or None
-        None without an `OrderResampler`.
-    """
-    model = search_estimator(model)
-    if isinstance(model, OrderResampler | StrokeFeatures):
-        return model.outside_training(X)
-    if isinstance(model, ConditionRouter):
-        parts = [
-            training_statements(own, [x]) for own, x in zip(model.models_of(X), X, strict=True)
-        ]
-        return None if None in parts else [part[0] for part in parts if part is not None]
-    if isinstance(model, Pipeline):
-        for _, step in model.steps:
-            found = training_statements(step, X)
-            if found is not None:
-                return found
-            if step in (None, "passthrough") or not hasattr(step, "transform"):
-                continue
-            X = step.transform(X)
-            if not isinstance(X, list):  # features
-                return None
-        return None
-    return _merged([training_statements(part, X) for part in _members(model)])
-
-
-def _merged(parts: Sequence[list[list[Statement]] | None]) -> list[list[Statement]] | None:
-    """Join the statements of several parts of a model, each once."""
-    known = [part for part in parts if part is not None]
-    if not known:
-        return None
-    return [list(dict.fromkeys(chain(*own))) for own in zip(*known, strict=True)]

@@ -235,7 +235,7 @@ def _findings(model: Any, recording: Any) -> Row:
     found = measured_quality(search_estimator(model), recording)
     if found is None:
         return {}
-    (statements,) = training_statements(model, [recording]) or [[]]
+    statements = training_statements(model, recording) or []
     outside = "; ".join(statement.text for statement in statements)
     return {"warnings": found[1].warnings, "outside_training": outside}
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.pipeline import FeatureUnion, Pipeline
+from sklearn.pipeline import Pipeline
 
 from emacm.conditions.router import ConditionRouter
 from emacm.decisions.pipelines import search_estimator
@@ -20,7 +20,7 @@ from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
 from emacm.models.model_files import parts_of
-from emacm.models.outside_training import training_statements
+from emacm.models.outside_training import parts_with_input, training_statements
 from emacm.models.scoring import measured_quality, scored_rows
 from emacm.orders.new_lines import collected_statements
 from emacm.orders.order_psd import OrderPSD
@@ -30,40 +30,16 @@ from emacm.reports.raised import LEAST, SIGMAS, Findings, Row, find_raised
 from emacm.reports.verdicts import Verdict, verdict_on
 
 
-def order_spectra(model: Any, X: Sequence[Any]) -> pd.DataFrame | None:
-    """Return the spectra that a fitted model computes, by its first `OrderPSD`.
-
-    Parameters
-    ----------
-    model : OrderPSD, Pipeline, FeatureUnion, ConditionRouter or fitted search
-        Fitted.
-    X : list of Recording
-        Of one condition, if the model has several.
+def order_spectra(model: Any, recording: Recording) -> pd.DataFrame | None:
+    """Return the spectrum that the first `OrderPSD` of a fitted model computes of a recording.
 
     Returns
     -------
-    DataFrame of shape (n_recordings, n_columns), or None
+    DataFrame of shape (1, n_columns), or None
         Columns ``channel@order`` [U²/order, or U²]; None if the model computes no order spectra.
     """
-    model = search_estimator(model)
-    if isinstance(model, OrderPSD):
-        return pd.DataFrame(np.asarray(model.transform(X)), columns=model.get_feature_names_out())
-    if isinstance(model, ConditionRouter):
-        return order_spectra(model.models_of(X)[0], model.inner(X))
-    if isinstance(model, FeatureUnion):
-        found = (order_spectra(step, X) for _, step in model.transformer_list)
-        return next((table for table in found if table is not None), None)
-    if not isinstance(model, Pipeline):
-        return None
-    for _, step in model.steps:
-        table = order_spectra(step, X)
-        if table is not None:
-            return table
-        if step in (None, "passthrough") or not hasattr(step, "transform"):
-            continue
-        X = step.transform(X)
-        if hasattr(X, "shape"):  # features
-            return None
+    for part, X in parts_with_input(model, [recording], OrderPSD):
+        return pd.DataFrame(np.asarray(part.transform(X)), columns=part.get_feature_names_out())
     return None
 
 
@@ -229,13 +205,12 @@ def _add_warnings(page: Page, model: Any, recording: Recording, new_lines: Seque
         if not quality.findings:
             page.normal.append("channels without clipping, interruption or constant values")
     page.doubtful = bool(page.first)
-    found = training_statements(model, [recording])
-    if found is not None and not found[0]:
+    statements = training_statements(model, recording)
+    if statements == []:
         page.normal.append("speed, sampling rates, levels and length within those of the training")
-    statements = found[0] if found else []
-    page.doubtful |= any(statement.severe for statement in statements)
+    page.doubtful |= any(statement.severe for statement in statements or ())
     # Another speed, gain or rate changes all lines.
-    page.first += [statement.text for statement in statements] or new_lines
+    page.first += [statement.text for statement in statements or ()] or new_lines
 
 
 def _add_findings(page: Page, settings: Settings, recording: Recording, verdict: Verdict) -> None:
@@ -246,7 +221,7 @@ def _add_findings(page: Page, settings: Settings, recording: Recording, verdict:
         parts = known[0] if known else None
     page.parts = parts
     reference = settings.healthy if settings.healthy is not None else verdict.other
-    page.spectra = order_spectra(model, [recording])
+    page.spectra = order_spectra(model, recording)
     background = settings.background
     try:
         if verdict.kind == "unknown":
