@@ -94,8 +94,10 @@ def cost_table(
     truths = plain_labels(every.tolist())
     rows, stated = _stated_pairs(cost, known, truths)
     _check_labels(rows, stated, known, truths)
-    table = np.array([[stated.get((d, k), float(d != k)) for k in truths] for d in rows], object)
-    matrix = _numbers(table, rows, truths)
+    matrix = np.empty((len(rows), len(truths)))
+    for (i, decision), (k, truth) in itertools.product(enumerate(rows), enumerate(truths)):
+        name = f"the cost of deciding {decision!r} when {truth!r} is true"
+        matrix[i, k] = check_number(stated.get((decision, truth), float(decision != truth)), name)
     if unknown is not None:
         others = [row for row, decision in enumerate(rows) if decision not in truths]
         of_classes = matrix[np.array(rows, object) != unknown, :-1]
@@ -218,11 +220,11 @@ def cost_of_some(cost: Any, known: Sequence[Any], all_classes: Sequence[Any]) ->
     if isinstance(cost, Mapping):
         check_pairs(cost)
         return {pair: value for pair, value in cost.items() if not set(pair) & set(absent)}
-    kept = [place for place, label in enumerate(all_classes) if label in known]
-    if np.shape(cost) == (len(all_classes) + 1,) * 2:  # the last is the unknown state
-        kept.append(len(all_classes))
-    elif np.shape(cost) != (len(all_classes),) * 2:
+    n_classes = len(all_classes)
+    if np.shape(cost) not in {(n_classes,) * 2, (n_classes + 1,) * 2}:
         return cost
+    kept = [place for place, label in enumerate(all_classes) if label in known]
+    kept += range(n_classes, len(cost))  # the last may be the unknown state
     return np.asarray(cost)[np.ix_(kept, kept)]
 
 
@@ -311,20 +313,9 @@ def _check_labels(
                 f"{truths}.{numbered_hint(known, [truth])}"
             )
     for decision in rows:
-        if pd.api.types.is_scalar(decision) and pd.isna(decision):
-            raise ValueError(f"cost must name every decision (row), got {decision!r}. Name it.")
         missing = [truth for truth in known if (decision, truth) not in stated]
         if decision not in truths and missing:
             raise ValueError(
                 f"cost contains the decision {decision!r}, which is none of the classes {known}: "
                 f"it then needs a cost for every class; missing: {missing}."
             )
-
-
-def _numbers(table: NDArray[Any], rows: list[Any], columns: list[Any]) -> NDArray[np.float64]:
-    """Return the table as floats, or state which cost is not a finite number."""
-    matrix = np.empty(table.shape)
-    for i, k in np.ndindex(table.shape):
-        name = f"the cost of deciding {rows[i]!r} when {columns[k]!r} is true"
-        matrix[i, k] = check_number(table[i, k], name)
-    return matrix

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from emacm._checks import check_number, located
 from emacm.decisions.costs import cost_table
-from emacm.decisions.truths import label_array, label_list, plain_labels
-
-_FORMS = (
-    "families must map each state to its family, as {'worn1': 'worn'}, or each family to its "
-    "states, as {'worn': ['worn1', 'worn2']}"
-)
+from emacm.decisions.truths import label_array, label_list, label_positions, plain_labels
 
 
 def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
@@ -38,10 +33,10 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     Raises
     ------
     TypeError
-        If `families` is not a mapping, or a state or a family is not a label.
+        If `families` is not a mapping, or empty.
     ValueError
-        If there is no family, a label is missing, a family has no states, a state has no family
-        or two, the two forms are mixed, or a family has the name of a state of another family.
+        If a family has no states, a state has no family or two, the two forms are mixed, or a
+        family has the name of a state of another family.
 
     Examples
     --------
@@ -51,24 +46,17 @@ def family_mapping(families: Any, classes: ArrayLike = ()) -> dict[Any, Any]:
     {'normal': 'normal', 'worn1': 'worn', 'worn2': 'worn'}
     """
     if not isinstance(families, Mapping) or not families:
-        raise TypeError(f"{_FORMS}; got {families!r}.")
-    if any(_is_collection(content) for content in families.values()):
-        pairs = [(state, name) for name, each in families.items() for state in _states(name, each)]
-    else:
-        pairs = list(families.items())
+        raise TypeError(
+            f"families must map each state to its family, as {{'worn1': 'worn'}}, or each family "
+            f"to its states, as {{'worn': ['worn1', 'worn2']}}; got {families!r}."
+        )
     family_of: dict[Any, Any] = {}
-    for state, family in map(plain_labels, pairs):
-        if not isinstance(state, Hashable) or pd.isna(family) or pd.isna(state):
-            raise ValueError(
-                f"families must name every state and its family, got the state {state!r} of the "
-                f"family {family!r}. Leave it out, or name it."
-            )
-        if state in family_of:
+    for state, family in _pairs(families):
+        if family_of.setdefault(state, family) != family:
             raise ValueError(
                 f"families puts the state {state!r} into {family_of[state]!r} and into {family!r}; "
-                f"each state belongs to one family, once."
+                f"each state belongs to one family."
             )
-        family_of[state] = family
     for family in family_of.values():
         if family_of.get(family, family) != family:
             raise ValueError(
@@ -109,12 +97,7 @@ def as_families(y: ArrayLike, families: Any) -> NDArray[Any]:
     """
     family_of = family_mapping(families)
     labels = label_list(y, "y")
-    for position, label in enumerate(labels):
-        if label not in family_of:
-            raise ValueError(
-                f"y contains {label!r} at position {position}, which is in no family. "
-                f"Known states: {list(family_of)}."
-            )
+    label_positions(labels, list(family_of), "y", "state of a family")
     return label_array([family_of[label] for label in labels])
 
 
@@ -159,7 +142,7 @@ def family_costs(
     Raises
     ------
     TypeError
-        If `families` or `other_decisions` is not a mapping, or a cost is not a number.
+        If `families` is not a mapping, or a cost is not a number.
     ValueError
         If `families` is ambiguous, a family is unknown, one of `other_decisions` is a family, or
         `missed` or `false_alarm` is given without `healthy` or together with a complete table.
@@ -186,33 +169,29 @@ def family_costs(
         costs = _alarm_costs(costs, names, healthy, missed, false_alarm)
     with located("costs between families (the classes are the families here)"):
         decisions, matrix = cost_table(costs, label_array(names))
-    if not isinstance(other_decisions, Mapping | None):
-        raise TypeError(f"other_decisions must be a mapping, got {other_decisions!r}.")
-    rows, others = plain_labels(decisions), dict(other_decisions or {})
-    taken = [decision for decision in others if decision in rows]
+    others = dict(other_decisions or {})
+    taken = [decision for decision in others if decision in decisions]
     if taken:
         raise ValueError(f"other_decisions contains {taken}, with costs between families already.")
     values = [check_number(c, f"the cost of {d!r} in other_decisions") for d, c in others.items()]
     matrix = matrix[:, [names.index(family) for family in family_of.values()]]
     matrix = np.vstack([matrix, np.repeat(np.reshape(values, (-1, 1)), len(states), axis=1)])
-    rows += others
-    index, columns = (pd.Index(labels, tupleize_cols=False) for labels in (rows, states))
-    return pd.DataFrame(matrix, index=index, columns=columns)
+    return pd.DataFrame(matrix, index=[*decisions.tolist(), *others], columns=states)
 
 
-def _is_collection(content: Any) -> bool:
-    return np.iterable(content) and not isinstance(content, str)
-
-
-def _states(family: Any, content: Any) -> list[Any]:
-    """Return the states of one family."""
-    states = plain_labels(content) if _is_collection(content) else [content]
-    if not states or not (_is_collection(content) or content == family):
-        raise ValueError(
-            f"families must have a list of states for the family {family!r}, since others have; "
-            f"got {content!r}."
-        )
-    return states
+def _pairs(families: Mapping[Any, Any]) -> list[tuple[Any, Any]]:
+    """Return each state and its family, from either form of families."""
+    lists = {name: np.iterable(each) and type(each) is not str for name, each in families.items()}
+    if not any(lists.values()):
+        return [tuple(plain_labels(pair)) for pair in families.items()]
+    for name, content in families.items():
+        if content != name and not (lists[name] and len(content)):
+            raise ValueError(
+                f"families must have a list of states for the family {name!r}, since others have; "
+                f"got {content!r}."
+            )
+    listed = {name: each if lists[name] else [each] for name, each in families.items()}
+    return [(state, name) for name, each in listed.items() for state in plain_labels(each)]
 
 
 def _alarm_costs(
@@ -226,8 +205,7 @@ def _alarm_costs(
         )
     if not isinstance(costs, Mapping | None):
         raise ValueError(
-            "costs is a complete table, which contains the costs of missed detections and false "
-            "alarms. Omit healthy, missed and false_alarm, or give costs as a mapping."
+            "costs is a complete table: omit healthy, missed and false_alarm, or give a mapping."
         )
     others = [family for family in families if family != healthy]
     alarms = {(healthy, family): missed for family in others}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -132,7 +132,7 @@ def fraction_correct(
     ------
     ValueError
         If the numbers of recordings differ, or a truth is neither a class nor a decision while
-        some decisions are not classes; the message gives its position.
+        some decisions are not classes (its correct decision is unknown).
 
     Examples
     --------
@@ -144,13 +144,7 @@ def fraction_correct(
     decisions, classes = (label_list(labels) for labels in table[:2])
     correct = correct_decisions(*table)
     if not set(decisions) <= set(classes):
-        for place, truth in enumerate(truths):
-            if truth not in correct:
-                raise ValueError(
-                    f"y contains {truth!r} at recording {place}, which is none of the classes "
-                    f"{classes} and none of the decisions {decisions}: its correct decision is "
-                    f"unknown. Leave such recordings out, or give their truth as a decision."
-                )
+        label_positions(truths, list(correct), "y", "class or decision")
     is_correct = are_correct(truths, chosen, correct)
     return float(np.average(is_correct, weights=positive_weights(sample_weight, len(truths))))
 
@@ -248,7 +242,7 @@ def neg_expected_cost(estimator: Any, X: Any, y: ArrayLike) -> float:
     -5.0
     """
     final = final_estimator(estimator)
-    if isinstance(final, type) or not hasattr(final, "cost_"):
+    if not hasattr(final, "cost_"):
         raise TypeError(
             f"neg_expected_cost uses the cost of the classifier, but {final!r} "
             f"has no cost_ (is it fitted?). For other classifiers, give the cost: "
@@ -306,25 +300,20 @@ def _metric_classes(cost: Any, truths: list[Any], chosen: list[Any]) -> NDArray[
     """Return the classes where the caller of the metric gave none."""
     if isinstance(cost, pd.DataFrame):
         return cost.columns.to_numpy()
+    found = {*truths, *chosen}
     if isinstance(cost, Mapping):
         check_pairs(cost)
-        decisions = {decision for decision, _ in cost}
-        found = {*truths, *(truth for _, truth in cost), *(d for d in chosen if d not in decisions)}
-    else:
-        found = {*truths, *chosen}
-    classes = _sorted_labels(found)
+        decisions, causes = (set(labels) for labels in zip(*cost, strict=True))
+        found = {*truths, *causes, *(set(chosen) - decisions)}
+    try:
+        classes = np.asarray(sorted(found))
+    except TypeError as error:
+        raise ValueError(
+            f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
+        ) from error
     if isinstance(cost, Sequence | np.ndarray) and len(cost) != len(classes):
         raise ValueError(
             f"cost has {len(cost)} rows, but {len(classes)} labels occur in y_true and y_pred: "
             f"{classes.tolist()}. Give labels=..., the classes in the order of cost."
         )
     return classes
-
-
-def _sorted_labels(found: Iterable[Any]) -> NDArray[Any]:
-    try:
-        return np.asarray(sorted(found))
-    except TypeError as error:
-        raise ValueError(
-            f"labels of different types have no order: {list(found)}. Give labels=..., the classes."
-        ) from error

@@ -45,14 +45,13 @@ def parameters_of_rows(
     >>> parameters_of_rows({"sample_weight": [1, 2, 3], "classes": ["a", "b"]}, np.array([2]), 3)
     {'sample_weight': [3], 'classes': ['a', 'b']}
     """
-    some = {}
-    for name, given in parameters.items():
-        value = as_rows(given)
-        per_recording = not isinstance(value, str) and hasattr(value, "__len__")
-        if per_recording and len(value) == n_recordings:
-            value = chosen_rows(value, rows)
-        some[name] = value
-    return some
+    values = {name: as_rows(value) for name, value in parameters.items()}
+    per_recording = {
+        name: chosen_rows(value, rows)
+        for name, value in values.items()
+        if hasattr(value, "__len__") and type(value) is not str and len(value) == n_recordings
+    }
+    return values | per_recording
 
 
 def as_rows(values: Any) -> Any:
@@ -82,11 +81,7 @@ def final_estimator(estimator: Any) -> Any:
     GaussianNB()
     """
     inner = search_estimator(estimator)
-    if inner is not estimator:
-        return final_estimator(inner)
-    if hasattr(estimator, "steps"):
-        return final_estimator(estimator.steps[-1][1])
-    return estimator
+    return final_estimator(inner.steps[-1][1]) if hasattr(inner, "steps") else inner
 
 
 def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
@@ -109,12 +104,10 @@ def before_the_last_step(estimator: Any, X: Any) -> tuple[Any, Any]:
     (GaussianNB(), array([[2.]]))
     """
     inner = search_estimator(estimator)
-    if inner is not estimator:
-        return before_the_last_step(inner, X)
-    if not hasattr(estimator, "steps"):
-        return estimator, X
-    table = estimator[:-1].transform(X) if len(estimator) > 1 else X
-    return before_the_last_step(estimator.steps[-1][1], table)
+    if not hasattr(inner, "steps"):
+        return inner, X
+    table = inner[:-1].transform(X) if len(inner) > 1 else X
+    return before_the_last_step(inner.steps[-1][1], table)
 
 
 def weight_parameter(estimator: Any) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_number, check_real_array
+from emacm._checks import check_choice, check_real_array
 
 
 def plain_labels(labels: Iterable[Any]) -> list[Any]:
@@ -231,15 +231,11 @@ def class_priors(
             )
         priors = [named[label] for label in known]
     values = check_real_array(priors, "priors").astype(np.float64)
-    if values.shape != (len(known),):
+    if values.shape != (len(known),) or not (values >= 0).all() or abs(values.sum() - 1) > 1e-6:
         raise ValueError(
-            f"priors must contain one probability for each of the {len(known)} classes {known}, "
-            f"got shape {values.shape}."
+            f"priors must contain one probability, at least 0, for each of the {len(known)} "
+            f"classes {known}, and add up to 1; got {values.tolist()}."
         )
-    for label, value in zip(known, values, strict=True):
-        check_number(float(value), f"the prior of class {label!r}", at_least=0)
-    if abs(values.sum() - 1) > 1e-6:
-        raise ValueError(f"priors must add up to 1, got {values.tolist()}, sum {values.sum():.8g}.")
     return values / values.sum()
 
 

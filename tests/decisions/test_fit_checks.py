@@ -46,7 +46,7 @@ def test_each_recording_has_a_class_and_priors_fit_before_a_classifier_is_fitted
         LeastRiskClassifier(Trusting()).fit(np.zeros((4, 2)), ["dry", "new", "new"])
     trusting = Trusting()
     trusting.fit = None
-    with pytest.raises(ValueError, match="must add up to 1"):
+    with pytest.raises(ValueError, match="add up to 1"):
         LeastRiskClassifier(trusting, priors=[0.5, 0.6]).fit(np.zeros((2, 2)), CLASSES)
 
 
