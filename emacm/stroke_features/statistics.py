@@ -325,7 +325,7 @@ def _moment(x: Array, name: str, power: int) -> Array:
     return np.mean((centred / _rms(centred)[..., np.newaxis]) ** power, axis=-1)
 
 
-STATISTICS: dict[str, Callable[[Array], Array]] = {
+STATISTICS: dict[str, Callable[..., Any]] = {
     "mean": partial(np.mean, axis=-1, dtype=np.float64),
     "rms": _rms,
     "std": lambda x: _rms(_centred(x)),

@@ -29,12 +29,10 @@ from emacm.recordings.inputs import (
 )
 from emacm.recordings.recording import Recording
 from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.quality import forward_share
 from emacm.resampling.training_range import (
     Range,
     Statement,
     direction_statements,
-    warn_of_statements,
 )
 from emacm.shaft.paths import ShaftPath
 
@@ -186,6 +184,7 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
     channels: Sequence[str] | None
     by_direction: bool | str
     by_direction_: bool
+    _known_forward: Range | None
     min_speed: float
     min_revolutions: float
     n_jobs: int | None
@@ -214,7 +213,10 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         self.channels_ = chosen_channels(self.channels, rows[0].channels)
         self._over_angle = isinstance(rows[0], AngleRecording)
         self.by_direction_ = self._separates_directions(rows)
-        self._known_forward = self._range_of_directions(rows)
+        self._known_forward = None
+        if not (self.by_direction_ or self._over_angle):
+            shares = [self._forward(row) for row in rows]
+            self._known_forward = min(shares), max(shares)
         self._check_rows(rows)
         names = [":".join(key) for key in self._keys()]
         if len(set(names)) < len(names):
@@ -243,19 +245,11 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         TypeError, ValueError
             If X is invalid, or a recording has no stroke for a column; the message gives the
             recording, the channel and the direction.
-
-        Warns
-        -----
-        UserWarning
-            If recordings over time turn in a direction in which none of `fit` turns, and directions
-            are not separate. Of recordings over the shaft angle, `outside_training` states it.
         """
         check_is_fitted(self)
         self._check_parameters()
         rows = as_recordings(X, type(self).__name__, also=(AngleRecording,))
         self._check_rows(rows)
-        statements = self.outside_training(rows)
-        warn_of_statements(rows, [[s.text for s in own] for own in statements], stacklevel=3)
         features = run(self._row, rows, names=names_of(rows), n_jobs=self.n_jobs)
         return np.array(features, dtype=np.float64)
 
@@ -273,10 +267,9 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             For each recording.
         """
         check_is_fitted(self)
-        known = getattr(self, "_known_forward", None)  # which older model files do not have
-        if known is None:
+        if self._known_forward is None:
             return [[] for _ in X]
-        return [direction_statements(self._forward(row), known) for row in X]
+        return [direction_statements(self._forward(row), self._known_forward) for row in X]
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """Return the names of the columns.
@@ -325,32 +318,25 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
         check_number(self.min_revolutions, "min_revolutions", at_least=0)
         self._check_own_parameters()
 
-    def _separates_directions(self, rows: Sequence[Row]) -> bool:
-        """Return whether directions are separate; "auto": if a recording has strokes of both."""
-        if self.by_direction != "auto":
-            return bool(self.by_direction)
-        return any({1, -1} <= self._directions(row) for row in rows)
-
-    def _range_of_directions(self, rows: Sequence[Row]) -> Range | None:
-        """Return the range of the share that is forward, if directions are to be compared."""
-        if self.by_direction_ or self._over_angle:
-            return None
-        shares = [self._forward(row) for row in rows]
-        return min(shares), max(shares)
-
-    def _forward(self, row: Row) -> float:
-        paths = row.paths("strokes", self.min_speed) if isinstance(row, Recording) else []
-        least = 2 * np.pi * self.min_revolutions
-        return forward_share([path for path in paths if path.length >= least])
-
-    def _directions(self, row: Row) -> set[int]:
-        """Return the directions of the strokes that are not too short."""
+    def _turned(self, row: Row) -> list[tuple[int, float]]:
+        """Return direction and revolutions of the strokes that are not too short."""
         if isinstance(row, AngleRecording):
             turned = [(stroke.direction, stroke.revolutions) for stroke in row.strokes]
         else:
             paths = row.paths("strokes", self.min_speed)
             turned = [(path.direction, path.length / (2 * np.pi)) for path in paths]
-        return {direction for direction, length in turned if length >= self.min_revolutions}
+        return [(direction, n) for direction, n in turned if n >= self.min_revolutions]
+
+    def _separates_directions(self, rows: Sequence[Row]) -> bool:
+        """Return whether directions are separate; "auto": if a recording has strokes of both."""
+        if self.by_direction != "auto":
+            return bool(self.by_direction)
+        return any({1, -1} <= {direction for direction, _ in self._turned(row)} for row in rows)
+
+    def _forward(self, row: Row) -> float:
+        """Return the fraction of the revolutions that is forward; NaN without strokes."""
+        turned = np.array(self._turned(row)).reshape(-1, 2)
+        return float(np.average(turned[:, 0] > 0, weights=turned[:, 1])) if len(turned) else np.nan
 
     def _keys(self) -> list[tuple[str, ...]]:
         signs = WAYS if self.by_direction_ else ("",)
@@ -393,12 +379,8 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
 
     def _row(self, row: Row) -> NDArray[np.float64]:
         with np.errstate(over="ignore", invalid="ignore"):
-            signals = cut_into_strokes(
-                row,
-                self.channels_,
-                min_speed=self.min_speed,
-                min_revolutions=self.min_revolutions,
-            )
+            limits = {"min_speed": self.min_speed, "min_revolutions": self.min_revolutions}
+            signals = cut_into_strokes(row, self.channels_, **limits)
             blocks = [
                 block for k in range(len(self.channels_)) for block in self._of_channel(signals, k)
             ]
@@ -417,21 +399,14 @@ class StrokeFeatures(TransformerMixin, SavedEstimator):
             kind = f"{way} stroke".strip()
             strokes = [s for s in signals.strokes[number] if sign in (0, s.direction)]
             if not strokes:
-                raise ValueError(_no_stroke(kind, self.min_revolutions))
+                raise ValueError(
+                    f"it has no {kind} of two samples and {self.min_revolutions:g} revolutions. "
+                    f"Leave it out, check min_speed, min_revolutions and the shaft reference, or "
+                    f"use by_direction=False."
+                )
             with located(f"channel {channel!r}, {kind}s"):
                 blocks.append(self._features(strokes))
         if signals.rest is not None:
             with located(f"channel {channel!r}, at rest"):
                 blocks.append(self._rest_features(signals.rest[number]))
         return blocks
-
-
-def _no_stroke(kind: str, min_revolutions: float) -> str:
-    wanted, parameters = f"{kind} of two samples", "min_speed"
-    if min_revolutions > 0:
-        wanted += f" and {min_revolutions:g} revolutions"
-        parameters += ", min_revolutions"
-    remedy = f"Leave it out, check {parameters} and the shaft reference"
-    if kind != "stroke":
-        remedy += ", or use by_direction=False"
-    return f"it has no {wanted}. {remedy}."
