@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_number, check_real_array, check_signal
+from emacm._checks import check_number, check_signal
 from emacm.orders.columns import number_name, parse_bin_columns, parse_order_columns
 
 Band = tuple[float, float]
@@ -48,14 +47,9 @@ def bin_edges(bin_size: float, max_order: float) -> list[Band]:
             f"bin_size = {bin_size:g} would make {max_order / bin_size:.3g} bins up to order "
             f"{max_order:g}. It is the width of a bin in orders, such as 1."
         )
-    return list(_equal_bins(bin_size, max_order))
-
-
-@lru_cache(maxsize=64)  # a search uses the same bins many times
-def _equal_bins(bin_size: float, max_order: float) -> tuple[Band, ...]:
     n_bins = max(1, int(np.ceil(max_order / bin_size - 1e-9)))
     edges = [round_edge(i * bin_size) for i in range(n_bins)] + [round_edge(max_order)]
-    return tuple(pairwise(edges))
+    return list(pairwise(edges))
 
 
 def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list[Band]:
@@ -88,22 +82,15 @@ def check_edges(edges: ArrayLike | Mapping[str, Band]) -> dict[str, Band] | list
         for name, band in bands.items():
             _check_name(name, band)
         return bands
-    values = check_real_array(edges, "edges")
-    if values.ndim != 1 or len(values) < 2:
-        raise ValueError(
-            f"edges must be at least two increasing orders, got {edges!r}. Write named bands as "
-            f"{{'name': (low, high)}}."
-        )
-    if not np.all(np.isfinite(values)) or values[0] < 0:
-        raise ValueError(f"edges must be finite and at least 0, got {values.tolist()}.")
+    values = check_signal(edges, "edges")
     rounded = [round_edge(value) for value in values]
-    for place, (low, high) in enumerate(pairwise(rounded)):
-        if high <= low:
-            raise ValueError(
-                f"edges must increase, but {values[place]:.15g} is followed by "
-                f"{values[place + 1]:.15g} (at position {place + 1}). Sort them, or name "
-                f"overlapping bands in a mapping."
-            )
+    falling = np.flatnonzero(np.diff(rounded) <= 0)
+    if len(falling) or rounded[0] < 0:
+        place = int(falling[0]) + 1 if len(falling) else 0
+        raise ValueError(
+            f"edges must be at least 0 and increase, but {values[place]:.15g} is at position "
+            f"{place}. Sort them, or write named bands as {{'name': (low, high)}}."
+        )
     return list(pairwise(rounded))
 
 
@@ -117,9 +104,8 @@ def check_stop_bands(stop_bands: Sequence[Band]) -> list[Band]:
     ValueError
         If a band does not run from a lower to a higher order.
     """
-    if isinstance(stop_bands, str | Mapping) or not np.iterable(stop_bands):
-        raise TypeError(f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}.")
-    if any(not np.iterable(band) for band in stop_bands):
+    listed = np.iterable(stop_bands) and not isinstance(stop_bands, str | Mapping)
+    if not listed or any(not np.iterable(band) for band in stop_bands):
         raise TypeError(
             f"stop_bands must be a sequence of (low, high) pairs, got {stop_bands!r}. "
             f"Write one band as ((low, high),)."
@@ -185,16 +171,11 @@ def named_bins(
     stops = check_stop_bands(stop_bands)
     bins = bin_edges(bin_size, max_order) if edges is None else check_edges(edges)
     if not isinstance(bins, dict):
-        bins = dict(zip(_names(tuple(bins)), bins, strict=True))
+        bins = {f"{number_name(low)}-{number_name(high)}": (low, high) for low, high in bins}
     kept = {name: band for name, band in bins.items() if kept_intervals(band, stops)}
     if not kept:
         raise ValueError(f"stop_bands {stops} cover all bins. Remove one of them.")
     return kept
-
-
-@lru_cache(maxsize=64)
-def _names(bins: tuple[Band, ...]) -> tuple[str, ...]:
-    return tuple(f"{number_name(low)}-{number_name(high)}" for low, high in bins)
 
 
 def bin_operator(

@@ -133,13 +133,11 @@ class OrderTable(np.ndarray):
         copied.columns = self.columns
         return copied
 
-    def __copy__(self) -> OrderTable:
+    def __copy__(self, memo: Any = None) -> OrderTable:
         """Return a copy with the names."""
         return self.copy()
 
-    def __deepcopy__(self, memo: dict[int, Any] | None) -> OrderTable:
-        """Return a copy with the names."""
-        return self.copy()
+    __deepcopy__ = __copy__
 
     def __reduce__(self) -> Any:
         """Return the state of an ndarray with the names."""

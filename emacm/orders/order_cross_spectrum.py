@@ -296,7 +296,7 @@ def _with_peaks(
 
 
 def _checked_kinds(kind: Any) -> tuple[str, ...]:
-    kinds = (kind,) if isinstance(kind, str) else tuple(kind) if np.iterable(kind) else (kind,)
+    kinds = (kind,) if isinstance(kind, str) or not np.iterable(kind) else tuple(kind)
     for one in kinds:
         check_choice(one, "kind", KINDS)
     if not kinds or len(set(kinds)) < len(kinds):
@@ -306,30 +306,21 @@ def _checked_kinds(kind: Any) -> tuple[str, ...]:
 
 def _checked_pairs(pairs: Any, channels: Sequence[str]) -> tuple[tuple[str, str], ...]:
     if pairs is None:
-        if len(channels) < 2:
+        pairs = list(combinations(channels, 2))
+    if not isinstance(pairs, Sequence) or any(isinstance(pair, str) for pair in pairs):
+        raise TypeError(
+            f"pairs must be a list of (input, output) channels, such as [('torque', 'current')]; "
+            f"got {pairs!r}."
+        )
+    checked = [tuple(pair) for pair in pairs]
+    for pair in checked:
+        if len(pair) != 2 or pair[0] == pair[1] or not {*pair} <= {*channels}:
             raise ValueError(
-                f"a pair needs two channels, but the recordings have {list(channels)} only. "
-                f"Give OrderResampler more of them."
+                f"a pair needs two of the channels, which are {list(channels)}; got {pair!r}."
             )
-        return tuple(combinations(channels, 2))
-    if isinstance(pairs, str | Mapping) or not np.iterable(pairs):
-        raise TypeError(f"pairs must be a list of (input, output) channels, got {pairs!r}.")
-    checked = []
-    for pair in pairs:
-        if isinstance(pair, str) or not np.iterable(pair) or len(list(pair)) != 2:
-            raise TypeError(
-                f"pairs must be a list of (input, output) channels, such as "
-                f"[('torque', 'current')]; got {pair!r} in it."
-            )
-        x, y = pair
-        for name in (x, y):
-            if name not in channels:
-                raise ValueError(
-                    f"pairs name a channel {name!r}, but the recordings have {list(channels)}."
-                )
-        if x == y:
-            raise ValueError(f"a pair needs two channels, got {pair!r}.")
-        checked.append((x, y))
     if not checked or len(set(checked)) < len(checked):
-        raise ValueError(f"pairs must name one or more pairs, each once; got {pairs!r}.")
+        raise ValueError(
+            f"pairs must name one or more pairs of the channels {list(channels)}, each once; got "
+            f"{pairs!r}."
+        )
     return tuple(checked)

@@ -45,7 +45,7 @@ CASES = [
     ],
     Case("tiny bins", lambda: bins(bin_size=1e-300), V, "bin_size = 1e-300|bins up to order 8"),
     Case("edges that are not sorted", lambda: bins(edges=[0, 5, 3]), V, "edges|increase"),
-    Case("an edge twice", lambda: bins(edges=[0, 3, 3]), V, "edges|3 is followed by 3"),
+    Case("an edge twice", lambda: bins(edges=[0, 3, 3]), V, "edges|3 is at position 2"),
     Case(
         "edges that differ by rounding only",
         lambda: bins(edges=[0, 1, 1 + 1e-13, 2]),
@@ -54,12 +54,12 @@ CASES = [
     ),
     Case("a negative edge", lambda: bins(edges=[-1, 3]), V, "edges|at least 0"),
     Case("an edge that is no number", lambda: bins(edges=[0, np.nan]), V, "edges|finite"),
-    Case("one edge", lambda: bins(edges=[3]), V, "edges|at least two"),
+    Case("one edge", lambda: bins(edges=[3]), V, "edges|at least 2"),
     Case(
         "edges of two dimensions",
         lambda: bins(edges=[[0, 1], [1, 2]]),
         V,
-        "edges|at least two increasing orders",
+        "edges|one-dimensional",
     ),
     Case("text for edges", lambda: bins(edges=["a", "b"]), T, "edges|numeric"),
     Case("no bands", lambda: bins(edges={}), V, "edges|at least one band"),

@@ -375,15 +375,15 @@ def test_what_is_no_list_of_recordings_over_the_angle_is_refused(X, error, match
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [
-        ({"pairs": "torque"}, TypeError, r"channels, got 'torque'"),
-        ({"pairs": {"torque": "error"}}, TypeError, r"channels, got {'torque': 'error'}"),
-        ({"pairs": 3}, TypeError, "channels, got 3"),
-        ({"pairs": [("torque", "error", "current")]}, TypeError, "'current'.* in it"),
-        ({"pairs": ["torque"]}, TypeError, "got 'torque' in it"),
-        ({"pairs": [("torque", "lvdt")]}, ValueError, "name a channel 'lvdt', but the recordings"),
-        ({"pairs": [("torque", "torque")]}, ValueError, "a pair needs two channels"),
-        ({"pairs": []}, ValueError, "one or more pairs, each once"),
-        ({"pairs": [("torque", "error")] * 2}, ValueError, "one or more pairs, each once"),
+        ({"pairs": "torque"}, TypeError, "got 'torque'"),
+        ({"pairs": {"torque": "error"}}, TypeError, "got {'torque'"),
+        ({"pairs": 3}, TypeError, "got 3"),
+        ({"pairs": [("torque", "error", "current")]}, ValueError, "two of the channels"),
+        ({"pairs": ["torque"]}, TypeError, "list of"),
+        ({"pairs": [("torque", "lvdt")]}, ValueError, "got .*lvdt"),
+        ({"pairs": [("torque", "torque")]}, ValueError, "a pair needs two"),
+        ({"pairs": []}, ValueError, "one or more pairs"),
+        ({"pairs": [("torque", "error")] * 2}, ValueError, "one or more pairs"),
         ({"kind": "gain"}, ValueError, "kind must be one of 'response', 'coherence', 'cross'"),
         ({"kind": 3}, ValueError, "kind must be one of"),
         ({"kind": ["cross", "cross"]}, ValueError, "each once"),
@@ -404,7 +404,7 @@ def test_wrong_parameters_are_told_at_fit(over_angle, options, error, match):
 
 def test_a_single_channel_makes_no_pair():
     rows = OrderResampler(channels=["torque"], min_speed=1.0).fit_transform([drive()])
-    with pytest.raises(ValueError, match=r"a pair needs two channels, but.*\['torque'\] only"):
+    with pytest.raises(ValueError, match="one or more pairs of the channels"):
         OrderCrossSpectrum().fit(rows)
 
 
