@@ -39,9 +39,9 @@ from .models.find_faults import find_faults as find_faults
 from .models.model_files import describe_model as describe_model
 from .models.model_files import load_model as load_model
 from .models.model_files import save_model as save_model
-from .models.outside_training import outside_training as outside_training
 from .models.recipes import actuator_recipe as actuator_recipe
 from .models.recipes import bearing_recipe as bearing_recipe
+from .models.scoring import outside_training as outside_training
 from .models.scoring import score as score
 from .orders.bin_transformer import BinTransformer as BinTransformer
 from .orders.order_cross_spectrum import OrderCrossSpectrum as OrderCrossSpectrum

@@ -25,7 +25,7 @@ from emacm.decisions.metrics import expected_cost, neg_expected_cost
 from emacm.displays import DecisionRegionsDisplay, OrderSpectrumDisplay
 from emacm.displays._drawing import offscreen_panels
 from emacm.machine.fault_orders import fault_orders
-from emacm.models.outside_training import outside_training
+from emacm.models.scoring import outside_training
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording

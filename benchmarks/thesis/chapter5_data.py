@@ -15,8 +15,7 @@ from chapter4_spectra import MIN_SPEED, SIGNALS
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
-from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.simulation.bench import LaboratoryBench
 from emacm.simulation.faults import FAULTS
 from findings import Report, silent

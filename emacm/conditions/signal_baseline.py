@@ -12,13 +12,16 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import check_choice, located
 from emacm.conditions.healthy import check_rates, find_healthy, known_conditions
-from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.digests import content_digest
-from emacm.recordings.inputs import as_recordings, check_channels, described
+from emacm.recordings.inputs import RecordingTransformer, as_recordings, check_channels, described
 from emacm.recordings.meta import condition_name
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import AngleRecording, AngleStroke
-from emacm.resampling.order_resampler import as_angle_recordings, check_alike
+from emacm.resampling.angle_recording import (
+    AngleRecording,
+    AngleStroke,
+    as_angle_recordings,
+    check_alike,
+)
 from emacm.shaft.motion import StrokeTravel
 from emacm.shaft.paths import ShaftPath
 

@@ -1,16 +1,18 @@
-"""The last step of pipelines and searches, where a classifier with costs is found."""
+"""What pipelines and searches contain: the last step, a classifier, and all parts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import has_fit_parameter
 
 from emacm.recordings.meta import chosen_rows
+from emacm.resampling.order_resampler import OrderResampler
 
 Array = NDArray[np.float64]
 
@@ -212,3 +214,26 @@ def search_estimator(estimator: Any) -> Any:
     if hasattr(estimator, "param_grid") or hasattr(estimator, "param_distributions"):
         return estimator.estimator
     return estimator
+
+
+def parts_of(model: Any) -> Iterator[Any]:
+    """Yield a fitted model and all estimators that it contains, each once, outer ones first."""
+    seen: set[int] = set()
+
+    def walk(value: Any) -> Iterator[Any]:
+        if id(value) in seen or not isinstance(value, BaseEstimator | Mapping | list | tuple):
+            return
+        seen.add(id(value))
+        if isinstance(value, BaseEstimator):
+            yield value
+            value = vars(value)
+        for inner in value.values() if isinstance(value, Mapping) else value:
+            yield from walk(inner)
+
+    yield from walk(model)
+
+
+def fitted_resamplers(model: Any) -> list[OrderResampler]:
+    """Return the fitted resamplers of a model."""
+    parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
+    return [part for part in parts if hasattr(part, "channels_")]

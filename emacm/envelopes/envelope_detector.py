@@ -17,8 +17,13 @@ from emacm.envelopes.envelope import (
     warn_of_long_filter,
 )
 from emacm.envelopes.kurtogram import kurtogram
-from emacm.envelopes.transformer import RecordingTransformer
-from emacm.recordings.inputs import as_recordings, check_channel_names, chosen_channels, described
+from emacm.recordings.inputs import (
+    RecordingTransformer,
+    as_recordings,
+    check_channel_names,
+    chosen_channels,
+    described,
+)
 from emacm.recordings.recording import Recording
 from emacm.shaft.motion import Series
 

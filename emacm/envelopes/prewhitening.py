@@ -12,8 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import located
-from emacm.envelopes.transformer import RecordingTransformer
-from emacm.recordings.inputs import as_recordings, check_channel_names, described
+from emacm.recordings.inputs import (
+    RecordingTransformer,
+    as_recordings,
+    check_channel_names,
+    described,
+)
 from emacm.recordings.names import chosen_channels
 from emacm.recordings.recording import Recording
 from emacm.recordings.series import ComputedSeries

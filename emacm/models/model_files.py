@@ -23,14 +23,18 @@ from sklearn.utils.validation import check_is_fitted
 from emacm._checks import located
 from emacm._saved import values_as_lists
 from emacm._version import __version__
-from emacm.resampling.order_resampler import OrderResampler
+from emacm.decisions.pipelines import fitted_resamplers, parts_of
 
 _TRUSTED = re.compile(
     r"emacm\.machine\.fault_lines\.LineLevels|scipy\.sparse\._csr\.csr_(array|matrix)"
     r"|sklearn\.metrics\._scorer\._PassthroughScorer|sklearn\.utils\._bunch\.Bunch"
     r"|sklearn\.(model_selection\._split|utils\._metadata_requests)\.[A-Z]\w+"
 )
+
+
 _START = b"emacm model 1\n"
+
+
 _LIBRARIES = ("numpy", "scipy", "sklearn", "pandas", "skops")
 
 
@@ -248,23 +252,6 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], bytes]:
         return json.loads(body[8 : 8 + length]), body[8 + length :]
 
 
-def parts_of(model: Any) -> Iterator[Any]:
-    """Yield a fitted model and all estimators that it contains, each once, outer ones first."""
-    seen: set[int] = set()
-
-    def walk(value: Any) -> Iterator[Any]:
-        if id(value) in seen or not isinstance(value, BaseEstimator | Mapping | list | tuple):
-            return
-        seen.add(id(value))
-        if isinstance(value, BaseEstimator):
-            yield value
-            value = vars(value)
-        for inner in value.values() if isinstance(value, Mapping) else value:
-            yield from walk(inner)
-
-    yield from walk(model)
-
-
 def _description(model: Any, note: str | None) -> dict[str, Any]:
     fitted = fitted_resamplers(model)
     lists = {name: _plain(model, name) for name in ("classes", "decisions", "truths", "cost")}
@@ -281,12 +268,6 @@ def _description(model: Any, note: str | None) -> dict[str, Any]:
         "training_range": [getattr(part, "training_range_", None) for part in fitted],
         "check": list(_check_rows(model)),
     }
-
-
-def fitted_resamplers(model: Any) -> list[OrderResampler]:
-    """Return the fitted resamplers of a model."""
-    parts = [part for part in parts_of(model) if isinstance(part, OrderResampler)]
-    return [part for part in parts if hasattr(part, "channels_")]
 
 
 def _versions() -> dict[str, str]:

@@ -19,8 +19,7 @@ from emacm.machine.parts import Part
 from emacm.orders.bin_transformer import BinTransformer
 from emacm.orders.order_cross_spectrum import OrderCrossSpectrum
 from emacm.orders.order_psd import OrderPSD
-from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.stroke_features.harmonics import ShaftHarmonics
 from emacm.stroke_features.profile import StrokeProfile
 from emacm.stroke_features.statistics import RecordingStatistics

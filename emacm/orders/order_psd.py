@@ -24,14 +24,14 @@ from emacm.orders.store import recalled
 from emacm.orders.welch import WelchEstimator, samples_per_revolution
 from emacm.recordings.inputs import as_list, described, refuse_single
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.order_resampler import (
+from emacm.resampling.angle_recording import (
+    AngleRecording,
     are_over_angle,
     as_angle_recordings,
     check_alike,
-    check_angle_step,
     separates_directions,
 )
+from emacm.resampling.order_resampler import check_angle_step
 
 
 class OrderPSD(WelchEstimator):

@@ -1,16 +1,20 @@
-"""The form of X: a list of recordings, and the channels that they must have."""
+"""The form of X: a list of recordings, with the channels they must have; what transforms them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from sklearn.base import TransformerMixin
+from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import once_hint
+from emacm._saved import SavedEstimator
 from emacm.recordings.names import check_channel_names as check_channel_names
 from emacm.recordings.names import chosen_channels as chosen_channels
 from emacm.recordings.recording import Recording
@@ -178,3 +182,54 @@ def kind_of(value: Any) -> str:
     package, name = type(value).__module__.partition(".")[0], type(value).__name__
     foreign = name == "DataFrame" and package != "pandas"
     return f"a {package} {name}, which is not a pandas one" if foreign else f"a {name}"
+
+
+Self = TypeVar("Self", bound="RecordingTransformer")
+
+
+class RecordingTransformer(  # type: ignore[call-arg]
+    TransformerMixin, SavedEstimator, auto_wrap_output_keys=None
+):
+    """Base of transformers from recordings to recordings.
+
+    Subclasses learn `channels_`, and state ``auto_wrap_output_keys=None`` as well, since
+    scikit-learn asks each class by itself whether to make tables of what it returns.
+    """
+
+    channels_: tuple[str, ...]
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Return the names of the channels.
+
+        Parameters
+        ----------
+        input_features : ignored
+            Recordings name their own channels.
+
+        Returns
+        -------
+        ndarray of str
+        """
+        check_is_fitted(self)
+        return np.array(self.channels_, dtype=object)
+
+    def set_output(self: Self, *, transform: str | None = None) -> Self:
+        """Accept the option of `Pipeline.set_output`; it has no effect on recordings.
+
+        Parameters
+        ----------
+        transform : {"default", "pandas", "polars", None}
+            Has no effect here.
+
+        Returns
+        -------
+        RecordingTransformer
+            Itself.
+        """
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn that X is no 2-D table."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        return tags

@@ -13,7 +13,7 @@ import pandas as pd
 import sklearn
 
 from emacm._version import __version__
-from emacm.models.model_files import parts_of
+from emacm.decisions.pipelines import parts_of
 from emacm.recordings.recording import Recording
 from emacm.resampling.order_resampler import OrderResampler
 

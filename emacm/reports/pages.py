@@ -14,14 +14,17 @@ import pandas as pd
 from sklearn.pipeline import Pipeline
 
 from emacm.conditions.router import ConditionRouter
-from emacm.decisions.pipelines import search_estimator
+from emacm.decisions.pipelines import parts_of, search_estimator
 from emacm.displays._tables import envelopes_of
 from emacm.explanations.deviations import class_deviations
 from emacm.explanations.explain import explain_decision
 from emacm.machine.fault_lines import FaultLines
-from emacm.models.model_files import parts_of
-from emacm.models.outside_training import parts_with_input, training_statements
-from emacm.models.scoring import measured_quality, scored_rows
+from emacm.models.scoring import (
+    measured_quality,
+    parts_with_input,
+    scored_rows,
+    training_statements,
+)
 from emacm.orders.new_lines import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.recording import Recording

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from math import isclose
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,16 @@ from sklearn.utils.validation import check_is_fitted
 
 from emacm._checks import (
     check_choice,
+    check_count,
     check_number,
     check_real_array,
     check_unique_columns,
     located,
 )
 from emacm._progress import run
-from emacm.envelopes.transformer import RecordingTransformer
 from emacm.recordings.inputs import (
+    RecordingTransformer,
     as_list,
-    as_recordings,
     check_channel_names,
     check_channels,
     chosen_channels,
@@ -30,7 +29,12 @@ from emacm.recordings.inputs import (
     received,
 )
 from emacm.recordings.recording import Recording
-from emacm.resampling.angle_recording import INTERPOLATIONS, AngleRecording, jump_warning
+from emacm.resampling.angle_recording import (
+    INTERPOLATIONS,
+    AngleRecording,
+    as_angle_recordings,
+    jump_warning,
+)
 from emacm.resampling.quality import recording_quality
 from emacm.resampling.training_range import (
     Statement,
@@ -40,43 +44,6 @@ from emacm.resampling.training_range import (
 )
 from emacm.shaft.motion import Stroke, longest_gap
 from emacm.shaft.paths import DIRECTIONS, ShaftPath
-
-
-def as_angle_recordings(X: Any, who: str) -> list[AngleRecording]:
-    """Return X as a list of recordings over the shaft angle.
-
-    Parameters
-    ----------
-    X : sequence of AngleRecording
-        What `OrderResampler` returns.
-    who : str
-        Name of the estimator, for the message.
-
-    Returns
-    -------
-    list of AngleRecording
-
-    Raises
-    ------
-    TypeError
-        If X is not a list, or an entry is of another type, such as a recording over time.
-    ValueError
-        If X is empty.
-    """
-    if are_over_angle(X):
-        return list(X)
-    rows = as_recordings(X, who, also=(AngleRecording,))
-    for index, row in enumerate(rows):
-        if not isinstance(row, AngleRecording):
-            raise TypeError(
-                f"{described(row, index)} is over time; put an OrderResampler before {who}."
-            )
-    return rows
-
-
-def are_over_angle(X: Any) -> bool:
-    """Return whether X is a list of recordings over the shaft angle, and of nothing else."""
-    return isinstance(X, list) and len(X) > 0 and all(isinstance(r, AngleRecording) for r in X)
 
 
 def check_angle_step(theta_s: Any) -> float:
@@ -114,83 +81,6 @@ def check_angle_step(theta_s: Any) -> float:
         if theta_s == theta_s.dtype.type(exact):
             return exact
     return step
-
-
-def check_alike(
-    rows: Sequence[AngleRecording],
-    channels: Sequence[str],
-    theta_s: float | None,
-    who: str,
-    *,
-    by_direction: bool = False,
-    exactly: bool = True,
-) -> None:
-    """Compare recordings with those of `fit`.
-
-    Parameters
-    ----------
-    rows : sequence of AngleRecording
-        Recordings.
-    channels : sequence of str
-        Channels in `fit`.
-    theta_s : float or None
-        Angle between samples in `fit` [rad].
-    who : str
-        Name of the estimator, for the message.
-    by_direction : bool
-        Whether forward and reverse strokes must be separate.
-    exactly : bool
-        Whether no other channels are allowed, nor another order of them.
-
-    Raises
-    ------
-    ValueError
-        If a recording has other channels, was not resampled at this angle, or its directions were
-        joined.
-    """
-    if any(row.channels != channels for row in rows):
-        check_channels(rows, channels, others=not exactly, ordered=exactly)
-    for index, row in enumerate(rows):
-        if theta_s is None or not isclose(row.theta_s, theta_s, rel_tol=1e-12):
-            raise ValueError(
-                f"{described(row, index)} was resampled with theta_s = {row.theta_s!r}, but "
-                f"{who} was fitted on {theta_s!r}. Use the same theta_s, or fit again."
-            )
-        if by_direction and row.direction == "travel":
-            raise ValueError(
-                "by_direction needs strokes, but direction='travel' of OrderResampler joins "
-                "both directions. Use direction='strokes'."
-            )
-
-
-def separates_directions(by_direction: bool | str, rows: Sequence[Any]) -> bool:
-    """Return whether forward and reverse strokes are separate.
-
-    Parameters
-    ----------
-    by_direction : bool or "auto"
-        "auto": if a recording has strokes of at least one revolution in both directions.
-    rows : sequence of AngleRecording or ndarray
-        Rows of `fit`; arrays have no direction.
-
-    Returns
-    -------
-    bool
-
-    Raises
-    ------
-    ValueError
-        If `by_direction` is neither.
-    """
-    check_choice(by_direction, "by_direction", (True, False, "auto"))
-    if by_direction != "auto":
-        return bool(by_direction)
-    turning = (
-        {stroke.direction for stroke in row.strokes if stroke.revolutions >= 1}
-        for row in rows
-        if isinstance(row, AngleRecording)
-    )
-    return any({1, -1} <= directions for directions in turning)
 
 
 class OrderResampler(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
@@ -519,3 +409,90 @@ def _bare_channels(entry: Any) -> dict[str, Any]:
             f"(n_channels, n_times). Transpose it."
         )
     return {f"x{i}": row for i, row in enumerate(array)}
+
+
+class SignalCache(RecordingTransformer, auto_wrap_output_keys=None):  # type: ignore[call-arg]
+    """Keep the resampled signals of recordings for all members of a `FeatureUnion`.
+
+    Recordings over the shaft angle are resampled whenever an estimator reads them. A
+    `FeatureUnion` gives all recordings to its members one after the other, so each member resamples
+    them again. With this step before the union, strokes are found and signals resampled once.
+    The results are identical bit for bit. Signals are released with the recordings, when the union
+    is done.
+
+    Parameters
+    ----------
+    max_bytes : int
+        Largest size of all signals that are kept in one call of `transform` [bytes]. Each
+        recording may use an equal share; what does not fit is resampled again by each member.
+
+    Attributes
+    ----------
+    channels_ : tuple of str
+        Channels of the recordings.
+
+    Notes
+    -----
+    Threads share the kept signals. Kept signals are neither pickled nor included in joblib's hash,
+    so each worker process resamples again.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.pipeline import make_pipeline, make_union
+    >>> from emacm import OrderPSD, OrderResampler, Recording, RecordingStatistics
+    >>> rng = np.random.default_rng(0)
+    >>> run = Recording({"torque": rng.normal(size=4000)}, 1000, velocity=np.full(4000, 50.0))
+    >>> union = make_union(OrderPSD(4), RecordingStatistics(by_direction=False))
+    >>> make_pipeline(OrderResampler(), SignalCache(), union).fit_transform([run]).shape
+    (1, 263)
+    """
+
+    def __init__(self, max_bytes: int = 1 << 28) -> None:
+        self.max_bytes = max_bytes
+
+    def fit(self, X: Any, y: Any = None) -> SignalCache:
+        """Check the recordings; nothing is resampled.
+
+        Parameters
+        ----------
+        X : list of AngleRecording
+            Recordings over the shaft angle.
+        y : ignored
+
+        Returns
+        -------
+        SignalCache
+            Itself.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is not such a list, or `max_bytes` is not a number of bytes.
+        """
+        check_count(self.max_bytes, "max_bytes", at_least=0)
+        self.channels_ = as_angle_recordings(X, "SignalCache")[0].channels
+        return self
+
+    def transform(self, X: Any) -> list[AngleRecording]:
+        """Return the recordings, which keep their signals from now on.
+
+        Parameters
+        ----------
+        X : list of AngleRecording
+            Recordings with the channels seen in `fit`.
+
+        Returns
+        -------
+        list of AngleRecording
+
+        Raises
+        ------
+        TypeError, ValueError
+            If X is not such a list, or a recording has other channels.
+        """
+        check_is_fitted(self)
+        rows = as_angle_recordings(X, "SignalCache")
+        check_channels(rows, self.channels_, others=False, ordered=True)
+        share = check_count(self.max_bytes, "max_bytes", at_least=0) // len(rows)
+        return [row.keeping(share) for row in rows]

@@ -22,8 +22,7 @@ from emacm.decisions.risks import LeastRiskMixin
 from emacm.orders.new_lines import collected_statements
 from emacm.orders.order_psd import OrderPSD
 from emacm.recordings.digests import content_digest
-from emacm.resampling.order_resampler import OrderResampler
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import OrderResampler, SignalCache
 from emacm.resampling.training_range import outside_range
 from emacm.streams.spectrum_stream import StreamQuality
 

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from emacm._checks import check_count, check_signal
 from emacm._progress import run
 from emacm.recordings.inputs import as_recordings
-from emacm.resampling.angle_recording import AngleRecording
-from emacm.resampling.order_resampler import as_angle_recordings
+from emacm.resampling.angle_recording import AngleRecording, as_angle_recordings
 from emacm.stroke_features.transformer import MAX_COLUMNS, Row, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from scipy import signal as filters
 from scipy.integrate import trapezoid
 
 from emacm.orders.bins import bin_operator
-from emacm.orders.cross_spectrum import cross_averages
+from emacm.orders.order_cross_spectrum import cross_averages
 from emacm.orders.welch import order_psd, segment_plan
 
 TURN = 2 * np.pi

@@ -34,7 +34,7 @@ from emacm.displays._drawing import offscreen_panels
 from emacm.reports.maintenance import read_settings
 from emacm.reports.pages import page_of
 from emacm.reports.pictures import Picture
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import SignalCache
 
 
 def page(model, new, name="run 7", **options):

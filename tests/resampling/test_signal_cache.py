@@ -18,7 +18,7 @@ from emacm import (
     StrokeProfile,
     actuator_recipe,
 )
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import SignalCache
 
 FS = {"torque": 900.0, "current": 600.0, "force": 600.0}
 LENGTHS = (6.5, -6.5, 5.3, -2.2)  # revolutions of the strokes

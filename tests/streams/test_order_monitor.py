@@ -31,7 +31,7 @@ from emacm import (
 )
 from emacm._kernels import using
 from emacm.monitoring import CUSUM, EWMA
-from emacm.resampling.signal_cache import SignalCache
+from emacm.resampling.order_resampler import SignalCache
 from emacm.shaft.angle import angle_from_velocity
 from emacm.streams.packed_state import packed, unpacked
 from emacm.streams.spectrum_stream import Settings
