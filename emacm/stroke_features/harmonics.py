@@ -250,7 +250,10 @@ def harmonic_coefficients(
     ([2.0, -1.0], [1.0, -3.0])
     """
     chosen = np.array(check_orders(orders))
-    sections = [_checked(angle, signal) for angle, signal in zip(angles, signals, strict=True)]
+    sections = [
+        (np.asarray(angle, dtype=np.float64), np.asarray(signal, dtype=np.float64))
+        for angle, signal in zip(angles, signals, strict=True)
+    ]
     travels = [np.maximum.accumulate(np.abs(theta - theta[0])) for theta, _ in sections]
     turned = sum(travel[-1] for travel in travels) / (2 * np.pi)
     n_steps = sum(len(travel) - 1 for travel in travels)
@@ -317,14 +320,6 @@ def check_orders(orders: Any) -> tuple[float, ...]:
     if not found or len(set(found)) < len(found):
         raise ValueError(f"orders must contain each order once, got {list(found)}.")
     return found
-
-
-def _checked(angle: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
-    theta = check_signal(angle, "angle").astype(np.float64)
-    x = check_signal(signal, "signal").astype(np.float64)
-    if len(x) != len(theta):
-        raise ValueError(f"a signal of {len(x)} samples does not match {len(theta)} angles.")
-    return theta, x
 
 
 def _without_trend(rows: Array, theta: Array, weight: Array) -> Array:

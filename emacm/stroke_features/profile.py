@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from emacm._checks import check_choice, check_count, check_signal
+from emacm._checks import check_choice, check_count
 from emacm.stroke_features.transformer import MAX_COLUMNS, StrokeFeatures, StrokeSignal
 
 Array = NDArray[np.float64]
@@ -139,8 +139,7 @@ def stroke_positions(travel: ArrayLike) -> Array:
     >>> stroke_positions([2.0, 3.0, 2.9, 6.0]).tolist()
     [0.0, 0.25, 0.25, 1.0]
     """
-    run = check_signal(travel, "travel").astype(np.float64)
-    farthest = np.maximum.accumulate(run)
+    farthest = np.maximum.accumulate(np.asarray(travel, dtype=np.float64))
     length = farthest[-1] - farthest[0]
     if not length > 0:
         raise ValueError("a stroke must have a length, but the shaft stands at all its samples.")
@@ -166,11 +165,6 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
         The cosines are orthonormal: the squares of all coefficients add up to the mean square
         over the position (Parseval), and the first is the mean.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the positions are not as above, or their number is not that of the samples.
-
     Notes
     -----
     For a piecewise linear signal with the increments Δx, integration by parts gives
@@ -182,8 +176,8 @@ def cosine_coefficients(position: ArrayLike, signal: ArrayLike, n_coefficients: 
     >>> np.allclose(ramp, [1 / 2, -2 * np.sqrt(2) / np.pi**2, 0])
     True
     """
-    p, x = _checked(position, signal)
-    waves = np.pi * np.arange(1, check_count(n_coefficients, "n_coefficients"))[:, np.newaxis]
+    p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
+    waves = np.pi * np.arange(1, n_coefficients)[:, np.newaxis]
     middle, width, rise = (p[1:] + p[:-1]) / 2, np.diff(p), -np.sqrt(2) * np.diff(x)
     mean = (x[..., 1:] + x[..., :-1]) @ width / 2
     total = np.zeros((*x.shape[:-1], len(waves)))
@@ -212,18 +206,13 @@ def segment_means(position: ArrayLike, signal: ArrayLike, n_segments: int) -> Ar
     ndarray of shape (..., n_segments)
         Mean over the position within each segment [U].
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the positions are not as above, or their number is not that of the samples.
-
     Examples
     --------
     >>> segment_means([0, 1], [0, 1], 4).tolist()
     [0.125, 0.375, 0.625, 0.875]
     """
-    p, x = _checked(position, signal)
-    edges = np.arange(check_count(n_segments, "n_segments") + 1) / n_segments
+    p, x = np.asarray(position, dtype=np.float64), np.asarray(signal, dtype=np.float64)
+    edges = np.arange(n_segments + 1) / n_segments
     width = np.diff(p)
     pieces = (x[..., 1:] + x[..., :-1]) / 2 * width
     before = np.concatenate([np.zeros_like(x[..., :1]), np.cumsum(pieces, axis=-1)], axis=-1)
@@ -233,19 +222,6 @@ def segment_means(position: ArrayLike, signal: ArrayLike, n_segments: int) -> Ar
     # The trapezoid from the sample on the left to the edge.
     area = (x[..., left] + (x[..., left + 1] - x[..., left]) * steep / 2) * inside
     return np.diff(before[..., left] + area, axis=-1) * n_segments
-
-
-def _checked(position: ArrayLike, signal: ArrayLike) -> tuple[Array, Array]:
-    p = check_signal(position, "position").astype(np.float64)
-    x = np.asarray(signal, dtype=np.float64)
-    if x.ndim == 0 or x.shape[-1] != len(p):
-        raise ValueError(f"a signal of shape {x.shape} does not match {len(p)} positions.")
-    if p[0] != 0 or p[-1] != 1 or np.any(np.diff(p) < 0):
-        raise ValueError(
-            f"positions must increase from 0 to 1; they start at {p[0]:g}, end at {p[-1]:g} and "
-            f"have {np.count_nonzero(np.diff(p) < 0)} decreasing steps. Use stroke_positions."
-        )
-    return p, x
 
 
 _BASES = {"cosine": cosine_coefficients, "mean": segment_means}

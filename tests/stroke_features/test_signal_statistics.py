@@ -127,32 +127,8 @@ def test_zeros_have_no_crest_factor():
         one(np.zeros(5), "crest_factor")
 
 
-@pytest.mark.parametrize(
-    ("signal", "message"),
-    [
-        ([], "at least 1 sample"),
-        (3.0, "at least 1 sample"),
-        ([1.0, np.nan], "must be finite, got nan at sample 1"),
-    ],
-)
-def test_what_is_no_signal_is_refused(signal, message):
-    with pytest.raises(ValueError, match=message):
-        signal_statistics(signal, ["mean"])
 
 
-@pytest.mark.parametrize(
-    ("statistics", "kind", "message"),
-    [
-        ("rms", TypeError, r"a list of names such as \['rms'\], got 'rms'"),
-        (3, TypeError, "a list of names"),
-        (["median"], ValueError, "must be some of .*; got 'median'"),
-        ([], ValueError, "must contain each name once"),
-        (["rms", "rms"], ValueError, "must contain each name once"),
-    ],
-)
-def test_unknown_statistics_are_refused(statistics, kind, message):
-    with pytest.raises(kind, match=message):
-        signal_statistics([1.0, 2.0], statistics)
 
 
 def test_the_slope_of_a_ramp_is_its_slope_whatever_the_levels():
